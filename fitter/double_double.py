@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from fitter.arrays import FloatArray
 
-_SPLITTER = 134217729.0  # 2^27 + 1: halves the 53 bits of a double
+_SPLITTER = 134217729.0  # 2^27 + 1: splits the 53 bits of a double
 _HIGHEST_POWER = 64
 
 
@@ -35,7 +35,7 @@ class DoubleDouble:
 
     @classmethod
     def of(cls, values: ArrayLike) -> DoubleDouble:
-        """These doubles, exactly."""
+        """These doubles without error."""
         hi = np.asarray(values, np.float64)
         return cls(hi, np.zeros_like(hi))
 
@@ -79,7 +79,7 @@ class DoubleDouble:
         return result if exponent >= 0 else DoubleDouble.of(1.0) / result
 
     def sum(self) -> DoubleDouble:
-        """Sum over the first axis, by halves."""
+        """Sum over the first axis, by halving."""
         total = self
         while len(total.hi) > 1:
             half = len(total.hi) // 2
@@ -119,20 +119,20 @@ _EXACT: Mapping[np.ufunc, Callable[..., DoubleDouble]] = {
 
 
 def _two_sum(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """a + b, rounded, and what rounding left out (Knuth)."""
+    """a + b rounded, and its rounding error (Knuth)."""
     s = a + b
     t = s - a
     return s, (a - (s - t)) + (b - t)
 
 
 def _quick_sum(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The same where |a| >= |b| (Dekker)."""
+    """The same for |a| >= |b| (Dekker)."""
     s = a + b
     return s, b - (s - a)
 
 
 def _two_product(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """a * b, rounded, and what rounding left out (Veltkamp, Dekker)."""
+    """a * b rounded, and its rounding error (Veltkamp, Dekker)."""
     p = a * b
     a1, b1 = _upper_half(a), _upper_half(b)
     a2, b2 = a - a1, b - b1

@@ -154,10 +154,9 @@ class Replication:
         drift_b: T_b and its limit, on (n - 1, n (K - L)) degrees of freedom.
         drift_S: T_S and its limit.
         drift: joint test of all parameters against sigma_pr.
-        n_replications: replications that could be fitted alone.
-        n_points: points of the design seen at least once.
-        blind: why `bias` can miss a lack of fit; None where it is significant itself or nothing speaks against it.
-
+        n_replications: number of replications that could be fitted separately.
+        n_points: number of points of the design measured at least once.
+        blind: reasons why `bias` can miss a lack of fit; None if it is significant or there are none.
     """
 
     sigma_E: float
@@ -195,9 +194,8 @@ def analyse(
         point: (n,) point of the design, from 0.
         replicate: (n,) replication, from 0.
         extra: (n, q) columns of effects whose coefficients were fitted together with the model, if any.
-        by_hand: how many coefficients that fit beyond `columns`; they cost degrees of freedom.
-        order: (n,) in which the rows were measured; None where it is that of the rows.
-
+        by_hand: number of fitted coefficients beyond `columns`; they cost degrees of freedom.
+        order: (n,) order of measurement; None if it is that of the rows.
     """
     n, k = columns.shape
     extra = np.empty((n, 0)) if extra is None else extra
@@ -242,22 +240,20 @@ def analyse(
 def between_replications(
     columns: FloatArray, output: FloatArray, replicate: IntArray, fit: LinearFit
 ) -> tuple[FloatArray, int] | None:
-    """Covariance of the coefficients as the replications, each fitted alone, show it, and its degrees of freedom.
-
-    That of the pooled fit takes every reading for independent. Where offset or sensitivity drift between replications
-    it is too small; where the model lacks fit, in the same way every time, it is too large. The mean square between
-    replications, on n - 1 degrees of freedom, is what their mean varies with, whatever varies them. Replications weigh
-    by how well each determines the coefficients; one cut short does not count for a whole one.
+    """Covariance of the coefficients from separate fits of the replications, and its degrees of freedom. That of the
+    pooled fit assumes independent readings. It is too small if offset or sensitivity drift between replications, and
+    too large if a lack of fit repeats in each. The mean square between replications, on n - 1 degrees of freedom, is
+    the variance of their mean, for any source of variation. Replications are weighted by their information about the
+    coefficients, so an incomplete one counts less.
 
     Args:
         columns: (n, L) rows of the declared model.
-        output: (n,) volts, free of what else is fitted.
+        output: (n,) volts, without other fitted effects.
         replicate: (n,) replication, from 0.
         fit: of all of it.
 
     Returns:
-        (L, L) covariance and degrees of freedom; None with fewer than two replications that can be fitted alone.
-
+        (L, L) covariance and degrees of freedom; None with fewer than two replications that can be fitted separately.
     """
     spread = replication_spread(columns, output, replicate, fit)
     df = len(spread) - 1
@@ -265,7 +261,7 @@ def between_replications(
 
 
 def replication_spread(columns: FloatArray, output: FloatArray, replicate: IntArray, fit: LinearFit) -> FloatArray:
-    """(n_rep, L) how the coefficients of each replication lie from those of all, scaled as an error of the latter.
+    """(n_rep, L) deviations of each replication's coefficients from those of all, scaled as an error of the latter.
 
     Their mean square over n_rep - 1 is the covariance of `between_replications`; arguments as there.
     """
@@ -279,7 +275,7 @@ def replication_spread(columns: FloatArray, output: FloatArray, replicate: IntAr
 def _each_alone(
     columns: FloatArray, output: FloatArray, replicate: IntArray, names: tuple[str, ...]
 ) -> list[LinearFit]:
-    """One fit a replication; replications with too few points for one (cut short) are left out."""
+    """One fit per replication; replications with too few points (incomplete) are left out."""
     fits = []
     for r in range(int(replicate.max()) + 1):
         rows = replicate == r
@@ -293,7 +289,7 @@ def _each_alone(
 def _drift(alone: list[LinearFit], direction: FloatArray, ss_w: float, df_w: int) -> tuple[float, FTest]:
     """Variation between replications of direction . coefficients: its sigma, scaled as sigma_w is, and its F test.
 
-    Replications weigh by how well each determines the value, which makes F exact for unequal ones too.
+    Replications are weighted by their information about the value, so F is also exact for unequal ones.
     """
     df_b = len(alone) - 1
     if df_b <= 0 or not np.any(direction):
@@ -308,7 +304,7 @@ def _drift(alone: list[LinearFit], direction: FloatArray, ss_w: float, df_w: int
 def _joint_drift(
     columns: FloatArray, output: FloatArray, point: IntArray, replicate: IntArray, extra: FloatArray
 ) -> tuple[float, FTest, FloatArray]:
-    """Scatter beyond the replications' own parameters, its test, and what these and `extra` span within points."""
+    """Scatter beyond the replications' own parameters, its test, and the span of these and `extra` within points."""
     y = centred(output[:, None], point)
     before = within_points(extra, point)
     both = within_points(np.column_stack([extra, own_parameters(columns, replicate)]), point)

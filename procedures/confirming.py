@@ -1,4 +1,4 @@
-"""A run that was traced, as the first of two: what it takes to plan a further run, to judge by it, and to use it."""
+"""A traced run as the first of two: functions to plan a further run, to judge by it, and to use it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from procedures.run_list import RunList
 from procedures.table import Table
 
 SETTLED = ("confirmed", "replaced")
-"""Verdicts that leave one explanation, and show it."""
+"""Verdicts that leave one explanation and confirm it."""
 
 
 class Confirming(ABC):
@@ -24,10 +24,9 @@ class Confirming(ABC):
         traced: the run.
         unit: of what is inferred: errors are said in it.
         output_unit: of the outputs.
-        per_slope: an error of the output over the slope, in `unit`.
-        drawn: unit of plots, and how many of them one `unit` is.
-        caution: what to count on of expected standard errors between two explanations; "" where they come as promised.
-
+        per_slope: conversion of an error of the output over the slope to `unit`.
+        drawn: unit of plots, and its number per `unit`.
+        caution: note about the accuracy of expected standard errors between two explanations; "" if they are accurate.
     """
 
     traced: Any
@@ -49,7 +48,7 @@ class Confirming(ABC):
 
     @abstractmethod
     def own_words(self, *, realigned: bool) -> str:
-        """What is taken from the further run itself when it is predicted, in words; "" where nothing is."""
+        """Parameters estimated from the further run itself for its prediction, in words; "" if there are none."""
 
     @abstractmethod
     def later(self, table: Table) -> Any:
@@ -57,17 +56,17 @@ class Confirming(ABC):
 
     @abstractmethod
     def beside(self, later: Any, after_s: float) -> Together:
-        """This run and a later one, `after_s` from its start. Raises `FitError`."""
+        """This run and a later one, which began `after_s` seconds after it. Raises `FitError`."""
 
     @abstractmethod
     def ways(
         self, variation: Variation, run_list: RunList, questions: Sequence[Question], later_s: float
     ) -> Sequence[Together]:
-        """This run and a further one as it is expected to go, in the ways that may go; its outputs mean nothing."""
+        """This run and a planned one, in its possible courses; its outputs are not used."""
 
     @abstractmethod
     def hours(self, variation: Variation, run_list: RunList) -> float:
-        """Bench time of a run, by what this one took."""
+        """Bench time of a run, hours, from that of this run."""
 
     @abstractmethod
     def size(self, procedure: Any) -> str:
@@ -79,25 +78,25 @@ class Confirming(ABC):
 
     @abstractmethod
     def separated_by(self, one: Entry, other: Entry) -> str:
-        """The measurement that would tell two effects apart."""
+        """The measurement that would separate two effects."""
 
     @abstractmethod
     def variables(self) -> Mapping[str, tuple[str, float]]:
-        """Fields of observations that residuals are drawn over: label and scale."""
+        """Fields of observations for plots of residuals: label and scale."""
 
     @abstractmethod
     def calibrated(
         self, answers: Sequence[Confirmation], questions: Sequence[Question], record: dict[str, Any], options: Any
     ) -> Fitted:
-        """The calibration of this run with the causes that a further run confirmed.
+        """The calibration of this run with the causes confirmed by a further run.
 
         Args:
-            answers: a question each.
-            questions: an effect found each.
-            record: both runs, and of every effect what is used; it is completed here, and kept with the calibration.
+            answers: one per question.
+            questions: one per effect found.
+            record: both runs, and the used explanation of every effect; it is completed here, and stored with the
+                calibration.
             options: of `rig fit`.
 
         Raises:
-            DataError: an option has no place here.
-
+            DataError: an option is not permitted here.
         """

@@ -20,17 +20,16 @@ from procedures.unused import Unused, other_unit, why_unused
 
 @dataclass(frozen=True)
 class Inference:
-    """A table with what was inferred from it.
+    """A table with inferred quantities.
 
     Attributes:
-        columns: the input's, and those that were added.
-        added: names of the latter.
-        notes: what a reader should know.
-        flagged: rows with something to say in a flag column.
-        quantities: names of what was inferred; each has columns with _sd, _lo95 and _hi95 after its name.
-        unused: columns and rows that play no part.
-        zeros: pressure: what was taken as zero, by output, ready for JSON.
-
+        columns: the input's, and the added ones.
+        added: names of the added ones.
+        notes: notes for readers.
+        flagged: number of rows with a flag.
+        quantities: names of the inferred quantities; each has columns with _sd, _lo95 and _hi95 after its name.
+        unused: unused columns and rows.
+        zeros: pressure: the used zero, by output, as JSON values.
     """
 
     columns: Mapping[str, Any]
@@ -42,7 +41,7 @@ class Inference:
     zeros: Mapping[str, Any] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:
-        """What `rig infer --json` prints; the numbers are in the CSV."""
+        """JSON values for `rig infer --json`; the numbers are in the CSV."""
         return {
             "rows": len(next(iter(self.columns.values()))),
             "flagged": self.flagged,

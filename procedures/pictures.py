@@ -1,6 +1,6 @@
 """Figures of reports.
 
-Margins are fixed, in inches: to fit them to every label takes twice as long as to draw the figure.
+Margins are fixed, in inches: fitting them to labels would take twice the time of drawing.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 
 _LEFT, _RIGHT, _TOP, _BOTTOM = 0.8, 0.32, 0.3, 0.48
 _NUMBERS, _CLOSE, _TITLES = 0.72, 0.16, 0.38
-"""Between plots: beside each other with numbers between them, or without; above each other, room for a title."""
+"""Space between plots: side by side with numbers between them, or without; below each other, with room for a title."""
 _SCALE, _SCALE_WIDTH = 1.1, 0.14
 _LEGEND_LINE = 0.17
 
@@ -78,7 +78,7 @@ def plots(
 def legend_below(
     figure: Figure, handles: Sequence[Artist], labels: Sequence[str], columns: int, **options: Any
 ) -> None:
-    """One legend for all plots, below them; more room is made for it."""
+    """One legend for all plots, below them, with additional space."""
     lines = -(-len(labels) // columns)
     height = figure.get_figheight() + lines * _LEGEND_LINE
     taller = height / figure.get_figheight()

@@ -1,7 +1,7 @@
-"""The run list: every point of a run, in order, frozen before anything moves.
+"""The run list: every point of a run, in order, fixed before any motion.
 
-Points are taken in one by one and kept packed, and what is asked of all of them is answered from the few different
-settings they have: a run list of a million points takes a few megabytes, and no more while it is made or checked.
+Points are added one by one and stored packed. Questions about all points are answered from the few different settings.
+So a run list of a million points takes a few megabytes, also while it is made or checked.
 """
 
 from __future__ import annotations
@@ -74,14 +74,13 @@ class Factor:
 
     Attributes:
         name: with its unit, as in tables ("pitch_deg").
-        axis: what the instrument calls it ("pitch").
-        overtravel: how far beyond the planned side of approach the axis goes when it cannot arrive from that
-            side directly; in the factor's unit, more than backlash and hysteresis together.
-        hard: hard to change: it stays while a whole plot lasts, and changing it again is a new draw of the
-            whole-plot error.
-        stays: an axis that is at a point's setpoint already is not moved; where the error belongs to the setting,
-            as with a pressure, it is set again.
-
+        axis: the instrument's name for it ("pitch").
+        overtravel: distance beyond the planned side of approach, if the axis cannot arrive from that side directly; in
+            the factor's unit, more than backlash and hysteresis together.
+        hard: whether it is hard to change: it is constant in a whole plot, and every change draws a new whole-plot
+            error.
+        stays: whether an axis already at a point's setpoint is not moved; if the error belongs to the setting, as with
+            a pressure, it is set again.
     """
 
     name: str
@@ -92,14 +91,14 @@ class Factor:
 
     @property
     def set_name(self) -> str:
-        """What its setpoint is called where a measured value stands beside it ("pressure_set_psia")."""
+        """Name of its setpoint if there is also a measured value ("pressure_set_psia")."""
         stem, _, unit = self.name.rpartition("_")
         return f"{stem}_set_{unit}"
 
 
 @dataclass(frozen=True, slots=True)
 class Settle:
-    """When a quantity counts as having arrived; in its own unit, drift per second."""
+    """Criterion for the arrival of a quantity; in its own unit, drift per second."""
 
     band: float
     dwell_s: float
@@ -113,11 +112,11 @@ class Point:
 
     Attributes:
         index: position in the run list, from 0.
-        replication: which pass over the design, from 1.
-        whole_plot: which group of points shares the hard-to-change factors; None where nothing is hard to change.
+        replication: number of the pass over the design, from 1.
+        whole_plot: number of its group of points with common hard-to-change factors; None if no factor is hard to
+            change.
         setpoints: one value per factor, in the factors' units.
-        sides: per factor +1 if it is to be reached moving upwards, -1 downwards, 0 if that does not matter.
-
+        sides: direction of approach per factor: +1 upwards, -1 downwards, 0 for any.
     """
 
     index: int
@@ -128,21 +127,20 @@ class Point:
 
 
 _AT_ONCE = 256
-"""Points taken in together: more of them would keep the garbage collector busy."""
+"""Number of points added together: more would burden the garbage collector."""
 
 _TEXTS_KEPT = 10_000
 
 
 class Points(Sequence[Point]):
-    """Points in order, packed; each is made again when it is looked at.
+    """Points in order, packed; each is created again at every access.
 
     Args:
         points: any number of them, numbered from 0.
         width: number of factors.
 
     Raises:
-        ValueError: a point is numbered wrongly, or has not one setpoint and one side for each factor.
-
+        ValueError: a point has a wrong number, or not one setpoint and one side for each factor.
     """
 
     def __init__(self, points: Iterable[Point], width: int) -> None:
@@ -153,7 +151,7 @@ class Points(Sequence[Point]):
             if not _in_order(some, len(self), width):
                 _refuse(some, len(self), width)
             self.places.extend([(point.replication, point.whole_plot) for point in some])
-            for at, column in enumerate(self.settings):  # no -0.0, which a run file does not keep
+            for at, column in enumerate(self.settings):  # no -0.0, which a run file does not store
                 column.extend([(point.setpoints[at] + 0.0, point.sides[at]) for point in some])
 
     def __len__(self) -> int:
@@ -212,13 +210,12 @@ def _refuse(points: list[Point], first: int, width: int) -> None:
 
 @dataclass(frozen=True, init=False)
 class RunList:
-    """Points in order, with what is needed to make the same list again.
+    """Points in order, with the data to generate the same list again.
 
     Attributes:
-        factors: what `Point.setpoints` mean, in that order.
-        points: the points, in the order they will be run.
+        factors: factors of `Point.setpoints`, in that order.
+        points: the points, in running order.
         seed: of every random choice in the order.
-
     """
 
     factors: tuple[Factor, ...]
@@ -226,7 +223,7 @@ class RunList:
     seed: int
 
     def __init__(self, factors: Iterable[Factor], points: Iterable[Point], seed: int) -> None:
-        """Take points in one by one. Raises ValueError where they are not numbered from 0, or lack a factor."""
+        """Add points one by one. Raises ValueError if they are not numbered from 0, or lack a factor."""
         object.__setattr__(self, "factors", tuple(factors))
         object.__setattr__(self, "points", Points(points, len(self.factors)))
         object.__setattr__(self, "seed", seed)
@@ -241,12 +238,12 @@ class RunList:
 
     @property
     def hard(self) -> tuple[Factor, ...]:
-        """The factors that a whole plot shares."""
+        """The factors common to a whole plot."""
         return tuple(f for f in self.factors if f.hard)
 
     @cached_property
     def whole_plots(self) -> int:
-        """How many whole plots are planned; 0 where nothing is hard to change."""
+        """Number of planned whole plots; 0 if no factor is hard to change."""
         return len({whole_plot for _, whole_plot in self.points.places.levels} - {None})
 
     def factor(self, name: str) -> Factor:
@@ -273,7 +270,7 @@ class RunList:
         return rows_sha256(self.factors, self.seed, iter(lambda: list(itertools.islice(rows, _AT_ONCE)), []))
 
     def extremes(self) -> Mapping[str, tuple[float, float]]:
-        """Lowest and highest value each factor can be commanded to, overtravel included, by factor name."""
+        """Lowest and highest commanded value of each factor, with overtravel, by factor name."""
         found = {}
         for factor, column in zip(self.factors, self.points.settings, strict=True):
             reach = [at for value, side in column.levels for at in (value, value - side * factor.overtravel)]
@@ -281,7 +278,7 @@ class RunList:
         return found
 
     def beyond(self, limits: Mapping[str, tuple[float, float]]) -> Iterator[str]:
-        """Sentences for every factor that the list would drive outside `limits` (low, high), by factor name."""
+        """Sentences for every factor that the list would command outside `limits` (low, high), by factor name."""
         for factor, column in zip(self.factors, self.points.settings, strict=True):
             if factor.name not in limits:
                 continue
@@ -304,10 +301,9 @@ def rows_sha256(factors: Sequence[Factor], seed: int, slices: Iterable[Sequence[
     """The hash of a run list with these points: of the JSON of [index, replication, whole plot, [setpoints], [sides]].
 
     Args:
-        factors: what the setpoints mean, in that order.
+        factors: factors of the setpoints, in that order.
         seed: of every random choice in the order.
-        slices: the points, some at a time, each as (index, replication, whole plot, setpoints..., sides...).
-
+        slices: the points in slices, each as (index, replication, whole plot, setpoints..., sides...).
     """
     width = len(factors)
     places, settings = _Texts(_place_text), _Texts(lambda row: _setting_text(row, width))
@@ -320,7 +316,7 @@ def rows_sha256(factors: Sequence[Factor], seed: int, slices: Iterable[Sequence[
 
 
 class _Texts(dict[tuple[Any, ...], str]):
-    """Texts of different rows, made once and kept while they are few."""
+    """Texts of different rows, created once and cached while they are few."""
 
     def __init__(self, text: Callable[[tuple[Any, ...]], str]) -> None:
         self._text = text

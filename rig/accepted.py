@@ -1,4 +1,4 @@
-"""A complete run beside the acceptance limits of its procedure."""
+"""A complete run compared with the acceptance limits of its procedure."""
 
 from __future__ import annotations
 
@@ -22,12 +22,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Acceptance:
-    """How every sensor stands.
+    """Result of the comparison.
 
     Attributes:
-        verdicts: one a sensor; none without a limit.
-        problem: why it cannot be judged; "" where it can.
-
+        verdicts: one per sensor; none without a limit.
+        problem: why it cannot be judged; "" if it can.
     """
 
     verdicts: Sequence[Verdict] = ()
@@ -35,7 +34,7 @@ class Acceptance:
 
     @classmethod
     def of(cls, procedure: Procedure, run_file: Path) -> Acceptance:
-        """Of a complete run by the limits of a procedure. Nothing that fits is loaded where there are none."""
+        """Acceptance of a complete run by the limits of a procedure. The fitter is loaded only if there are limits."""
         if not procedure.acceptance.limited:
             return cls()
         try:
@@ -45,7 +44,7 @@ class Acceptance:
 
     @classmethod
     def of_run(cls, run_file: Path) -> Acceptance:
-        """Of a complete run by the limits that are in its file."""
+        """Acceptance of a complete run by the limits in its file."""
         try:
             with RunReader.open(run_file) as reader:
                 if not has_plan(reader):
@@ -57,11 +56,11 @@ class Acceptance:
 
     @property
     def outside(self) -> bool:
-        """Whether a sensor is outside its limit, or that cannot be told."""
+        """Whether a sensor is outside its limit, or the comparison is impossible."""
         return bool(self.problem) or any(not verdict.inside for verdict in self.verdicts)
 
     def blocks(self, indent: str = "") -> Iterator[Block]:
-        """What a person reads of it; nothing without a limit."""
+        """Lines for people; none without a limit."""
         if self.problem:
             yield Line(f"{indent}[red]acceptance cannot be judged:[/] {escape(self.problem)}")
         for one in self.verdicts:
@@ -73,7 +72,7 @@ class Acceptance:
                 yield Line(f"{indent}  {escape(one.sensor)}: {escape(one.found)}")
 
     def to_json(self) -> dict[str, Any] | None:
-        """None without a limit; `inside` is None where it cannot be judged."""
+        """Values for JSON; None without a limit. `inside` is None if it cannot be judged."""
         if not self.verdicts and not self.problem:
             return None
         sensors = {one.sensor: {"inside": one.inside, "found": one.found, "limit": one.limit} for one in self.verdicts}

@@ -29,21 +29,20 @@ from rig.run_file.events.sessions import Identified
 from rig.run_file.reader import RunReader
 
 PREVIOUS = "previous.json"
-"""Document of the run file that holds the last calibration, where the procedure names one."""
+"""Name of the run file's document with the last calibration, if the procedure names one."""
 
 
 @dataclass(frozen=True)
 class Plan:
-    """What is to be run, checked: texts as given and what they mean.
+    """A checked plan: the texts and their values.
 
     Attributes:
         documents: file texts by document name ("bench.toml", "procedure.toml", "world.toml").
         bench: the bench file.
         procedure: the procedure file.
         run_list: every point.
-        dry: whether twins take the place of the instruments.
-        truth: the world file's values; only ever given to twins.
-
+        dry: whether twins replace the instruments.
+        truth: the world file's values; passed only to twins.
     """
 
     documents: Mapping[str, str]
@@ -55,22 +54,22 @@ class Plan:
 
 
 def load_plan(procedure: Path, bench: Path, *, dry: bool = False, world: Path | None = None) -> Plan:
-    """Read and check everything that decides a run. Raises `ConfigurationError`."""
+    """Read and check all files of a run. Raises `ConfigurationError`."""
     if world is not None and not dry:
-        raise UsageError("--world describes a simulated bench; it goes with --dry")
+        raise UsageError("--world describes a simulated bench; it requires --dry")
     documents = {"bench.toml": read_text(bench, "bench"), "procedure.toml": read_text(procedure, "procedure")}
     if world is not None:
         documents["world.toml"] = read_text(world, "world")
     documents |= files_beside(parse_bench(documents["bench.toml"], str(bench)), bench)
     against = parse_procedure(documents["procedure.toml"], str(procedure)).warnings.against
     if against is not None:
-        from rig.previous import previous_text  # noqa: PLC0415 - brings the fitter, which few runs need
+        from rig.previous import previous_text  # noqa: PLC0415 - imports the fitter, which few runs need
 
         try:
             documents[PREVIOUS] = previous_text(procedure.parent / against)
         except (RigError, OSError) as error:
             what = f"{procedure}: warnings.against = {against!r}: {error}"
-            raise ConfigurationError(f"{what}; name the last calibration, or leave the line out") from error
+            raise ConfigurationError(f"{what}; name the last calibration, or remove the line") from error
     plan = _plan(documents, dry, {"bench.toml": str(bench), "procedure.toml": str(procedure), "world.toml": str(world)})
     try:
         kind_of(plan.procedure).check_design(plan.procedure, plan.run_list)
@@ -96,7 +95,7 @@ def _plan(documents: Mapping[str, str], dry: bool, where: Mapping[str, str], *, 
 
 
 def _as_checked(config: BenchConfig, checked: Mapping[str, BaseModel]) -> BenchConfig:
-    """The bench with options of the kinds that their drivers take them for, and what was taken for granted before."""
+    """The bench with options as the models of its drivers, and assumptions of earlier versions."""
     instruments = {}
     for name, one in config.instruments.items():
         options = checked[name].model_dump(mode="json", exclude_unset=True)
@@ -107,19 +106,18 @@ def _as_checked(config: BenchConfig, checked: Mapping[str, BaseModel]) -> BenchC
 
 
 def plan_of(documents: Mapping[str, str], *, dry: bool, stored: bool = False) -> Plan:
-    """Check what decides a run, from the texts of its files by document name. Raises `ConfigurationError`.
+    """Check a run's files, from their texts by document name. Raises `ConfigurationError`.
 
     Args:
         documents: the texts.
         dry: whether the run is a dry one.
-        stored: they are those of a run file, perhaps of an earlier version's.
-
+        stored: whether they come from a run file, possibly of an earlier version.
     """
     return _plan(documents, dry, {name: name for name in documents}, strict=not stored)
 
 
 def _begun_with(run: RunReader, path: Path) -> RunList:
-    """The run list of a file that another version of rig began, which would make another one of its procedure."""
+    """The run list in the file, for a run of another version of rig that would generate a different list."""
     stored = run.run_list()
     if stored.sha256() != run.about().run_list:
         raise ConfigurationError(f"{path}: its run list is not the one it began with; `rig verify {path}` says more")
@@ -127,16 +125,16 @@ def _begun_with(run: RunReader, path: Path) -> RunList:
 
 
 def has_plan(run: RunReader) -> bool:
-    """Whether a run file holds the files it was begun with; those of tests and of other programs need not."""
+    """Whether a run file contains the files of its begin; those of tests and of other programs need not."""
     return {"bench.toml", "procedure.toml"} <= run.documents().keys()
 
 
 _OF_THE_LINE = frozenset({"baud", "flow", "frame", "interface", "line_end", "timeout_s"})
-"""Options of drivers that say how an instrument is reached, not what it measures or does."""
+"""Options of drivers about the connection, not about measurement or behaviour."""
 
 
 def _other_settings(name: str, began: BaseModel, now: BaseModel) -> list[str]:
-    """Options of an instrument that are not those the run began with, and change what it measures or does."""
+    """Options of an instrument that differ from those at the begin, and change its measurement or behaviour."""
     before, after = began.model_dump(mode="json"), now.model_dump(mode="json")
     return [
         f"instruments.{name}.{option} was {shown(before.get(option))}, is {shown(after.get(option))}"
@@ -146,9 +144,9 @@ def _other_settings(name: str, began: BaseModel, now: BaseModel) -> list[str]:
 
 
 def _other_instrument(name: str, began: InstrumentConfig, now: InstrumentConfig, *, nobody: bool) -> list[str]:
-    """Declared otherwise. Another instrument in the place of one is asked for by its identity; there may be `nobody`.
+    """Changed declarations. Another instrument is recognised by its identity, except where there is none (`nobody`).
 
-    The same one has no other date.
+    The same instrument must have the same date.
     """
     if not nobody and (began.asset, began.serial) != (now.asset, now.serial):
         return []
@@ -160,16 +158,15 @@ def _other_instrument(name: str, began: InstrumentConfig, now: InstrumentConfig,
 
 
 def stored_plan(run: RunReader, path: Path, bench: Path | None) -> Plan:
-    """The plan that a run file was begun with.
+    """The plan of an existing run file.
 
     Args:
         run: the file, opened.
         path: its path, for messages.
-        bench: another bench file, for instruments that have moved to other addresses; None for the stored one.
+        bench: another bench file, for instruments with new addresses; None for the stored one.
 
     Raises:
-        ConfigurationError: its run list is not the one it began with, or the other bench is not the same bench.
-
+        ConfigurationError: its run list differs from the original one, or the other bench is not the same bench.
     """
     documents = run.documents()
     where = {name: f"{path} ({name})" for name in documents}
@@ -184,9 +181,9 @@ def stored_plan(run: RunReader, path: Path, bench: Path | None) -> Plan:
         if getattr(other, what) != getattr(plan.bench, what):
             raise ConfigurationError(f"{bench}: {what} differ from the bench the run began on; only instruments may")
     if {n: i.driver for n, i in other.instruments.items()} != {n: i.driver for n, i in plan.bench.instruments.items()}:
-        raise ConfigurationError(f"{bench}: it has other instruments than the bench the run began on")
+        raise ConfigurationError(f"{bench}: its instruments differ from those of the bench the run began on")
     began = check_options(plan.bench, str(path), strict=False)
-    nobody = next(run.chained("kind = ?", (Identified.kind,)), None) is None  # whom another one could take over from
+    nobody = next(run.chained("kind = ?", (Identified.kind,)), None) is None  # which another instrument could replace
     other_settings = [
         what
         for name in other.instruments
@@ -197,8 +194,8 @@ def stored_plan(run: RunReader, path: Path, bench: Path | None) -> Plan:
     ]
     if other_settings:
         raise ConfigurationError(
-            f"{bench}: only addresses may differ from the bench the run began on, and what a line needs "
-            f"({', '.join(sorted(_OF_THE_LINE))}): {'; '.join(other_settings)}. Put them back, or begin a new run"
+            f"{bench}: only addresses may differ from the bench the run began on, and settings of lines "
+            f"({', '.join(sorted(_OF_THE_LINE))}): {'; '.join(other_settings)}. Restore them, or begin a new run"
         )
     return Plan(plan.documents, other, plan.procedure, plan.run_list, plan.dry, plan.truth)
 

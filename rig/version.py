@@ -12,7 +12,7 @@ from rig.plugins import packages
 def _version() -> str:
     try:
         return version("calibration-rig")
-    except PackageNotFoundError:  # a source tree that was never installed
+    except PackageNotFoundError:  # a source tree without installation
         return "0+source"
 
 

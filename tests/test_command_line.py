@@ -82,7 +82,7 @@ def test_an_unreachable_instrument_is_named_with_its_address_and_nothing_is_left
     ("arguments", "code", "says"),
     [
         (("run",), 2, "Missing argument"),
-        (("run", "none.toml", "--bench", "none.toml"), 78, "there is no bench file none.toml"),
+        (("run", "none.toml", "--bench", "none.toml"), 78, "bench file none.toml does not exist"),
         (("fit", "none.csv"), 2, "there is no file none.csv"),
         (("trace", "."), 2, "is a folder"),
         (("resume", "none.sqlite"), 2, "there is no run file none.sqlite"),

@@ -114,7 +114,7 @@ def test_two_calibrations_are_compared_and_no_more(runs):
     assert found["quantities"]["S_V"]["trend"] is None
     assert found["quantities"]["S_V"]["homogeneity"]["p"] < 0.01
     assert found["due"]["status"] == "too few"
-    assert "no due date before there are three calibrations, there are 2" in found["sentences"][-1]
+    assert "a due date needs three calibrations; there are 2" in found["sentences"][-1]
 
 
 def test_a_step_is_dated_and_put_beside_a_change_of_instruments(runs, tmp_path):
@@ -130,7 +130,7 @@ def test_a_step_is_dated_and_put_beside_a_change_of_instruments(runs, tmp_path):
     assert abs(float(stepped[1]) - 200) < 4 * float(stepped[2])
     note = "between 2025-07-14 and 2026-01-12 the scanner changed from"
     assert any(n.startswith(note) and "DVM-0999" in n for n in charted.notes)
-    assert charted.notes[0] == "charted parameters hold at each calibration's own mean sensor temperature"
+    assert charted.notes[0] == "charted parameters are for each calibration's own mean sensor temperature"
     assert len(charted.notes) == 2
 
 
@@ -164,11 +164,11 @@ def test_what_does_not_belong_together_is_refused(runs, tables, tmp_path):
         (runs[:1], "at least two"),
         ([runs[0], tables[1]], "is simulated and"),
         ([runs[0], runs[0]], "are the same run"),
-        ([tables[0], tables[0].partition("@")[0]], "does not say when it was measured: write"),
-        ([tables[0], tables[1].partition("@")[0] + "@soon"], "'soon' is no date"),
-        ([runs[0] + "@2024-01-01", runs[1]], "says itself when it was measured"),
+        ([tables[0], tables[0].partition("@")[0]], "has no date of measurement: write"),
+        ([tables[0], tables[1].partition("@")[0] + "@soon"], "'soon' is not a date"),
+        ([runs[0] + "@2024-01-01", runs[1]], "contains its date of measurement"),
         ([tables[0], tables[1].partition("@")[0] + "@2024-01-15"], "of the same time"),
-        ([tables[0], tables[0].partition("@")[0] + "@2025-01-01"], "are of the same data: x_V has"),
+        ([tables[0], tables[0].partition("@")[0] + "@2025-01-01"], "have the same data: x_V has"),
         ([str(tmp_path / "no.sqlite"), runs[0]], "there is no file"),
     ):
         with pytest.raises(UsageError, match=re.escape(message)):
@@ -228,7 +228,7 @@ def test_command_prints_json(runs, capsys):
 def test_command_refuses_what_it_cannot_do(runs):
     with pytest.raises(UsageError, match="is not overwritten"):
         app(["chart", *runs, "--report", runs[0]], standalone_mode=False)
-    with pytest.raises(UsageError, match="--today: 'soon' is no date"):
+    with pytest.raises(UsageError, match="--today: 'soon' is not a date"):
         app(["chart", *runs, "--today", "soon"], standalone_mode=False)
 
 
@@ -245,7 +245,7 @@ def test_a_date_that_is_none_is_one_message(tmp_path, date):
     (tmp_path / "a.csv").write_text("x\n1\n")
     done = rig("a.csv@" + date, "a.csv@2026-01-01", cwd=tmp_path)
     assert done.returncode == 2
-    assert "is no date" in done.stderr
+    assert "is not a date" in done.stderr
 
 
 def test_the_report_is_not_written_over_a_table_named_with_its_date(tmp_path):

@@ -134,13 +134,13 @@ def test_missing_values_may_be_nan_none_or_pandas_own(table):
 @pytest.mark.parametrize(
     ("columns", "message"),
     [
-        ({}, "the table given has no columns"),
-        ({"y_mV": []}, "the table given has no rows"),
+        ({}, "the given table has no columns"),
+        ({"y_mV": []}, "the given table has no rows"),
         ({"y_mV": [1.0], "z": [1.0, 2.0]}, "column z: 2 values, where other columns have 1"),
-        ({"y_mV": [[1.0]]}, r"column y_mV: it is of shape \(1, 1\)"),
+        ({"y_mV": [[1.0]]}, r"column y_mV: it has the shape \(1, 1\)"),
         ({"y_mV": [1.0, np.inf]}, "row 2, column y_mV: inf is not a finite number"),
         ({"y_mV": np.array(["2026-01-15"], "M8[D]")}, "column y_mV: it holds datetime64"),
-        ({3: [1.0]}, "a column is called 3, which is no text"),
+        ({3: [1.0]}, "a column is called 3, which is not a text"),
         ({"x": [1.0]}, "y_mV"),
     ],
 )
@@ -169,7 +169,7 @@ def test_errors_are_those_of_the_command_line(tmp_path, table):
     assert str(error.value) in said("fit", ATTITUDE, "--report", tmp_path / "report.html")
     with pytest.raises(rig.UsageError, match=r"there is no option colour; .*, whose options are: traced, temperature"):
         rig.open(ATTITUDE).fit(colour="red")
-    with pytest.raises(rig.UsageError, match="is what is read and is not overwritten"):
+    with pytest.raises(rig.UsageError, match="is an input and is not overwritten"):
         rig.open(table).fit(**GENERAL).infer(table, out=table)
 
 
@@ -302,7 +302,7 @@ def test_a_run_is_what_status_prints(tmp_path, monkeypatch):
 
 
 def test_a_run_that_cannot_begin_says_why(tmp_path):
-    with pytest.raises(rig.UsageError, match="--world describes a simulated bench; it goes with --dry"):
+    with pytest.raises(rig.UsageError, match="--world describes a simulated bench; it requires --dry"):
         rig.run(dry.write_short(tmp_path), dry.LAB / "bench.toml", dry=False, world=dry.LAB / "world.toml")
     with pytest.raises(rig.ConfigurationError, match=r"none\.toml"):
         rig.run(tmp_path / "none.toml", dry.LAB / "bench.toml", out=tmp_path)

@@ -1,8 +1,8 @@
-"""What a run would tell before it is made: how far the explanations of an effect would fall apart.
+"""Expected result of a planned run: separation of the explanations of an effect.
 
-Many further runs are drawn as they could come about, given all that the first one read, and the figures that the judge
-would print of each are computed by the judge's own code. So the forecast knows what the judge does: which parameters it
-takes again from the further run, what columns cost, what replications and whole plots have of their own.
+Many further runs are simulated, given the readings of the first one, and judged by the judge's own code. So the
+forecast includes the parameters estimated again from the further run, the price of columns, and the own errors of
+replications and whole plots.
 """
 
 from __future__ import annotations
@@ -162,22 +162,22 @@ NOTHING = "nothing"
 DRAWS = 200
 INTERVAL = 0.05, 0.95
 LEAST_OF_A_PAIR = 20
-"""So many draws at least are made of each member, however unlikely the first run makes it."""
+"""Minimum number of draws for each member, however unlikely it is by the first run."""
 
 Pair = tuple[str, str]
 
 
 @dataclass(frozen=True)
 class Separation:
-    """Of the explanations of one effect. The member `NOTHING`: what was found in the first run is not in the later one.
+    """Expected separation of the explanations of one effect. The member `NOTHING` means: the effect of the first run is
+    absent in the later one.
 
     Attributes:
-        effect: the one that was named.
-        sigmas: for each pair of members the median of the standard errors by which the one falls behind, the other
-            being true; which of them is true is as likely as the first run makes it.
-        intervals: within which it will be with a probability of 90 %.
-        chances: probability that the later run excludes the one that is not true, or shows the one that is.
-
+        effect: the named one.
+        sigmas: for each pair of members the median of the standard errors between them if one of them is true; each is
+            true with its probability by the first run.
+        intervals: 90 % intervals of these.
+        chances: probability that the later run excludes the false one, or shows the true one.
     """
 
     effect: str
@@ -187,17 +187,16 @@ class Separation:
 
     @property
     def least(self) -> float:
-        """Of the pair that would be nearest."""
+        """Those of the nearest pair."""
         return min(self.sigmas.values())
 
 
 def separation(both: Together | Sequence[Together], questions: Sequence[Question]) -> tuple[Separation, ...]:
-    """Expected of a planned run, whose outputs do not matter.
+    """Expectations for a planned run; its outputs are not used.
 
     Args:
-        both: the first run and the planned one; or several ways, as likely, in which that one may go.
-        questions: what is open.
-
+        both: the first run and the planned one; or several equally probable courses of the planned one.
+        questions: open questions.
     """
     ways = [both] if isinstance(both, Together) else list(both)
     return tuple(_separation(ways, question) for question in questions)
@@ -227,13 +226,13 @@ def _separation(ways: Sequence[Together], question: Question) -> Separation:
 
 
 def _drawn(ways: Sequence[Together], question: Question, member: int, count: int) -> Apart:
-    """What the judge would print of so many runs of each way, if a member is true."""
+    """Results of the judge for this many runs of each course, if a member is true."""
     told = [Comparison(both, question).apart(Could(both, question).outputs(member, count)) for both in ways]
     return Apart(np.hstack([one.costs for one in told]), np.hstack([one.shown for one in told]))
 
 
 def _fallen(apart: Apart, true: int, false: int, limit: float) -> tuple[FloatArray, FloatArray]:
-    """(k,) standard errors between a member that is true and one that is not, and whether that one only is excluded."""
+    """(k,) standard errors between a true and a false member, and whether only the false one is excluded."""
     between = np.sqrt(np.abs(apart.costs[false] - apart.costs[true]))
     behind = apart.behind
     return between, (behind[false] > limit) & (behind[true] <= limit)

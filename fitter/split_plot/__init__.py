@@ -3,8 +3,7 @@
     fit = fit_split_plot(columns, y, whole_plot, names)
     fit.coefficients, fit.kenward_roger().stderr, fit.df, fit.sigma_wholeplot
 
-Where many responses share one design, or one is fitted often, decompose it once: `SplitPlotDesign(...).fit(y)`,
-`.fit_many(ys)`.
+If many responses share one design, decompose it once: `SplitPlotDesign(...).fit(y)`, `.fit_many(ys)`.
 """
 
 from fitter.split_plot.batch import SplitPlotBatch

@@ -1,6 +1,6 @@
-"""Calibrations of an attitude sensor as values to chart.
+"""Calibrations of an attitude sensor as charted values.
 
-The error within a calibration is not that of its pooled fit but what its replications show
+The error within a calibration is not that of its pooled fit but that from its replications
 (`fitter.replication.between_replications`).
 
 Of what was kept, the JSON of `fit_attitude` and `calibrate_package`, replications one by one are not known, but the
@@ -43,13 +43,12 @@ class Calibrated:
         shape: (k, k) covariance of the coefficients for readings of unit variance, (X'X)^-1.
         covariance: (k, k) of the coefficients from the variation between replications, V^2.
         df: its degrees of freedom.
-        replicated: whether it is that; without replications it is that of the residuals.
+        replicated: whether the covariance is from replications; without replications it is from the residuals.
         sigma_V: standard error of one reading.
         df_sigma: its degrees of freedom.
         pitch_range_deg: lowest and highest pitch calibrated.
-        warmth: how the coefficients follow the sensor temperature, where the declared model has it; they are those at
-            its reference.
-
+        warmth: temperature dependence of the coefficients, if the declared model has it; they are those at its
+            reference.
     """
 
     model: str
@@ -64,7 +63,7 @@ class Calibrated:
     warmth: Warmth | None = None
 
     def at(self, degC: float) -> Calibrated:
-        """The same at another sensor temperature; unchanged where the declared model has no temperature."""
+        """The same at another sensor temperature; unchanged if the declared model has no temperature."""
         if self.warmth is None:
             return self
         by = degC - self.warmth.reference_degC
@@ -78,13 +77,12 @@ class Calibrated:
 
 @dataclass(frozen=True, eq=False)
 class Warmth:
-    """How coefficients follow the sensor temperature.
+    """Temperature dependence of coefficients.
 
     Attributes:
-        reference_degC: temperature they are stated at.
+        reference_degC: reference temperature.
         per_degC: (k,) V/degC.
         covariance: (k, k) of it.
-
     """
 
     reference_degC: float
@@ -98,13 +96,12 @@ def calibrated(data: AttitudeData, sensor: str, *, temperature: bool = False) ->
     Args:
         data: the run.
         sensor: name of the output.
-        temperature: whether offset and sensitivity follow the sensor's temperature in the declared model.
+        temperature: whether offset and sensitivity depend on the sensor's temperature in the declared model.
 
     Raises:
         KeyError: `data` has no such output.
-        fitter.linear.RankError: the points visited do not determine the model.
-        FitError: the output never changes, nothing is left to estimate an error from, or there is no temperature.
-
+        fitter.linear.RankError: the points do not determine the model.
+        FitError: the output never changes, there are no degrees of freedom for error, or there is no temperature.
     """
     fit = fit_attitude(data, sensor, temperature=temperature)
     shape = fit.linear.root @ fit.linear.root.T
@@ -135,19 +132,18 @@ def calibrated(data: AttitudeData, sensor: str, *, temperature: bool = False) ->
 
 @dataclass(frozen=True, eq=False)
 class AttitudeCharted(Charted):
-    """Offset, sensitivity along the mean sensitive axis, and how that axis turns.
+    """Offset, sensitivity along the mean sensitive axis, and rotation of that axis.
 
     Attributes:
-        directions: (q, k) each charted parameter over the coefficients, but for a constant.
-        axis: (3, q) what a unit of each adds to the sensitive axis times sensitivity, V/g.
-
+        directions: (q, k) derivatives of the charted parameters by the coefficients.
+        axis: (3, q) derivatives of the sensitive axis times sensitivity by them, V/g.
     """
 
     directions: FloatArray
     axis: FloatArray
 
     def output_rows(self, pitch_deg: FloatArray, roll_deg: FloatArray) -> FloatArray:
-        """(H, q) degrees of output that a unit of each quantity adds at (H,) attitudes."""
+        """(H, q) derivative of the output, degrees, by each quantity at (H,) attitudes."""
         h = attitude_columns(pitch_deg, roll_deg)
         gravity = np.column_stack([h[:, 1], -h[:, 2], -h[:, 3]])
         volts = gravity @ self.axis
@@ -156,10 +152,10 @@ class AttitudeCharted(Charted):
 
 
 def attitude_charted(calibrations: Sequence[Calibrated], years: FloatArray) -> AttitudeCharted:
-    """What is charted of one sensor.
+    """Charted parameters of one sensor.
 
-    Where the sensitive axis points to is charted as Omega cos A and Omega sin A: linear, and regular where Omega is
-    zero and A has no meaning. Variances within are pooled over calibrations, in proportion to (X'X)^-1.
+    The direction of the sensitive axis is charted as Omega cos A and Omega sin A: linear, and regular at Omega = 0,
+    where A is undefined. Variances within are pooled over calibrations, in proportion to (X'X)^-1.
 
     Args:
         calibrations: m of them, in order of time.
@@ -167,7 +163,6 @@ def attitude_charted(calibrations: Sequence[Calibrated], years: FloatArray) -> A
 
     Raises:
         FitError: the calibrations are of different models, or fewer than two.
-
     """
     models = sorted({c.model for c in calibrations})
     if len(models) > 1:
@@ -204,7 +199,7 @@ def attitude_charted(calibrations: Sequence[Calibrated], years: FloatArray) -> A
 def _within(calibrations: Sequence[Calibrated], directions: Sequence[FloatArray]) -> tuple[FloatArray, float]:
     """(m,) variance within of `directions` @ coefficients, one each, and its degrees of freedom, pooled.
 
-    Where some calibrations have replications, those say what all of them vary by.
+    If some calibrations have replications, their variance is used for all.
     """
     replicated = any(c.replicated for c in calibrations)
     unit = np.array([d @ c.shape @ d for c, d in zip(calibrations, directions, strict=True)])
@@ -225,7 +220,7 @@ def _basis(model: str, along: FloatArray) -> FloatArray:
 
 
 def _turns(model: str, mean: FloatArray) -> list[tuple[str, float]]:
-    """Name of each turn of the sensitive axis, and its value at the mean."""
+    """Name of each rotation of the sensitive axis, and its value at the mean."""
     if model == "attitude-no-roll":
         return [("phi_deg", float(np.degrees(np.arctan2(mean[2], mean[0]))))]
     i = AXES[model[-1]]

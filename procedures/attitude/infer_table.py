@@ -27,19 +27,18 @@ def infer_attitudes(
     near_deg: tuple[float, float] | None,
     sensors: Sequence[str] | None,
 ) -> Inference:
-    """Infer pitch, and roll where it was not measured, from every row of a CSV table.
+    """Infer pitch, and roll if it was not measured, from every row of a CSV table.
 
     Args:
         calibration: of the package.
         data: the table, with a column for every sensor.
-        measured_roll: column of roll that was measured otherwise, in degrees; None to infer it.
+        measured_roll: column of independently measured roll, in degrees; None to infer it.
         roll_sd_deg: its standard deviation.
-        near_deg: pitch and roll on the side where the package is; level if None.
-        sensors: those to infer from; all of the calibration if None.
+        near_deg: pitch and roll near the package's attitude; level if None.
+        sensors: the used sensors; all of the calibration if None.
 
     Raises:
-        DataError: a column is missing, or the sensors cannot tell what is asked.
-
+        DataError: a column is missing, or the sensors do not determine the requested angles.
     """
     if roll_sd_deg and measured_roll is None:
         raise DataError("--roll-sd is of a roll that was measured: name its column with --roll")
@@ -102,7 +101,7 @@ def infer_attitudes(
 
 
 def _check_columns(table: Table, needed: Sequence[str], calibration: AttitudeCalibration) -> None:
-    """Raises `DataError` if a column is missing, with what to do about it."""
+    """Raise `DataError` if a column is missing, with the next step."""
     for name in needed:
         if name in table.columns:
             continue

@@ -116,7 +116,7 @@ class GeneralCharting(Charting):
     """See `procedures.charting.Charting`."""
 
     def of_table(self, table: Table, formula: str | None) -> Calibrations:
-        """A table does not say what is to be explained by what; a calibration file does."""
+        """A table does not define response and formula; a calibration file does."""
         raise DataError(
             f"Make a calibration of any other table first, rig fit {table.source} --response Y --formula '1 + X' --out "
             f"C.json, and chart C.json@DATE"
@@ -129,7 +129,7 @@ class GeneralCharting(Charting):
         return Calibrations({name: curve}, {name: ()}, simulated, {"file": PurePath(source).name})
 
     def view(self, every: Sequence[CurveCalibration], years: FloatArray, usage: float | None) -> View:
-        """Used over the range that all calibrations have."""
+        """Use over the common range of all calibrations."""
         if usage is not None:
             raise DataError("--usage is a range of pitch; others are charted over the range calibrated")
         charted, last = curve_charted(every, years), every[-1]

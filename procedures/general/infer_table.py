@@ -17,12 +17,11 @@ def infer_general(calibration: CurveCalibration, data: Reader) -> Inference:
     """Infer the variable of a calibration's curve from every row of a CSV table.
 
     Args:
-        calibration: with a formula of one column, monotonic where it was calibrated.
+        calibration: with a formula of one column, monotonic over the calibrated range.
         data: the table, with a column for the response.
 
     Raises:
         DataError: the curve cannot be inverted, or the column is missing.
-
     """
     response = calibration.response
     table = data([response])

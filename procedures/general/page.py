@@ -116,7 +116,7 @@ def trace_page(traced: GeneralTraced) -> Page:
 
 
 def _plots(traced: GeneralTraced) -> list[dict[str, Any]]:
-    """Residuals before and after, over each effect's own variable; over all there are where nothing was found."""
+    """Residuals before and after, over each effect's own variable; over all variables without findings."""
     trace = traced.trace
     wanted = dict.fromkeys(effect.against for effect in trace.added if effect.against in trace.variables)
     shown = list(wanted or trace.variables)[:_PLOTS]

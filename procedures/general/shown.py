@@ -1,4 +1,4 @@
-"""Tables of any kind on the command line: the parts columns play, and how fits and traces are shown."""
+"""Display of tables of any kind on the command line: roles of columns, fits and traces."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from procedures.words import unnamed, verdict_of
 
 
 def show_general_trace(result: Mapping[str, Any]) -> Iterator[Block]:
-    """Error before and after, the effects found, what remains, and what was taken for what."""
+    """Error before and after, the effects found, the remainder, and the roles of columns."""
     yield Line(f"[bold]{escape(result['data']['file'])}[/]: {result['data']['points']} rows")
     for name, found in result["sensors"].items():
         yield Line(
@@ -43,7 +43,7 @@ def show_general_trace(result: Mapping[str, Any]) -> Iterator[Block]:
 
 
 def show_general_fit(file: str, result: Mapping[str, Any]) -> Iterator[Block]:
-    """Coefficients with standard errors and degrees of freedom, and the errors they stand on."""
+    """Coefficients with standard errors and degrees of freedom, and the underlying errors."""
     title = f"{escape(result['response'])} ~ {escape(result['formula'])}"
     yield Line(f"[bold]{escape(file)}[/]: {result['data']['points']} rows")
     table = Grid(("term", "estimate", "standard error", "df"), title=title)

@@ -106,17 +106,17 @@ class PressureCharting(Charting):
         return Calibrations(fits, dict.fromkeys(fits, ()), table.simulated, table.provenance)
 
     def of_file(self, content: Mapping[str, Any], source: str) -> Calibrations:
-        """There is no file that will do."""
+        """Calibration files do not have the required data."""
         raise DataError(
             f"{source} does not keep all that charting whole plots needs; give the run file or table instead"
         )
 
     def same(self, first: PressureFit, later: PressureFit) -> bool:
-        """It is not looked at: runs are told apart by their names."""
+        """Not compared: runs are distinguished by their names."""
         return False
 
     def view(self, every: Sequence[PressureFit], years: FloatArray, usage: float | None) -> View:
-        """Used over the pressures that all calibrations have."""
+        """Use over the common pressures of all calibrations."""
         if usage is not None:
             raise DataError("--usage is a range of pitch; others are charted over the range calibrated")
         charted = pressure_charted(every, years)

@@ -1,4 +1,4 @@
-"""A whole-plot run that was traced, as the first of two. See `procedures.confirming.Confirming`."""
+"""A traced whole-plot run as the first of two. See `procedures.confirming.Confirming`."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class WholePlotConfirming(Confirming):
     def ways(
         self, variation: Variation, run_list: RunList, questions: Sequence[Question], later_s: float
     ) -> list[WholePlotTogether]:
-        """One: the chamber sets the temperatures."""
+        """One course: the chamber sets the temperatures."""
         return [self.beside(self._planned(run_list), later_s)]
 
     def hours(self, variation: Variation, run_list: RunList) -> float:
@@ -93,7 +93,7 @@ class WholePlotConfirming(Confirming):
         record: dict[str, Any],
         options: FitOptions,
     ) -> ConfirmedFit:
-        """The terms of the causes that a further run confirmed are added to the declared model."""
+        """The terms of the causes confirmed by a further run are added to the declared model."""
         given = options.model_dump(exclude_none=True, exclude={"formula"})
         terms = list(given.get("add", ()))
         for answer, effect in zip(answers, record["effects"], strict=True):
@@ -126,17 +126,17 @@ class WholePlotConfirming(Confirming):
 
 @dataclass(frozen=True)
 class ConfirmedFit:
-    """A calibration with terms that a further run confirmed, and where they come from."""
+    """A calibration with terms confirmed by a further run, and their source."""
 
     fitted: WholePlotFitted
     record: dict[str, Any]
 
     def to_json(self) -> dict[str, Any]:
-        """What `rig fit --json` prints."""
+        """JSON values for `rig fit --json`."""
         return self.fitted.to_json() | {"confirmed_by": self.record}
 
     def blocks(self) -> Iterator[Block]:
-        """What a person reads of it."""
+        """Blocks for people."""
         return chain(self.fitted.blocks(), show_confirmed(self.record))
 
     def page(self) -> Page:
@@ -145,7 +145,7 @@ class ConfirmedFit:
 
 
 def _terms(questions: Sequence[Question], answer: Confirmation) -> list[str]:
-    """Formulas of the cause that holds, as `rig fit --add` takes them; [] if it has none."""
+    """Formulas of the confirmed cause, for `rig fit --add`; [] if it has none."""
     question = next(q for q in questions if q.effect == answer.effect)
     member = next(m for m in question.members if m.effect == answer.holding[0])
     formulas = [str(getattr(candidate.term, "formula", "")) for candidate in member.terms]
@@ -153,7 +153,7 @@ def _terms(questions: Sequence[Question], answer: Confirmation) -> list[str]:
 
 
 def _whole_plot_s(data: WholePlotData) -> tuple[float, float]:
-    """Seconds between readings of one whole plot, and what a new one takes beside."""
+    """Seconds between readings of one whole plot, and the additional time of a new one."""
     executed = np.argsort(data.order)
     steps = np.diff(data.elapsed_s[executed])
     new = np.diff(data.whole_plot_index[executed]) != 0

@@ -97,9 +97,8 @@ def _transducer(name: str, result: dict[str, Any], fitted: WholePlotFitted) -> d
 
 
 def methods_plot(fit: PressureFit) -> Figure:
-    """Residuals over pressure in percent of it, one plot a method, and the 95 % prediction interval.
-
-    All methods share one scale but the biased ones, beside which nothing else could be seen.
+    """Residuals over pressure in percent of it, one plot per method, and the 95 % prediction interval. All methods have
+    one scale except the biased ones, which would dominate it.
     """
     data = fit.problem.data
     at = data.pressure_psia > 0

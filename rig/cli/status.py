@@ -32,15 +32,15 @@ def status(
     ),
     as_json: JsonOption = False,
     check: Annotated[
-        bool, typer.Option("--check", help="end with an exit code that tells: see docs/exit-codes.md")
+        bool, typer.Option("--check", help="use the exit code for the state: see docs/exit-codes.md")
     ] = False,
 ) -> int:
-    """Show what a run has come to, running or not; of a folder, its runs, the newest first.
+    """Show the state of a run, running or not; for a folder, its runs, newest first.
 
-    A complete run is fitted and held against its procedure's acceptance limits, as at its end.
+    A complete run is fitted and compared with its procedure's acceptance limits, as at its end.
 
-    With --check it ends with 0 if the run is complete, 6 if it is running, 4 if it was stopped, 1 if it ended by a
-    fault, 75 if it was interrupted or never begun. A file that was edited or damaged ends with 1 in any case.
+    With --check the exit code is 0 if the run is complete, 6 if it is running, 4 if it was stopped, 1 if it ended by a
+    fault, 75 if it was interrupted or never begun. An edited or damaged file gives 1 in any case.
 
     Examples: `rig status runs/ID.sqlite`, `rig status runs`, `rig status RUN --check && rig fit RUN`
     """

@@ -1,4 +1,4 @@
-"""The report of control charts: what changed, when the last calibration is due, and the charts."""
+"""The report of control charts: changes, due date of the last calibration, and charts."""
 
 from __future__ import annotations
 
@@ -156,7 +156,7 @@ def _dates(axis: Axes, due: dict[str, Any]) -> None:
 
 
 def chart_page(charted: ControlCharts) -> Page:
-    """The report."""
+    """The report as HTML."""
     result = charted.to_json()
     title = f"Control charts of {', '.join(charted.sensors)}"
     first, last = charted.given[0], charted.given[-1]

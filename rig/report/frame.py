@@ -1,4 +1,4 @@
-"""What every report has around its contents: title, SIMULATED, provenance, and the run hour by hour."""
+"""The frame of every report: title, SIMULATED mark, provenance, and events of the run."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _HERE = "rig.report"
 
 @cache
 def _templates(package: str) -> jinja2.Environment:
-    """Templates of a package, which may extend and include ours."""
+    """Templates of a package; they may extend and include ours."""
     loaders = [jinja2.PackageLoader(name) for name in dict.fromkeys((package, _HERE))]
     found = jinja2.Environment(loader=jinja2.ChoiceLoader(loaders), autoescape=True, undefined=jinja2.StrictUndefined)
     found.filters["png"] = png
@@ -26,7 +26,7 @@ def _templates(package: str) -> jinja2.Environment:
 
 
 def render(page: Page) -> str:
-    """A report as HTML; everything that came from a file is escaped."""
+    """A report as HTML; text from files is escaped."""
     table, provenance = page.table, dict(page.table.provenance)
     software = provenance.pop("software", {})
     instruments = provenance.pop("instruments", {})

@@ -85,7 +85,7 @@ class Calibration(Evaluated):
         """A row a coefficient and parameter. Raises `UsageError` where nothing was estimated."""
         rows = list(_estimates(self._told))
         if not rows:
-            raise UsageError(f"what was asked of {self.source} is no calibration: it has no table of estimates")
+            raise UsageError(f"this result of {self.source} is not a calibration: it has no table of estimates")
         return of_rows(rows, *_ESTIMATES, {"source": self.source, "kind": self.kind.name})
 
     def save(self, path: str | Path) -> None:
@@ -93,7 +93,7 @@ class Calibration(Evaluated):
         write_whole(Path(path), lambda file: json.dump(self._told, file, indent=2, allow_nan=False))
 
     def infer(self, readings: Readings, *, out: str | Path | None = None, **options: Any) -> Inferred:
-        """Infer what it is a calibration of; arguments and errors as for `rig.infer`."""
+        """Infer the measured quantities; arguments and errors as for `rig.infer`."""
         check_readings(readings, out, [Path(self.source)], options)
         file = calibration_in(json.dumps(self._told), f"the fit of {self.source}")
         return infer_from(file, readings, out, options)
@@ -124,7 +124,7 @@ class Trace(Evaluated):
         return self.traced.page()
 
     def frame(self) -> Frame:
-        """A row a term of every effect and finding about the noise."""
+        """One row per term of every effect and per finding about noise."""
         return of_rows(_effects(self._told), *_EFFECTS, {"source": self.source})
 
     def __repr__(self) -> str:
@@ -133,11 +133,10 @@ class Trace(Evaluated):
 
 
 class Data:
-    """A run file or a CSV table, read when something is asked of it, once.
+    """A run file or a CSV table, read once at its first use.
 
     Attributes:
         path: the file.
-
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -147,7 +146,7 @@ class Data:
 
     @cached_property
     def table(self) -> Observations:
-        """Its observations: of a run those that were accepted. Raises `UsageError` or `RunFileError`."""
+        """Its observations; for a run the accepted ones. Raises `UsageError` or `RunFileError`."""
         return Observations(self._source.table if self._run else self._source.read(()))
 
     def fit(
@@ -161,21 +160,22 @@ class Data:
 
         Args:
             leave_out: "gross" for the gross errors found, or numbers of rows.
-            confirmed_by: a later run file, to keep the causes that it confirmed.
+            confirmed_by: a later run file; the calibration gets the causes that it confirmed.
             options: of `rig fit` for this kind of table, with underscores for hyphens.
 
         Raises:
-            UsageError: the table is of no kind that is known, or an option does not go with it.
-            DataError: it lacks something, or its rows do not determine the model.
+            UsageError: no kind matches the table, or it does not have an option.
+            DataError: columns or values are missing, or the rows do not determine the model.
             RunFileError: the run file is damaged.
-
         """
         rows = [leave_out] if isinstance(leave_out, (str, int)) else list(leave_out)
         later = None if confirmed_by is None else Path(confirmed_by)
         return fit_source(self._source, options, [str(row) for row in rows], later)
 
     def trace(self, **options: Any) -> Trace:
-        """Trace what the declared model lacks; options of `rig trace` for this kind of table, errors as for `fit`."""
+        """Find effects missing in the declared model; options of `rig trace` for this kind of table, errors as for
+        `fit`.
+        """
         return trace_source(self._source, options)
 
     def _repr_html_(self) -> str:
@@ -189,7 +189,7 @@ class Data:
 
 
 def open(path: str | Path) -> Data:  # noqa: A001 - rig.open, as one opens a file
-    """A run file or a CSV table. Raises `UsageError` where there is no such file."""
+    """A run file or a CSV table. Raises `UsageError` if the file does not exist."""
     return Data(path)
 
 
@@ -201,14 +201,14 @@ def fit_source(
     *,
     keep: bool = False,
 ) -> Calibration:
-    """`rig fit`: arguments and errors as for `Data.fit`; `keep` says that the result is to become a file."""
+    """`rig fit`: arguments and errors as for `Data.fit`; `keep` means that the result is written to a file."""
     kind, options = chosen(source, _asked(given), lambda one: one.fit_options)
     fitted: Fitted
     if confirmed_by is not None:
         from rig.closed_loop.confirm import fit_confirmed  # noqa: PLC0415 - which few fits need
 
         if leave_out:
-            raise UsageError("--confirmed-by keeps every row: leave --leave-out away")
+            raise UsageError("--confirmed-by uses all rows: omit --leave-out")
         fitted = fit_confirmed(source.path, confirmed_by, options)
     else:
         fitted = kind.fit(source, options, leave_out=leave_out, own=laboratory_effects(), keep=keep)
@@ -222,7 +222,7 @@ def trace_source(source: FileSource, given: Mapping[str, Any]) -> Trace:
 
 
 def _asked(given: Mapping[str, Any]) -> dict[str, Any]:
-    """Options that were given: None is not."""
+    """The given options: those that are not None."""
     return {name: value for name, value in given.items() if value is not None}
 
 

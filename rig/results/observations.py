@@ -1,4 +1,4 @@
-"""Tables of observations: what a run measured, or a CSV file holds."""
+"""Tables of observations of a run or a CSV file."""
 
 from __future__ import annotations
 
@@ -51,8 +51,7 @@ class Observations(Columned):
     """A table: columns of numbers and of text, with units in their names.
 
     Attributes:
-        table: as fits and traces take it.
-
+        table: the object used by fits and traces.
     """
 
     def __init__(self, table: Table) -> None:
@@ -60,17 +59,17 @@ class Observations(Columned):
 
     @property
     def columns(self) -> Mapping[str, np.ndarray[Any, Any]]:
-        """(n,) values by column name; a column with gaps in it is not here."""
+        """(n,) values by column name, without columns that have gaps."""
         return {**self.table.columns, **self.table.text}
 
     @property
     def simulated(self) -> bool:
-        """Whether no real instrument was involved, as far as is known."""
+        """Whether no real instrument was involved, if known."""
         return self.table.simulated
 
     @property
     def provenance(self) -> Mapping[str, Any]:
-        """What is known of where the numbers come from."""
+        """Provenance of the numbers."""
         return self.table.provenance
 
     @property
@@ -80,7 +79,7 @@ class Observations(Columned):
         return {**about, "columns": {n: v.tolist() for n, v in self.columns.items()}}
 
     def blocks(self) -> Iterable[Block]:
-        """Where it comes from, and its first rows."""
+        """Source and the first rows."""
         yield headline(PurePath(self.table.source).name, self.table)
         yield from self._first_rows(self.columns)
 
@@ -89,7 +88,7 @@ class Observations(Columned):
         return of_columns(self.columns, {"source": self.table.source, "simulated": int(self.simulated)})
 
     def plot(self) -> Plots:
-        """One figure: every column of numbers that varies, in the order of the rows, or over time."""
+        """One figure: every column of numbers that varies, in the order of rows, or over time."""
         from procedures.pictures import grid  # noqa: PLC0415 - matplotlib takes a second to import
 
         shown = {n: v for n, v in self.table.columns.items() if n != _TIME and np.ptp(v) > 0}

@@ -1,4 +1,4 @@
-"""Moments of a run from which on something is different: interruptions, starts of replications, or searched ones."""
+"""Times of a run at which something changes: interruptions, starts of replications, or searched ones."""
 
 from __future__ import annotations
 
@@ -11,18 +11,17 @@ from procedures.attitude.data import AttitudeData
 from procedures.attitude.effects.scene import Scene
 
 SEARCHED = 64
-"""Moments tried over a run; what is found is then placed between two observations."""
+"""Number of times tried over a run; a found one is then placed between two observations."""
 
 
 @dataclass(frozen=True)
 class Moment:
-    """A moment of a run.
+    """A time of a run.
 
     Attributes:
         name: "from block 2", "from replication 3" or "from 4.251 h".
-        field: of the data that counts up to it.
-        value: of the field from which on it has passed.
-
+        field: of the data, compared with it.
+        value: of the field from which it has passed.
     """
 
     name: str
@@ -30,7 +29,7 @@ class Moment:
     value: float
 
     def passed(self, scene: Scene) -> FloatArray:
-        """(n,) one for observations after the moment, zero before."""
+        """(n,) one for observations after the time, zero before."""
         return np.asarray(getattr(scene.data, self.field) >= self.value, np.float64)
 
 
@@ -40,20 +39,20 @@ def blocks(data: AttitudeData) -> tuple[Moment, ...]:
 
 
 def starts(data: AttitudeData) -> tuple[Moment, ...]:
-    """Every recorded interruption, and the start of every replication but the first."""
+    """Every recorded interruption, and the start of every replication except the first."""
     begun = (Moment(f"from replication {r}", "replicate", float(r)) for r in data.replicates[1:])
     return (*blocks(data), *begun)
 
 
 def evenly(data: AttitudeData) -> tuple[Moment, ...]:
-    """`SEARCHED` moments spread evenly over the observations."""
+    """`SEARCHED` times spread evenly over the observations."""
     between = _between(data)
     at = np.linspace(0, between.size, SEARCHED + 2)[1:-1]
     return tuple(_at(t) for t in dict.fromkeys(between[at.astype(np.int64)].tolist()))
 
 
 def near(data: AttitudeData, moment: Moment) -> tuple[Moment, ...]:
-    """Every moment between two observations, closer to a searched one than its neighbours."""
+    """Every time between two observations that is closer to a searched one than to its neighbours."""
     between = _between(data)
     middle, reach = int(np.searchsorted(between, moment.value)), between.size // (SEARCHED + 1) + 1
     return tuple(_at(t) for t in between[max(middle - reach, 0) : middle + reach + 1].tolist())

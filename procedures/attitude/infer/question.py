@@ -61,7 +61,7 @@ _LEVEL_ABSURD = 1.0 - 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Question:
-    """Readings of one chunk: (S, n) outputs less offsets, (n,) or None the rest; angles in rad."""
+    """Readings of one chunk: (S, n) outputs minus offsets, (n,) or None the rest; angles in rad."""
 
     calibration: AttitudeCalibration
     noise: Noise
@@ -76,14 +76,14 @@ class Question:
 
 
 def beyond(q: Question, g: FloatArray) -> FloatArray | None:
-    """(S, n) what effects and temperature add to the outputs; None where the calibration has none."""
+    """(S, n) contribution of effects and temperature to the outputs; None if the calibration has none."""
     if all(not s.terms for s in q.calibration.sensors):
         return None
     return np.stack([s.beyond(g, q.warmth) for s in q.calibration.sensors])
 
 
 def worse_at_most(q: Question) -> float:
-    """By how much, at most, calibration adds to the variance of an output (eq. 73): at least one."""
+    """Maximum factor of an output's variance due to the calibration (eq. 73): at least one."""
     worst, at = 1.0, 0
     for sensor, noise in zip(q.calibration.sensors, q.noise.variance, strict=True):
         k = sensor.coefficients.size
@@ -94,11 +94,11 @@ def worse_at_most(q: Question) -> float:
 
 
 def f_absurd(above: int, q: Question) -> float:
-    """F that a package at rest, unchanged since its calibration, will not exceed."""
+    """Limit of F for a package at rest, unchanged since its calibration."""
     return f_limit(_LEVEL_ABSURD, above, float(q.calibration.sigma_df.min()))
 
 
 def absurd_squares(q: Question) -> float:
-    """Weighted squares left over that only a package that is not at rest, or has changed, will give."""
+    """Limit of the remaining weighted squares beyond which a package is not at rest, or has changed."""
     above = max(len(q.y) - (2 if q.roll is None else 1), 1)
     return above * f_absurd(above, q) * worse_at_most(q)
