@@ -7,7 +7,7 @@
     python -m benchmarks.bench_least_squares csv        a table of a million rows through `rig fit` (a minute, 135 MB)
 
 lmfit comes with `pip install -e '.[bench]'`; without it its line is left out. The bench is that of the fitter's tests
-(tests/attitude_truth.py).
+(proving/truth/attitude.py).
 """
 
 from __future__ import annotations
@@ -29,7 +29,6 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
 
-from attitude_truth import D1, Bench, simulate
 from nist import PROBLEMS, digits
 
 from fitter import Triangle, least_squares
@@ -39,6 +38,7 @@ from procedures.attitude.data import AttitudeData
 from procedures.attitude.fit import fit_attitude
 from procedures.attitude.model import COLUMNS, attitude_columns, attitude_parameters, fit_columns
 from procedures.attitude.stream import fit_stream
+from proving.truth.attitude import D1, Bench, simulate
 
 NIGHT = D1(180, 37, 13)
 ROUNDS, CALLS = 40, 5

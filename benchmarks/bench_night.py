@@ -15,8 +15,7 @@ from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-from scratch import RUNS
-
+from benchmarks.scratch import RUNS
 from rig.controller import start_run
 from rig.engine.session import Signals
 from rig.examples import example

@@ -1,7 +1,6 @@
 """REML of split plots against statsmodels and, where Rscript has them, lme4 and nlme: time and accuracy in one run.
 
     OPENBLAS_NUM_THREADS=1 .venv/bin/python benchmarks/bench_reml.py [--responses 100]
-    OPENBLAS_NUM_THREADS=1 .venv/bin/python benchmarks/bench_reml.py coverage
 
 The low-range paper's design: 20 whole plots of 11 readings, 10 coefficients. It is balanced, so the exact answer is the
 analysis of variance: 14 degrees of freedom between whole plots, 196 within. Accuracy is the largest relative error
@@ -21,18 +20,7 @@ from time import perf_counter
 import numpy as np
 
 from fitter.split_plot import SplitPlotDesign
-
-NAMES = ["1", "p", "t1", "t2", "pp", "t11", "t22", "pt1", "pt2", "t12"]
-PRESSURES = [0.01, 0.12, 0.50, 0.79, 1.00, 2.50, 4.00, 5.00, 0.01, 2.50, 5.00]
-A = np.sqrt(2.0)
-CORNERS = [(-1, -1), (1, -1), (-1, 1), (1, 1)]
-TEMPERATURES = np.array([*CORNERS, *CORNERS, *[(-A, 0), (A, 0)] * 2, (0, -A), (0, A), *[(0, 0)] * 6])
-WHOLE_PLOT = np.repeat(np.arange(20), 11)
-
-
-def columns() -> np.ndarray:
-    p, (t1, t2) = np.tile(PRESSURES, 20), TEMPERATURES[WHOLE_PLOT].T
-    return np.column_stack([np.ones(220), p, t1, t2, p * p, t1 * t1, t2 * t2, p * t1, p * t2, t1 * t2])
+from proving.truth.split_plot import NAMES, WHOLE_PLOT, columns
 
 
 def responses(m: int, ratio: float) -> np.ndarray:
@@ -147,31 +135,10 @@ def accuracy(ratio: float, m: int, ours_ms: float) -> None:
         print(f"{name:22}{timing} |{'':24}{sizes}{np.mean(given > 0.01):15.0%}{len(error) - len(given):9}")
 
 
-def coverage(m: int = 20_000) -> None:
-    """How often nominal 95 % intervals hold: whole-plot and subplot terms, and a new reading in a new whole plot."""
-    rng = np.random.default_rng(0)
-    x, unit = columns(), np.eye(10)
-    design, at = SplitPlotDesign(x, WHOLE_PLOT, NAMES), x[[2, 80]]
-    print(f"{m} calibrations each; of coefficients and of a new reading in a new whole plot, at two settings")
-    print("ratio   zero " + "".join(f"{name:>7}" for name in NAMES) + "     new readings")
-    for ratio in (0.0, 0.02, 0.05, 0.1, 0.3, 1.0, 10.0):
-        between = np.sqrt(ratio)
-        batch = design.fit_many(rng.normal(size=(220, m)) + between * rng.normal(size=(20, m))[WHOLE_PLOT])
-        off = batch.coefficients @ at.T - between * rng.normal(size=(m, 1)) - rng.normal(size=(m, 1))
-        terms = np.mean(np.abs(batch.coefficients) < batch.interval(unit), axis=0)
-        readings = np.mean(np.abs(off) < batch.interval(at, new_whole_plot=True, new_readings=1), axis=0)
-        shares = "".join(f"{each:7.1%}" for each in [*terms, *readings])
-        print(f"{ratio:5g}{batch.boundary.mean():7.0%}  {shares}")
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("what", nargs="?", choices=["peers", "coverage"], default="peers")
     parser.add_argument("--responses", type=int, default=100)
     given = parser.parse_args()
-    if given.what == "coverage":
-        coverage()
-        return
     ours = speed()
     for ratio in (10.0, 0.0):
         accuracy(ratio, given.responses, ours)

@@ -1,19 +1,10 @@
 """Nights and tables with something hidden, or nothing, made ready for every method of `bench_trace_peers`."""
 
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import combinations_with_replacement
-from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
 
 import numpy as np
-from attitude_hidden import CLEAN, HIDDEN, sized, together
-from attitude_truth import D1, told_the_truth
-from attitude_truth import simulate as simulate_night
-from table_truth import MISSING, Lab, options
-from table_truth import simulate as simulate_table
 
 from fitter.linear import orthonormal
 from procedures.attitude.effects import CATALOGUE
@@ -24,6 +15,11 @@ from procedures.general.trace import search_table
 from procedures.general.trace.estimate import estimate
 from procedures.general.trace.run import problem_of
 from procedures.table import Table
+from proving.truth.attitude import D1, told_the_truth
+from proving.truth.attitude import simulate as simulate_night
+from proving.truth.attitude_hidden import CLEAN, HIDDEN, sized, together
+from proving.truth.table import MISSING, Lab, options
+from proving.truth.table import simulate as simulate_table
 
 GRID = D1(180, 25, 13)
 INDISTINCT = 9.0
@@ -182,7 +178,7 @@ def _variables_of_night(data):
 
 
 def table(name, lab, rms, seed):
-    """y = 3 + 2 x and an error of one, an effect of `table_truth` hidden, or None."""
+    """y = 3 + 2 x and an error of one, an effect of `proving.truth.table` hidden, or None."""
     missing = None if name is None else MISSING[name]
     effect = None if missing is None else missing.at(rms)
     c = simulate_table(lab, seed, effect)

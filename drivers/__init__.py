@@ -1,1 +1,1 @@
-"""How instruments talk: roles, the clock, wires, and one module for each real instrument."""
+"""Communication with instruments: roles, the clock, wires, and one module for each real instrument."""

@@ -1,8 +1,8 @@
 """A data-acquisition unit on CAN: readings in frames that a DBC file describes.
 
-Which frames there are and what is where in them is data: the DBC, which the controller program hands over as text.
-A unit either measures on command, as `contracts/can_daq.dbc` describes, or sends its readings by itself. Only frames
-that arrive after `start` count, and one that repeats the counter of the frame before it is no reading.
+The DBC defines the frames and the positions of signals in them; the controller program passes it as text. A unit either
+measures on command, as in `contracts/can_daq.dbc`, or sends its readings by itself. Only frames that arrive after
+`start` count. A frame that repeats the counter of the previous frame is not a reading.
 """
 
 from __future__ import annotations
@@ -51,32 +51,31 @@ class CanDaq:
         clock: bench time.
 
     Attributes:
-        retries: series of which something was lost and measured again.
+        retries: number of series with lost frames that were measured again.
 
     Raises:
         Unreachable: the bus cannot be opened, or another unit on it has the same identifiers.
-
     """
 
     wire: ClassVar[Medium] = "can"
     contracts: ClassVar[tuple[ContractFile, ...]] = (ContractFile("dbc", "contracts", "can_daq.dbc"),)
 
     class Options(BaseModel, extra="forbid"):
-        """What the bench file may say about this instrument."""
+        """Options of this instrument in the bench file."""
 
         channels: dict[str, str] = Field(_CHANNELS, min_length=1, description="channel to its signal, MESSAGE.SIGNAL")
         faults: dict[str, str] = Field(
-            _FAULTS, description="channel to the signal that says what is wrong with its sensor, 0 for nothing"
+            _FAULTS, description="channel to the fault signal of its sensor; 0 means no fault"
         )
         on_command: bool = Field(
-            True, description="it measures when told to, as contracts/can_daq.dbc has it; false: it sends by itself"
+            True, description="it measures on command, as in contracts/can_daq.dbc; false: it sends by itself"
         )
-        counter: str = Field("Sweep", description="signal by which a message is counted, where it has one")
+        counter: str = Field("Sweep", description="signal with the counter of a message, if it has one")
         period_s: float = Field(
-            0.1, ge=0.01, le=60.0, description="from one sweep to the next; its slowest message, if it sends by itself"
+            0.1, ge=0.01, le=60.0, description="time between sweeps, or period of the slowest message"
         )
-        timeout_s: float = Field(0.5, gt=0, description="wait for a frame beyond its time")
-        dbc: str = Field(description="text of the unit's DBC; supplied unless the bench has its own")
+        timeout_s: float = Field(0.5, gt=0, description="maximum delay of a frame")
+        dbc: str = Field(description="text of the unit's DBC; default: the supplied one")
 
         @field_validator("dbc")
         @classmethod
@@ -90,7 +89,7 @@ class CanDaq:
             for label, path in (*self.channels.items(), *self.watched.items()):
                 message, _ = find_signal(database, label, path)
                 if message.is_extended_frame or message.length > 8:
-                    raise ValueError(f"{path}: only classic frames with 11-bit identifiers are understood")
+                    raise ValueError(f"{path}: only classic frames with 11-bit identifiers are supported")
             for name, signals in _COMMANDED.items() if self.on_command else ():
                 found = {m.name: {s.name for s in m.signals} for m in database.messages}.get(name)
                 if found is None or not signals <= found:
@@ -108,7 +107,7 @@ class CanDaq:
 
         @property
         def watched(self) -> dict[str, str]:
-            """Fault signals of the channels that are used."""
+            """Fault signals of the used channels."""
             return {label: path for label, path in self.faults.items() if label in self.channels}
 
     def __init__(self, name: str, address: str, options: Options, wires: Wires, clock: Clock) -> None:
@@ -136,7 +135,9 @@ class CanDaq:
             self._line.listen(message.frame_id, partial(self._hear, message))
 
     def identify(self) -> Identity:
-        """See `Instrument.identify`. A unit that sends by itself does not tell: it is known by its frames."""
+        """See `Instrument.identify`. A unit that sends by itself does not report its identity: its frames identify
+        it.
+        """
         if not self._options.on_command:
             self._listen_for_all()
             message, _ = next(iter(self._channels.values()))
@@ -157,11 +158,10 @@ class CanDaq:
         )
 
     def prepare(self) -> None:
-        """End what is under way and see that the unit answers; one that sends by itself must be heard sending.
+        """End a running measurement and check that the unit answers; a unit that sends by itself must be sending.
 
         Raises:
-            NoReply: nothing came; the message names the identifiers that were expected.
-
+            NoReply: no frame came; the message names the expected identifiers.
         """
         self._series = None
         if self._options.on_command:
@@ -174,11 +174,10 @@ class CanDaq:
         return tuple(self._channels)
 
     def start(self, count: int) -> float:
-        """See `Reader.start`. Whatever has come before is forgotten.
+        """See `Reader.start`. Earlier frames are discarded.
 
         Raises:
             LimitError: fewer than one sweep, or more than the unit can count.
-
         """
         if not 1 <= count <= self._most:
             raise LimitError(f"{self._where} can take 1 to {self._most} sweeps at once, not {count}")
@@ -187,13 +186,12 @@ class CanDaq:
         return self._begin(self._series, count)
 
     def fetch(self) -> Mapping[str, Sequence[float]]:
-        """See `Reader.fetch`. Sweeps of which something was lost are measured again, once.
+        """See `Reader.fetch`. Sweeps with lost frames are measured again, once.
 
         Raises:
             NotReady: nothing was started.
-            NoReply: no frame came, of a message that is named.
-            BadReply: frames came, and some were lost, repeated their counter or did not fit the DBC.
-
+            NoReply: no frame of a message came; the error names it.
+            BadReply: frames were lost, repeated their counter or did not fit the DBC.
         """
         series = self._series
         if series is None:
@@ -211,7 +209,7 @@ class CanDaq:
         return series.readings
 
     def make_safe(self) -> None:
-        """See `Instrument.make_safe`: a measurement under way is given up; nothing else can do harm."""
+        """See `Instrument.make_safe`: a running measurement is given up; nothing else can do harm."""
         self._series = None
         if self._options.on_command:
             self._command("Stop")
@@ -226,14 +224,14 @@ class CanDaq:
         return str(attribute.value) if attribute else ""
 
     def _begin(self, series: Series, count: int) -> float:
-        """Have `count` sweeps measured; returns the seconds it takes."""
+        """Start `count` sweeps; returns their expected duration, seconds."""
         seconds = count * self._options.period_s
         series.due = self._clock.now() + seconds
         series.forget_counters()
         if self._options.on_command:
             self._command("Acquire", count)
         else:
-            series.due += self._options.period_s  # the first frame may have just gone
+            series.due += self._options.period_s  # the first frame may just have been sent
         return seconds
 
     def _command(self, action: str, sweeps: int = 0) -> None:
@@ -241,7 +239,7 @@ class CanDaq:
         self._line.send(*_command(self._database, action, self._session, sweeps, self._options.period_s))
 
     def _asked(self, action: str, answer: Message) -> Values:
-        """Send a command that is answered by one frame; asked once more if none comes."""
+        """Send a command that is answered by one frame; repeated once if no frame comes."""
         for repeated in (0, 1):
             self.retries += repeated
             self._begin_anew()
@@ -252,7 +250,7 @@ class CanDaq:
         raise self._silent([answer])
 
     def _listen_for_all(self) -> None:
-        """Wait until every message has been heard again; raises `NoReply` naming those that were not."""
+        """Wait until every message has been received again. Raises `NoReply` with the names of missing messages."""
         self._begin_anew()
         due = self._clock.now() + 2.0 * self._options.period_s
         self._until(lambda: self._measuring.keys() <= self._latest.keys(), due)
@@ -260,13 +258,13 @@ class CanDaq:
             raise self._silent(unheard)
 
     def _begin_anew(self) -> None:
-        """Forget what has come, here and in the adapter."""
+        """Discard received frames, here and in the adapter."""
         self._line.flush()
         self._latest.clear()
         self._misfit = ""
 
     def _until(self, done: Callable[[], bool], due: float) -> None:
-        """Take frames until something is done or the timeout has passed since it was due."""
+        """Take frames until a condition holds, or the timeout after its due time has passed."""
         end = due + self._options.timeout_s + self._clock.grace()
         while not done() and (left := end - self._clock.now()) > 0:
             self._line.pump(left)

@@ -1,7 +1,7 @@
 """Two CiA 402 drives on one CAN bus: a dividing head's pitch and roll, in profile position mode by SDO.
 
-Source: CiA 402 (IEC 61800-7-201). Objects are read and written as the EDS describes them; the controller program
-hands it over as text. Positions on the wire are encoder counts.
+Source: CiA 402 (IEC 61800-7-201). Objects are read and written as described by the EDS; the controller program passes
+it as text. Positions on the wire are encoder counts.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _VENDOR, _PRODUCT, _SERIAL = 1, 2, 4
 _PROFILE = 402
 
 _NEXT = {"disabled": 0x06, "ready": 0x07, "switched on": 0x0F, "quick stop": 0x00}
-"""Controlword that leads from a state one step nearer to "enabled"."""
+"""Controlword for the next step from a state to "enabled"."""
 
 _REACHED, _ACKNOWLEDGED, _HOMED_NOW, _HOMING_ERROR = 1 << 10, 1 << 12, 1 << 12, 1 << 13
 _DISABLE, _HOLD, _GO, _HOME, _HALT, _QUICK_STOP, _RESET = 0x07, 0x0F, 0x3F, 0x1F, 0x10F, 0x02, 0x80
@@ -46,18 +46,17 @@ _ENABLE_S, _ACKNOWLEDGE_S, _STANDSTILL_S, _MODE_S = 2.0, 0.5, 5.0, 1.0
 
 @dataclass
 class _Axis:
-    """One drive, and what is known of it.
+    """One drive and its known state.
 
     Attributes:
         node: the drive.
         limits: (low, high) in degrees.
-        homing: a home search was started and has not been seen to end.
-        homed: whether the position is referenced, None as long as it is not known.
-        fault: what ended the last home search.
-        distrusted: its zero is not to be trusted before it has been found again, whatever the drive says.
-        target_deg: where it was last sent, None if it is not on its way or there.
-        near_since: bench time since which it has been near its target; only if that is judged here.
-
+        homing: a home search was started and its end has not been seen.
+        homed: whether the position is referenced, None if unknown.
+        fault: the fault that ended the last home search.
+        distrusted: whether the zero must be found again, whatever the drive reports.
+        target_deg: last target; None if the drive is neither there nor on its way.
+        near_since: bench time since which it has been near its target; only if this driver judges it.
     """
 
     node: CanNode
@@ -109,7 +108,7 @@ class CiA402Pair:
         }
 
     def remarks(self) -> Sequence[str]:
-        """See `Remarking.remarks`: objects that the EDS lacks, and speeds that had to be rounded."""
+        """See `Remarking.remarks`: objects missing in the EDS, and rounded speeds."""
         return (*lacking(self._dictionary), *dict.fromkeys(self._rounded))
 
     def axes(self) -> Mapping[str, tuple[float, float]]:
@@ -146,15 +145,14 @@ class CiA402Pair:
         """Reset faults, set speeds, windows and limits, read them back, and enable the drives. Moves nothing.
 
         Raises:
-            InstrumentError: a fault stays, or a drive refuses a setting.
-            BadReply: a setting reads back as something else, or the units of speeds are not known or contradict the
-                bench file; the message names the key.
+            InstrumentError: a fault persists, or a drive refuses a setting.
+            BadReply: a setting reads back differently, or units of speed are unknown or contradict the bench file; the
+                message names the key.
             NotReady: a drive does not become enabled, or does not take its mode.
-
         """
         self._rounded.clear()
         for name, axis in self._axes.items():
-            axis.homed = self._is_homed(axis, self._status(axis))  # enabled again, it would not tell of a power cut
+            axis.homed = self._is_homed(axis, self._status(axis))  # after enabling, it would not report a power cut
             self._set_out(name, axis)
             scales = Scales(axis.node, self._options)
             for index, subindex, value in tuple(settings_of(axis.node, scales, self._options, axis.limits)):
@@ -191,9 +189,8 @@ class CiA402Pair:
         """See `Head.move`. Targets are rounded to encoder counts.
 
         Raises:
-            LimitError: a target is outside its axis' limits, or no number.
-            NotReady: an axis is not homed, or its drive does not take the set-point.
-
+            LimitError: a target is outside its axis' limits, or not a number.
+            NotReady: an axis is not homed, or its drive does not accept the set-point.
         """
         for name, target in targets_deg.items():
             low, high = self._axes[name].limits
@@ -215,7 +212,7 @@ class CiA402Pair:
             axis.node.write(CONTROLWORD, _HOLD)
 
     def read(self) -> Mapping[str, AxisState]:
-        """See `Head.read`. Two exchanges an axis."""
+        """See `Head.read`. Two exchanges per axis."""
         states = {}
         for name, axis in self._axes.items():
             status = self._status(axis)
@@ -235,15 +232,15 @@ class CiA402Pair:
         return states
 
     def stop(self) -> None:
-        """See `Head.stop`: halt, the drives staying enabled. A home search that is under way is given up."""
+        """See `Head.stop`: halt, with the drives enabled. A running home search is given up."""
         self._each(lambda axis: axis.node.write(CONTROLWORD, _HALT))
 
     def quick_stop(self) -> None:
-        """Stop all motion as hard as the drives may; they are disabled afterwards."""
+        """Stop all motion with the maximum deceleration; the drives are disabled afterwards."""
         self._each(lambda axis: axis.node.write(CONTROLWORD, _QUICK_STOP))
 
     def make_safe(self) -> None:
-        """See `Instrument.make_safe`: halt; what still turns after a while is stopped hard."""
+        """See `Instrument.make_safe`: halt; an axis that still turns after a while gets a quick stop."""
         self.stop()
         end = self._clock.now() + _STANDSTILL_S
         while any(self._turns(axis) for axis in self._axes.values()):
@@ -259,8 +256,8 @@ class CiA402Pair:
     def _is_homed(self, axis: _Axis, status: int) -> bool:
         """Whether the position is referenced.
 
-        If the drive does not tell, only a search that was seen to end well counts, and only as long as the drive
-        stays enabled: one that is not may have been switched off.
+        If the drive does not report it, only a search with an observed good end counts, and only while the drive stays
+        enabled: a disabled drive may have been switched off.
         """
         if axis.distrusted:
             return False
@@ -269,7 +266,7 @@ class CiA402Pair:
         return bool(axis.homed) and state_of(status) == "enabled"
 
     def _arrived(self, axis: _Axis, position_deg: float) -> bool:
-        """Whether a drive that cannot be told what "reached" means is near its target, and has been for long enough."""
+        """Whether an axis has been near its target for long enough, for a drive without an adjustable target window."""
         if not self._judged_here or axis.target_deg is None:
             return True
         if abs(position_deg - axis.target_deg) > self._options.in_position_deg:
@@ -280,17 +277,17 @@ class CiA402Pair:
         return self._clock.now() - axis.near_since >= self._options.in_position_s
 
     def _turns(self, axis: _Axis) -> bool:
-        """Whether it still turns after a halt; by bit 10 if the drive does not tell its speed."""
+        """Whether it still turns after a halt; by bit 10 of the statusword if the drive does not report its speed."""
         if axis.node.has(VELOCITY):
             return axis.node.number(VELOCITY) != 0
         return not self._status(axis) & _REACHED
 
     def _told(self, axis: _Axis, index: int, subindex: int = 0) -> str:
-        """An object as text, "" if the EDS has none."""
+        """An object as text, "" if the EDS does not have it."""
         return str(axis.node.read(index, subindex)) if axis.node.has(index, subindex) else ""
 
     def _set_mode(self, axis: _Axis, mode: int) -> None:
-        """Choose a mode of operation and wait until the drive shows it, which some do late."""
+        """Set a mode of operation and wait until the drive reports it, which some do late."""
         axis.node.write(MODE, mode)
         end = self._clock.now() + _MODE_S
         while (shown := axis.node.number(MODE_DISPLAY)) != mode:
@@ -305,7 +302,7 @@ class CiA402Pair:
         return round(degrees * self._options.counts_per_degree)
 
     def _each(self, action: Callable[[_Axis], None]) -> None:
-        """Do something to both drives, to the second also when the first fails; raises the first error."""
+        """Call a function for both drives, for the second also if the first fails; raises the first error."""
         failed: list[Exception] = []
         for axis in self._axes.values():
             axis.homing, axis.target_deg = False, None
@@ -320,7 +317,7 @@ class CiA402Pair:
         return axis.node.number(STATUSWORD)
 
     def _set_out(self, name: str, axis: _Axis) -> None:
-        """Bring a drive to a state in which nothing is under way: fault reset, set-points and halt forgotten."""
+        """Bring a drive to a state without motion: reset the fault, clear set-points and halt."""
         state = state_of(self._status(axis))
         if state == "fault":
             axis.node.write(CONTROLWORD, 0)
@@ -354,7 +351,7 @@ class CiA402Pair:
             self._clock.sleep(_POLL_S)
 
     def _follow_homing(self, axis: _Axis, status: int) -> int:
-        """See whether a home search has ended; the drive then goes back to positioning. Returns the statusword."""
+        """Check whether a home search has ended; the drive then returns to positioning. Returns the statusword."""
         if status & _HOMING_ERROR:
             axis.fault = "the home search failed; look at the mark and the homing method"
         elif state_of(status) == "enabled" and not (status & _REACHED and status & _HOMED_NOW):

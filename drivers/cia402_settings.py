@@ -1,6 +1,6 @@
-"""What a CiA 402 drive is set to: the bench's options, which of its objects the EDS has, and the units they are in.
+"""Settings of a CiA 402 drive: the bench's options, the objects in its EDS, and their units.
 
-Of CiA 402's objects many are optional. One that a drive's EDS lacks is left alone, and what that costs is said.
+Many objects of CiA 402 are optional. An object missing in the EDS is not used, and a remark names the consequence.
 """
 
 from __future__ import annotations
@@ -23,67 +23,67 @@ ERROR_CODE = 0x603F
 _UNIT_OBJECTS: dict[Quantity, int] = {"velocity": 0x60A9, "acceleration": 0x60AA}
 
 _NEEDED = (0x1000, 0x6040, 0x6041, 0x6060, 0x6061, 0x6064, 0x607A, SPEED, ACCELERATION)
-"""Without these there is no profile position mode."""
+"""Without these objects there is no profile position mode."""
 
 _COSTS: dict[tuple[int, int], str] = {
-    (ERROR_CODE, 0): "a fault comes without its code; look at the drive's display",
-    (FOLLOWING, 0): "following_error_deg is not used: how far it may lag is what the drive is set to",
-    (WINDOW, 0): "whether a target is reached is judged here, by in_position_deg and in_position_s",
-    (WINDOW_TIME, 0): "whether a target is reached is judged here, by in_position_deg and in_position_s",
-    (VELOCITY, 0): "standstill after a stop is known by bit 10 of the statusword alone",
-    (SOFTWARE_LIMITS, 1): "the drive has no limits of its own: only this program keeps pitch_deg and roll_deg",
-    (DECELERATION, 0): "it brakes as the drive is set, not as acceleration_deg_per_s2 says",
-    (QUICK_STOP, 0): "a quick stop brakes as the drive is set, not four times as hard as a move",
-    (HOME_METHOD, 0): "home_method is not used: the home search is the one the drive is set to",
-    (HOME_SPEEDS, 1): "home_speed_deg_per_s is not used: the home search is as fast as the drive is set",
-    (HOME_ACCELERATION, 0): "the home search accelerates as the drive is set",
+    (ERROR_CODE, 0): "a fault is reported without its code; look at the drive's display",
+    (FOLLOWING, 0): "following_error_deg is not used: the drive's own following error window applies",
+    (WINDOW, 0): "this program judges whether a target is reached, by in_position_deg and in_position_s",
+    (WINDOW_TIME, 0): "this program judges whether a target is reached, by in_position_deg and in_position_s",
+    (VELOCITY, 0): "only bit 10 of the statusword shows standstill after a stop",
+    (SOFTWARE_LIMITS, 1): "the drive has no limits of its own: only this program enforces pitch_deg and roll_deg",
+    (DECELERATION, 0): "it brakes with the drive's own deceleration, not acceleration_deg_per_s2",
+    (QUICK_STOP, 0): "a quick stop brakes with the drive's own deceleration, not four times that of a move",
+    (HOME_METHOD, 0): "home_method is not used: the drive's own homing method applies",
+    (HOME_SPEEDS, 1): "home_speed_deg_per_s is not used: the drive's own homing speed applies",
+    (HOME_ACCELERATION, 0): "the home search has the drive's own acceleration",
 }
-"""What it costs if the EDS has no such object (index, subindex), or none that may be written."""
+"""The consequence of a missing or read-only object, by (index, subindex)."""
 
 _SUPPLIED = (0x0, 0x402)
 _COUNTS_PER_DEGREE = 36000.0  # of the supplied EDS
 _READ_ONLY = (ERROR_CODE, VELOCITY)
-_COARSE = 0.01  # off by more than this share a rounded speed is said
+_COARSE = 0.01  # relative change by rounding above which a remark is made
 _SAME = 1e-3
 
 
 class CiA402Options(BaseModel, extra="forbid"):
-    """What the bench file may say about this instrument."""
+    """Options of this instrument in the bench file."""
 
-    pitch_node: int = Field(1, ge=1, le=127, description="node of the drive that pitches")
-    roll_node: int = Field(2, ge=1, le=127, description="node of the drive that rolls")
+    pitch_node: int = Field(1, ge=1, le=127, description="node of the pitch drive")
+    roll_node: int = Field(2, ge=1, le=127, description="node of the roll drive")
     counts_per_degree: float = Field(
         _COUNTS_PER_DEGREE, gt=0, description="encoder counts per degree of the table; needed with another EDS"
     )
     velocity_unit: str | None = Field(
         None,
-        description='unit of speeds on the wire: "counts/s", "rpm", "rev/s", "deg/s"; 60A9h of the drive if not given',
+        description='unit of speed on the wire: "counts/s", "rpm", "rev/s", "deg/s"; default: 60A9h of the drive',
     )
     acceleration_unit: str | None = Field(
         None,
-        description='of accelerations: "counts/s^2", "rpm/s", "rev/s^2", "deg/s^2"; 60AAh of the drive if not given',
+        description='unit of acceleration: "counts/s^2", "rpm/s", "rev/s^2", "deg/s^2"; default: 60AAh of the drive',
     )
     turns_per_table_turn: float | None = Field(
         None,
         gt=0,
-        description="turns of the shaft whose speed the drive counts, per turn of the table; for all units but counts",
+        description="turns of the drive's shaft per turn of the table; for all units but counts",
     )
     speed_deg_per_s: float = Field(5.0, gt=0, le=80, description="speed of moves")
     acceleration_deg_per_s2: float = Field(5.0, gt=0, le=320, description="acceleration and deceleration of moves")
     home_method: int = Field(34, ge=-128, le=37, description="CiA 402 homing method; 34 goes to the index mark")
     home_speed_deg_per_s: float = Field(4.0, gt=0, le=40, description="speed of the home search")
-    in_position_deg: float = Field(3e-4, gt=0, description="how near the target counts as reached")
-    in_position_s: float = Field(0.05, ge=0, le=60, description="and for how long")
-    following_error_deg: float = Field(0.5, gt=0, description="behind by more than this the drive gives up")
+    in_position_deg: float = Field(3e-4, gt=0, description="maximum distance from a reached target")
+    in_position_s: float = Field(0.05, ge=0, le=60, description="minimum time within it")
+    following_error_deg: float = Field(0.5, gt=0, description="following error at which the drive faults")
     homed_bit: Literal[0, 8, 14, 15] | None = Field(
         None,
-        description="statusword bit by which the drives tell that they are homed; 0 if they do not, "
+        description="statusword bit that means homed; 0 if there is none,  "
         "as with any other EDS than the supplied one, whose drives have bit 15",
     )
-    pitch_deg: tuple[float, float] = Field((-190.0, 190.0), description="lowest and highest pitch")
-    roll_deg: tuple[float, float] = Field((-190.0, 190.0), description="lowest and highest roll")
-    timeout_s: float = Field(0.3, gt=0, description="wait for an SDO reply")
-    eds: str = Field(description="text of the drives' EDS; supplied unless the bench has its own")
+    pitch_deg: tuple[float, float] = Field((-190.0, 190.0), description="limits of pitch: lowest, highest")
+    roll_deg: tuple[float, float] = Field((-190.0, 190.0), description="limits of roll: lowest, highest")
+    timeout_s: float = Field(0.3, gt=0, description="maximum wait for an SDO reply")
+    eds: str = Field(description="text of the drives' EDS; default: the supplied one")
 
     @field_validator("eds")
     @classmethod
@@ -115,13 +115,13 @@ class CiA402Options(BaseModel, extra="forbid"):
                 parse_unit(text, quantity)
             elif not has_object(dictionary, index := _UNIT_OBJECTS[quantity]):
                 raise ValueError(
-                    f"{quantity}_unit is needed: the EDS has no {index:04X}h that would say in which unit the drives "
+                    f"{quantity}_unit is needed: the EDS has no {index:04X}h for the unit in which the drives "
                     f"count {quantity}; look it up in their manual"
                 )
         return self
 
     def _as_before(self, dictionary: ObjectDictionary) -> None:
-        """Say what runs of earlier versions took for granted; a drive that says otherwise is refused nevertheless."""
+        """Warn about an assumption of earlier versions; a drive that reports something else is refused nevertheless."""
         if "counts_per_degree" not in self.model_fields_set:
             self.counts_per_degree = _COUNTS_PER_DEGREE
         if self.velocity_unit is None and not has_object(dictionary, _UNIT_OBJECTS["velocity"]):
@@ -131,7 +131,7 @@ class CiA402Options(BaseModel, extra="forbid"):
 
 
 def lacking(dictionary: ObjectDictionary) -> tuple[str, ...]:
-    """What the EDS lacks of the objects that would be used, each with what that costs; () if nothing."""
+    """Required objects that are missing in the EDS, each with its consequence; () if none."""
     return tuple(
         f"the EDS has no {index:04X}h that can be {'read' if index in _READ_ONLY else 'set'}: {cost}"
         for (index, subindex), cost in _COSTS.items()
@@ -140,9 +140,10 @@ def lacking(dictionary: ObjectDictionary) -> tuple[str, ...]:
 
 
 def homed_bit(dictionary: ObjectDictionary, options: CiA402Options) -> int:
-    """The statusword bit by which the drives tell that they are homed; 0 if they do not.
+    """The statusword bit that means homed; 0 if there is none.
 
-    CiA 402 has none. What makers use it for differs (closed loop, referenced, moving), so it is not guessed.
+    CiA 402 does not define one. Makers use different bits with different meanings (closed loop, referenced, moving), so
+    it is not guessed.
     """
     if options.homed_bit is not None:
         return options.homed_bit
@@ -150,29 +151,28 @@ def homed_bit(dictionary: ObjectDictionary, options: CiA402Options) -> int:
 
 
 def _supplied(dictionary: ObjectDictionary) -> bool:
-    """Whether the EDS is `contracts/cia402_drive.eds`, by what it says of the device."""
+    """Whether the EDS is `contracts/cia402_drive.eds`, by its device information."""
     device = dictionary.device_information
     return (device.vendor_number, device.product_number) == _SUPPLIED
 
 
 def judged_here(dictionary: ObjectDictionary) -> bool:
-    """Whether the drive cannot be told what "target reached" means, so that this program has to judge it."""
+    """Whether the drive has no adjustable target window, so that this program judges whether a target is reached."""
     return not all(has_object(dictionary, index, writable=True) for index in (WINDOW, WINDOW_TIME))
 
 
 class Scales:
-    """What degrees, degrees per second and degrees per second squared of the table are on one drive's wire.
+    """Conversion of the table's degrees, deg/s and deg/s^2 to one drive's units.
 
     Args:
         node: the drive, which is asked for its units.
         options: the bench's.
 
     Attributes:
-        remarks: what had to be rounded, in words.
+        remarks: sentences about rounded values.
 
     Raises:
-        BadReply: neither bench nor drive say a unit, or they contradict one another; it names the bench key.
-
+        BadReply: neither bench nor drive name a unit, or they contradict one another; the message names the bench key.
     """
 
     def __init__(self, node: CanNode, options: CiA402Options) -> None:
@@ -186,19 +186,19 @@ class Scales:
         self.remarks: list[str] = []
 
     def counts(self, degrees: float) -> int:
-        """Position units."""
+        """A position in position units of the drive, from degrees."""
         return round(degrees * self._counts_per_degree)
 
     def velocity(self, what: str, deg_per_s: float) -> int:
-        """A speed as it goes onto the wire; raises `BadReply` if the unit is too coarse for it."""
+        """A speed in units of the drive, from deg/s. Raises `BadReply` if the unit is too coarse."""
         return self._whole(what, deg_per_s, "deg/s", *self._velocity)
 
     def acceleration(self, what: str, deg_per_s2: float) -> int:
-        """An acceleration as it goes onto the wire; raises `BadReply` if the unit is too coarse for it."""
+        """An acceleration in units of the drive, from deg/s^2. Raises `BadReply` if the unit is too coarse."""
         return self._whole(what, deg_per_s2, "deg/s^2", *self._acceleration)
 
     def _whole(self, what: str, wanted: float, unit: str, wire: Unit, per_degree: float) -> int:
-        """Rounded; down, and said so, where rounding changes it by more than a hundredth."""
+        """A rounded value; rounded down with a remark if rounding changes it by more than a hundredth."""
         exact = wanted * per_degree
         value = round(exact)
         if abs(value - exact) > _COARSE * exact:
@@ -217,7 +217,7 @@ class Scales:
 def settings_of(
     node: CanNode, scales: Scales, options: CiA402Options, limits: tuple[float, float]
 ) -> Iterator[tuple[int, int, int]]:
-    """(index, subindex, value) of everything that the drive can be set to, in order."""
+    """(index, subindex, value) of every available setting, in order."""
     acceleration, home = options.acceleration_deg_per_s2, options.home_speed_deg_per_s
 
     def a() -> int:
@@ -244,16 +244,14 @@ def settings_of(
 
 
 def _agreed(node: CanNode, quantity: Quantity, declared: str | None) -> Unit:
-    """The unit that the bench file or the drive itself names."""
+    """The unit named by the bench file or by the drive."""
     index, key = _UNIT_OBJECTS[quantity], f"{quantity}_unit"
     code = node.number(index) if node.has(index) else 0
     told = told_unit(code, quantity)
     if declared is None:
         if told is None:
             says = (
-                f"its {index:04X}h is {code:08X}h, which is not known here"
-                if code
-                else f"its {index:04X}h says nothing"
+                f"its {index:04X}h is {code:08X}h, which is unknown" if code else f"its {index:04X}h does not name one"
             )
             example = "rpm" if quantity == "velocity" else "rpm/s"
             raise BadReply(
@@ -271,14 +269,14 @@ def _agreed(node: CanNode, quantity: Quantity, declared: str | None) -> Unit:
 
 
 def _turns(node: CanNode, options: CiA402Options) -> float:
-    """Turns of the shaft whose speed the drive counts, per turn of the table."""
+    """Turns of the drive's shaft per turn of the table."""
     told = _position_units_per_turn(node)
     derived = None if told is None else 360.0 * options.counts_per_degree / told
     declared = options.turns_per_table_turn
     if declared is None and derived is None:
         raise BadReply(
-            f"{node.where}: the drive counts speeds at a shaft, and how often that turns for one turn of the table is "
-            f"not known; write turns_per_table_turn = N into the bench file"
+            f"{node.where}: the drive counts speeds at a shaft, and its turns per turn of the table are "
+            f"unknown; write turns_per_table_turn = N in the bench file"
         )
     if declared is not None and derived is not None and abs(declared - derived) > _SAME * derived:
         raise BadReply(
@@ -291,10 +289,10 @@ def _turns(node: CanNode, options: CiA402Options) -> float:
 
 
 def _position_units_per_turn(node: CanNode) -> float | None:
-    """By feed constant (6092h) or encoder resolution (608Fh); None if they say nothing, or a gear (6091h) is between.
+    """By feed constant (6092h) or encoder resolution (608Fh); None if neither is set, or if there is a gear (6091h).
 
-    With a gear the standard's drives differ in which of its shafts they count speeds at. A ratio of 1 or less is what
-    these objects hold when nobody has set them.
+    With a gear, drives differ in the shaft at which they count speeds. A ratio of 1 or less is the default value of
+    these objects.
     """
     ratios = [_ratio(node, index) for index in (GEAR_RATIO, FEED, ENCODER_RESOLUTION)]
     gear, feed, encoder = ratios

@@ -1,4 +1,4 @@
-"""What the numbers of a CiA 402 drive mean in words: states of its power, and errors."""
+"""Texts for the states and error codes of a CiA 402 drive."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ _ERRORS = {
 
 
 def state_of(status: int) -> str:
-    """The state that a statusword tells."""
+    """The state in a statusword."""
     return next((name for name, (mask, value) in _STATES.items() if status & mask == value), f"unknown ({status:04X}h)")
 
 
 def error_text(code: int) -> str:
-    """An error code (603Fh) in words."""
+    """An error code (603Fh) as text."""
     return f"{_ERRORS.get(code, 'see the drive manual')} (error {code:04X}h)"

@@ -1,8 +1,8 @@
-"""Time, handed in. Nothing else in the project reads a clock or sleeps.
+"""The clock, passed to every part. Nothing else in the project reads a clock or sleeps.
 
-A `Clock` counts *bench seconds*. On a real bench these are real seconds; against `rig sim --speed N` they run
-N times faster than the wall; in a dry run they are the virtual time of a `sims.World`, which satisfies this
-protocol by shape and never waits at all.
+A `Clock` counts *bench seconds*. On a real bench these are real seconds; against `rig sim --speed N` they run N times
+faster than real time; in a dry run they are the virtual time of a `sims.World`, which satisfies this protocol by shape
+and never waits at all.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ _BOOTTIME = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
 
 
 class Clock(Protocol):
-    """What every part of the controller may know of time."""
+    """The clock of the whole controller."""
 
     def now(self) -> float:
         """Bench seconds since an arbitrary origin; never steps, keeps counting while the machine sleeps."""
@@ -30,19 +30,19 @@ class Clock(Protocol):
         ...
 
     def idle(self, seconds: float) -> None:
-        """Let bench time pass while waiting for a person: real time passes too, even where time is virtual."""
+        """Let bench time pass while waiting for a person: real time passes too, even with virtual time."""
         ...
 
     def timeout(self, seconds: float) -> float:
-        """Real seconds that an operating-system wait may last when the instrument needs `seconds`."""
+        """Maximum real seconds of an operating-system wait when the instrument needs `seconds`."""
         ...
 
     def grace(self) -> float:
-        """Bench seconds to allow beyond a deadline for a simulated instrument's process to get its turn."""
+        """Bench seconds beyond a deadline for the process of a simulated instrument to be scheduled."""
         ...
 
     def stopwatch(self) -> float:
-        """Real seconds of this machine, for reporting how long our own work took; never for decisions."""
+        """Real seconds of this machine, to report the duration of our own work; never for decisions."""
         ...
 
 
@@ -80,7 +80,7 @@ class RealClock:
 
 
 _TURN_S = 0.2
-"""Real seconds until a process that shares this machine's processors has surely had its turn."""
+"""Real seconds after which a process that shares this machine's processors has surely been scheduled."""
 
 
 class ScaledClock(RealClock):
@@ -88,9 +88,8 @@ class ScaledClock(RealClock):
 
     Args:
         speed: bench seconds per real second.
-        epoch_utc: bench time's UTC when the simulated bench started, in seconds since 1970-01-01.
-        started_utc: the machine's UTC at that same moment.
-
+        epoch_utc: UTC of bench time at the start of the simulated bench, seconds since 1970-01-01.
+        started_utc: the machine's UTC at the same moment.
     """
 
     def __init__(self, speed: float, epoch_utc: float, started_utc: float) -> None:
@@ -113,7 +112,7 @@ class ScaledClock(RealClock):
         super().sleep(seconds / self._speed)
 
     def timeout(self, seconds: float) -> float:
-        """Bench seconds made real, plus what two processes need that share this machine's processors."""
+        """Bench seconds as real seconds, plus the time for two processes that share this machine's processors."""
         return seconds / self._speed + _TURN_S
 
     def grace(self) -> float:
@@ -122,9 +121,9 @@ class ScaledClock(RealClock):
 
 
 def boot_id() -> str:
-    """Name of this boot of the machine; CLOCK_BOOTTIME values compare only within one boot.
+    """Identifier of this boot of the machine; CLOCK_BOOTTIME values are comparable only within one boot.
 
-    Returns an empty string where the kernel does not say, which callers must treat as "another boot".
+    Returns an empty string if the kernel does not give one; callers must treat it as "another boot".
     """
     try:
         return Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii").strip()

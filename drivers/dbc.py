@@ -1,4 +1,4 @@
-"""Readings in CAN frames that a DBC file describes: where they are, and which of the frames that come count."""
+"""Readings in CAN frames that a DBC file describes: their positions, and the frames that count."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from cantools.database.errors import Error
 from drivers.roles import OVERLOAD
 
 Values = Mapping[str, float]
-"""A frame's signals."""
+"""Values of a frame's signals."""
 
 Place = tuple[Message, Signal]
-"""Where a number is found."""
+"""Place of a number: message and signal."""
 
 
 @lru_cache(maxsize=16)  # a bench is checked and opened with the same text, and parsing takes 20 ms
 def read_dbc(text: str) -> Database:
-    """The messages that a DBC file describes; raises `ValueError` if it cannot be read."""
+    """The messages of a DBC file. Raises `ValueError` if it cannot be read."""
     try:
         database = load_string(text, "dbc")
     except (Error, ValueError) as error:
@@ -31,7 +31,7 @@ def read_dbc(text: str) -> Database:
 
 
 def find_signal(database: Database, label: str, path: str) -> Place:
-    """The signal at MESSAGE.SIGNAL; raises `ValueError` listing what there is."""
+    """The signal at MESSAGE.SIGNAL. Raises `ValueError` with the existing ones."""
     name, *_ = path.partition(".")
     places = {f"{m.name}.{s.name}": (m, s) for m in database.messages for s in m.signals}
     if path not in places:
@@ -41,24 +41,23 @@ def find_signal(database: Database, label: str, path: str) -> Place:
 
 
 def frame_name(message: Message) -> str:
-    """A message as people look for it on a bus: identifier and name."""
+    """Identifier and name of a message, as on a bus monitor."""
     return f"{message.frame_id:03X}h ({message.name})"
 
 
 class Series:
-    """A measurement under way: what has come of it.
+    """The frames of a running measurement.
 
     Args:
-        count: readings wanted of each channel.
+        count: wanted readings of each channel.
         channels: message and signal by channel.
-        faults: likewise, what is wrong with its sensor.
+        faults: message and fault signal by channel.
 
     Attributes:
-        due: when the last reading is expected, bench seconds.
+        due: expected time of the last reading, bench seconds.
         readings: by channel.
-        heard: names of the messages that came.
-        repeated: frames with the counter of the one before.
-
+        heard: names of the received messages.
+        repeated: number of frames with the counter of the previous one.
     """
 
     def __init__(self, count: int, channels: Mapping[str, Place], faults: Mapping[str, Place]) -> None:
@@ -74,27 +73,26 @@ class Series:
 
     @property
     def missing(self) -> int:
-        """Readings that have not come yet, of the channel that has the fewest."""
+        """Number of missing readings of the channel with the fewest."""
         return self.count - min(len(readings) for readings in self.readings.values())
 
     def forget_counters(self) -> None:
-        """The unit begins to count again."""
+        """Expect a new count: the unit starts its counter again."""
         self._counters.clear()
         self._wrong.clear()
 
     def take(self, message: Message, values: Values, counter: str, *, in_step: bool) -> None:
-        """Take what a frame says.
+        """Take the signals of a frame.
 
         Args:
-            message: which it is.
+            message: its message.
             values: its signals.
-            counter: signal by which it is counted, if it has it.
-            in_step: a reading counts only if the fault signals of the same sweep have come before it.
-
+            counter: name of the counter signal, if any.
+            in_step: whether a reading counts only after the fault signals of the same sweep.
         """
         self.heard.add(message.name)
         at = values.get(counter)
-        kind = (message.name, frozenset(values))  # the groups of a multiplexed message are counted each by itself
+        kind = (message.name, frozenset(values))  # each group of a multiplexed message has its own counter
         if at is not None:
             if self._counters.get(kind) == at:
                 self.repeated += 1

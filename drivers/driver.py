@@ -1,7 +1,7 @@
-"""What a driver is: what the controller needs of its class, whoever wrote it.
+"""Drivers: what the controller requires of a driver's class.
 
-A driver is found by its name in entry-point group `rig.drivers`. What it can do is one or more of the protocols of
-`drivers.roles`; whatever else others have to know of it are attributes of its class.
+A driver is found by its name in entry-point group `rig.drivers`. It satisfies one or more protocols of `drivers.roles`;
+further properties are attributes of its class.
 """
 
 from __future__ import annotations
@@ -15,17 +15,16 @@ from drivers.roles import Instrument
 from drivers.wires import Wires
 
 Medium = Literal["serial", "modbus", "can"]
-"""What a wire carries; which addresses an instrument may have follows from it (`drivers.wires.addresses`)."""
+"""Kind of wire; it determines the valid addresses of an instrument (`drivers.wires.addresses`)."""
 
 
 class ContractFile(NamedTuple):
-    """A text that both sides of a wire go by, such as an EDS, a DBC, a register map; driver and twin get the same one.
+    """A file that both sides of a wire use, such as an EDS, a DBC, a register map; driver and twin get the same text.
 
     Attributes:
-        option: of driver and twin, that takes the text; a bench file may name a file of its own there.
-        package: importable package that the file comes with.
+        option: option of driver and twin that takes the text; a bench file may name another file there.
+        package: importable package that contains the file.
         file: its name there.
-
     """
 
     option: str
@@ -34,13 +33,12 @@ class ContractFile(NamedTuple):
 
 
 class DriverClass(Protocol):
-    """What an entry point of group `rig.drivers` names.
+    """The object named by an entry point of group `rig.drivers`.
 
     Attributes:
-        Options: what the bench file may say about the instrument; checks it.
-        wire: what it talks over.
-        contracts: files that it cannot do without, () if there are none.
-
+        Options: options of the instrument in the bench file; checks them.
+        wire: kind of its wire.
+        contracts: required files, () if there are none.
     """
 
     Options: type[BaseModel]

@@ -1,6 +1,6 @@
-"""What a Druck PACE's numbers mean: unit, control range, what pressures are counted from, and the atmosphere.
+"""Meaning of a Druck PACE's numbers: unit, control range, reference of pressures, and the atmosphere.
 
-All of it is asked of the controller at every use: anybody may change it at the front panel.
+All of it is asked of the controller at every use, because anybody may change it at the front panel.
 """
 
 from __future__ import annotations
@@ -23,40 +23,40 @@ PASCALS = {
     "TORR": 101325.0 / 760.0,
     "MMHG": 133.322387415,
 }
-"""Units that a reading may come in, in pascals, should somebody have changed them at the front panel."""
+"""Units of readings, in pascals: somebody may change the unit at the front panel."""
 
-_ATMOSPHERE_PSI = (6.5, 16.5)  # from the highest towns to the deepest pits
-_BELOW_VACUUM_PSI = -0.5  # a sensor's zero is nowhere as far off
-_BEYOND = 1.1  # a range ends a little above its name
+_ATMOSPHERE_PSI = (6.5, 16.5)  # from the highest towns to the deepest mines
+_BELOW_VACUUM_PSI = -0.5  # no zero error of a sensor is as large
+_BEYOND = 1.1  # a range ends a little above its nominal full scale
 
 
 @dataclass(frozen=True)
 class Scale:
-    """One unit of the controller, psi, the absolute pressure that it calls 0, and the control range's name."""
+    """One unit of the controller in psi, the absolute pressure of its 0 in psi, and the control range's name."""
 
     unit_psi: float
     zero_psia: float
     range: str
 
     def psia(self, told: float) -> float:
-        """A number of the controller's as an absolute pressure."""
+        """A number of the controller as an absolute pressure, psi."""
         return told * self.unit_psi + self.zero_psia
 
 
 class Measures:
-    """Units and ranges of one control module. What contradicts the bench or itself is refused with `BadReply`.
+    """Units and ranges of one control module. Raises `BadReply` for contradictions with the bench or within its
+    answers.
 
     Args:
-        pace: how it is asked.
+        pace: questions and commands.
         where: the instrument, for messages.
         options: of the bench file.
 
     Attributes:
         unit: header of its unit.
-        source: header of what it controls.
-        sense: header of what it measures.
-        no_air: what is wrong with its barometer, one sentence or none.
-
+        source: header of the controlled quantities.
+        sense: header of the measured quantities.
+        no_air: defect of its barometer, one sentence or none.
     """
 
     def __init__(self, pace: PaceScpi, where: str, options: PaceOptions) -> None:
@@ -64,8 +64,8 @@ class Measures:
         suffix = "" if options.module == 1 else "2"
         self.unit, self.source, self.sense = f":UNIT{suffix}:PRES", f":SOUR{suffix}:PRES", f":SENS{suffix}:PRES"
         self.no_air: tuple[str, ...] = ()
-        self._has_barometer = False  # it has told an atmosphere
-        self._range: str | None = None  # the control range's name when it was prepared
+        self._has_barometer = False  # whether it has given an atmospheric pressure
+        self._range: str | None = None  # the control range's name at preparation
 
     def set_unit(self) -> None:
         """Set the unit of this module and read it back: slew and setpoints are numbers in it."""
@@ -81,36 +81,38 @@ class Measures:
             )
 
     def accept_range(self) -> None:
-        """Refuse a control range that contradicts the bench or the unit, and any other than this from now on."""
+        """Check the control range against bench and unit, and refuse any other range from now on."""
         self._range = self._checked_range()
 
     def selected_range(self) -> str:
-        """Name of the control range, which says how far it goes and what pressures are counted from."""
+        """Name of the control range; it contains the full scale and the reference of pressures."""
         return self._pace.ask(f"{self.source}:RANG?").strip('"')
 
     def _unit_psi(self) -> float:
-        """The unit of this moment: somebody may have changed it at the front panel."""
+        """The present unit: somebody may have changed it at the front panel."""
         name = self._pace.ask(f"{self.unit}?")
         if name.upper() not in PASCALS:
             raise BadReply(f"{self._where} is set to the unknown unit {name!r}; set it to PSI")
         return PASCALS[name.upper()] / PASCALS["PSI"]
 
     def scale(self) -> Scale:
-        """What the controller's numbers mean at this moment, by its unit and by its control range's name."""
+        """Present meaning of the controller's numbers, by its unit and its control range's name."""
         unit, name = self._unit_psi(), self.selected_range()
         gauge = (reference_of(name, PASCALS) or self._options.reference) == "gauge"
         return Scale(unit, self._barometer(unit) if gauge else 0.0, name)
 
     def refuse_below_vacuum(self, psia: float) -> None:
-        """Refuse a pressure that is less than none."""
+        """Raise `BadReply` for a pressure below zero."""
         if psia < _BELOW_VACUUM_PSI:
             raise BadReply(
                 f"{self._where}: it reads {psia:.4g} psia, less than a vacuum; look at its sensor, its zero, and "
-                f"what the control range counts from"
+                f"the reference of the control range"
             )
 
     def checked_scale(self) -> Scale:
-        """The same, and refused if the control range is not the one prepared: its limits have been checked there."""
+        """The same, with `BadReply` for another control range than the prepared one: only that one's limits were
+        checked.
+        """
         scale = self.scale()
         told, wanted = reference_of(scale.range, PASCALS), self._options.reference
         if told != wanted or self._range not in (None, scale.range):
@@ -122,19 +124,19 @@ class Measures:
         return scale
 
     def refuse_unknown_zero(self) -> None:
-        """Refuse a setpoint that would be counted from an atmosphere that nobody has measured."""
+        """Refuse a gauge setpoint if the atmospheric pressure is unknown."""
         if self._options.reference == "gauge" and self.no_air:
             raise BadReply(f"{self._where}: no gauge pressure is set while {self.no_air[0]}")
 
     def atmosphere(self) -> float:
-        """Pressure of the atmosphere at this moment, psi."""
+        """Present pressure of the atmosphere, psi."""
         return self._barometer(self._unit_psi())
 
     def _barometer(self, unit_psi: float) -> float:
-        """Pressure of the atmosphere, psi; by the bench file where there is no barometer, which reads 0.
+        """Pressure of the atmosphere, psi; from the bench file if there is no barometer, which then reads 0.
 
-        One that reads no atmosphere is not believed, and `read` says so; 0 too, if it has told an atmosphere before or
-        gauge pressures are counted from it and the bench does not say `ambient_psia`.
+        A barometer with an impossible reading is not used, and `read` reports it. This includes 0 if it has given an
+        atmospheric pressure before, or if gauge pressures need it and the bench has no `ambient_psia`.
         """
         told = self._pace.number(f"{self.sense}:BAR?") * unit_psi
         if _ATMOSPHERE_PSI[0] <= told <= _ATMOSPHERE_PSI[1]:
@@ -142,7 +144,7 @@ class Measures:
             return told
         needed = self._options.reference == "gauge" and not self._air_is_given()
         self.no_air = (
-            (f"the barometer reads {told:.4g} psi, which is no atmosphere; ambient_psia is used instead",)
+            (f"the barometer reads {told:.4g} psi, which cannot be the atmosphere; ambient_psia is used instead",)
             if told or self._has_barometer or needed
             else ()
         )
@@ -152,7 +154,9 @@ class Measures:
         return "ambient_psia" in self._options.model_fields_set
 
     def _checked_range(self) -> str:
-        """The control range's name; one, a barometer or a pressure that contradict bench or unit are refused."""
+        """The control range's name. Raises `BadReply` if range, barometer or pressure contradict the bench or the
+        unit.
+        """
         where, options = self._where, self._options
         name = self.selected_range()
         reference, full_scale = reference_of(name, PASCALS), full_scale_psi(name, PASCALS)
@@ -167,13 +171,13 @@ class Measures:
         air = self._pace.number(f"{self.sense}:BAR?")
         if air and not _ATMOSPHERE_PSI[0] <= air <= _ATMOSPHERE_PSI[1]:
             raise BadReply(
-                f"{where}: its barometer reads {air:g} and it says it is set to PSI: that is no atmosphere; "
+                f"{where}: its barometer reads {air:g} and it says it is set to PSI: that cannot be the atmosphere; "
                 f"look at the unit of module {options.module} on its display"
             )
         if not air and options.reference == "gauge" and not self._air_is_given():
             raise BadReply(
-                f"{where}: its barometer reads 0, and gauge pressures are counted from the atmosphere; "
-                f"give `ambient_psia`, the pressure of the atmosphere where it stands"
+                f"{where}: its barometer reads 0, and gauge pressures are relative to the atmosphere; "
+                f"give `ambient_psia`, the pressure of the atmosphere at its place"
             )
         pressure = self._pace.number(f"{self.sense}?")
         if options.reference == "absolute":

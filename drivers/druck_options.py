@@ -1,4 +1,4 @@
-"""What the bench file may say about a Druck PACE pressure controller."""
+"""Options of a Druck PACE pressure controller in the bench file."""
 
 from __future__ import annotations
 
@@ -12,27 +12,27 @@ Positive = Annotated[float, Field(gt=0)]
 
 
 class PaceOptions(SerialOptions):
-    """What the bench file may say about this instrument."""
+    """Options of this instrument in the bench file."""
 
-    slew_psi_per_s: Positive = Field(0.1, description="how fast pressure is changed")
-    vent_psi_per_s: Positive = Field(0.2, description="how fast it goes to the atmosphere")
+    slew_psi_per_s: Positive = Field(0.1, description="rate of pressure changes")
+    vent_psi_per_s: Positive = Field(0.2, description="rate of venting to the atmosphere")
     in_limits_pct_fs: Annotated[float, Field(gt=0, le=100)] = Field(
-        0.01, description="band in which it calls the pressure settled, percent of full scale"
+        0.01, description="in-limits band, percent of full scale"
     )
-    in_limits_s: Annotated[int, Field(ge=2, le=999)] = Field(2, description="and for how long")
-    low_psia: float = Field(0.0, ge=0, description="lowest setpoint that may be commanded")
-    high_psia: float = Field(15.0, description="highest setpoint that may be commanded")
+    in_limits_s: Annotated[int, Field(ge=2, le=999)] = Field(2, description="minimum time in the band")
+    low_psia: float = Field(0.0, ge=0, description="lowest permitted setpoint")
+    high_psia: float = Field(15.0, description="highest permitted setpoint")
     reference: Literal["absolute", "gauge"] = Field(
-        "absolute", description="what its pressures are counted from; gauge adds the barometer's"
+        "absolute", description="reference of its pressures; for gauge the barometer's reading is added"
     )
     ambient_psia: Annotated[float, Field(gt=0)] = Field(
-        14.7, description="pressure of the atmosphere, where it has no barometer; gauge then needs it said"
+        14.7, description="pressure of the atmosphere, if it has no barometer; then required for gauge"
     )
-    control_range: str | None = Field(None, description="control range by its name; the one selected if not given")
+    control_range: str | None = Field(None, description="name of the control range; default: the selected one")
     module: Literal[1, 2] = Field(1, description="control module; 2 only in a PACE6000")
     baud: Literal[2400, 4800, 9600, 19200, 38400, 57600, 115200] = Field(9600, description="symbols per second")
     frame: Literal["8N1", "7E1", "7O1", "8E1", "8O1"] = Field("8N1", description="data bits, parity, stop bits")
-    timeout_s: Positive = Field(2.0, description="wait for a reply")
+    timeout_s: Positive = Field(2.0, description="maximum wait for a reply")
 
     @model_validator(mode="after")
     def _in_order(self) -> Self:

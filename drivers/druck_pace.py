@@ -1,7 +1,7 @@
 """Druck PACE5000 and PACE6000 pressure controllers, on serial or TCP (`socket://host:5025`).
 
-Commands from the SCPI manual K0472, issue 1 and revision A; how they are sent is `drivers.druck_scpi`'s, and
-what the numbers mean is `drivers.druck_measures`'s.
+Commands are from the SCPI manual K0472, issue 1 and revision A. `drivers.druck_scpi` sends them, and
+`drivers.druck_measures` interprets the numbers.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from drivers.wires import SerialSettings, Wires
 _READBACK = 1e-5
 _PRESSURE_READBACK_PSI = 2e-5
 _SATURATED_PCT = 95.0
-_AT_AMBIENT_PSI = 0.3  # where the valve to the atmosphere may open without a blow
-_VENTED_PSI = 0.5  # more than this from the atmosphere after a vent is pressure left behind
-_VENT_S = 60.0  # for the vent itself, beyond the slew
+_AT_AMBIENT_PSI = 0.3  # here the valve to the atmosphere may open without a shock
+_VENTED_PSI = 0.5  # a larger difference from the atmosphere after a vent is trapped pressure
+_VENT_S = 60.0  # for the vent itself, in addition to the slew
 _POLL_S = 1.0
 
 
@@ -67,8 +67,8 @@ class DruckPACE:
         self._source, self._sense = self._measures.source, self._measures.sense
         self._output = ":OUTP:STAT" if options.module == 1 else ":OUTP2:STAT"
         self._vent = f"{self._source}:LEV:IMM:AMPL:VENT"
-        self._in_limits_from = -math.inf  # earlier than this no setpoint can have been reached
-        self._vent_by: float | None = None  # on the way to the atmosphere; the valve opens at the latest then
+        self._in_limits_from = -math.inf  # no setpoint can be reached before this time
+        self._vent_by: float | None = None  # on the way to the atmosphere; the latest time at which the valve opens
         self._vent_started = False
         self._left_behind: tuple[str, ...] = ()
 
@@ -90,13 +90,12 @@ class DruckPACE:
         return Identity(parts[0], model, parts[2], parts[3])
 
     def prepare(self) -> None:
-        """Set unit, slew and in-limits band, and read them back. A pressure under control stays as it is.
+        """Set unit, slew and in-limits band, and read them back. A controlled pressure does not change.
 
         Raises:
             InstrumentError: a setting was refused.
-            BadReply: a setting reads back as something else, pressures are not counted from what the bench says, or
-                control range, barometer and pressure contradict the unit that it says it is set to.
-
+            BadReply: a setting reads back differently, the reference of pressures is not that of the bench, or control
+                range, barometer and pressure contradict its unit.
         """
         options, source = self._options, self._source
         self._pace.forget_errors()
@@ -117,19 +116,19 @@ class DruckPACE:
     def restarted(self) -> bool:
         """See `Restartable.restarted`.
 
-        By the mark that `prepare` leaves: the power-on bit of *ESR? is reserved and always 0 in these instruments.
+        It is known by the mark that `prepare` sets: the power-on bit of *ESR? is reserved and always 0 in these
+        instruments.
         """
         return self._pace.number("*ESE?") != PREPARED
 
     def set_pressure(self, psia: float) -> None:
-        """See `PressureController.set_pressure`. Gives up a vent.
+        """See `PressureController.set_pressure`. Cancels a vent.
 
         Raises:
-            LimitError: outside the limits, or no number.
+            LimitError: outside the limits, or not a number.
             InstrumentError: the controller refuses it.
-            BadReply: unit, control range, slew or setpoint are not as wanted; control is not switched on, or is
-                switched off once the setpoint was sent.
-
+            BadReply: unit, control range, slew or setpoint are not as wanted; or control does not switch on, or has
+                switched off after the setpoint.
         """
         low, high = self.limits()
         if not low <= psia <= high:
@@ -139,13 +138,12 @@ class DruckPACE:
     def read(self) -> PressureState:
         """See `PressureController.read`.
 
-        On the way to the atmosphere this also opens the vent valve when the pressure has come near enough.
-        Pressures are understood in whatever unit the controller is set to.
+        On the way to the atmosphere this also opens the vent valve once the pressure is near enough. Pressures are
+        converted from the controller's present unit.
 
         Raises:
-            BadReply: the controller is set to an unknown unit or to another control range than when it was prepared,
-                an answer makes no sense, or the pressure is less than a vacuum's.
-
+            BadReply: the controller is set to an unknown unit or to another control range than when it was prepared, an
+                answer makes no sense, or the pressure is below zero.
         """
         state = self._state(self._measures.checked_scale())
         self._measures.refuse_below_vacuum(state.pressure_psia)
@@ -177,7 +175,9 @@ class DruckPACE:
         )
 
     def stop(self) -> None:
-        """See `PressureController.stop`. A vent under way is given up too; a line that is only measured stays so."""
+        """See `PressureController.stop`. A running vent is cancelled too; a line without control stays without
+        control.
+        """
         state = self._state(self._measures.scale())
         if state.controlling or state.venting:
             self._control(max(state.pressure_psia, 0.0), self._options.slew_psi_per_s)
@@ -192,7 +192,7 @@ class DruckPACE:
         if away > _AT_AMBIENT_PSI:
             try:
                 self._control(atmosphere, slew)
-            except InstrumentError:  # a control range that ends below the atmosphere: the valve is all there is
+            except InstrumentError:  # the control range ends below the atmosphere: only the valve can vent
                 self._start_vent()
             else:
                 self._vent_by = self._clock.now() + 1.5 * away / slew + _VENT_S / 2.0
@@ -202,16 +202,15 @@ class DruckPACE:
     def make_safe(self) -> None:
         """See `Instrument.make_safe`: the line goes to the atmosphere at the vent's slew, then control is off.
 
-        Takes no longer than one and a half times the way at that slew, and two minutes. If a source is lost and the
+        It takes at most one and a half times the duration at that slew, plus two minutes. If a source is lost and the
         slew does not arrive, the valve to the atmosphere is opened nevertheless. A control range changed by hand is
-        understood by its name.
+        interpreted by its name.
 
         Raises:
-            NotReady: pressure is left in the line.
-
+            NotReady: pressure is trapped in the line.
         """
         self._pace.forget_errors()
-        self._pace.send(f"{self._measures.unit} PSI")  # whatever it is set to, this can be understood
+        self._pace.send(f"{self._measures.unit} PSI")  # this is valid in every setting
         self.vent()
         state = self._state(self._measures.scale())
         away = abs(state.pressure_psia - self._measures.atmosphere())
@@ -241,10 +240,10 @@ class DruckPACE:
             self._pace.check(f"{source}:{setting}?", float(value), _READBACK * value)
 
     def _control(self, psia: float, slew_psi_per_s: float, *, checked: bool = False) -> None:
-        """Unit and slew, then the setpoint, and control only when all of them are as wanted.
+        """Set unit and slew, then the setpoint; switch on control only if all of them are correct.
 
-        Nothing is taken for granted of what `prepare` set: a power cut since would have the fastest slew in force.
-        Only what makes the line safe may use a control range that is not the one prepared (`checked` false).
+        Settings of `prepare` are not trusted: after a power cut the fastest slew would be in force. Only steps to the
+        safe state may use another control range than the prepared one (`checked` false).
         """
         self._end_vent()
         self._measures.set_unit()
@@ -256,12 +255,12 @@ class DruckPACE:
         self._pace.send(f"{self._source} {setpoint:.7f}")
         try:
             self._pace.check(f"{self._source}?", setpoint, _PRESSURE_READBACK_PSI)
-            self._measures.check_unit()  # changed by hand meanwhile, slew and setpoint are numbers in another one
+            self._measures.check_unit()  # after a change by hand, slew and setpoint are numbers in another unit
             if (name := self._measures.selected_range()) != scale.range:
                 raise BadReply(
                     f"{self._line.where}: the control range was {scale.range!r} and is {name!r} after the setpoint"
                 )
-        except BadReply:  # a pressure under control is already on its way to whatever it is
+        except BadReply:  # a controlled pressure is already on its way
             self._pace.send(f"{self._output} 0")
             raise
         self._in_limits_from = self._clock.now() + self._options.in_limits_s
@@ -280,18 +279,20 @@ class DruckPACE:
             self._pace.send(f"{self._vent} 0")
 
     def _may_open(self, pressure_psia: float) -> bool:
-        """Whether the valve to the atmosphere may open: the pressure is near, or has had its time to come near."""
+        """Whether the valve to the atmosphere may open: the pressure is near, or the time to get near has passed."""
         near = abs(pressure_psia - self._measures.atmosphere()) <= _AT_AMBIENT_PSI
         return near or (self._vent_by is not None and self._clock.now() >= self._vent_by)
 
     def _vent_status(self) -> int:
-        """0 idle, 1 under way, 2 completed; newer firmware also has other ends, which the pressure tells apart."""
+        """0 idle, 1 under way, 2 completed. Newer firmware has further final states; the pressure distinguishes
+        them.
+        """
         return round(self._pace.number(f"{self._vent}?"))
 
     # Judgement
 
     def _lost_source(self, setpoint_psia: float, effort_pct: float, scale: Scale) -> tuple[str, ...]:
-        """Whether a valve is fully open because the source behind it is not what it should be."""
+        """Whether a valve is fully open because its source pressure is wrong."""
         which, sign = (1, 1.0) if effort_pct > 0 else (2, -1.0)
         source = scale.psia(self._pace.number(f"{self._source}:COMP{which}?"))
         if sign * (source - setpoint_psia) > 0:

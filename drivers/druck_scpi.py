@@ -1,7 +1,7 @@
-"""How Druck PACE instruments talk SCPI: every answer repeats its header, and few errors fit their queue.
+"""SCPI of Druck PACE instruments: every answer repeats its header, and the error queue is short.
 
-The header tells a late answer from the one asked for. One question a line, and the error queue (five) is emptied after
-every command. Source: SCPI manual K0472, sections 2 and 3.
+The header distinguishes a late answer from the expected one. There is one question per line, and the error queue (five
+entries) is emptied after every command. Source: SCPI manual K0472, sections 2 and 3.
 """
 
 from __future__ import annotations
@@ -15,51 +15,50 @@ from drivers.wires import SerialLine
 
 _MOST_ERRORS = 5
 SYNC = (":SYST:VERS?", ":SYST:VERS ")
-"""A question that is asked for nothing else, and the header of its answer."""
+"""A question that is only used for synchronisation, and the header of its answer."""
 
 
 class PaceScpi:
     """Questions and commands on an open line.
 
     Args:
-        line: where the instrument is.
-
+        line: the instrument's line.
     """
 
     def __init__(self, line: SerialLine) -> None:
         self.line = line
 
     def flag(self, question: str) -> bool:
-        """Ask something that is 0 or 1."""
+        """Ask for a value that is 0 or 1."""
         answer = self.ask(question)
         if answer not in ("0", "1"):
             raise self.line.bad_reply(question, answer, "0 or 1")
         return answer == "1"
 
     def number(self, question: str) -> float:
-        """Ask a number."""
+        """Ask for a number."""
         return self.as_number(question, self.ask(question))
 
     def as_number(self, question: str, answer: str) -> float:
-        """What was answered as a number. Raises `BadReply`."""
+        """The number in an answer. Raises `BadReply`."""
         try:
             return decimal(answer)
         except ValueError:
             raise self.line.bad_reply(question, answer, "a number") from None
 
     def check(self, question: str, wanted: float, allowed: float) -> None:
-        """Read a setting back. Raises `BadReply` if it is farther off than allowed."""
+        """Read a setting back. Raises `BadReply` if the deviation is too large."""
         answer = self.number(question)
         if not abs(answer - wanted) <= allowed:
             raise BadReply(f"{self.line.where}: {question} should answer {wanted:g} and answers {answer:g}")
 
     def ask(self, question: str, *, repeat: bool = True) -> str:
-        """The value of an answer, its header taken off; asked a second time if it is garbled or another's.
+        """The value of an answer, without its header; asked again if the answer is garbled or belongs to another
+        question.
 
         Raises:
-            BadReply: so is the second.
-            NoReply: nothing in time.
-
+            BadReply: the second answer is wrong too.
+            NoReply: no answer in time.
         """
         asked = question.removesuffix("?")
         for _ in range(2 if repeat else 1):
@@ -77,12 +76,12 @@ class PaceScpi:
         raise error
 
     def send(self, command: str) -> None:
-        """Send a command and see that it was not refused."""
+        """Send a command and check that it was not refused."""
         self.line.write(command)
         raise_errors(self.line, lambda: self.ask(":SYST:ERR?", repeat=False), _MOST_ERRORS)
 
     def forget_errors(self) -> None:
-        """Empty the error queue of what is left from before, which is not this session's."""
+        """Empty the error queue of errors from earlier sessions."""
         try:
             raise_errors(self.line, lambda: self.ask(":SYST:ERR?", repeat=False), _MOST_ERRORS)
         except InstrumentError:
@@ -93,9 +92,9 @@ class PaceScpi:
 
 @lru_cache(maxsize=256)
 def _same_header(asked: str, echoed: str) -> bool:
-    """Whether an echoed header is the one asked for: optional nodes may be spelt out, numbers left out.
+    """Whether an echoed header is the expected one: optional nodes may be spelt out, numbers left out.
 
-    A number that is there is the one asked for, 1 where none was: another module's answer is none of ours.
+    A number must be the expected one, or 1 if none was sent: answers of another module are refused.
     """
     asked_nodes, told_nodes = (_nodes(text) for text in (asked, echoed))
     for (name, number), (told, told_number) in zip(asked_nodes, told_nodes, strict=False):

@@ -1,4 +1,4 @@
-"""What can go wrong with an instrument, named by the operator's situation.
+"""Errors of instruments, named by the operator's situation.
 
 Every message says what happened, at which instrument and address, and what to do next.
 """
@@ -15,15 +15,15 @@ class Unreachable(DriverError):
 
 
 class WrongAddress(Unreachable):
-    """The address in the bench file is none that may be opened: it is refused before anything is."""
+    """The address in the bench file must not be opened: it is refused before anything is opened."""
 
 
 class NoReply(DriverError):
-    """A query was sent and nothing (or not all of it) came back in time."""
+    """A query was sent, and no complete answer came in time."""
 
 
 class BadReply(DriverError):
-    """Something came back that is not an answer to the question."""
+    """Received data is not an answer to the question."""
 
 
 class WrongInstrument(DriverError):
@@ -34,9 +34,8 @@ class InstrumentError(DriverError):
     """The instrument itself reports an error.
 
     Attributes:
-        code: the instrument's own number for it, 0 where it has none.
-        text: the instrument's own words.
-
+        code: the instrument's error number, 0 if it has none.
+        text: the instrument's own text.
     """
 
     def __init__(self, instrument: str, code: int, text: str) -> None:

@@ -1,6 +1,6 @@
 """HP/Agilent/Keysight 34401A voltmeter on its serial interface, DC volts.
 
-Commands from the 34401A user's guide (34401-90004). Its serial interface leaves the factory at 9600 baud, seven
+Commands from the 34401A user's guide (34401-90004). The factory setting of its serial interface is 9600 baud, seven
 bits, even parity, two stop bits.
 """
 
@@ -38,13 +38,13 @@ class Keysight34401A(ScpiMeter):
     contracts: ClassVar[tuple[ContractFile, ...]] = ()
 
     class Options(SerialOptions):
-        """What the bench file may say about this instrument."""
+        """Options of this instrument in the bench file."""
 
         baud: Literal[300, 600, 1200, 2400, 4800, 9600] = Field(9600, description="symbols per second")
         frame: Literal["7E2", "7O2", "8N2", "8N1"] = Field("7E2", description="data bits, parity, stop bits")
         interface: Interface = Field("rs232", description="rs232, also behind a serial server, or gpib")
         nplc: Nplc = Field(10, description="integration time, power line cycles")
-        line_Hz: Literal[50, 60] = Field(50, description="power line frequency, from which it takes its timing")
+        line_Hz: Literal[50, 60] = Field(50, description="power line frequency, the unit of its integration time")
         range_V: Annotated[float, AfterValidator(one_of(0.1, 1, 10, 100, 1000))] = Field(
             10, description="measuring range"
         )
@@ -60,7 +60,7 @@ class Keysight34401A(ScpiMeter):
 
     @property
     def most_sweeps(self) -> int:
-        """512 readings."""
+        """At most 512 readings."""
         return _MEMORY
 
     def channels(self) -> Sequence[str]:
@@ -68,7 +68,7 @@ class Keysight34401A(ScpiMeter):
         return ("input",)
 
     def sweep_s(self) -> float:
-        """Seconds of a reading: automatic delay, integration, and autozero, which integrates once more."""
+        """Duration of a reading, seconds: automatic delay, integration, and autozero, which is a second integration."""
         return settling_s(self._options.nplc) + 2 * self._options.nplc / self._options.line_Hz
 
     def prepare(self) -> None:
@@ -76,8 +76,7 @@ class Keysight34401A(ScpiMeter):
 
         Raises:
             InstrumentError: a command was refused.
-            BadReply: a setting reads back as something else.
-
+            BadReply: a setting reads back differently.
         """
         span, nplc = self._options.range_V, self._options.nplc
         self._configure(

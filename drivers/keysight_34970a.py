@@ -1,7 +1,7 @@
 """Agilent/Keysight 34970A scanner on its serial interface: DC volts and thermometers through a 34901A multiplexer.
 
-Commands from the 34970A/34972A Command Reference, version 2.00. The scanner goes through its scan list in ascending
-order, whatever order it was given in.
+Commands from the 34970A/34972A Command Reference, version 2.00. The scanner scans its channels in ascending order,
+whatever the order of the scan list.
 """
 
 from __future__ import annotations
@@ -37,10 +37,11 @@ TRANSDUCERS: Mapping[Thermometer, tuple[str, int]] = {
     "rtd-4w-385": ("FRTD", 85),
     "rtd-4w-391": ("FRTD", 91),
 }
-"""Thermometers it linearises, in its own words.
+"""Types of thermometers that it linearises.
 
-Thermistors 44004, 44007 and 44006 by their ohms at 25 degrees Celsius, from -80 to 150; platinum of 100 ohms by its
-alpha, 0.00385 or 0.00391, on two or four wires, from -200 to 600. Outside, the reading is an overload.
+Thermistors 44004, 44007 and 44006 by their resistance at 25 degrees Celsius, from -80 to 150 degrees Celsius. Platinum
+of 100 ohms by its alpha, 0.00385 or 0.00391, on two or four wires, from -200 to 600 degrees Celsius. Outside these
+ranges the reading is an overload.
 """
 
 _MEMORY = 50_000
@@ -71,10 +72,10 @@ class Keysight34970A(ScpiMeter):
     contracts: ClassVar[tuple[ContractFile, ...]] = ()
 
     class Options(SerialOptions):
-        """What the bench file may say about this instrument."""
+        """Options of this instrument in the bench file."""
 
         channels: dict[ChannelName, Literal["volts"] | Thermometer] = Field(
-            min_length=1, max_length=60, description="what is wired to which channel: slot 1 to 3, channel 01 to 20"
+            min_length=1, max_length=60, description="sensor by channel: slot 1 to 3, channel 01 to 20"
         )
         baud: Literal[1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200] = Field(
             9600, description="symbols per second"
@@ -86,7 +87,7 @@ class Keysight34970A(ScpiMeter):
             10, description="integration time, power line cycles"
         )
         range_V: VoltsRange = Field(10, description="measuring range of the volts channels")
-        ranges: dict[ChannelName, VoltsRange] = Field({}, description="measuring ranges of single volts channels")
+        ranges: dict[ChannelName, VoltsRange] = Field({}, description="measuring ranges of individual volts channels")
 
         @model_validator(mode="after")
         def _wired(self) -> Self:
@@ -115,7 +116,7 @@ class Keysight34970A(ScpiMeter):
 
     @property
     def most_sweeps(self) -> int:
-        """50,000 readings."""
+        """At most 50,000 readings."""
         return _MEMORY // len(self._names)
 
     def channels(self) -> Sequence[str]:
@@ -123,17 +124,18 @@ class Keysight34970A(ScpiMeter):
         return self._names
 
     def sweep_s(self) -> float:
-        """Seconds of a scan: for each channel relay, delay, integration, and autozero, which integrates once more."""
+        """Duration of a scan, seconds: relay, delay, integration and autozero (a second integration) of each
+        channel.
+        """
         nplc = self._options.nplc
         return len(self._names) * (_RELAY_S + settling_s(nplc) + 2 * nplc / self._line_hz)
 
     def prepare(self) -> None:
-        """Set every channel, the scan list and the trigger, and read them back; learn the power line's frequency.
+        """Set every channel, the scan list and the trigger, and read them back; read the power line's frequency.
 
         Raises:
             InstrumentError: a command was refused.
-            BadReply: a setting reads back as something else.
-
+            BadReply: a setting reads back differently.
         """
         options, nplc = self._options, self._options.nplc
         commands: list[str] = []
@@ -178,7 +180,7 @@ class Keysight34970A(ScpiMeter):
 
 
 def channel_list(names: Iterable[str]) -> str:
-    """Channels as the scanner takes them, neighbours joined: (@101:103,105)."""
+    """Channels in the scanner's notation, neighbours joined: (@101:103,105)."""
     runs: list[list[int]] = []
     for number in sorted(map(int, names)):
         if runs and number == runs[-1][-1] + 1:

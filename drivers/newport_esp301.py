@@ -1,12 +1,12 @@
 """Newport ESP301 motion controller with two rotary stages: a dividing head's pitch and roll.
 
-Commands from the ESP301 user's manual (Newport EDH0235En1030, section 3): several commands may share a line of at
-most 80 characters, separated by semicolons; every query of a line is answered with a line of its own.
+Commands are from the ESP301 user's manual (Newport EDH0235En1030, section 3): several commands may share a line of at
+most 80 characters, separated by semicolons; every query of a line is answered with a separate line.
 
-The controller does not tell whether an axis has been homed. This driver therefore leaves a mark when it has seen a
-home search end well: a distinctive jog speed (JW), which is lost at power-off just as the encoder's zero is. It is
-never saved to the controller's memory, and jogging from the front panel merely runs at that speed. Another one marks
-a search under way: a controller that was switched off in it stands still at what it calls zero, too.
+The controller does not report whether an axis has been homed. So this driver sets a mark after the good end of a home
+search: a distinctive jog speed (JW), which is lost at power-off, like the encoder's zero. It is never saved to the
+controller's memory; its only side effect is the speed of jogging from the front panel. Another mark stands for a
+running search: a controller that was switched off during a search also stands still at its zero.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ _HOMED_MARK_DEG_PER_S = 0.1357
 _SEARCHING_MARK_DEG_PER_S = 0.2468
 _NOT_HOMED_DEG_PER_S = 1.0
 _HOME_TOLERANCE_DEG = 0.01
-_DEGREES = 7  # SN's number for this unit
-_HOME_STARTS_S = 1.0  # within this a search that has not moved yet is not taken for one that has ended
+_DEGREES = 7  # code of the unit degree for SN
+_HOME_STARTS_S = 1.0  # within this time a search that does not move yet does not count as ended
 _SPEED_ROUNDING = 1e-3  # the controller rounds speeds to counts per servo cycle
 _ANGLE_ROUNDING_DEG = 1e-3
-_LONGEST_LINE = 78  # of 80 characters; its end may be two
-_MOST_ERRORS = 10  # the controller keeps ten
+_LONGEST_LINE = 78  # of 80 characters; the line end may take two
+_MOST_ERRORS = 10  # the controller keeps ten errors
 
 
 class NewportESP301:
@@ -58,18 +58,18 @@ class NewportESP301:
     contracts: ClassVar[tuple[ContractFile, ...]] = ()
 
     class Options(SerialOptions):
-        """What the bench file may say about this instrument."""
+        """Options of this instrument in the bench file."""
 
         baud: Literal[9600, 19200, 38400, 57600, 115200, 921600] = Field(19200, description="symbols per second")
         line_end: LineEnd = Field("cr", description=LINE_END)
-        pitch_axis: int = Field(1, ge=1, le=3, description="controller axis that pitches")
-        roll_axis: int = Field(2, ge=1, le=3, description="controller axis that rolls")
+        pitch_axis: int = Field(1, ge=1, le=3, description="controller axis of pitch")
+        roll_axis: int = Field(2, ge=1, le=3, description="controller axis of roll")
         speed_deg_per_s: float = Field(8.0, gt=0, le=80, description="speed of moves")
         acceleration_deg_per_s2: float = Field(16.0, gt=0, le=320, description="acceleration and deceleration of moves")
-        home_mode: int = Field(1, ge=0, le=6, description="how to search for home: nn of the manual's OR command")
-        home_speed_deg_per_s: float = Field(4.0, gt=0, le=40, description="speed of the home search's first leg")
-        pitch_deg: tuple[float, float] = Field((-190.0, 190.0), description="lowest and highest pitch")
-        roll_deg: tuple[float, float] = Field((-190.0, 190.0), description="lowest and highest roll")
+        home_mode: int = Field(1, ge=0, le=6, description="homing method: nn of the manual's OR command")
+        home_speed_deg_per_s: float = Field(4.0, gt=0, le=40, description="speed of the first part of the home search")
+        pitch_deg: tuple[float, float] = Field((-190.0, 190.0), description="limits of pitch: lowest, highest")
+        roll_deg: tuple[float, float] = Field((-190.0, 190.0), description="limits of roll: lowest, highest")
 
         @model_validator(mode="after")
         def _consistent(self) -> NewportESP301.Options:
@@ -95,7 +95,8 @@ class NewportESP301:
         self._line = wires.serial(address, settings, name)
         self._numbers: dict[str, int] = {"pitch": options.pitch_axis, "roll": options.roll_axis}
         self._limits = {"pitch": options.pitch_deg, "roll": options.roll_deg}
-        # What is 0 or 1 at both ends: an answer that has lost its first or last characters is told by it.
+        # Values that are 0 or 1 at both ends of the line: they show an answer that has lost its first or last
+        # characters.
         pitch, roll = self._numbers.values()
         self._status = f"{pitch}MO?;{pitch}MD?;{pitch}TP?;{roll}TP?;{roll}MD?;{roll}MO?"
         self._homed: dict[str, bool | None] = dict.fromkeys(self._numbers)
@@ -108,7 +109,7 @@ class NewportESP301:
         return dict(self._limits)
 
     def identify(self) -> Identity:
-        """See `Instrument.identify`. The serial number is that of the stages, which the controller reads from them."""
+        """See `Instrument.identify`. The serial number is that of the stages; the controller reads it from them."""
         version = self._line.query("VE?")
         words = version.split(maxsplit=1)
         if not words or words[0].upper() != "ESP301":
@@ -122,11 +123,10 @@ class NewportESP301:
 
         Raises:
             InstrumentError: the controller refuses a setting.
-            BadReply: a setting reads back as something else.
-
+            BadReply: a setting reads back differently.
         """
-        self._errors()  # left from before: not this run's
-        # Motors that are found on after this tell nothing of a power cut before it: the marks are looked for again.
+        self._errors()  # left from an earlier session
+        # Motors that are on after this do not show an earlier power cut: the marks are read again.
         self._homed = dict.fromkeys(self._numbers)
         options = self._options
         for axis, n in self._numbers.items():
@@ -155,7 +155,7 @@ class NewportESP301:
         self._faults = dict.fromkeys(self._numbers, "")
 
     def home(self) -> None:
-        """See `Head.home`; `read` reports an axis as homed once its search has ended at zero without an error."""
+        """See `Head.home`; `read` reports an axis as homed after its search has ended at zero without an error."""
         self.read()
         for axis, n in self._numbers.items():
             if not self._homed[axis]:
@@ -165,7 +165,7 @@ class NewportESP301:
         self._unchecked = True
 
     def forget_zeros(self) -> None:
-        """See `Referenced.forget_zeros`: the mark of a home search that ended well is taken away."""
+        """See `Referenced.forget_zeros`: the mark of a good home search is removed."""
         self._send([f"{n}JW{_NOT_HOMED_DEG_PER_S:g}" for n in self._numbers.values()])
         self._homed = dict.fromkeys(self._numbers)
 
@@ -175,9 +175,8 @@ class NewportESP301:
         Targets are sent in units of 1e-5 deg, finer than the encoder.
 
         Raises:
-            LimitError: a target is outside its axis' limits, or no number.
+            LimitError: a target is outside its axis' limits, or not a number.
             NotReady: an axis has not been homed since power-on.
-
         """
         for axis, target in targets_deg.items():
             low, high = self._limits[axis]
@@ -192,11 +191,10 @@ class NewportESP301:
         self._unchecked = True
 
     def read(self) -> Mapping[str, AxisState]:
-        """See `Head.read`. One exchange; a second one when something may have gone wrong.
+        """See `Head.read`. One exchange; a second one if an error is possible.
 
         Raises:
             InstrumentError: the controller reports an error that belongs to no axis.
-
         """
         answers = self._line.query_lines(self._status, 6)
         positions, moving, enabled = {}, {}, {}
@@ -205,7 +203,7 @@ class NewportESP301:
             starting = self._clock.now() - self._homing.get(axis, -math.inf) < _HOME_STARTS_S
             moving[axis] = not self._flag(self._status, done) or starting
             enabled[axis] = self._flag(self._status, powered)
-        # Errors show as motion that ended or a motor that went off, so they are asked for only then.
+        # Errors end motion or switch off a motor, so they are asked for only then.
         if (self._unchecked and not any(moving.values())) or not all(enabled.values()):
             self._collect_errors()
             self._unchecked = any(moving.values())
@@ -216,13 +214,13 @@ class NewportESP301:
         }
 
     def stop(self) -> None:
-        """See `Head.stop`. A home search that is under way is given up."""
+        """See `Head.stop`. A running home search is given up."""
         self._send([f"{n}ST" for n in self._numbers.values()])
         self._homing.clear()
         self._unchecked = True
 
     def make_safe(self) -> None:
-        """See `Instrument.make_safe`: motion stops, the motors keep holding."""
+        """See `Instrument.make_safe`: motion stops, the motors stay on."""
         self.stop()
 
     def close(self) -> None:
@@ -230,14 +228,14 @@ class NewportESP301:
         self._line.close()
 
     def _send(self, commands: Sequence[str]) -> None:
-        """Send commands with as few lines as take them."""
+        """Send commands in as few lines as possible."""
         for line in lines_of(commands):
             self._line.write(line)
 
     def _follow_homing(
         self, positions: Mapping[str, float], moving: Mapping[str, bool], enabled: Mapping[str, bool]
     ) -> None:
-        """Keep track of which axes are homed; a motor found off may mean that the controller was restarted."""
+        """Keep track of homed axes; a motor that is off may mean that the controller was restarted."""
         for axis, n in self._numbers.items():
             if axis in self._homing:
                 if moving[axis]:
@@ -245,7 +243,7 @@ class NewportESP301:
                 del self._homing[axis]
                 at_zero = enabled[axis] and not self._faults[axis] and abs(positions[axis]) <= _HOME_TOLERANCE_DEG
                 self._homed[axis] = at_zero and self._has_mark(n, _SEARCHING_MARK_DEG_PER_S)
-                if self._homed[axis]:  # a mark that is lost on its way costs another search, no more
+                if self._homed[axis]:  # a mark lost on its way costs only another search
                     self._line.write(f"{n}JW{_HOMED_MARK_DEG_PER_S:g}")
             elif self._homed[axis] is None or not enabled[axis]:
                 self._homed[axis] = self._has_mark(n, _HOMED_MARK_DEG_PER_S)
@@ -255,7 +253,7 @@ class NewportESP301:
         return math.isclose(self._number(question, self._line.query(question)), deg_per_s, rel_tol=_SPEED_ROUNDING)
 
     def _collect_errors(self) -> None:
-        """Move the controller's errors to the axes they belong to."""
+        """Assign the controller's errors to their axes."""
         for code, text in self._errors():
             axis = next((a for a, n in self._numbers.items() if n == code // 100), None)
             if axis is None:
@@ -267,7 +265,7 @@ class NewportESP301:
             raise InstrumentError(self._line.where, code, text)
 
     def _errors(self) -> list[tuple[int, str]]:
-        """All errors the controller has kept, oldest first; asking removes them, so a question is never repeated."""
+        """All errors of the controller, oldest first. Reading removes them, so a question is never repeated."""
         found: list[tuple[int, str]] = []
         while len(found) <= _MOST_ERRORS:
             answer = self._line.query("TB?", repeat=False)
@@ -293,7 +291,7 @@ class NewportESP301:
 
 
 def lines_of(commands: Sequence[str]) -> list[str]:
-    """Commands joined by semicolons, in order, into lines that the controller takes."""
+    """Join commands by semicolons, in order, into lines of valid length."""
     lines: list[str] = []
     for command in commands:
         if lines and len(lines[-1]) + 1 + len(command) <= _LONGEST_LINE:

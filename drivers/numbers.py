@@ -1,7 +1,7 @@
-"""Numbers as instruments print them, for all text protocols: ASCII digits, sign, point and exponent, nothing else.
+"""Numbers as printed by instruments, for all text protocols: only ASCII digits, sign, point and exponent.
 
-Python's own `float` and `int` also take "nan", "inf", "1_000" and the digits of every script, which on a wire are
-characters gone wrong. Codes that stand for an overload (9.9E+37) are numbers here; who asks knows them.
+Python's `float` and `int` also accept "nan", "inf", "1_000" and the digits of every script; on a wire these are
+corrupted characters. Codes for an overload (9.9E+37) are numbers here; callers know them.
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ _WHOLE = re.compile(r"[+-]?[0-9]{1,18}")
 
 
 def decimal(text: str) -> float:
-    """The finite number that a text is; spaces around it do not matter. Raises `ValueError`."""
+    """The finite number in a text; spaces around it are ignored. Raises `ValueError`."""
     value = float(text) if _DECIMAL.fullmatch(text.strip(" ")) else math.nan
     if not math.isfinite(value):
-        raise ValueError(f"{text!r} is no number")
+        raise ValueError(f"{text!r} is not a number")
     return value
 
 
 def whole(text: str) -> int:
-    """The whole number that a text is; spaces around it do not matter. Raises `ValueError`."""
+    """The integer in a text; spaces around it are ignored. Raises `ValueError`."""
     if not _WHOLE.fullmatch(text.strip(" ")):
-        raise ValueError(f"{text!r} is no whole number")
+        raise ValueError(f"{text!r} is not a whole number")
     return int(text)

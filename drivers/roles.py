@@ -1,9 +1,8 @@
-"""What the sequencer needs of an instrument, whoever made it.
+"""Roles: what the sequencer requires of an instrument of any maker.
 
-A role is a small protocol. A driver is a plain synchronous class that satisfies one or more of them. Commands
-return at once (command, then poll); only `identify`, `prepare`, `fetch` and `make_safe` may take time, and they
-take it from the clock that was handed in. All angles are degrees, temperatures degrees Celsius, pressures psi
-absolute, voltages volts.
+A role is a small protocol. A driver is a synchronous class that satisfies one or more of them. Commands return at once
+(command, then poll). Only `identify`, `prepare`, `fetch` and `make_safe` may take time, measured by the clock passed to
+the driver. Angles are in degrees, temperatures in degrees Celsius, pressures in psi absolute, voltages in volts.
 """
 
 from __future__ import annotations
@@ -13,24 +12,23 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 OVERLOAD = 9.9e37
-"""The reading by which SCPI instruments say "outside the range" (34401A manual: +9.90000000E+37)."""
+"""The reading that means "outside the range" for SCPI instruments (34401A manual: +9.90000000E+37)."""
 
 
 def is_overload(reading: float) -> bool:
-    """Whether a reading is the instrument's way of saying that it cannot tell."""
+    """Whether a reading means an overload or no reading."""
     return not abs(reading) < 1e37
 
 
 @dataclass(frozen=True)
 class Identity:
-    """Who answered.
+    """Identity of an instrument.
 
     Attributes:
         maker: as the instrument spells it.
         model: as the instrument spells it.
-        serial: its serial number, or "" where it does not tell (a 34401A answers 0).
+        serial: its serial number, or "" if it does not report one (a 34401A answers 0).
         firmware: version text, or "".
-
     """
 
     maker: str
@@ -40,21 +38,20 @@ class Identity:
 
     @property
     def confirmed(self) -> bool:
-        """Whether the reply alone tells this instrument from another of its model."""
+        """Whether the reply alone distinguishes this instrument from others of its model."""
         return self.serial not in ("", "0")
 
 
 @dataclass(frozen=True)
 class AxisState:
-    """One axis of a head at one moment.
+    """State of one axis of a head.
 
     Attributes:
-        position_deg: encoder readback.
-        moving: the controller is still driving towards a target.
-        homed: the encoder's zero has been found since power-on.
-        enabled: the drive is powered.
-        fault: what the drive complains of, "" if nothing.
-
+        position_deg: encoder reading.
+        moving: whether the controller is still driving towards a target.
+        homed: whether the encoder's zero has been found since power-on.
+        enabled: whether the drive is powered.
+        fault: fault reported by the drive, "" if none.
     """
 
     position_deg: float
@@ -66,15 +63,14 @@ class AxisState:
 
 @dataclass(frozen=True)
 class ChamberState:
-    """A temperature chamber or enclosure at one moment.
+    """State of a temperature chamber or enclosure.
 
     Attributes:
         setpoint_degC: the setpoint in force.
         temperature_degC: process value of its own sensor.
         power_pct: control output, -100 (full cooling) to 100 (full heating).
-        running: closed-loop control is on.
-        alarms: what it complains of, empty if nothing.
-
+        running: whether closed-loop control is on.
+        alarms: its active alarms, empty if none.
     """
 
     setpoint_degC: float
@@ -86,17 +82,16 @@ class ChamberState:
 
 @dataclass(frozen=True)
 class PressureState:
-    """A pressure controller at one moment. Pressures are absolute, psi.
+    """State of a pressure controller. Pressures are absolute, psi.
 
     Attributes:
         setpoint_psia: the setpoint in force.
         pressure_psia: reading of its own reference sensor.
-        in_limits: the instrument itself calls the pressure settled within its in-limits band.
-        controlling: its output is on; off, the line is only measured.
-        venting: a vent is under way.
-        effort_pct: how hard its valves work, percent; 0 when not controlling.
-        faults: what it complains of (supply pressure lost, vacuum lost), empty if nothing.
-
+        in_limits: whether the instrument reports the pressure within its in-limits band.
+        controlling: whether control is on; if off, it only measures the line.
+        venting: whether a vent is under way.
+        effort_pct: control effort of its valves, percent; 0 when not controlling.
+        faults: its faults (supply pressure lost, vacuum lost), empty if none.
     """
 
     setpoint_psia: float
@@ -109,18 +104,20 @@ class PressureState:
 
 
 class Instrument(Protocol):
-    """What every instrument can do."""
+    """Methods of every instrument."""
 
     def identify(self) -> Identity:
-        """Ask who answers. Raises `WrongInstrument` if it is not the driver's model, `NoReply` if nobody."""
+        """Ask for the identity. Raises `WrongInstrument` if it is not the driver's model, `NoReply` without an
+        answer.
+        """
         ...
 
     def prepare(self) -> None:
-        """Bring settings (remote control, units, ranges, speeds) to what the bench declares. Moves nothing."""
+        """Set remote control, units, ranges and speeds as the bench declares them. Moves nothing."""
         ...
 
     def make_safe(self) -> None:
-        """Bring this instrument to its safe state; idempotent, and tried even after errors."""
+        """Bring this instrument to its safe state; idempotent, and called also after errors."""
         ...
 
     def close(self) -> None:
@@ -130,7 +127,7 @@ class Instrument(Protocol):
 
 @runtime_checkable
 class Head(Instrument, Protocol):
-    """A dividing head: axes that go to angles."""
+    """A dividing head: axes that move to angles."""
 
     def axes(self) -> Mapping[str, tuple[float, float]]:
         """Axis name ("pitch", "roll") to its (low, high) limits in degrees."""
@@ -149,7 +146,7 @@ class Head(Instrument, Protocol):
         ...
 
     def stop(self) -> None:
-        """Stop all motion at the axes' normal deceleration, drives staying on."""
+        """Stop all motion at the axes' normal deceleration; drives stay on."""
         ...
 
 
@@ -166,9 +163,9 @@ class Reader(Instrument, Protocol):
         ...
 
     def fetch(self) -> Mapping[str, Sequence[float]]:
-        """Collect the readings of the last `start`, by channel, waiting for them if need be.
+        """Collect the readings of the last `start`, by channel, waiting for them if necessary.
 
-        Values are the instrument's own (volts, degrees Celsius); an overload stays +-9.9e37.
+        Values are in the instrument's unit (volts, degrees Celsius); an overload stays +-9.9e37.
         """
         ...
 
@@ -178,7 +175,7 @@ class Chamber(Instrument, Protocol):
     """A temperature chamber or laboratory enclosure."""
 
     def limits(self) -> tuple[float, float]:
-        """Lowest and highest setpoint it accepts, degrees Celsius."""
+        """Lowest and highest accepted setpoint, degrees Celsius."""
         ...
 
     def set_temperature(self, degC: float) -> None:
@@ -190,7 +187,7 @@ class Chamber(Instrument, Protocol):
         ...
 
     def stop(self) -> None:
-        """Hold where it is: the setpoint becomes the present temperature."""
+        """Hold the present temperature: it becomes the setpoint."""
         ...
 
 
@@ -199,7 +196,7 @@ class PressureController(Instrument, Protocol):
     """A pressure controller: drives one line to an absolute pressure and measures it."""
 
     def limits(self) -> tuple[float, float]:
-        """Lowest and highest setpoint it accepts, psi absolute."""
+        """Lowest and highest accepted setpoint, psi absolute."""
         ...
 
     def set_pressure(self, psia: float) -> None:
@@ -211,7 +208,7 @@ class PressureController(Instrument, Protocol):
         ...
 
     def stop(self) -> None:
-        """Hold where it is: the setpoint becomes the present pressure."""
+        """Hold the present pressure: it becomes the setpoint."""
         ...
 
     def vent(self) -> None:
@@ -221,29 +218,31 @@ class PressureController(Instrument, Protocol):
 
 @runtime_checkable
 class Restartable(Protocol):
-    """An instrument that can tell whether its power has been off."""
+    """An instrument that can detect that its power has been off."""
 
     def restarted(self) -> bool:
-        """Whether it has been powered up since `prepare` last ran. Changes nothing in the instrument but that flag."""
+        """Whether it has been powered up since `prepare` last ran. Changes nothing in the instrument except that
+        flag.
+        """
         ...
 
 
 @runtime_checkable
 class Referenced(Protocol):
-    """A head that can be told that its zeros are not to be trusted any more, as after a drive fault or a slip."""
+    """A head whose zeros can be declared invalid, for example after a drive fault or a slip."""
 
     def forget_zeros(self) -> None:
-        """Have `read` report every axis as not homed, so that `home` finds all zeros again. Moves nothing."""
+        """Make `read` report every axis as not homed, so that `home` finds all zeros again. Moves nothing."""
         ...
 
 
 @runtime_checkable
 class Remarking(Protocol):
-    """An instrument that may have to do without something that the bench file asks for."""
+    """An instrument that may not support every setting of the bench file."""
 
     def remarks(self) -> Sequence[str]:
-        """What of the bench file is not used or not as declared, and what that costs; () if nothing.
+        """Settings of the bench file that are not used, or not as declared, with the consequence; () if none.
 
-        What the settings alone tell is known before anything is sent, the rest after `prepare`.
+        Remarks that follow from the settings alone are known before anything is sent, the others after `prepare`.
         """
         ...

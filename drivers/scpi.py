@@ -1,6 +1,6 @@
-"""What the drivers of SCPI meters have in common: identity, error queue, settings read back, readings in two steps.
+"""Common parts of drivers of SCPI meters: identity, error queue, reading settings back, readings in two steps.
 
-What differs from meter to meter is a `Dialect`. One query is sent at a time.
+The differences between meters are in a `Dialect`. One query is sent at a time.
 """
 
 from __future__ import annotations
@@ -21,25 +21,25 @@ from drivers.roles import Identity
 from drivers.wires import SerialLine
 
 SYNC = ("SYST:VERS?", "19")
-"""A question that is asked for nothing else; the answer is the year of the standard and a revision: 1991.0."""
+"""A question that is only used for synchronisation; the answer is the year of the standard and a revision: 1991.0."""
 
 _MOST_ERRORS = 21
 _LATE_S = 2.0
 _CHARACTERS_PER_READING = 16
 _READBACK = 1e-6
-_MARKS = 32  # measurements are numbered 1 to 31 and from 1 again, by bits of the mask that say nothing on their own
+_MARKS = 32  # measurements are numbered 1 to 31 and from 1 again, in bits of the mask that have no effect of their own
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(E[+-]?\d{1,3})?", re.ASCII)
 
 PREPARED = 52
-"""An event enable mask (query, execution and command errors) that says: prepared, and not switched off since.
+"""An event enable mask (query, execution and command errors) that means: prepared, and not switched off since.
 
-Nothing is done with the mask otherwise, instruments clear it when they are switched on, and reading it changes nothing,
-so the evidence outlives a session that ends before it has acted on it (the power-on bit of *ESR? does not).
+The mask has no other use. Instruments clear it at power-on, and reading it changes nothing. So the evidence remains if
+a session ends before it has used it (unlike the power-on bit of *ESR?).
 """
 
 
 def one_of(*allowed: float) -> Callable[[float], float]:
-    """A check that a number is one of a few."""
+    """A validator: the number must be one of a few."""
 
     def check(value: float) -> float:
         if value not in allowed:
@@ -53,7 +53,7 @@ Nplc = Annotated[float, AfterValidator(one_of(0.02, 0.2, 1, 10, 100))]
 """Integration time, power line cycles."""
 
 FREQUENCIES = (50.0, 60.0)
-"""Power line frequencies that integration times refer to, Hz."""
+"""Power line frequencies of integration times, Hz."""
 
 
 def settling_s(nplc: float) -> float:
@@ -63,16 +63,15 @@ def settling_s(nplc: float) -> float:
 
 @dataclass(frozen=True)
 class Dialect:
-    """In what SCPI meters differ. The defaults are those of SCPI-1999 and ask for nothing of a maker's own.
+    """Differences between SCPI meters. The defaults are those of SCPI-1999 without commands of one maker.
 
     Attributes:
-        remote: the command that takes remote control; "" where there is none, as over GPIB and LAN.
-        clear: what gives up a measurement and empties the buffers: Ctrl-C where it stands for device clear.
-        clear_with_dtr: the line DTR has to be dropped for it.
-        reading: how readings are printed; the stricter, the surer is a lost character noticed.
+        remote: the command for remote control; "" if there is none, as over GPIB and LAN.
+        clear: command that gives up a measurement and empties the buffers: Ctrl-C if it acts as device clear.
+        clear_with_dtr: whether the line DTR has to be dropped for it.
+        reading: pattern of printed readings; a stricter pattern detects lost characters more reliably.
         start: starts `{count}` sweeps, whose readings the instrument keeps.
         fetch: asks for them when they are complete.
-
     """
 
     remote: str = ""
@@ -84,13 +83,13 @@ class Dialect:
 
 
 Interface = Literal["rs232", "gpib"]
-"""What the instrument itself is connected by, whatever carries the text to it."""
+"""Interface of the instrument itself, whatever carries the text to it."""
 
 
 def hp_dialect(interface: Interface, *, clear_with_dtr: bool = False) -> Dialect:
-    """How the 34401A and the 34970A talk (user's guides).
+    """Dialect of the 34401A and the 34970A (user's guides).
 
-    Only over RS-232 do they know SYSTem:REMote, without which they refuse to measure; over GPIB it is error 514.
+    SYSTem:REMote exists only over RS-232, where they refuse to measure without it; over GPIB it is error 514.
     """
     serial = interface == "rs232"
     return Dialect(
@@ -102,14 +101,13 @@ def hp_dialect(interface: Interface, *, clear_with_dtr: bool = False) -> Dialect
 
 
 class ScpiMeter(ABC):
-    """A meter that is started with INITiate and asked for its readings with FETCh?, or as its dialect has it.
+    """A meter that is started with INITiate and asked for its readings with FETCh?, or as in its dialect.
 
     Args:
         line: its open line.
         clock: bench time.
-        model: what its identity must name.
-        dialect: how it differs from others.
-
+        model: required model name in its identity.
+        dialect: its dialect.
     """
 
     def __init__(self, line: SerialLine, clock: Clock, model: str, dialect: Dialect = Dialect()) -> None:
@@ -132,17 +130,17 @@ class ScpiMeter(ABC):
     @property
     @abstractmethod
     def most_sweeps(self) -> int:
-        """Sweeps that fit the instrument's memory."""
+        """Maximum number of sweeps in the instrument's memory."""
 
     @abstractmethod
     def sweep_s(self) -> float:
-        """Seconds that one sweep over all channels takes."""
+        """Duration of one sweep over all channels, seconds."""
 
     def identify(self) -> Identity:
         """See `Instrument.identify`.
 
-        Also ends what an earlier session may have left under way, whose readings would be taken for the answer,
-        and takes remote control.
+        It also ends a measurement of an earlier session, whose readings could be taken for the answer, and takes remote
+        control.
         """
         self._clear()
         if self._dialect.remote:
@@ -151,7 +149,7 @@ class ScpiMeter(ABC):
         parts = [part.strip() for part in answer.split(",")]
         if "*IDN?" in answer.upper():
             raise WrongInstrument(
-                f"{self._line.where} repeats what it is sent in front of its answer, {answer!r}: switch the echo off, "
+                f"{self._line.where} echoes the command before its answer, {answer!r}: switch the echo off, "
                 f"at the instrument, the adapter or the serial server"
             )
         if len(parts) != 4 or parts[1] != self._model:
@@ -169,12 +167,11 @@ class ScpiMeter(ABC):
     def start(self, count: int) -> float:
         """See `Reader.start`.
 
-        The measurement is marked in the service request mask, of which a serial line makes no use: the readings of an
-        earlier one, kept in the instrument or late on the wire, come with another mark.
+        The measurement's number is written to the service request mask, which a serial line does not use. Readings of
+        an earlier measurement, kept in the instrument or late on the wire, come with another number.
 
         Raises:
             LimitError: fewer than one sweep, or more than the instrument's memory holds.
-
         """
         if not 1 <= count <= self.most_sweeps:
             raise LimitError(f"{self._line.where} can take 1 to {self.most_sweeps} sweeps at once, not {count}")
@@ -186,13 +183,12 @@ class ScpiMeter(ABC):
         return expected
 
     def fetch(self) -> Mapping[str, Sequence[float]]:
-        """See `Reader.fetch`. Asks only when the readings are due, since the instrument hears nothing meanwhile.
+        """See `Reader.fetch`. Asks only when the readings are due, because the instrument does not listen before.
 
         Raises:
             NotReady: nothing was started.
             NoReply: the readings did not come; the measurement has been given up.
-            BadReply: not as many numbers as were asked for, or those of another measurement.
-
+            BadReply: the wrong number of readings, or readings of another measurement.
         """
         if not self._count:
             raise NotReady(f"{self._line.where}: there is nothing to fetch; start a measurement first")
@@ -205,10 +201,10 @@ class ScpiMeter(ABC):
             answer = self._line.query(question, sending_s + count * self.sweep_s() / 4 + _LATE_S, repeat=False)
         except NoReply:
             self._clear()
-            self._raise_errors()  # often says why there are no readings
+            self._raise_errors()  # often the reason for missing readings
             raise
         readings, _, mark = answer.rpartition(";")
-        if not readings:  # the mark alone: there are none
+        if not readings:  # only the mark: there are no readings
             self._clear()
             self._raise_errors()
         words = readings.split(",")
@@ -225,7 +221,7 @@ class ScpiMeter(ABC):
         return {name: values[i :: len(names)] for i, name in enumerate(names)}
 
     def make_safe(self) -> None:
-        """See `Instrument.make_safe`: a measurement under way is given up; nothing else can do harm."""
+        """See `Instrument.make_safe`: a running measurement is given up; nothing else can do harm."""
         self._clear()
         self._count = 0
 
@@ -237,7 +233,7 @@ class ScpiMeter(ABC):
         self._line.device_clear(self._dialect.clear, with_dtr=self._dialect.clear_with_dtr)
 
     def _configure(self, commands: Iterable[str]) -> None:
-        """Reset to a known state, send commands one by one, and see that none was refused."""
+        """Reset to a known state, send commands one by one, and check that none was refused."""
         self._clear()
         remote = (self._dialect.remote,) if self._dialect.remote else ()
         for command in (*remote, "*RST", "*CLS", *commands):
@@ -247,12 +243,12 @@ class ScpiMeter(ABC):
         self._raise_errors()
 
     def _mark_prepared(self) -> None:
-        """The last of preparing: leave the mark by which `restarted` knows that it was."""
+        """The last step of preparing: set the mark that `restarted` reads."""
         self._line.write(f"*PSC 1;*ESE {PREPARED}")
         self._verify({"*ESE?": float(PREPARED)})
 
     def _verify(self, wanted: Mapping[str, float | str]) -> None:
-        """Read settings back; raises `BadReply` naming the first that is not as wanted."""
+        """Read settings back. Raises `BadReply` with the first wrong one."""
         for question, value in wanted.items():
             answer = self._line.query(question)
             parts = [answer] if isinstance(value, str) else answer.split(",")  # one number for each channel
@@ -269,13 +265,12 @@ def raise_errors(line: SerialLine, ask: Callable[[], str], most: int) -> None:
 
     Args:
         line: for messages.
-        ask: takes the oldest error from the queue: a number, a comma and a quoted text, number 0 for none.
-        most: errors the queue may hold.
+        ask: reads and removes the oldest error of the queue: a number, a comma and a quoted text, number 0 for none.
+        most: maximum length of the queue.
 
     Raises:
         InstrumentError: the first error, the others in its text.
-        BadReply: an answer that is no error.
-
+        BadReply: an answer that is not an error.
     """
     found: list[tuple[int, str]] = []
     while len(found) <= most:

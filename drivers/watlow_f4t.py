@@ -1,8 +1,7 @@
 """Watlow F4T temperature controller: a chamber's or an enclosure's control loop over Modbus.
 
-Which registers there are and what their codes mean is data: the register map of `contracts/`, which the controller
-program hands over as text. This module knows only what to do with them; temperatures and their unit are
-`drivers.watlow_units`'s.
+The register map of `contracts/` defines the registers and their codes; the controller program passes it as text.
+`drivers.watlow_units` handles temperatures and their unit.
 """
 
 from __future__ import annotations
@@ -33,13 +32,13 @@ _NEEDED = (
     *("part_number", "serial_number", "software_release", "software_build"),
     *("process_value", "setpoint", "power", "mode", "active_mode"),
 )
-"""Registers without which a chamber is neither recognised nor controlled."""
+"""Registers that are required to identify and control a chamber."""
 
 
 class WatlowF4T(MappedTemperatures):
     """One control loop of the controller, or one cascade of two; satisfies `drivers.roles.Chamber`.
 
-    Nothing it is known to tell shows that its power has been off: settings and setpoint survive that.
+    It has no known sign of a power cut: settings and setpoint survive it.
 
     Args:
         name: the bench's name for it.
@@ -50,34 +49,33 @@ class WatlowF4T(MappedTemperatures):
 
     Raises:
         Unreachable: the address cannot be opened.
-
     """
 
     wire: ClassVar[Medium] = "modbus"
     contracts: ClassVar[tuple[ContractFile, ...]] = (ContractFile("register_map", "contracts", "watlow_f4t.toml"),)
 
     class Options(BaseModel, extra="forbid"):
-        """What the bench file may say about this instrument."""
+        """Options of this instrument in the bench file."""
 
         loop: int = Field(1, ge=1, le=4, description="control loop, or cascade if it is one")
-        cascade: bool = Field(False, description="a cascade: the temperature is a part's, controlled through the air's")
-        low_degC: float = Field(-40.0, description="lowest setpoint that may be commanded")
-        high_degC: float = Field(100.0, description="highest setpoint that may be commanded")
+        cascade: bool = Field(False, description="a cascade: a part's temperature is controlled through the air's")
+        low_degC: float = Field(-40.0, description="lowest permitted setpoint")
+        high_degC: float = Field(100.0, description="highest permitted setpoint")
         ramp_degC_per_min: float | None = Field(None, gt=0, description="ramp to new setpoints; none if not given")
         safe_degC: float = Field(23.0, description="setpoint of the safe state: about ambient")
-        alarms: int = Field(4, ge=0, le=14, description="how many of the controller's alarms are watched")
+        alarms: int = Field(4, ge=0, le=14, description="number of watched alarms of the controller")
         limit_modules: list[int] = Field([], max_length=6, description="slots (1 to 6) of limit controllers to watch")
         units: Literal["modbus", "C", "F"] = Field(
             "modbus",
-            description="what temperatures on the wire are in; modbus: as the controller's own Modbus setting says",
+            description="unit of temperatures on the wire; modbus: the controller's own Modbus setting",
         )
         power: str = Field(
             "none",
             pattern=r"^(none|event-[1-8]|key-[1-4])$",
-            description="what gives the chamber power: event-1 to event-8, key-1 to key-4, or none but the loop itself",
+            description="switch of the chamber's power: event-1 to event-8, key-1 to key-4, or none for the loop alone",
         )
-        timeout_s: float = Field(1.0, gt=0, description="wait for a reply")
-        register_map: str = Field(description="text of the register map; supplied unless the bench has its own")
+        timeout_s: float = Field(1.0, gt=0, description="maximum wait for a reply")
+        register_map: str = Field(description="text of the register map; default: the supplied one")
 
         @field_validator("register_map")
         @classmethod
@@ -94,7 +92,7 @@ class WatlowF4T(MappedTemperatures):
         @classmethod
         def _not_the_display(cls, units: object, info: ValidationInfo) -> object:
             if units == "display" and (info.context or {}).get("stored"):
-                return "modbus"  # what runs of earlier versions meant by it, asked of the right register
+                return "modbus"  # meaning in runs of earlier versions, now with the right register
             if units == "display":
                 raise ValueError(
                     "the display's unit is not that of Modbus; leave units out, or write C or F as the controller's "
@@ -159,13 +157,12 @@ class WatlowF4T(MappedTemperatures):
         return Identity(self._map.maker, part, str(self._integer("serial_number")), firmware)
 
     def prepare(self) -> None:
-        """Set the ramp and check that the controller accepts the bench's range. Setpoint and power stay.
+        """Set the ramp and check that the controller accepts the bench's range. Setpoint and power do not change.
 
         Raises:
             LimitError: the controller's own setpoint range is narrower than the bench's.
             NotReady: a cascade's air control is on.
-            BadReply: a setting reads back as something else, or the unit of temperature is in doubt.
-
+            BadReply: a setting reads back differently, or the unit of temperature is in doubt.
         """
         fahrenheit = self._fahrenheit()
         low, high = self._range(fahrenheit)
@@ -198,10 +195,9 @@ class WatlowF4T(MappedTemperatures):
         """See `Chamber.set_temperature`; the setpoint is read back before control and power are switched on.
 
         Raises:
-            LimitError: outside the bench's range, or no number.
+            LimitError: outside the bench's range, or not a number.
             NotReady: a cascade's air control is on.
-            BadReply: the setpoint, the mode or the power reads back as something else, or the unit is in doubt.
-
+            BadReply: the setpoint, the mode or the power reads back differently, or the unit is in doubt.
         """
         low, high = self.limits()
         if not low <= degC <= high:
@@ -215,11 +211,10 @@ class WatlowF4T(MappedTemperatures):
             self._switch_on()
 
     def read(self) -> ChamberState:
-        """See `Chamber.read`. The setpoint is the commanded one, also while a ramp is on its way to it.
+        """See `Chamber.read`. The setpoint is the commanded one, also during a ramp to it.
 
         Raises:
-            BadReply: the temperature is none that can be, or the unit is in doubt.
-
+            BadReply: the temperature is impossible, or the unit is in doubt.
         """
         fahrenheit, air = self._fahrenheit(), self._air_control()
         return ChamberState(
@@ -231,11 +226,11 @@ class WatlowF4T(MappedTemperatures):
         )
 
     def stop(self) -> None:
-        """See `Chamber.stop`. Where control is off it stays off; a power set by hand becomes control.
+        """See `Chamber.stop`. If control is off it stays off; manual power becomes control.
 
         Raises:
-            BadReply: the temperature is far outside the bench's range, as a broken sensor's is; the setpoint stays.
-
+            BadReply: the temperature is far outside the bench's range, as with a broken sensor; the setpoint does not
+                change.
         """
         low, high = self.limits()
         fahrenheit = self._fahrenheit()
@@ -249,10 +244,10 @@ class WatlowF4T(MappedTemperatures):
         self._end_manual()
 
     def make_safe(self) -> None:
-        """See `Instrument.make_safe`: to the safe setpoint, under control; what is off stays off.
+        """See `Instrument.make_safe`: to the safe setpoint, under control; outputs that are off stay off.
 
-        A chamber that somebody, or its own protection, has switched off heats nothing, and is not started by a fault
-        elsewhere. The unit is the controller's own of this moment, also if it has just been changed.
+        A chamber that was switched off by a person or by its protection does not heat, and a fault elsewhere does not
+        start it. The unit is the controller's present one, also after a change.
         """
         self._set_setpoint(self._options.safe_degC, self._fahrenheit(may_change=True), or_back=False)
         self._end_manual()
@@ -262,15 +257,15 @@ class WatlowF4T(MappedTemperatures):
         self._line.close()
 
     def _end_manual(self) -> None:
-        """Have the loop control: a power that somebody has set by hand goes on, whatever the temperature becomes."""
+        """Switch the loop to control: manual power would stay on at any temperature."""
         if self._code("mode") not in ("auto", "off"):
             self._set_code("mode", "auto")
 
     def _air_control(self) -> str:
-        """What is wrong if a cascade controls the air's temperature and not the part's; "" if nothing is."""
+        """Defect of a cascade that controls the air's temperature instead of the part's; "" if none."""
         if not self._options.cascade or "air_control" not in self._map.cascade or self._code("air_control") == "off":
             return ""
-        return "its Air Control is on, so that it is no cascade; switch it off there"
+        return "its Air Control is on, so it is not a cascade; switch it off there"
 
     def _require_cascade(self) -> None:
         if air := self._air_control():
@@ -281,7 +276,7 @@ class WatlowF4T(MappedTemperatures):
         return tuple(self._alarm(n, state, fahrenheit) for n, state in states.items() if state not in _NO_ALARM)
 
     def _alarm(self, number: int, state: str, fahrenheit: bool) -> str:
-        """An alarm in words, with the limit that was passed as far as the register map knows it."""
+        """An alarm as text, with the exceeded limit if the register map has it."""
         if state == "error":
             return f"alarm {number}: its sensor cannot be read"
         if state.startswith("code "):
@@ -296,7 +291,7 @@ class WatlowF4T(MappedTemperatures):
         return f"alarm {number}: {'above' if state == 'high' else 'below'} {limit:.4g} degC{of}"
 
     def _limits_tripped(self) -> Iterator[str]:
-        """Limit controllers that have switched the chamber off, or cannot be relied on to do so."""
+        """Limit controllers that have tripped, or that cannot be relied on."""
         for slot in self._options.limit_modules:
             state, status, error = (self._code(f"limit_{what}", slot) for what in ("state", "status", "error"))
             if error != "none":
@@ -307,7 +302,7 @@ class WatlowF4T(MappedTemperatures):
                 yield f"limit controller in slot {slot}: tripped; reset it at the chamber"
 
     def _powered(self) -> bool:
-        """Whether what gives the chamber its power is on; anybody may switch it at the panel."""
+        """Whether the switch of the chamber's power is on; anybody may switch it at the panel."""
         if not self._power:
             return True
         found = self._code(self._power)

@@ -1,4 +1,4 @@
-"""Register maps: a Modbus device's registers and codes as data, and reading and writing them by name."""
+"""Register maps: a Modbus device's registers and codes as data; reading and writing registers by name."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pydantic import BaseModel, Field, model_validator
 from drivers.errors import BadReply
 from drivers.wires.modbus import ModbusLine, float_of_words, words_of_float
 
-_READBACK = 1e-5  # relative; a setpoint passes through single precision
+_READBACK = 1e-5  # relative; a setpoint is stored in single precision
 _WORDS = {"uint16": 1, "int32": 2, "float32": 2}
 
 
@@ -25,9 +25,8 @@ class RegisterEntry(BaseModel, extra="forbid", frozen=True):
         address: relative address.
         type: "uint16", "int32", "float32" or "text:N".
         access: "r" or "rw".
-        stride: distance to the next loop's, alarm's or module's.
+        stride: distance to the register of the next loop, alarm or module.
         codes: name of the table of its codes.
-
     """
 
     address: int = Field(ge=0, le=65535)
@@ -38,7 +37,7 @@ class RegisterEntry(BaseModel, extra="forbid", frozen=True):
 
 
 class RegisterMap(BaseModel, extra="forbid", frozen=True):
-    """A device's registers and codes; those of `cascade` take the place of others where a cascade is controlled."""
+    """A device's registers and codes; for a cascade, those of `cascade` replace others of the same name."""
 
     maker: str
     model: str
@@ -51,13 +50,13 @@ class RegisterMap(BaseModel, extra="forbid", frozen=True):
     def _told(self) -> Self:
         for name, entry in (*self.registers.items(), *self.cascade.items()):
             if entry.codes and entry.codes not in self.codes:
-                raise ValueError(f"{name} has the codes of {entry.codes}, which are not told")
+                raise ValueError(f"{name} has the codes of {entry.codes}, which are missing")
         return self
 
 
 @lru_cache(maxsize=8)
 def map_of(text: str) -> RegisterMap:
-    """A register map from its TOML text."""
+    """Read a register map from its TOML text."""
     return RegisterMap.model_validate(tomllib.loads(text))
 
 
@@ -65,11 +64,10 @@ class MappedDevice:
     """A device whose registers are read and written by name.
 
     Args:
-        line: where it is.
+        line: the device.
         registers: its map.
-        loop: which of its loops.
-        cascade: that loop is a cascade.
-
+        loop: number of its loop.
+        cascade: whether that loop is a cascade.
     """
 
     def __init__(self, line: ModbusLine, registers: RegisterMap, loop: int, *, cascade: bool) -> None:
@@ -85,7 +83,7 @@ class MappedDevice:
         return self._map.registers[name]
 
     def _address(self, name: str, number: int = 0) -> int:
-        """Where a register is; `number` chooses the alarm or module, the loop is this driver's own."""
+        """Address of a register; `number` selects the alarm or module, the loop is this driver's own."""
         entry = self._entry(name)
         return entry.address + ((number or self._loop) - 1) * entry.stride
 
@@ -104,7 +102,7 @@ class MappedDevice:
         return value
 
     def _code(self, name: str, number: int = 0) -> str:
-        """A code's name; a code that the map does not know is kept as its number."""
+        """Name of a code; an unknown code is kept as its number."""
         codes = self._entry(name).codes
         (word,) = self._words(name, number)
         return self._names[codes].get(word, f"code {word}")

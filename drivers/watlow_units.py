@@ -1,7 +1,7 @@
-"""Temperatures of a Watlow controller: which unit they come in on a wire, and setting and reading them in degC.
+"""Temperatures of a Watlow controller: their unit on a wire, and setting and reading them in degC.
 
-A setpoint in the wrong unit is tens of degrees off, and anybody may change the unit at the panel: it is asked anew at
-every use, and what else is known has to agree with it.
+A setpoint in the wrong unit is tens of degrees off, and anybody may change the unit at the panel. So the unit is read
+at every use, and must agree with all other information.
 """
 
 from __future__ import annotations
@@ -16,21 +16,20 @@ from drivers.wires.modbus import ModbusLine, float_of_words
 ILLEGAL_ADDRESS = 2
 """Modbus exception: the controller has no such register."""
 
-_MARGIN_K = 20.0  # how far from its limits and from ambient a chamber may be found
-_POSSIBLE_DEGC = (-273.15, 2000.0)  # absolute zero, and more than any thermocouple of a chamber bears
+_MARGIN_K = 20.0  # possible distance of a chamber's temperature from its limits and from ambient
+_POSSIBLE_DEGC = (-273.15, 2000.0)  # absolute zero, and more than the range of any thermocouple of a chamber
 
 
 class MappedTemperatures(MappedDevice):
-    """A device with a register map whose temperatures are in degC or degF.
+    """A device with a register map and temperatures in degC or degF.
 
     Args:
-        line: where it is.
+        line: the device.
         registers: its map.
-        loop: which of its loops.
-        cascade: that loop is a cascade.
-        limits_degC: lowest and highest setpoint that the bench allows.
-        units: what the bench says of the unit: "C", "F", or "modbus" if the controller tells.
-
+        loop: number of its loop.
+        cascade: whether that loop is a cascade.
+        limits_degC: lowest and highest permitted setpoint.
+        units: unit in the bench file: "C", "F", or "modbus" if the controller reports it.
     """
 
     def __init__(
@@ -51,15 +50,15 @@ class MappedTemperatures(MappedDevice):
         self._unit_witnessed = False
 
     def _fahrenheit(self, *, may_change: bool = False) -> bool:
-        """Whether temperatures on this wire are in degrees Fahrenheit; anybody may change that on the panel.
+        """Whether temperatures on this wire are in degrees Fahrenheit; anybody may change that at the panel.
 
-        The panel's own unit is another setting and tells nothing. What does is the Modbus setting of the port that
-        this wire ends in, or the bench file for a controller without it; what else is known has to agree.
+        The panel's own unit is a different setting. The relevant one is the Modbus setting of the port of this wire, or
+        the bench file for a controller without it. It must agree with all other information.
         """
         own, declared = self._own_unit(), self._declared
         if not own and declared == "modbus":
             raise BadReply(
-                f"{self._line.where}: it does not tell the unit of its Modbus temperatures (no register "
+                f"{self._line.where}: it does not report the unit of its Modbus temperatures (no register "
                 f"{self._unit_register}); write units = C or F in the bench file, as its menu Settings, Network, "
                 f"Modbus has it: what its display shows is another setting"
             )
@@ -81,7 +80,7 @@ class MappedTemperatures(MappedDevice):
         return unit == "F"
 
     def _own_unit(self) -> str:
-        """C or F as the controller's setting for this wire has it, "" if it has none."""
+        """C or F by the controller's setting for this wire, "" if it has none."""
         if not self._tells_unit:
             return ""
         try:
@@ -90,12 +89,14 @@ class MappedTemperatures(MappedDevice):
             if error.code != ILLEGAL_ADDRESS:
                 raise
             return ""
-        if unit not in ("C", "F"):  # a setpoint in the wrong one is tens of degrees off
+        if unit not in ("C", "F"):  # a setpoint in the wrong unit is tens of degrees off
             raise BadReply(f"{self._line.where}: its {self._unit_register} read {unit}, neither C nor F")
         return unit
 
     def _check_witnesses(self, fahrenheit: bool) -> None:
-        """Refuse a unit in which the chamber's range or temperature makes no sense while the other one does."""
+        """Refuse a unit that makes the chamber's range or temperature impossible if the other unit makes it
+        possible.
+        """
         this, other = ("F", "C") if fahrenheit else ("C", "F")
         low, high = self._witness("setpoint_minimum"), self._witness("setpoint_maximum")
         ours, theirs = ((celsius(low, f), celsius(high, f)) for f in (fahrenheit, not fahrenheit))
@@ -114,7 +115,7 @@ class MappedTemperatures(MappedDevice):
         self._unit_witnessed = self._plausible(here)
 
     def _witness(self, name: str) -> float:
-        """A number as it is on the wire; not a number if the controller has none, or its sensor is broken."""
+        """A number on the wire; NaN if the controller has none, or its sensor is broken."""
         try:
             return float_of_words(self._words(name), low_first=self._low_first)
         except InstrumentError as error:
@@ -129,7 +130,7 @@ class MappedTemperatures(MappedDevice):
         )
 
     def _plausible(self, degC: float) -> bool:
-        """Whether the chamber may be found at this temperature: about its range, or about ambient."""
+        """Whether a chamber may have this temperature: near its range, or near ambient."""
         low, high = self._limits_degC
         return low - _MARGIN_K <= degC <= high + _MARGIN_K
 
@@ -158,14 +159,13 @@ class MappedTemperatures(MappedDevice):
             )
 
     def _set_setpoint(self, degC: float, fahrenheit: bool, *, or_back: bool = True) -> None:
-        """Set and read back. The unit is asked once more, since anybody may have changed it since it was asked.
+        """Set a setpoint and read it back. The unit is read again, since anybody may have changed it meanwhile.
 
         Args:
             degC: the setpoint.
-            fahrenheit: the unit as it was asked before.
-            or_back: if the unit has changed, put the earlier setpoint back and raise `BadReply`; otherwise set this one
-                in the unit of now.
-
+            fahrenheit: the unit as read before.
+            or_back: if the unit has changed, restore the earlier setpoint and raise `BadReply`; otherwise set this one
+                in the present unit.
         """
         before = celsius(self._witness("setpoint"), fahrenheit) if or_back else degC
         self._set_number("setpoint", shown(degC, fahrenheit))
@@ -183,10 +183,10 @@ class MappedTemperatures(MappedDevice):
 
 
 def celsius(value: float, fahrenheit: bool) -> float:
-    """A temperature of the wire's, in degC."""
+    """A temperature on the wire in degC."""
     return (value - 32.0) / 1.8 if fahrenheit else value
 
 
 def shown(degC: float, fahrenheit: bool) -> float:
-    """A temperature in degC as it goes onto the wire."""
+    """A temperature in degC as it is sent on the wire."""
     return degC * 1.8 + 32.0 if fahrenheit else degC

@@ -1,7 +1,7 @@
-"""What data of any laboratory say: least squares, split plots, analysis of variance, what a trace is made of.
+"""Statistics for data of any laboratory: least squares, split plots, analysis of variance, parts of a trace.
 
-Pure functions: arrays in, frozen dataclasses out. No files, no clocks, no instruments. What only one kind of
-calibration knows is in that kind's folder (`procedures`).
+Pure functions: arrays in, frozen dataclasses out. No files, no clocks, no instruments. Code of one kind of calibration
+is in that kind's folder (`procedures`).
 """
 
 from fitter.linear import LinearFit, RankError, Triangle, least_squares

@@ -1,7 +1,7 @@
-"""Arithmetic of named values: what formulas and a laboratory's own effects compute. Its grammar is in `fitter.formula`.
+"""Arithmetic of named values, for formulas and a laboratory's own effects. Its grammar is in `fitter.formula`.
 
-The operations take arrays of floats, `DoubleDouble` numbers, and arrays that are complex by a tiny imaginary step:
-their imaginary part comes out as the step times the derivative (Squire and Trapp, SIAM Review 40, 1998).
+The operations take arrays of floats, `DoubleDouble` numbers, and complex arrays with a tiny imaginary step: their
+imaginary part is the step times the derivative (Squire and Trapp, SIAM Review 40, 1998).
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 NAME = r"[^\W\d][\w.]*"
 """Regular expression of a name that needs no back-ticks."""
 BINDS = {"<": 1, "<=": 1, ">": 1, ">=": 1, "==": 1, "!=": 1, "+": 2, "-": 2, "*": 3, "/": 3, "neg": 4, "^": 5}
-"""How tightly operators bind; those not in it are functions, names and numbers."""
+"""Precedence of operators; functions, names and numbers are not listed."""
 COMPARISONS = tuple(mark for mark, binds in BINDS.items() if binds == BINDS["<"])
 FUNCTIONS: Mapping[str, int] = {
     "log": 1,
@@ -29,7 +29,7 @@ FUNCTIONS: Mapping[str, int] = {
     "min": 2,
     "max": 2,
 }
-"""Functions and how many values they take; angles are in rad, `log` is the natural logarithm."""
+"""Functions and their number of arguments; angles are in rad, `log` is the natural logarithm."""
 
 _PLAIN = re.compile(NAME)
 _OPERATIONS: Mapping[str, Callable[..., Any]] = {
@@ -57,7 +57,7 @@ _BY_SIGN: Mapping[str, Callable[[Any], Any]] = {
     "==": lambda s: s * s * -1.0 + 1.0,
     "!=": lambda s: s * s,
 }
-"""Comparisons from the sign of the difference, which is NaN where one of the two is: what is undefined stays so."""
+"""Comparisons from the sign of the difference. It is NaN if an operand is, so undefined values stay undefined."""
 
 
 @dataclass(frozen=True)
@@ -69,16 +69,16 @@ class Expression:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Variables in it, in the order they are used."""
+        """Its variables, in order of their first use."""
         if self.operation in ("name", "number"):
             return self.of if self.operation == "name" else ()
         return tuple(dict.fromkeys(name for part in self.of for name in part.names))
 
     def value(self, table: Mapping[str, Any]) -> Any:
-        """(n,) values, in the arithmetic of those in `table`; 0-d where no variable is in it.
+        """(n,) values, in the arithmetic of those in `table`; 0-d without variables.
 
-        NaN where a function is not defined. Of complex values the real part decides: which side of a comparison, of
-        `abs` or of `max`, and whether a function is defined. At a kink the derivative is the one to the right.
+        NaN where a function is undefined. For complex values the real part decides about the side of a comparison, of
+        `abs` or of `max`, and whether a function is defined. At a kink the derivative is the right-hand one.
         """
         if self.operation == "name":
             return table[self.of[0]]
@@ -112,7 +112,7 @@ class Expression:
 
 
 def quoted(name: str) -> str:
-    """A name as formulas write it: in back-ticks where it is more than letters, digits, _ and dots."""
+    """A name in the notation of formulas: in back-ticks if it has characters other than letters, digits, _ and dots."""
     return name if _PLAIN.fullmatch(name) else "`" + name.replace("`", "``") + "`"
 
 
@@ -125,9 +125,9 @@ def _sign(value: Any) -> Any:
 
 
 def _stepped(operation: str, *given: Any) -> Any:
-    """An operation on values of which one at least is complex."""
+    """An operation on values of which at least one is complex."""
     if operation in ("+", "-", "*", "/", "neg", "exp", "sin", "cos", "min", "max"):
-        return _OPERATIONS[operation](*given)  # min and max of complex values go by the real part, then the step
+        return _OPERATIONS[operation](*given)  # min and max of complex values compare the real part, then the step
     if operation == "sign":
         return _sign(given[0])
     if operation == "abs":
@@ -139,7 +139,7 @@ def _stepped(operation: str, *given: Any) -> Any:
 
 
 def _stepped_power(real: Any, base: Any, exponent: Any) -> Any:
-    """A power; of a negative base by the chain rule, since its logarithm has an imaginary part of its own."""
+    """A power; of a negative base by the chain rule, because its logarithm has an imaginary part."""
     a, c = np.real(base), np.real(exponent)
     change = np.where(c == 0.0, 0.0, c * np.power(a, c - 1.0)) * np.imag(base)
     change = np.where(np.imag(exponent) == 0.0, change, np.nan)

@@ -1,4 +1,4 @@
-"""From the text of arithmetic to an `Expression`. The grammar is described in `fitter.formula`."""
+"""Parsing the text of arithmetic into an `Expression`. The grammar is described in `fitter.formula`."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _INSTEAD = {
 
 
 class FormulaError(FitError):
-    """A formula that does not follow the grammar; the message points at the place."""
+    """A formula that violates the grammar; the message marks the place."""
 
     def __init__(self, problem: str, text: str, at: int) -> None:
         line = re.sub(r"\s", " ", text)
@@ -37,13 +37,12 @@ class FormulaError(FitError):
 
 @dataclass(frozen=True)
 class Token:
-    """A piece of a text.
+    """A token of a text.
 
     Attributes:
         kind: "number", "name", "quoted", "mark" or "end".
-        text: a name without back-ticks; `**` is `^`.
-        at: place of its first character.
-
+        text: its text; a name without back-ticks; `**` is `^`.
+        at: index of its first character.
     """
 
     kind: str
@@ -57,23 +56,22 @@ class Token:
 
 
 def parse_expression(text: str) -> Expression:
-    """Arithmetic alone.
+    """Parse arithmetic.
 
     Raises:
-        FormulaError: it does not follow the grammar.
-
+        FormulaError: it violates the grammar.
     """
     return Arithmetic(text).expression()
 
 
 def column_name(text: str) -> str:
-    """The column that a text names: what stands in back-ticks, or all of it."""
+    """The column named by a text: the text in back-ticks, or all of it."""
     tokens = [_token(m) for m in _TOKEN.finditer(text)]
     return tokens[0].text if [token.kind for token in tokens] == ["quoted"] else text
 
 
 class Arithmetic:
-    """Recursive descent, one method a level of the grammar."""
+    """Recursive descent, one method per level of the grammar."""
 
     def __init__(self, text: str) -> None:
         self._text = text
@@ -84,7 +82,7 @@ class Arithmetic:
         self._operations = 0
 
     def expression(self) -> Expression:
-        """All of the text as one expression."""
+        """The whole text as one expression."""
         self._check_length()
         found = self._arithmetic()
         if self._peek.kind != "end":
@@ -198,7 +196,7 @@ class Arithmetic:
             raise self._error(f"parentheses and signs are nested more than {_DEEPEST} deep")
 
     def _operation(self) -> None:
-        """Count an operation inside one factor: each is a level of the recursion that evaluates it."""
+        """Count an operation inside one factor: each is a level of recursion in its evaluation."""
         self._operations += 1
         if self._operations > _MOST_OPERATIONS:
             raise self._error(f"there are more than {_MOST_OPERATIONS} operations in one term; sum what can be summed")

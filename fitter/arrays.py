@@ -1,4 +1,4 @@
-"""Array types, by what they hold."""
+"""Array types, by their contents."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Arrays that were given to us, checked: one dimension, the right length, every value a finite number."""
+"""Checks of given arrays: one dimension, the right length, only finite numbers."""
 
 from __future__ import annotations
 
@@ -13,8 +13,7 @@ def finite(name: str, values: ArrayLike, count: int) -> FloatArray:
     """(count,) `values`, read-only.
 
     Raises:
-        FitError: a value is not finite; ValueError for another shape; says which.
-
+        FitError: a value is not finite. ValueError: another shape. The message names the array.
     """
     array = np.array(values, dtype=np.float64)
     if array.shape != (count,):
@@ -30,8 +29,7 @@ def whole(name: str, values: ArrayLike, count: int) -> IntArray:
     """(count,) `values` as integers, read-only.
 
     Raises:
-        FitError: a value is not a whole number; ValueError for another shape; says which.
-
+        FitError: a value is not a whole number. ValueError: another shape. The message names the array.
     """
     array = finite(name, values, count)
     bad = np.flatnonzero(array != np.round(array))

@@ -1,10 +1,10 @@
-"""The error of the fitter that a person can mend: other data, another model, another file."""
+"""The error of the fitter that a person can correct: other data, another model, another file."""
 
 from __future__ import annotations
 
 
 class FitError(ValueError):
-    """What was asked cannot be computed from what was given; the message says why and, where it can, what would help.
+    """The request cannot be computed from the given data; the message gives the reason and, if known, a remedy.
 
-    An array of the wrong shape is no such thing: that is a mistake of the program, and stays a ValueError.
+    An array of a wrong shape is an error of the program, and stays a ValueError.
     """

@@ -45,11 +45,10 @@ _STEP = 1e-30
 
 
 class RowError(FitError):
-    """A value of one row that the formula cannot take.
+    """An invalid value of one row for the formula.
 
     Attributes:
-        index: of the row among those given, from 0. The message has the row of a file whose header is row 1.
-
+        index: index of the row, from 0. The message has its number in a file whose header is row 1.
     """
 
     def __init__(self, before: str, index: int, after: str, row: int | None = None) -> None:
@@ -57,7 +56,7 @@ class RowError(FitError):
         self.index, self._words = index, (before, after)
 
     def at(self, row: int) -> RowError:
-        """The same of a row with this number."""
+        """The same for a row with this number."""
         return RowError(self._words[0], self.index, self._words[1], row)
 
 
@@ -66,8 +65,7 @@ class Formula:
     """Terms of a linear model.
 
     Attributes:
-        terms: in the order of their columns; the one without factors is the intercept.
-
+        terms: in the order of their columns; the term without factors is the intercept.
     """
 
     terms: tuple[Term, ...]
@@ -77,8 +75,7 @@ class Formula:
         """Read a formula.
 
         Raises:
-            FormulaError: it does not follow the grammar; the message points at the place.
-
+            FormulaError: it violates the grammar; the message marks the place.
         """
         return Formula(tuple(sorted(parse_terms(text), key=len)))
 
@@ -88,7 +85,7 @@ class Formula:
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Names of the variables needed, in the order they are used."""
+        """Names of the required variables, in order of their first use."""
         return tuple(dict.fromkeys(name for term in self.terms for name in term.names))
 
     @property
@@ -98,7 +95,7 @@ class Formula:
 
     @property
     def has_categories(self) -> bool:
-        """Whether a term has a category in it."""
+        """Whether a term contains a category."""
         return any(term.categories for term in self.terms)
 
     def plus(self, *terms: Term) -> Formula:
@@ -110,7 +107,7 @@ class Formula:
         return Formula(tuple(term for term in self.terms if term not in terms))
 
     def levels(self, table: Table) -> dict[str, tuple[Any, ...]]:
-        """Levels of every category in `table`, ascending: what `columns` of another table needs to match these."""
+        """Levels of every category in `table`, ascending; `columns` of another table needs them to match this one."""
         names = dict.fromkeys(category.name for term in self.terms for category in term.categories)
         return {name: tuple(np.unique(_given(name, table)).tolist()) for name in names}
 
@@ -119,27 +116,26 @@ class Formula:
 
         Args:
             table: (n,) arrays by name.
-            levels: of the categories, where `table` may not hold them all; without it those found there.
+            levels: of the categories, if `table` may not contain all; by default those of `table`.
 
         Raises:
             KeyError: the table lacks a variable.
-            FitError: a value is not finite (the logarithm of a negative number, say), is text where a number is
-                needed, or is none of the `levels`.
-
+            FitError: a value is not finite (the logarithm of a negative number, say), is text instead of a number, or
+                is not one of the `levels`.
         """
         values = {f: _numbers(f, table) for f in self._numeric}
         names, columns = self._products(values, table, levels)
         return names, np.column_stack(columns) if columns else np.empty((_count(self.names, table), 0))
 
     def exact_columns(self, table: Table, levels: Levels | None = None) -> tuple[tuple[str, ...], DoubleDouble]:
-        """`columns` with twice the digits, the values in `table` taken to be exact.
+        """`columns` with twice the digits; the values in `table` count as exact.
 
-        What a double leaves out of x^10 can move the coefficients of a polynomial in their eighth digit. Arguments and
+        Rounding of x^10 to a double can change the coefficients of a polynomial in their eighth digit. Arguments and
         errors as for `columns`.
         """
         names, rounded = self.columns(table, levels)
         given = {name: DoubleDouble.of(table[name]) for f in self._numeric for name in f.names}
-        with np.errstate(all="ignore"):  # beyond 1e300 there are no digits to add: the rounded column stands
+        with np.errstate(all="ignore"):  # beyond 1e300 there are no further digits: the rounded column is used
             values = {f: f.expression.value(given) for f in self._numeric}
             exact = [DoubleDouble.of(0.0) + column for column in self._products(values, table, levels)[1]]
         if not exact:
@@ -149,9 +145,9 @@ class Formula:
         return names, DoubleDouble(np.where(known, hi, rounded), np.where(known, lo, 0.0))
 
     def derivative(self, table: Table, name: str) -> FloatArray:
-        """(n, k) derivatives of the columns with respect to the variable `name`; of a model without categories.
+        """(n, k) derivatives of the columns with respect to the variable `name`; for a model without categories.
 
-        Exact to rounding: by a step into the complex plane, which subtracts nothing.
+        Exact to rounding: by a complex step, without differences.
         """
         count = _count(self.names, table)
         stepped = {**table, name: np.asarray(table[name], np.float64) + 1j * _STEP}
@@ -170,7 +166,7 @@ class Formula:
     def _products(
         self, values: Mapping[Numeric, Any], table: Table, levels: Levels | None
     ) -> tuple[tuple[str, ...], list[Any]]:
-        """Names of the columns and the products that they are, in the arithmetic of `values`."""
+        """Names of the columns and their products, in the arithmetic of `values`."""
         levels = self.levels(table) if levels is None else levels
         categories = dict.fromkeys(f for term in self.terms for f in term.categories)
         members = {f: _members(f, table, levels[f.name]) for f in categories}
@@ -190,11 +186,11 @@ class Formula:
         return tuple(names), columns
 
     def _coded(self) -> Iterator[tuple[Term, tuple[tuple[Category, bool], ...]]]:
-        """Terms in parts, each with its categories and whether all their levels get a column, or all but the first.
+        """Terms in parts, each with its categories and whether all their levels have a column, or all but the first.
 
-        A term's span is that of the products of its categories' contrasts, subset by subset. Those that an earlier term
-        with the same numeric factors has are left out; of the others, two that differ by one category are one part in
-        which that category has all its levels.
+        A term's span is that of the products of its categories' contrasts, subset by subset. Those of an earlier term
+        with the same numeric factors are left out. Of the others, two that differ by one category are one part with all
+        levels of that category.
         """
         held: dict[frozenset[Numeric], set[frozenset[Category]]] = {}
         for term in self.terms:
@@ -213,7 +209,7 @@ class Formula:
 def _joined(
     parts: list[tuple[frozenset[Category], frozenset[Category]]],
 ) -> list[tuple[frozenset[Category], frozenset[Category]]]:
-    """`parts` with pairs joined as long as one is another times the contrasts of one more category."""
+    """`parts` with pairs joined while one is another times the contrasts of one more category."""
     for (contrasts, full), (more, same) in permutations(parts, 2):
         extra = more - contrasts
         if full == same and contrasts < more and len(extra) == 1:

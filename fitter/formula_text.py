@@ -1,4 +1,4 @@
-"""From the text of a formula to its terms. The grammar is described in `fitter.formula`."""
+"""Parsing the text of a formula into its terms. The grammar is described in `fitter.formula`."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ _HINTS = {"/": "division goes inside I()"} | dict.fromkeys(COMPARISONS, "compari
 
 @dataclass(frozen=True)
 class Numeric:
-    """A factor with one column. Factors that read alike are one factor."""
+    """A factor with one column. Factors with the same text are one factor."""
 
     text: str
     expression: Expression = field(compare=False, repr=False)
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Variables it needs."""
+        """Its variables."""
         return self.expression.names
 
 
@@ -35,12 +35,12 @@ class Category:
 
     @property
     def text(self) -> str:
-        """As written."""
+        """Its text."""
         return f"C({quoted(self.name)})"
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Variables it needs."""
+        """Its variables."""
         return (self.name,)
 
 
@@ -49,7 +49,7 @@ Factor = Numeric | Category
 
 @dataclass(frozen=True)
 class Term:
-    """A product of factors, each once; without any it is the constant."""
+    """A product of factors, each once; without factors it is the constant."""
 
     factors: tuple[Factor, ...] = ()
 
@@ -66,12 +66,12 @@ class Term:
         return ":".join(f.text for f in self.factors) if self.factors else "1"
 
     def times(self, other: Term) -> Term:
-        """Their product; factors in both stand in it once."""
+        """Their product; a factor in both occurs once."""
         return Term(tuple(dict.fromkeys(self.factors + other.factors)))
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Variables it needs."""
+        """Its variables."""
         return tuple(dict.fromkeys(name for f in self.factors for name in f.names))
 
     @property
@@ -89,14 +89,13 @@ def parse_terms(text: str) -> tuple[Term, ...]:
     """Terms of a formula, the intercept first if it has one, the others as written.
 
     Raises:
-        FormulaError: it does not follow the grammar.
-
+        FormulaError: it violates the grammar.
     """
     return _Terms(text).formula()
 
 
 def numeric(expression: Expression) -> Numeric:
-    """A factor; names, functions and whole powers of them are written without I()."""
+    """A factor; names, functions and whole powers of them do not need I()."""
     base = expression
     if expression.operation == "^" and expression.of[1].operation == "number" and _is_power(expression.of[1].of[0]):
         base = expression.of[0]
@@ -111,7 +110,7 @@ def _is_power(number: float) -> bool:
 class _Terms(Arithmetic):
     """The levels of the grammar above arithmetic."""
 
-    _inside = False  # whether a term's own parentheses are open: what is said of terms does not hold in arithmetic
+    _inside = False  # whether a term's own parentheses are open: messages about terms do not apply to arithmetic
 
     def formula(self) -> tuple[Term, ...]:
         self._check_length()

@@ -1,9 +1,8 @@
 """Linear least squares by orthogonal triangularisation.
 
-Columns are scaled to unit length and [X y] is reduced to a triangle, block of rows by block of rows if need be.
-The normal equations, which square the condition number, are never formed. Where columns are so nearly alike that
-rounding would still cost digits, the solution of all rows at once is refined (`fitter.refine`); one that grew by blocks
-is not.
+Columns are scaled to unit length and [X y] is reduced to a triangle, in blocks of rows if necessary. The normal
+equations, which square the condition number, are never formed. If columns are so nearly dependent that rounding would
+still cost digits, the solution of all rows at once is refined (`fitter.refine`); a solution from blocks is not.
 """
 
 from __future__ import annotations
@@ -22,17 +21,17 @@ from fitter.quantiles import t_limit
 from fitter.refine import refine
 
 FEWEST = 32
-"""Rows that rounding errors are computed from at least: columns come with some of their own."""
+"""Minimum number of rows assumed for rounding errors: columns have some of their own."""
 
 CONDITION = 100.0
-"""Condition number from which a solution is refined; below it a model that fits has eleven digits as it is."""
+"""Condition number from which a solution is refined; below it a fitting model has eleven correct digits."""
 
 AFFORDABLE = 2_000_000
-"""Most products n k^2 that a refinement is given, some 0.3 s."""
+"""Maximum product n k^2 for a refinement, about 0.3 s."""
 
 
 class RankError(FitError):
-    """The observations do not determine all coefficients; the message names those that cannot be told apart."""
+    """The observations do not determine all coefficients; the message names the undetermined ones."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,9 +44,8 @@ class LinearFit:
         root: (k, k) with root @ root.T = (X'X)^-1.
         rss: residual sum of squares, in squared units of y.
         n: number of observations.
-        condition: number of the columns, each scaled to unit length: by how much relative rounding errors grow.
-        beside: coefficients fitted beside these k and not shown; they cost degrees of freedom.
-
+        condition: condition number of the columns, each scaled to unit length: the growth of relative rounding errors.
+        beside: number of further fitted coefficients, not listed; they cost degrees of freedom.
     """
 
     names: tuple[str, ...]
@@ -64,7 +62,7 @@ class LinearFit:
         return self.n - len(self.names) - self.beside
 
     def first(self, count: int) -> LinearFit:
-        """The first `count` coefficients, with what they owe to having been fitted beside the others."""
+        """The first `count` coefficients, with the uncertainty due to the others fitted with them."""
         return replace(
             self,
             names=self.names[:count],
@@ -75,7 +73,7 @@ class LinearFit:
 
     @property
     def sigma(self) -> float:
-        """Standard error of one observation, in units of y; NaN where nothing is left to estimate it from."""
+        """Standard error of one observation, in units of y; NaN without degrees of freedom."""
         return float(np.sqrt(self.rss / self.df)) if self.df > 0 else float("nan")
 
     @cached_property
@@ -93,7 +91,7 @@ class LinearFit:
         return np.asarray(columns @ self.coefficients)
 
     def variance_function(self, columns: FloatArray) -> FloatArray:
-        """(m,) h' (X'X)^-1 h: variance of a predicted output over sigma^2; leverage where h is a row of X."""
+        """(m,) h' (X'X)^-1 h: variance of a predicted output over sigma^2; leverage if h is a row of X."""
         return np.asarray(np.sum((columns @ self.root) ** 2, axis=1))
 
     def confidence(self, columns: FloatArray, level: float = 0.95) -> FloatArray:
@@ -115,15 +113,14 @@ class LinearFit:
 
 @dataclass(frozen=True, eq=False)
 class Triangle:
-    """All that n rows of [X y] say about the coefficients, in (k + 1, k + 1) numbers; grows by blocks of rows.
+    """The information of n rows of [X y] about the coefficients, in (k + 1, k + 1) numbers; grows by blocks of rows.
 
-    Several responses y share one triangle, which is then [X y_1 y_2 ...]; `of` has that of each alone.
+    Several responses y share one triangle, which is then [X y_1 y_2 ...]; `of` returns the triangle of one response.
 
     Attributes:
         names: of the k columns.
         r: upper triangle of [X y], or None before the first row.
-        n: rows taken in.
-
+        n: number of rows.
     """
 
     names: tuple[str, ...]
@@ -131,7 +128,7 @@ class Triangle:
     n: int = 0
 
     def add(self, columns: FloatArray, y: FloatArray) -> Triangle:
-        """Take in a block of rows, (m, k) `columns` and (m,) or (m, q) `y`; gives the grown triangle."""
+        """Add a block of rows, (m, k) `columns` and (m,) or (m, q) `y`; returns the new triangle."""
         if columns.shape[1] != len(self.names):
             raise ValueError(f"{columns.shape[1]} columns were given for {len(self.names)} names")
         block = np.column_stack([columns, y])
@@ -149,12 +146,11 @@ class Triangle:
         """Least-squares coefficients of all rows so far.
 
         Args:
-            least: root mean square up to which a column counts as zero, in its own unit. Scaling would otherwise
-                make a column of rounding errors as good as any other.
+            least: root mean square up to which a column counts as zero, in its own unit. Otherwise scaling would turn a
+                column of rounding errors into a valid one.
 
         Raises:
             RankError: the rows do not determine every coefficient.
-
         """
         k = len(self.names)
         if self.r is None or self.n < k:
@@ -171,7 +167,7 @@ class Triangle:
         return LinearFit(self.names, inverse @ qty / length, inverse / length[:, None], rss, self.n, condition)
 
     def _condition(self, scaled: FloatArray) -> float:
-        """Condition number, if it is not so large that it says the columns are not independent."""
+        """Condition number, unless it is so large that the columns count as dependent."""
         _, values, right = np.linalg.svd(scaled)
         undetermined = right[values <= max(self.n, FEWEST) * np.finfo(float).eps * values[0]]
         if not len(undetermined):
@@ -186,19 +182,18 @@ def least_squares(
 ) -> LinearFit:
     """Fit y = columns @ coefficients; refined from a condition number of `CONDITION` on, if that is `AFFORDABLE`.
 
-    NIST's linear reference problems, Filip's and Wampler's included, come out with 13 digits.
+    NIST's linear reference problems, including Filip's and Wampler's, have 13 correct digits.
 
     Args:
         columns: (n, k).
         y: (n,).
         names: k names, used in results and messages.
         least: root mean square up to which a column counts as zero.
-        tails: (n, k) what the doubles in `columns` leave out of the true columns, where that is known
-            (`Formula.exact_columns`); only a refinement can use it.
+        tails: (n, k) rounding errors of the doubles in `columns`, if known (`Formula.exact_columns`); used only by a
+            refinement.
 
     Raises:
         RankError: the observations do not determine every coefficient.
-
     """
     fit = Triangle(tuple(names)).add(columns, y).solve(least)
     if fit.condition < CONDITION or columns.size * len(names) > AFFORDABLE:
@@ -211,14 +206,13 @@ def least_squares(
 
 
 def orthonormal(columns: FloatArray, length: FloatArray | None = None, tolerance: float = 1e-7) -> FloatArray:
-    """(n, rank) orthonormal basis of what the columns span; columns that add nothing are dropped.
+    """(n, rank) orthonormal basis of the span of the columns; dependent columns are dropped.
 
     Args:
         columns: (n, k).
-        length: (k,) what each column is measured by; without it its own length. Where the columns are what is left
-            of longer ones, give the lengths these had, or their rounding errors pass for columns.
-        tolerance: a column whose part outside the others is shorter than this, relative to `length`, adds nothing.
-
+        length: (k,) reference length of each column; by default its own. For columns that are remainders of longer
+            ones, give the original lengths; otherwise rounding errors count as columns.
+        tolerance: a column whose part outside the others is shorter than this, relative to `length`, is dependent.
     """
     length = np.linalg.norm(columns, axis=0) if length is None else length
     used = columns[:, length > 0] / length[length > 0]

@@ -8,28 +8,28 @@ from __future__ import annotations
 from scipy import special
 
 DISTINGUISHED = 0.9973
-"""Of three standard errors, where the error is known: by so much two explanations have to differ."""
+"""Probability of three standard errors, for a known error: the required difference between two explanations."""
 
 
 def t_limit(level: float, df: float) -> float:
-    """Two-tailed limit of Student's t: |t| stays below it with probability `level`, for `df` degrees of freedom."""
+    """Two-tailed limit of Student's t: |t| is below it with probability `level`, for `df` degrees of freedom."""
     return float(special.stdtrit(df, 0.5 * (1.0 + level)))
 
 
 def t_tail(t: float, df: float) -> float:
-    """Probability that |t| is exceeded (two-tailed) with `df` degrees of freedom."""
+    """Two-tailed probability of exceeding |t| with `df` degrees of freedom."""
     return float(2.0 * special.stdtr(df, -abs(t)))
 
 
 def f_limit(level: float, df_above: float, df_below: float) -> float:
-    """Value that F stays below with probability `level`; NaN where one of the degrees of freedom is not positive."""
+    """Limit of F with probability `level`; NaN if one of the degrees of freedom is not positive."""
     if df_above <= 0 or df_below <= 0:
         return float("nan")
     return float(special.fdtri(df_above, df_below, level))
 
 
 def f_tail(f: float, df_above: float, df_below: float) -> float:
-    """Probability that F is exceeded; NaN where one of the degrees of freedom is not positive."""
+    """Probability of exceeding F; NaN if one of the degrees of freedom is not positive."""
     if df_above <= 0 or df_below <= 0:
         return float("nan")
     return float(special.fdtrc(df_above, df_below, f))

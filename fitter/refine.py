@@ -1,15 +1,14 @@
-"""Least squares to all digits of a double, where rounding errors of a first solution matter.
+"""Least squares to all digits of a double, if rounding errors of a first solution are too large.
 
-The first triangle R makes the columns orthonormal but for its rounding errors: B = X R^-1, B'B = I + small. What is
-left is formed in arithmetic with twice the digits, where nothing that cancels is lost, and corrected through the same
-triangle. (That an inverse wrong in all digits still makes a good preconditioner: Rump 1990. A second Cholesky QR:
-Yamamoto, Nakatsukasa, Yanagisawa and Fukaya 2015.)
+The first triangle R makes the columns orthonormal but for its rounding errors: B = X R^-1, B'B = I + small. The
+remainder is computed with twice the digits, without loss by cancellation, and corrected with the same triangle. (That
+an inverse wrong in all digits still makes a good preconditioner: Rump 1990. A second Cholesky QR: Yamamoto,
+Nakatsukasa, Yanagisawa and Fukaya 2015.)
 
     (X'X)^-1 = R^-1 (B'B)^-1 R'^-1        c = R^-1 (B'B)^-1 B'y
 
-Both hold whatever R^-1 is, so that its own errors drop out. Columns that a double cannot hold, tenth powers say, come
-with what rounding left out of them: else the rounding of the columns themselves, times the condition number, is the
-limit.
+Both hold for any R^-1, so its own errors cancel. Columns that a double cannot represent, such as tenth powers, come
+with their rounding errors; otherwise the rounding of the columns times the condition number is the limit.
 """
 
 from __future__ import annotations
@@ -21,12 +20,12 @@ from fitter.double_double import DoubleDouble
 
 _PASSES = 3
 _NEAR = 1e-3
-"""B'B as far as this from I is made again with the corrected R^-1: only near the limit of what can be told apart."""
+"""If B'B is as far as this from I, it is computed again with the corrected R^-1: only near the limit of dependence."""
 _STEPS = 4
-"""Corrections of (B'B)^-1 B'y, each to a thousandth of the error before it, or at once to rounding."""
+"""Number of corrections of (B'B)^-1 B'y, each to a thousandth of the previous error, or at once to rounding."""
 
 
-@np.errstate(over="ignore", invalid="ignore")  # magnitudes beyond 1e300 end in None
+@np.errstate(over="ignore", invalid="ignore")  # magnitudes beyond 1e300 give None
 def refine(
     columns: FloatArray, tails: FloatArray | None, y: FloatArray, root: FloatArray
 ) -> tuple[FloatArray, FloatArray, float] | None:
@@ -34,13 +33,12 @@ def refine(
 
     Args:
         columns: (n, k).
-        tails: (n, k) what the doubles in `columns` leave out of the true columns; None: nothing.
+        tails: (n, k) rounding errors of the doubles in `columns`; None for zero.
         y: (n,).
         root: (k, k) with root @ root.T near (X'X)^-1.
 
     Returns:
-        None where `root` is too far off for a correction to find its way, or magnitudes are beyond 1e300.
-
+        None if `root` is too inaccurate for a correction, or magnitudes are beyond 1e300.
     """
     x = DoubleDouble(columns, np.zeros_like(columns) if tails is None else tails)
     for _ in range(_PASSES):
@@ -82,6 +80,6 @@ def _times(matrix: DoubleDouble, right: FloatArray | DoubleDouble) -> DoubleDoub
 
 
 def _gram(basis: DoubleDouble) -> DoubleDouble:
-    """(k, k) B'B; a column at a time, for the memory of it."""
+    """(k, k) B'B; column by column, to save memory."""
     rows = [(basis * basis[:, j, None]).sum() for j in range(basis.hi.shape[1])]
     return DoubleDouble(np.stack([r.hi for r in rows]), np.stack([r.lo for r in rows]))

@@ -9,6 +9,11 @@ With n replications of K points and L parameters (balanced; every count below is
 
 The paper's T_b and T_S have lack of fit in their denominator, so removing a real effect can raise them; the joint
 drift test is against SS_pr, which lack of fit does not enter.
+
+T_bias has the scatter of readings at one point as its denominator. Drift between replications and wander within them
+are in that scatter too, so a lack of fit smaller than they are is not significant: the test is blind to it. Drift of
+the parameters between replications can be taken out: lack of fit is then tested against SS_pr. Wander within
+replications cannot; it shows as correlation of neighbours in time.
 """
 
 from __future__ import annotations
@@ -16,11 +21,121 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import special
 
 from fitter.arrays import FloatArray, IntArray
-from fitter.blind import Blind, blind
-from fitter.linear import LinearFit, RankError, least_squares
+from fitter.linear import LinearFit, RankError, least_squares, orthonormal
 from fitter.sums_of_squares import NAN, FTest, centred, off, own_parameters, ratio, within_points
+
+_DRIFTS = 0.05
+_WANDERS = 1e-3
+_INFLATED = 1.1
+"""Less than this hides nothing that scatter does not hide as well."""
+
+
+@dataclass(frozen=True)
+class Blind:
+    """Why a lack of fit may not be significant.
+
+    Attributes:
+        inflation: mean square of readings at one point over that beyond each replication's own parameters; 1 where
+            the parameters do not drift between replications.
+        bias: lack of fit against the latter, beside the replications' own parameters.
+        wander: correlation of neighbours in time of what is left of them; 0 where it is not significant.
+
+    """
+
+    inflation: float
+    bias: FTest
+    wander: float
+
+    @property
+    def lacks_fit(self) -> bool:
+        """Whether lack of fit is significant once drift between replications is out of the denominator."""
+        return bool(self.bias.value > self.bias.limit_95)
+
+    @property
+    def sentence(self) -> str:
+        """For people."""
+        texts = []
+        if self.inflation > 1.0:
+            test = f"F {self.bias.value:.3g}, 95 % limit {self.bias.limit_95:.3g}"
+            texts.append(
+                f"T_bias can miss a lack of fit here: drift between replications makes its denominator "
+                f"{self.inflation:.2g} times as large; against the scatter without that drift, lack of fit is "
+                f"{'SIGNIFICANT' if self.lacks_fit else 'not significant'} ({test})"
+            )
+        if self.wander > 0.0:
+            which = "that test" if texts else "T_bias"
+            texts.append(
+                f"{which} cannot see a lack of fit smaller than the wander within replications, which is in its "
+                f"denominator (readings next to each other in time correlate by {self.wander:.2f})"
+            )
+        return "; ".join(texts)
+
+
+def blind(
+    output: FloatArray,
+    extra: FloatArray,
+    columns: FloatArray,
+    within: FloatArray,
+    point: IntArray,
+    replicate: IntArray,
+    drift: FTest,
+    pure_error: float,
+) -> Blind | None:
+    """Why the test of lack of fit can miss one; None where nothing speaks for that.
+
+    Args:
+        output: (n,) volts, rows in order of time.
+        extra: (n, q) columns of effects fitted together with the model.
+        columns: (n, L) rows of the model.
+        within: (n, r) orthonormal basis of what effects and replications' own parameters span within points.
+        point: (n,) point of the design, from 0.
+        replicate: (n,) replication, from 0.
+        drift: the joint test of drift between replications.
+        pure_error: mean square of readings at one point.
+
+    """
+    left = off(centred(output[:, None], point), within)[:, 0]
+    rest = float(left @ left)
+    if drift.df_below <= 0 or rest <= 0.0:
+        return None
+    inflation = pure_error * drift.df_below / rest
+    drifts = bool(drift.p < _DRIFTS) and inflation >= _INFLATED
+    wander, p = _wander(left, within, point, replicate, drift.df_below)
+    if not drifts and p >= _WANDERS:
+        return None
+    bias = FTest(NAN, 0, drift.df_below)
+    if drifts:
+        every = orthonormal(np.column_stack([extra, own_parameters(columns, replicate)]))
+        beyond = float(np.sum(off(output, every) ** 2))
+        bias = ratio(beyond - rest, len(output) - every.shape[1] - drift.df_below, rest, drift.df_below)
+    return Blind(inflation if drifts else 1.0, bias, wander if p < _WANDERS else 0.0)
+
+
+def _wander(left: FloatArray, within: FloatArray, point: IntArray, replicate: IntArray, df: int) -> tuple[float, float]:
+    """Correlation of neighbours in time beyond what the fit itself gives, and its one-sided probability.
+
+    Its mean and variance for white noise seen through the projection are exact (Durbin and Watson, Biometrika 37,
+    1950); its distribution is taken as normal.
+    """
+    size = np.bincount(point)
+    points = np.zeros((len(left), len(size)))
+    points[np.arange(len(left)), point] = 1.0 / np.sqrt(size[point])
+    basis = np.column_stack([points, within])
+    joined = np.where(replicate[1:] == replicate[:-1], 0.5, 0.0)[:, None]
+    lagged = np.zeros_like(basis)
+    lagged[:-1] += joined * basis[1:]
+    lagged[1:] += joined * basis[:-1]
+    inner = basis.T @ lagged
+    trace = -float(np.trace(inner))
+    square = 2.0 * float(np.sum(joined**2)) - 2.0 * float(np.sum(lagged**2)) + float(np.sum(inner * inner.T))
+    variance = 2.0 * (df * square - trace**2) / (df**2 * (df + 2.0))
+    if variance <= 0.0:
+        return 0.0, 1.0
+    found = 2.0 * float(np.sum(joined[:, 0] * left[1:] * left[:-1])) / float(left @ left) - trace / df
+    return found, float(special.ndtr(-found / np.sqrt(variance)))
 
 
 @dataclass(frozen=True)
@@ -39,10 +154,9 @@ class Replication:
         drift_b: T_b and its limit, on (n - 1, n (K - L)) degrees of freedom.
         drift_S: T_S and its limit.
         drift: joint test of all parameters against sigma_pr.
-        n_replications: replications that could be fitted alone.
-        n_points: points of the design seen at least once.
-        blind: why `bias` can miss a lack of fit; None where it is significant itself or nothing speaks against it.
-
+        n_replications: number of replications that could be fitted separately.
+        n_points: number of points of the design measured at least once.
+        blind: reasons why `bias` can miss a lack of fit; None if it is significant or there are none.
     """
 
     sigma_E: float
@@ -80,9 +194,8 @@ def analyse(
         point: (n,) point of the design, from 0.
         replicate: (n,) replication, from 0.
         extra: (n, q) columns of effects whose coefficients were fitted together with the model, if any.
-        by_hand: how many coefficients that fit beyond `columns`; they cost degrees of freedom.
-        order: (n,) in which the rows were measured; None where it is that of the rows.
-
+        by_hand: number of fitted coefficients beyond `columns`; they cost degrees of freedom.
+        order: (n,) order of measurement; None if it is that of the rows.
     """
     n, k = columns.shape
     extra = np.empty((n, 0)) if extra is None else extra
@@ -127,22 +240,20 @@ def analyse(
 def between_replications(
     columns: FloatArray, output: FloatArray, replicate: IntArray, fit: LinearFit
 ) -> tuple[FloatArray, int] | None:
-    """Covariance of the coefficients as the replications, each fitted alone, show it, and its degrees of freedom.
-
-    That of the pooled fit takes every reading for independent. Where offset or sensitivity drift between replications
-    it is too small; where the model lacks fit, in the same way every time, it is too large. The mean square between
-    replications, on n - 1 degrees of freedom, is what their mean varies with, whatever varies them. Replications weigh
-    by how well each determines the coefficients; one cut short does not count for a whole one.
+    """Covariance of the coefficients from separate fits of the replications, and its degrees of freedom. That of the
+    pooled fit assumes independent readings. It is too small if offset or sensitivity drift between replications, and
+    too large if a lack of fit repeats in each. The mean square between replications, on n - 1 degrees of freedom, is
+    the variance of their mean, for any source of variation. Replications are weighted by their information about the
+    coefficients, so an incomplete one counts less.
 
     Args:
         columns: (n, L) rows of the declared model.
-        output: (n,) volts, free of what else is fitted.
+        output: (n,) volts, without other fitted effects.
         replicate: (n,) replication, from 0.
         fit: of all of it.
 
     Returns:
-        (L, L) covariance and degrees of freedom; None with fewer than two replications that can be fitted alone.
-
+        (L, L) covariance and degrees of freedom; None with fewer than two replications that can be fitted separately.
     """
     spread = replication_spread(columns, output, replicate, fit)
     df = len(spread) - 1
@@ -150,7 +261,7 @@ def between_replications(
 
 
 def replication_spread(columns: FloatArray, output: FloatArray, replicate: IntArray, fit: LinearFit) -> FloatArray:
-    """(n_rep, L) how the coefficients of each replication lie from those of all, scaled as an error of the latter.
+    """(n_rep, L) deviations of each replication's coefficients from those of all, scaled as an error of the latter.
 
     Their mean square over n_rep - 1 is the covariance of `between_replications`; arguments as there.
     """
@@ -164,7 +275,7 @@ def replication_spread(columns: FloatArray, output: FloatArray, replicate: IntAr
 def _each_alone(
     columns: FloatArray, output: FloatArray, replicate: IntArray, names: tuple[str, ...]
 ) -> list[LinearFit]:
-    """One fit a replication; replications with too few points for one (cut short) are left out."""
+    """One fit per replication; replications with too few points (incomplete) are left out."""
     fits = []
     for r in range(int(replicate.max()) + 1):
         rows = replicate == r
@@ -178,7 +289,7 @@ def _each_alone(
 def _drift(alone: list[LinearFit], direction: FloatArray, ss_w: float, df_w: int) -> tuple[float, FTest]:
     """Variation between replications of direction . coefficients: its sigma, scaled as sigma_w is, and its F test.
 
-    Replications weigh by how well each determines the value, which makes F exact for unequal ones too.
+    Replications are weighted by their information about the value, so F is also exact for unequal ones.
     """
     df_b = len(alone) - 1
     if df_b <= 0 or not np.any(direction):
@@ -193,7 +304,7 @@ def _drift(alone: list[LinearFit], direction: FloatArray, ss_w: float, df_w: int
 def _joint_drift(
     columns: FloatArray, output: FloatArray, point: IntArray, replicate: IntArray, extra: FloatArray
 ) -> tuple[float, FTest, FloatArray]:
-    """Scatter beyond the replications' own parameters, its test, and what these and `extra` span within points."""
+    """Scatter beyond the replications' own parameters, its test, and the span of these and `extra` within points."""
     y = centred(output[:, None], point)
     before = within_points(extra, point)
     both = within_points(np.column_stack([extra, own_parameters(columns, replicate)]), point)

@@ -1,9 +1,9 @@
-"""The step that values were rounded to, and standard deviations that know of it.
+"""The rounding step of values, and standard deviations that take it into account.
 
-Rounded values repeat. A quantile of their residuals is then the residual of one repeated value, often zero, and says
-nothing of the scatter. Here every residual counts as spread over the width of its step; what that adds to the variance,
-step^2 / 12 (W. F. Sheppard, Proc. London Math. Soc. 29 (1898) 353), is taken off again. No standard deviation of
-rounded values is below step / sqrt(12).
+Rounded values repeat. A quantile of their residuals is then the residual of one repeated value, often zero, and has no
+information about the scatter. Here every residual is distributed evenly over its step. The added variance, step^2 / 12
+(W. F. Sheppard, Proc. London Math. Soc. 29 (1898) 353), is subtracted again. No standard deviation of rounded values is
+below step / sqrt(12).
 """
 
 from __future__ import annotations
@@ -15,16 +15,16 @@ from fitter.arrays import FloatArray
 
 DECIMALS = range(-6, 16)
 LARGEST = 2.0**50
-"""Whole numbers up to this are exact in a double, with some room for rounding errors."""
+"""Integers up to this are exact in a double, with a margin for rounding errors."""
 TIED = 0.5
-"""Values that take fewer different ones than this share of them may lie on a lattice that is not decimal."""
+"""If the number of different values is below this share of all, they may lie on a lattice that is not decimal."""
 BISECTIONS = 60
 
 
 def resolution(values: FloatArray) -> float:
-    """The step that values (n,) were rounded to, in their unit; zero where none is seen.
+    """The rounding step of values (n,), in their unit; zero if none is detected.
 
-    Decimal steps are read off the digits (0.01, 0.05), other ones, such as a converter's, off values that repeat.
+    Decimal steps are recognised by the digits (0.01, 0.05), others, such as a converter's, by repeated values.
     """
     distinct = np.unique(values[np.isfinite(values)])
     if distinct.size < 2:
@@ -34,7 +34,7 @@ def resolution(values: FloatArray) -> float:
         return decimal
     gaps = np.diff(distinct)
     least = float(gaps.min())
-    # written values of another step are each off by half a digit
+    # values printed with another step deviate by up to half a digit
     tolerance = max(1e-6, 1.5 * decimal / least)
     on_lattice = tolerance < 0.2 and bool(np.all(np.abs(gaps / least - np.round(gaps / least)) <= tolerance))
     return least if on_lattice else decimal
@@ -53,18 +53,17 @@ def _decimal(distinct: FloatArray) -> float:
 
 
 def least_sd(step: float | FloatArray) -> float:
-    """Standard deviation of rounding to `step` alone; of rows with different steps the root mean square."""
+    """Standard deviation of rounding to `step` alone; for rows with different steps the root mean square."""
     return float(np.sqrt(np.mean(np.square(step)) / 12.0))
 
 
 def robust_sd(residual: FloatArray, step: float | FloatArray = 0.0, inside: float = 0.5) -> float:
-    """Standard deviation of normal errors by a quantile of their sizes, which a few gross errors do not move.
+    """Standard deviation of normal errors by a quantile of their sizes, insensitive to a few gross errors.
 
     Args:
         residual: (n,) about zero.
-        step: that the values were rounded to, in the unit of the residual; one, or (n,).
-        inside: share of the residuals that the quantile is of; 0.5 is the median absolute deviation.
-
+        step: rounding step of the values, in the unit of the residual; one, or (n,).
+        inside: probability of the quantile; 0.5 gives the median absolute deviation.
     """
     size = np.abs(residual)
     normal = special.ndtri(0.5 + 0.5 * inside)
@@ -83,7 +82,7 @@ def robust_sd(residual: FloatArray, step: float | FloatArray = 0.0, inside: floa
 
 
 def _share_inside(limit: float, size: FloatArray, half: FloatArray) -> float:
-    """Share of residuals, each spread evenly over its step, that lie between -limit and limit."""
+    """Share of residuals, each distributed evenly over its step, between -limit and limit."""
     with np.errstate(divide="ignore", invalid="ignore"):
         covered = np.minimum(limit, size + half) - np.maximum(-limit, size - half)
         spread = np.where(half > 0, np.clip(covered / (2.0 * half), 0.0, 1.0), size <= limit)

@@ -1,4 +1,4 @@
-"""Whether the residuals of a fit scatter alike everywhere, as its intervals assume."""
+"""Test of constant scatter of a fit's residuals, as assumed by its intervals."""
 
 from __future__ import annotations
 
@@ -10,21 +10,20 @@ from scipy import stats
 from fitter.arrays import FloatArray
 
 FAMILY = 0.01
-"""Probability that any of the columns looked at is named where the scatter is the same everywhere."""
+"""Probability that any column is named if the scatter is constant."""
 
 FEWEST = 12
-"""Rows below which nothing is said: a rank correlation would have to be almost perfect."""
+"""Minimum number of rows: with fewer, a rank correlation would have to be almost perfect."""
 
 
 def uneven_scatter(residuals: FloatArray, along: Mapping[str, FloatArray]) -> str:
-    """Along which quantity the residuals' scatter changes most, in words; "" where chance explains it.
+    """The quantity with the largest change of residual scatter, in words; "" if chance explains it.
 
-    Spearman's rank correlation of their absolute values with each quantity, at a level shared out between these.
+    Spearman's rank correlation of absolute residuals with each quantity, at a level divided between them.
 
     Args:
-        residuals: (n,) each over the root of one less its leverage, so that all have one standard deviation.
+        residuals: (n,) each divided by the root of one minus its leverage, so that all have one standard deviation.
         along: (n,) values by name: columns of the model, the fitted value.
-
     """
     if len(residuals) < FEWEST:
         return ""

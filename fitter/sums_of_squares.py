@@ -26,17 +26,17 @@ class FTest:
 
     @property
     def limit_95(self) -> float:
-        """Value stayed below with 95 % probability when there is nothing to find."""
+        """95 % limit without an effect."""
         return f_limit(0.95, self.df_above, self.df_below)
 
     @property
     def p(self) -> float:
-        """Probability of a larger value when there is nothing to find."""
+        """Probability of a larger value without an effect."""
         return f_tail(self.value, self.df_above, self.df_below) if np.isfinite(self.value) else NAN
 
 
 def centred(columns: FloatArray, group: IntArray) -> FloatArray:
-    """(n, q) `columns` less their mean over each group; `group` (n,) numbers from 0."""
+    """(n, q) `columns` minus their mean over each group; `group` (n,) numbers from 0."""
     size = np.bincount(group)
     out = np.empty_like(columns)
     for j in range(columns.shape[1]):
@@ -55,12 +55,12 @@ def own_parameters(columns: FloatArray, replicate: IntArray) -> FloatArray:
 
 
 def within_points(columns: FloatArray, point: IntArray) -> FloatArray:
-    """(n, rank) orthonormal basis of what of (n, q) `columns` varies within points."""
+    """(n, rank) orthonormal basis of the variation of (n, q) `columns` within points."""
     return orthonormal(centred(columns, point), np.linalg.norm(columns, axis=0))
 
 
 def off(columns: FloatArray, basis: FloatArray) -> FloatArray:
-    """What of `columns` lies outside an orthonormal basis."""
+    """Part of `columns` outside an orthonormal basis."""
     return np.asarray(columns - basis @ (basis.T @ columns))
 
 

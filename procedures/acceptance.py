@@ -1,4 +1,4 @@
-"""A finished calibration beside the limits its procedure set beforehand."""
+"""A finished calibration compared with the acceptance limits of its procedure."""
 
 from __future__ import annotations
 
@@ -9,14 +9,13 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Verdict:
-    """One sensor against its limit.
+    """One sensor compared with its limit.
 
     Attributes:
         sensor: name of its output.
-        found: what was found, and the limit it exceeds or keeps.
+        found: the value, and the limit.
         limit: the limit alone, in words.
-        inside: whether it is kept.
-
+        inside: whether the value is inside the limit.
     """
 
     sensor: str
@@ -26,6 +25,6 @@ class Verdict:
 
 
 def gross_words(found: Mapping[str, Any]) -> str:
-    """Which rows are gross errors, where some are; to follow a figure."""
+    """Words for gross errors among the rows, after a value; "" without any."""
     rows = ", ".join(str(row) for row in found["rows"])
     return f"; with gross errors in it, row{'s' * (len(found['rows']) > 1)} {rows}: see rig fit" if rows else ""

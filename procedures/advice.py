@@ -1,4 +1,4 @@
-"""Advice on a procedure before it is run: what is recommended, and what holds of it here."""
+"""Recommendations for a procedure before its run, and whether it follows them."""
 
 from __future__ import annotations
 
@@ -7,15 +7,14 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Advice:
-    """One recommendation and what holds of it here.
+    """One recommendation and its application to a procedure.
 
     Attributes:
-        number: of the recommendation; 0 where it has none.
+        number: of the recommendation; 0 if it has none.
         recommendation: in short.
-        holds: whether it is followed; true where it does not apply.
-        sentence: what this procedure does, with numbers.
-        applies: whether it concerns this procedure at all.
-
+        holds: whether it is followed; true if it does not apply.
+        sentence: the properties of this procedure, with numbers.
+        applies: whether it concerns this procedure.
     """
 
     number: int

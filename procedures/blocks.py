@@ -1,6 +1,6 @@
-"""What a person reads of a result: lines, paragraphs and tables, drawn alike on a terminal, a page and in a notebook.
+"""Output for people: lines, paragraphs and tables, the same on a terminal, a page and in a notebook.
 
-Texts have rich's markup (`[bold]x[/]`); whatever comes from a file is escaped by whoever makes the text.
+Texts have rich's markup (`[bold]x[/]`); text from files is escaped by the author of the text.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from procedures.words import incomplete
 
 @dataclass(frozen=True)
 class Line:
-    """One line, however long; `wrapped` at the width of the terminal where that is read more easily."""
+    """One line of any length; `wrapped` at the width of the terminal if that is easier to read."""
 
     text: str = ""
     wrapped: bool = False
@@ -25,7 +25,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Paragraph:
-    """A text that is wrapped, with all of its lines indented."""
+    """A wrapped text with all lines indented."""
 
     text: str
     indent: int = 0
@@ -40,9 +40,8 @@ class Grid:
         title: above it.
         frame: "box"; "plain", a rule below the headings alone; "rule", the same with numbers to the right, for tables
             as wide as a terminal; or "none".
-        apart: spaces between the columns of a table without a box.
-        rows: of cells, as many as there are columns.
-
+        apart: number of spaces between the columns of a table without a box.
+        rows: lists of cells, one for each column.
     """
 
     columns: Sequence[str]
@@ -60,12 +59,12 @@ Block = Line | Paragraph | Grid
 
 
 def simulated_mark(simulated: bool) -> str:
-    """What is put beside everything that comes from a simulated run."""
+    """Mark of everything from a simulated run."""
     return "[bold magenta]SIMULATED[/] " if simulated else ""
 
 
 def headline(file: str, table: Table) -> Line:
-    """Whose observations, how many, and whether more are to come."""
+    """Sensors, number of observations, and whether the run continues."""
     missing = incomplete(table.provenance)
     more = f" ([yellow]{escape(missing)}[/])" if missing else ""
     return Line(f"{simulated_mark(table.simulated)}[bold]{escape(file)}[/]: {len(table)} observations{more}")

@@ -1,4 +1,4 @@
-"""A kind's catalogue of effects together with a laboratory's own."""
+"""A kind's catalogue of effects, with a laboratory's own."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Own = TypeVar("Own", bound=Entry)
 
 
 def with_own(ours: tuple[Own, ...], own: Iterable[Entry], of: type[Own]) -> tuple[Own, ...]:
-    """Ours first: of explanations that are equally good the first is named.
+    """Ours first: among equally good explanations the first is named.
 
     Args:
         ours: entries of the kind.
@@ -22,7 +22,6 @@ def with_own(ours: tuple[Own, ...], own: Iterable[Entry], of: type[Own]) -> tupl
 
     Raises:
         DataError: a name is used twice.
-
     """
     effects = (*ours, *(effect for effect in own if isinstance(effect, of)))
     twice = [name for name, count in Counter(effect.name for effect in effects).items() if count > 1]

@@ -1,7 +1,7 @@
-"""What was found in a sensor, as it can go into a certificate: sizes with intervals, a sentence an effect, a paragraph.
+"""Findings in a sensor for a certificate: sizes with intervals, a sentence per effect, a paragraph.
 
-An effect is chosen on the data that it is then estimated from, so every interval here is conditional on the choice. It
-is the interval of that effect if it is the one; what the data cannot tell from it stands beside it.
+An effect is selected with the same data that estimate it, so every interval is conditional on the selection. It is
+valid if the selected effect is the true one; effects that the data cannot distinguish from it are listed with it.
 """
 
 from __future__ import annotations
@@ -17,21 +17,20 @@ from procedures.words import SMALLEST, TESTS, capitalised, chance, part, signifi
 
 Interval = tuple[float, float] | None
 _NAMED = 3
-"""Aliases that a sentence names."""
+"""Maximum number of aliases in a sentence."""
 _BY_CHANCE = 0.01
-"""Probability from which a single test beyond its 95 % limit is not told as something that is there."""
+"""Probability from which a single test beyond its 95 % limit is not reported as an effect."""
 
 
 @dataclass(frozen=True)
 class Change:
-    """An error before and after, with all that was found.
+    """An error before and after, with all findings.
 
     Attributes:
-        of: what it is the error of, as the subject of a sentence.
+        of: name of the error, as the subject of a sentence.
         before: with the declared model.
-        after: with what was found.
+        after: with the findings.
         unit: of both.
-
     """
 
     of: str
@@ -40,12 +39,12 @@ class Change:
     unit: str = ""
 
     def from_to(self, verb: str = "") -> str:
-        """As part of a sentence, with a verb or to follow one that has it."""
+        """A part of a sentence, with a verb or after one."""
         return f"{self.of}{verb} from {self.before:.3g} to {self.after:.3g} {self.unit}".rstrip()
 
     @property
     def unchanged(self) -> str:
-        """The same where nothing was added to the model."""
+        """The same if nothing was added to the model."""
         return f"{self.of} is {self.before:.3g} {self.unit}".rstrip()
 
 
@@ -54,11 +53,10 @@ class Errors:
     """The errors of one sensor, before and after.
 
     Attributes:
-        of_fit: on the data that were fitted.
-        left_out: on what was left out of search and fit; None where nothing was.
-        hides: why the error left out says little of what was found, as the end of a sentence; "" where it tells.
-        floor: scatter of readings that repeat one setting, with its unit; "" where none do.
-
+        of_fit: in the fitted data.
+        left_out: in left-out data; None if nothing was left out.
+        hides: why the left-out error does not test the findings, as the end of a sentence; "" if it does.
+        floor: scatter of repeated readings, with its unit; "" without repeats.
     """
 
     of_fit: Sequence[Change]
@@ -68,20 +66,19 @@ class Errors:
 
 
 def intervals(coefficients: Iterable[float], halves: Iterable[float | None]) -> list[Interval]:
-    """95 % interval of each coefficient, None where its half-width is not known."""
+    """95 % interval of each coefficient, None if its half-width is unknown."""
     pairs = zip(coefficients, halves, strict=True)
     return [None if half is None or not isfinite(half) else (value - half, value + half) for value, half in pairs]
 
 
 def with_words(sensor: str, effect: Finding, halves: Iterable[float | None], size: str) -> Finding:
-    """A finding with intervals of its coefficients and of its size, and a sentence that stands alone.
+    """A finding with intervals of its coefficients and its size, and a self-contained sentence.
 
     Args:
         sensor: name of the output or response.
-        effect: as the trace has it.
-        halves: half-width of each coefficient's 95 % interval; None where there is none.
-        size: 95 % interval of its size in words, "" where there is none.
-
+        effect: from the trace.
+        halves: half-width of each coefficient's 95 % interval; None if there is none.
+        size: 95 % interval of its size in words, "" if there is none.
     """
     pairs = tuple(intervals(effect.coefficients, halves))
     worded = replace(effect, interval_95=pairs, size_95=size or None)
@@ -93,25 +90,23 @@ def with_words(sensor: str, effect: Finding, halves: Iterable[float | None], siz
 
 
 def certified(outcome: Outcome, sentence: str, errors: Errors, **more: Any) -> Outcome:
-    """A sensor's outcome with its sentence, the paragraph for a certificate, and `more` keys of its kind.
+    """A sensor's outcome with its sentence, the paragraph for a certificate, and further keys of its kind.
 
     Args:
-        outcome: its findings as `with_words` has them.
-        sentence: what was found, in brief.
+        outcome: its findings from `with_words`.
+        sentence: summary of the findings.
         errors: before and after.
-        more: keys of JSON that only its kind has.
-
+        more: keys of JSON of its kind only.
     """
     return replace(outcome, sentence=sentence, certificate=certificate(outcome, errors), more=more)
 
 
 def certificate(outcome: Outcome, errors: Errors) -> str:
-    """What was found in one sensor, a paragraph: every effect, errors before and after, what remains unexplained.
+    """Findings in one sensor, a paragraph: every effect, errors before and after, unexplained remainder.
 
     Args:
-        outcome: its findings as `with_words` has them.
+        outcome: its findings from `with_words`.
         errors: before and after.
-
     """
     sensor, found = outcome.sensor, outcome.to_json()
     added = [effect for effect in found["effects"] if effect["stratum"] != "noise"]
@@ -139,7 +134,7 @@ def certificate(outcome: Outcome, errors: Errors) -> str:
 
 
 def _still(found: Mapping[str, Any]) -> list[str]:
-    """Why a test of lack of fit or drift is beyond its limit where the search found nothing more; a sentence each."""
+    """Reasons why a test of lack of fit or drift exceeds its limit without further findings; one sentence each."""
     after = found.get("after", {})
     texts = []
     for test, p in (("T_bias", "p_bias"), ("T_b", "p_b"), ("T_S", "p_S")):
@@ -162,7 +157,7 @@ def _p(p: float) -> str:
 
 
 def _lacking(effect: Mapping[str, Any]) -> str:
-    """An effect, what it is confounded with, its size, its share and the chance of its like."""
+    """Sentence about an effect: confounded effects, size, share, and probability by chance."""
     others, cause = effect["aliases"], effect["cause"].partition(": ")[0].partition("; ")[0]
     more = f" and {len(others) - _NAMED} more" if len(others) > _NAMED else ""
     alike = f", or what these data cannot tell from it: {', '.join(others[:_NAMED])}{more}" if others else ""
@@ -175,13 +170,13 @@ def _lacking(effect: Mapping[str, Any]) -> str:
 
 
 def _of_noise(effect: Mapping[str, Any]) -> str:
-    """A finding about the noise; what it does to other people's intervals is in its size and not told here."""
+    """Sentence about a finding about noise; its influence on other intervals is part of its size."""
     size = effect["size"] if "intervals" not in effect else effect["size"].partition("; ")[0]
     return f"{effect['cause']} ({size}); {_chance(effect)}; nothing is added to the model for it"
 
 
 def _change(errors: Errors, added: int) -> list[str]:
-    """Errors before and after if something was `added`, how they are if not; a sentence each."""
+    """Errors before and after if something was `added`, otherwise their values; one sentence each."""
     left_out = errors.left_out
     if not added:
         return [capitalised(change.unchanged) for change in (*errors.of_fit, *([left_out] if left_out else []))]
@@ -197,7 +192,7 @@ def _change(errors: Errors, added: int) -> list[str]:
 
 
 def _grew(left_out: Change) -> str:
-    """That the left-out error did not fall, as the end of a sentence; "" where it fell."""
+    """Words for a left-out error that did not decrease, as the end of a sentence; "" if it did."""
     if left_out.after < left_out.before:
         return ""
     how = "grew" if left_out.after > left_out.before else "did not fall"
@@ -205,7 +200,7 @@ def _grew(left_out: Change) -> str:
 
 
 def _supported(left_out: Change, it: str) -> str:
-    """What a left-out error that fell says of what was found."""
+    """Words for a left-out error that decreased."""
     if left_out.after > CONFIRMED * left_out.before:
         return f"which bears {it} out, but weakly: it falls by less than {1 - CONFIRMED:.0%}".replace("%", " %")
     return f"which bears {it} out"

@@ -1,10 +1,13 @@
-"""What control charts ask of a kind: its calibrations of a table or a file, and one sensor over several of them."""
+"""Requirements of control charts on a kind: its calibrations from a table or a file, and one sensor over several."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
+
+import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.history import Charted
@@ -16,13 +19,12 @@ class Calibrations:
     """The sensors of one calibration.
 
     Attributes:
-        sensors: by output column, as their kind has them.
-        effects: names of the effects fitted beside the model, by output column.
-        simulated: from a simulated run.
-        provenance: what is known of it.
-        degC: mean sensor temperature; None where it was not recorded, or does not matter to what is charted.
-        corrected: whether `Charting.at` can bring every sensor to another temperature.
-
+        sensors: by output column, objects of their kind.
+        effects: names of the effects fitted with the model, by output column.
+        simulated: whether from a simulated run.
+        provenance: its provenance.
+        degC: mean sensor temperature; None if it was not recorded, or is irrelevant to the charted parameters.
+        corrected: whether `Charting.at` can convert every sensor to another temperature.
     """
 
     sensors: Mapping[str, Any]
@@ -35,13 +37,12 @@ class Calibrations:
 
 @dataclass(frozen=True)
 class Shown:
-    """How changes of one charted parameter are shown.
+    """Display of the changes of one charted parameter.
 
     Attributes:
         label: of the parameter, for people.
-        scale: what a change is multiplied by.
+        scale: factor for a change.
         unit: of the product.
-
     """
 
     label: str
@@ -56,15 +57,14 @@ class View:
     Attributes:
         charted: q charted parameters, and p parameters for people.
         shown: how each of the q is shown, by name.
-        rows: (H, q) what a unit of each charted parameter adds to the output over the range of use.
-        model: that was fitted.
+        rows: (H, q) derivative of the output by each charted parameter, over the range of use.
+        model: the fitted model.
         unit: of the output.
-        drawn: unit of plots of the output's error, and how many of them one `unit` is.
-        usage: range that the error of the output is bounded over.
+        drawn: unit of plots of the output's error, and its number per `unit`.
+        usage: range of use, for the bound of the output's error.
         usage_words: the same for people.
         interval: half-width of the 95 % interval of one reading, at its widest.
-        remarks: what a reader should know.
-
+        remarks: notes for readers.
     """
 
     charted: Charted
@@ -79,70 +79,72 @@ class View:
     remarks: Sequence[str] = ()
 
 
-class Charting(Protocol):
+class Charting(ABC):
     """What a kind knows of calibrations to chart; sensors are those of its `Calibrations`.
 
     Attributes:
-        at_one_temperature: whether the charted parameters hold at one temperature of the sensor.
-
+        at_one_temperature: whether the charted parameters are for one temperature of the sensor.
     """
 
-    at_one_temperature: bool
+    at_one_temperature = False
 
+    @abstractmethod
     def of_table(self, table: Table, formula: str | None) -> Calibrations:
         """Calibrate every sensor of a table.
 
         Args:
-            table: of this kind; of no kind that is known where the kind is asked for by options.
-            formula: the model that was asked for; None for the declared one.
+            table: of this kind; or of no known kind if the kind is selected by options.
+            formula: the requested model; None for the declared one.
 
         Raises:
-            DataError: the table lacks something, its rows do not determine the model, or no model can be asked for.
-
+            DataError: columns or values are missing, the rows do not determine the model, or the kind takes no formula.
         """
 
+    @abstractmethod
     def of_file(self, content: Mapping[str, Any], source: str) -> Calibrations:
-        """What `rig fit --out` wrote of this kind.
+        """Calibrations from a file of `rig fit --out` of this kind.
 
         Args:
             content: of the file.
             source: its path.
 
         Raises:
-            DataError: such a file does not keep all that charts need.
-            ValueError, LookupError, TypeError, AttributeError, ArithmeticError: the content is garbled.
-
+            DataError: such a file lacks data for charts.
+            ValueError, LookupError, TypeError, AttributeError, ArithmeticError: the content is invalid.
         """
 
     def model(self, sensor: Any) -> str:
         """What was fitted to a sensor; only calibrations of one model are charted together."""
+        return str(sensor.formula)
 
     def apart(self, first: Any, later: Any, between: str) -> str:
-        """Why two calibrations of one sensor and model cannot be compared; "" if they can.
+        """Reason why two calibrations of one sensor and model cannot be compared; "" if they can.
 
         Args:
             first: the earlier one.
             later: the other.
-            between: "between FILE and FILE", to be said.
-
+            between: "between FILE and FILE", for the message.
         """
+        return ""
 
     def same(self, first: Any, later: Any) -> bool:
-        """Whether two calibrations of one sensor are, as far as can be told, of the same data."""
+        """Whether two calibrations of one sensor are, as far as is known, of the same data: by their coefficients."""
+        return np.array_equal(first.coefficients, later.coefficients)
 
     def at(self, sensor: Any, degC: float) -> Any:
         """A sensor at another temperature, where that can be told."""
+        return sensor
 
+    @abstractmethod
     def view(self, every: Sequence[Any], years: FloatArray, usage: float | None) -> View:
         """One sensor over its calibrations.
 
         Args:
             every: m of them, of one model, in order of time.
             years: (m,) since the first.
-            usage: it is used within +- this; None for the range calibrated last.
+            usage: range of use, plus and minus; None for the range of the last calibration.
 
         Raises:
-            DataError: a range of usage is given, and this kind knows of none.
+            DataError: a range of use is given, and this kind has none.
             FitError: the calibrations cannot be charted together.
-
         """

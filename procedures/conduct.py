@@ -1,4 +1,4 @@
-"""How a run is carried out, beyond which points in which order: what the engine asks of a procedure of any kind."""
+"""Execution of a run apart from its points and their order: requirements of the engine on procedures of any kind."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class EnvironmentSettings(Strict):
 
 
 class SoakSettings(Strict):
-    """When a whole plot's temperatures have settled: chamber and sensor both, by what is read, not by the hour."""
+    """Criterion for settled temperatures of a whole plot: chamber and sensor, by readings, not by time."""
 
     tolerance_degC: Positive = Field(0.5, le=20, description="chamber within this of the setpoint")
     sensor_tolerance_degC: Positive = Field(1.0, le=20, description="thermometer at the sensors within this of it")
@@ -52,13 +52,12 @@ class SoakSettings(Strict):
 
 @dataclass(frozen=True, kw_only=True)
 class WholePlotConduct:
-    """What a run with hard-to-change factors does about its whole plots.
+    """Handling of whole plots in a run with hard-to-change factors.
 
     Attributes:
-        soak: when their temperatures have settled.
-        continue_gap_s: a whole plot left alone for longer is measured again under a new identity.
-        repeats: how often a whole plot may be measured again in one session because it was lost.
-
+        soak: criterion for settled temperatures.
+        continue_gap_s: a whole plot after a longer gap is measured again under a new identity.
+        repeats: maximum number of repeats of a lost whole plot in one session.
     """
 
     soak: SoakSettings
@@ -68,28 +67,27 @@ class WholePlotConduct:
 
 @dataclass(frozen=True, kw_only=True)
 class Conduct:
-    """How points are approached, read and recovered.
+    """Approach, measurement and recovery of points.
 
     Attributes:
-        settle: when an easy factor has arrived.
+        settle: criterion for the arrival of an easy-to-change factor.
         poll_s: time between readbacks meanwhile.
         readings: sweeps over all channels at a point.
-        repeats: how often too noisy readings are taken again before they are accepted with a flag.
-        max_sd_V: noise of one reading above which they are; None for any.
-        faults: what to do when something goes wrong.
+        repeats: maximum number of repeats of too noisy readings before they are accepted with a flag.
+        max_sd_V: limit of the noise of one reading; None for no limit.
+        faults: policies for faults.
         warnings: early warnings about the sensors.
         hold_max_s: a hold that nobody releases ends the session after this.
-        environment: the enclosure's temperature; None where nothing is asked of it.
+        environment: the enclosure's temperature; None if not required.
         max_gap_s: after a longer gap the environment is settled again.
-        whole_plots: of a run with hard-to-change factors; None for others.
-        mounting: how the package is turned, "x_deg" and so on; empty where nothing can be.
-        output_unit: in which the sensors' outputs are recorded; "" for any.
-        sensor_axes: whether every sensor has a nominal axis, or none may have one; None where it does not matter.
-        package_temperature: whether the declared model needs a temperature in the package.
-        response: columns of a simple model of every output, from what was set or read by name; early warnings hold
-            outputs against it. None where nothing is known of them.
-        least_jump: part of an output's span that it may be off by without a warning.
-
+        whole_plots: handling of whole plots in a run with hard-to-change factors; None for others.
+        mounting: orientation of the package, "x_deg" and so on; empty if not applicable.
+        output_unit: unit of the sensors' recorded outputs; "" for any.
+        sensor_axes: whether every sensor must have a nominal axis, or none may have one; None if irrelevant.
+        package_temperature: whether the declared model requires a temperature in the package.
+        response: columns of a simple model of every output, from set or measured quantities by name; early warnings
+            compare outputs with it. None if unknown.
+        least_jump: deviation of an output without a warning, as a fraction of its span.
     """
 
     settle: Settle

@@ -1,13 +1,12 @@
-"""A run that was traced, as the first of two: what it takes to plan a further run, to judge by it, and to use it."""
+"""A traced run as the first of two: functions to plan a further run, to judge by it, and to use it."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import Any, Protocol
+from typing import Any
 
-from fitter.arrays import FloatArray
 from fitter.confirm import Confirmation, Question, Together
-from fitter.confirm.question import Traced
 from fitter.effects.entry import Entry
 from procedures.further_runs import Variation
 from procedures.results import Fitted
@@ -15,86 +14,89 @@ from procedures.run_list import RunList
 from procedures.table import Table
 
 SETTLED = ("confirmed", "replaced")
-"""Verdicts that leave one explanation, and show it."""
+"""Verdicts that leave one explanation and confirm it."""
 
 
-class Observations(Protocol):
-    """Observations of any kind."""
-
-    def __len__(self) -> int: ...
-
-    @property
-    def elapsed_s(self) -> FloatArray:
-        """(n,) since the start of the run."""
-
-
-class Confirming(Protocol):
+class Confirming(ABC):
     """What a kind knows of a run that was traced in it.
 
     Attributes:
+        traced: the run.
         unit: of what is inferred: errors are said in it.
         output_unit: of the outputs.
-        per_slope: an error of the output over the slope, in `unit`.
-        drawn: unit of plots, and how many of them one `unit` is.
-        caution: what to count on of expected standard errors between two explanations; "" where they come as promised.
-
+        per_slope: conversion of an error of the output over the slope to `unit`.
+        drawn: unit of plots, and its number per `unit`.
+        caution: note about the accuracy of expected standard errors between two explanations; "" if they are accurate.
     """
 
+    traced: Any
     unit: str
     output_unit: str
     per_slope: float
     drawn: tuple[str, float]
-    caution: str
+    caution = ""
 
     @property
-    def found(self) -> Traced:
-        """What was found."""
+    def found(self) -> Any:
+        """What was found, a `fitter.confirm.question.Traced`."""
+        return self.traced.trace
 
     @property
-    def data(self) -> Observations:
+    def data(self) -> Any:
         """Of the run."""
+        return self.traced.data
 
+    @abstractmethod
     def own_words(self, *, realigned: bool) -> str:
-        """What is taken from the further run itself when it is predicted, in words; "" where nothing is."""
+        """Parameters estimated from the further run itself for its prediction, in words; "" if there are none."""
 
+    @abstractmethod
     def later(self, table: Table) -> Any:
         """Observations of a later run. Raises `DataError`."""
 
+    @abstractmethod
     def beside(self, later: Any, after_s: float) -> Together:
-        """This run and a later one, `after_s` from its start. Raises `FitError`."""
+        """This run and a later one, which began `after_s` seconds after it. Raises `FitError`."""
 
+    @abstractmethod
     def ways(
         self, variation: Variation, run_list: RunList, questions: Sequence[Question], later_s: float
     ) -> Sequence[Together]:
-        """This run and a further one as it is expected to go, in the ways that may go; its outputs mean nothing."""
+        """This run and a planned one, in its possible courses; its outputs are not used."""
 
+    @abstractmethod
     def hours(self, variation: Variation, run_list: RunList) -> float:
-        """Bench time of a run, by what this one took."""
+        """Bench time of a run, hours, from that of this run."""
 
+    @abstractmethod
     def size(self, procedure: Any) -> str:
         """Points and replications, for a table."""
 
     def mounting(self, procedure: Any) -> Mapping[str, float] | None:
-        """How the package is turned in a run, deg about each axis; None where it is as usual."""
+        """How the package is turned in a run, deg about each axis; None where it is as usual, or nothing is turned."""
+        return None
 
+    @abstractmethod
     def separated_by(self, one: Entry, other: Entry) -> str:
-        """The measurement that would tell two effects apart."""
+        """The measurement that would separate two effects."""
 
+    @abstractmethod
     def variables(self) -> Mapping[str, tuple[str, float]]:
-        """Fields of observations that residuals are drawn over: label and scale."""
+        """Fields of observations for plots of residuals: label and scale."""
 
+    @abstractmethod
     def calibrated(
         self, answers: Sequence[Confirmation], questions: Sequence[Question], record: dict[str, Any], options: Any
     ) -> Fitted:
-        """The calibration of this run with the causes that a further run confirmed.
+        """The calibration of this run with the causes confirmed by a further run.
 
         Args:
-            answers: a question each.
-            questions: an effect found each.
-            record: both runs, and of every effect what is used; it is completed here, and kept with the calibration.
+            answers: one per question.
+            questions: one per effect found.
+            record: both runs, and the used explanation of every effect; it is completed here, and stored with the
+                calibration.
             options: of `rig fit`.
 
         Raises:
-            DataError: an option has no place here.
-
+            DataError: an option is not permitted here.
         """

@@ -1,10 +1,10 @@
-"""How long something takes, as people say it."""
+"""Durations as text."""
 
 from __future__ import annotations
 
 
 def duration(seconds: float) -> str:
-    """Seconds for people: 45 s, 12 min, 27 h 58 min."""
+    """Seconds as text for people: 45 s, 12 min, 27 h 58 min."""
     if seconds < 90:
         return f"{seconds:.0f} s"
     minutes = round(seconds / 60)

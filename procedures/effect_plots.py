@@ -1,4 +1,4 @@
-"""One effect before and after, over its own variable and over what it adds: a figure an effect and sensor."""
+"""One effect before and after, over its own variable and over its contribution: a figure per effect and sensor."""
 
 from __future__ import annotations
 
@@ -10,20 +10,22 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from fitter.trace.outcome import Figure as View
-from procedures.pictures import three_panels
+from procedures.pictures import dress, three_panels
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 Groups = np.ndarray[Any, np.dtype[np.int64]]
 
 _DISTINCT = 40
-"""Values of a variable up to which each has a mean of its own."""
+"""Maximum number of values of a variable with a separate mean for each."""
 _PARTS = 20
 _OWN = 0.5
-"""Share of an effect that its own variable must show when all else is averaged; below, it is shown on both sides."""
+"""Minimum share of an effect in means over its own variable; below it, positive and negative parts are shown
+separately.
+"""
 
 
 def drawn(views: Mapping[str, View]) -> dict[str, Figure]:
-    """What every effect and finding about the noise looks like, by its name."""
+    """Plots of every effect and finding about noise, by its name."""
     return {name: draw(view) for name, view in views.items()}
 
 
@@ -33,11 +35,11 @@ def draw(view: View) -> Figure:
 
 
 def _effect_plot(view: View, adds: Array) -> Figure:
-    """Residual without and with an effect over its own variable, and over what the effect adds.
+    """Residual without and with an effect over its own variable, and over its contribution.
 
-    Dots are observations; marks their means with 95 % intervals; lines what was fitted. An effect that cancels in the
-    means over its own variable, as one does whose sign goes by direction or by a second angle, is shown apart where it
-    adds and where it takes away.
+    Dots are observations, marks their means with 95 % intervals, lines the fit. An effect that cancels in the means
+    over its own variable (its sign depends on direction or on a second angle) is shown separately for positive and
+    negative contributions.
     """
     figure, (without, having, added) = three_panels(3.1)
     bins = _bins(view.x)
@@ -52,14 +54,14 @@ def _effect_plot(view: View, adds: Array) -> Figure:
             _means(axis, view.x[rows], residual[rows], bins[rows], colour, name)
             if axis is without:
                 axis.plot(*_averaged(view.x[rows], adds[rows], bins[rows])[:2], "-", lw=1.2, color=colour)
-        _dress(axis, title, view.label)
+        dress(axis, title, view.label)
     if len(series) > 1:
         without.legend(fontsize=7, frameon=False)
     added.plot(adds, left, ".", ms=2, alpha=0.25, color="0.6", zorder=1)
     _means(added, adds, left, _bins(adds), "C0", "")
     ends = np.array([adds.min(), adds.max()])
     added.plot(ends, ends, "-", color="C0", lw=1.2)
-    _dress(added, "without it, over what it adds", f"what the effect adds / {view.unit}")
+    dress(added, "without it, over what it adds", f"what the effect adds / {view.unit}")
     added.locator_params(axis="x", nbins=5)
     without.set_ylabel(f"residual / {view.unit}", fontsize=9)
     bound = 1.1 * float(np.percentile(np.abs(left), 99.5))
@@ -68,7 +70,7 @@ def _effect_plot(view: View, adds: Array) -> Figure:
 
 
 def _noise_plot(view: View) -> Figure:
-    """Residual over the variable that a finding about the noise goes by: readings, means and scatter."""
+    """Residual over the variable of a finding about noise: readings, means and scatter."""
     x, residual = view.x, view.left
     figure, (readings, means, scatter) = three_panels(2.9, share_y=False)
     bins = _bins(x)
@@ -81,13 +83,13 @@ def _noise_plot(view: View) -> Figure:
     scatter.errorbar(at[several], sd[several], yerr=half[several], fmt="o", ms=3, lw=0.9, color="C0")
     scatter.set_ylim(bottom=0)
     for axis, title in ((readings, "readings"), (means, "their means"), (scatter, "their standard deviation")):
-        _dress(axis, title, view.label)
+        dress(axis, title, view.label)
     readings.set_ylabel(f"residual / {view.unit}", fontsize=9)
     return figure
 
 
 def _bins(x: Array) -> Groups:
-    """(n,) index of the value of x, or of the part of its range with about as many rows as the others."""
+    """(n,) index of the value of x, or of the part of its range with about the same number of rows as the others."""
     distinct, index = np.unique(np.round(x, 9), return_inverse=True)
     if len(distinct) > _DISTINCT:
         edges = np.unique(np.quantile(x, np.linspace(0, 1, _PARTS + 1)))
@@ -96,7 +98,7 @@ def _bins(x: Array) -> Groups:
 
 
 def _series(adds: Array, bins: Groups) -> list[tuple[np.ndarray[Any, np.dtype[np.bool_]], str, str]]:
-    """(rows, colour, name): all, or those where the effect adds and those where it takes away."""
+    """(rows, colour, name): all rows, or those with positive and with negative contribution."""
     mean = (np.bincount(bins, adds) / np.bincount(bins))[bins]
     everything = np.ones(len(bins), np.bool_)
     if np.sum(mean**2) >= _OWN * np.sum(adds**2):
@@ -113,15 +115,7 @@ def _means(axis: Axes, x: Array, y: Array, bins: Groups, colour: str, name: str)
 
 
 def _averaged(x: Array, y: Array, bins: Groups) -> tuple[Array, Array, Array]:
-    """Means of x and of y in each bin that holds anything, and how many there are."""
+    """Means of x and of y in each bin with observations, and their number."""
     count = np.bincount(bins).astype(np.float64)
     kept = count > 0
     return np.bincount(bins, x)[kept] / count[kept], np.bincount(bins, y)[kept] / count[kept], count[kept]
-
-
-def _dress(axis: Axes, title: str, label: str) -> None:
-    axis.set_title(title, fontsize=9)
-    axis.set_xlabel(label, fontsize=9)
-    axis.grid(color="0.9", linewidth=0.6)
-    axis.tick_params(labelsize=8)
-    axis.axhline(0, color="0.5", linewidth=0.7)

@@ -1,4 +1,4 @@
-"""An effect as the reports' templates take it."""
+"""An effect as values for the reports' templates."""
 
 from __future__ import annotations
 
@@ -12,12 +12,11 @@ if TYPE_CHECKING:
 
 
 def effects_part(found: Mapping[str, Any], plots: Mapping[str, Figure]) -> dict[str, Any]:
-    """What the template of the effects takes of one sensor.
+    """Values of one sensor for the template of effects.
 
     Args:
-        found: its JSON, as `rig trace --json` has it.
-        plots: before and after, by effect; none of those that the report shows elsewhere.
-
+        found: its JSON from `rig trace --json`.
+        plots: before and after, by effect; without those that the report shows elsewhere.
     """
     strata = [effect["stratum"] for effect in found["effects"]]
     kinds = ["Effects the declared model lacks"] if set(strata) - {"noise"} else []
@@ -31,12 +30,11 @@ def effects_part(found: Mapping[str, Any], plots: Mapping[str, Figure]) -> dict[
 
 
 def effect_rows(effect: dict[str, Any], plot: Figure | None = None) -> dict[str, Any]:
-    """An effect's JSON with numbers as text and a row a term.
+    """An effect's JSON with numbers as text and one row per term.
 
     Args:
-        effect: as `rig trace --json` has it.
-        plot: before and after; None where the report shows that elsewhere.
-
+        effect: from `rig trace --json`.
+        plot: before and after; None if the report shows it elsewhere.
     """
     columns = (effect["terms"], effect["coefficients"], effect["stderr"], effect["interval_95"], units(effect))
     return {

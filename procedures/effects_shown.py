@@ -1,4 +1,4 @@
-"""How the command line shows an effect that was found, whatever kind of run it was found in."""
+"""Display of an effect on the command line, for any kind of run."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from procedures.blocks import Block, Line, Paragraph
 from procedures.words import chance, share, units, with_error
 
 _SHOWN = 6
-"""Coefficients of an effect that are shown; the others are in the JSON and the report."""
+"""Maximum number of displayed coefficients of an effect; the others are in the JSON and the report."""
 
 
 def show_effect(effect: Mapping[str, Any]) -> Iterator[Block]:
-    """Name, size and coefficients with intervals, what it is confounded with, and what would distinguish them."""
+    """Name, size and coefficients with intervals, confounded effects, and the measurement that would separate them."""
     stratum = "" if effect["stratum"] == "noise" else f" ({effect['stratum']})"
     yield Paragraph(f"[green]{escape(effect['effect'])}[/]{stratum}: {share(effect)}, p {chance(effect)}", 2)
     interval = "" if not effect["size_95"] else f" (95 %: {escape(effect['size_95'])}, conditional on the selection)"
@@ -32,7 +32,7 @@ def show_effect(effect: Mapping[str, Any]) -> Iterator[Block]:
 
 
 def show_certificate(found: Mapping[str, Any]) -> Iterator[Block]:
-    """The paragraph for a certificate, last of what is said of a sensor."""
+    """The paragraph for a certificate, last of a sensor's output."""
     yield Line()
     yield Paragraph(f"[bold]for the certificate:[/] {escape(found['certificate'])}", 2)
 
@@ -49,7 +49,7 @@ def _show_coefficients(effect: Mapping[str, Any]) -> Iterator[Block]:
 
 
 def show_confirmed(record: Mapping[str, Any]) -> Iterator[Block]:
-    """By which run a calibration's effects were judged, and what is used of each."""
+    """The run that judged a calibration's effects, and the used explanation of each."""
     yield Line(f"\njudged by {escape(record['by_run_id'])}")
     for effect in record["effects"]:
         yield Line(escape(f"  {effect['used']}. {effect['evidence']}"))

@@ -1,11 +1,11 @@
-"""What a person can mend in data, in what was asked of them, or in what is installed."""
+"""Errors that a person can correct: in data, in a request, or in installed packages."""
 
 from __future__ import annotations
 
 
 class DataError(Exception):
-    """The message says what is wrong, where, and what to do next. It ends a command with the exit code of usage."""
+    """The message gives the defect, its place, and the next step. It ends a command with the exit code of usage."""
 
 
 class BrokenKind(Exception):
-    """A kind of calibration of an installed package cannot be used; ends a command as a bad configuration does."""
+    """A kind of calibration of an installed package cannot be used; the exit code is that of a bad configuration."""

@@ -1,4 +1,4 @@
-"""What a bench's sensors should read, by an earlier calibration."""
+"""Expected readings of a bench's sensors by an earlier calibration."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from scipy import special
 from fitter.arrays import FloatArray
 
 Columns = Mapping[str, FloatArray]
-"""(n,) by quantity: settings, or what was read where that is known better; NaN where it was not recorded."""
+"""(n,) values by quantity: measured if available, otherwise setpoints; NaN if not recorded."""
 
 
 @dataclass(frozen=True, eq=False)
 class Expected:
-    """What a calibration says of one output.
+    """Prediction of one output by a calibration.
 
     Attributes:
-        output: (n,) what it expects.
-        own: (n,) standard deviation of what is new at every observation.
-        shared: (n,) of what neighbouring observations have in common: the calibration's error, the whole plot's.
+        output: (n,) expected values.
+        own: (n,) standard deviation of errors that are new at every observation.
+        shared: (n,) standard deviation of errors common to neighbouring observations: the calibration's error, the
+            whole plot's.
         df: degrees of freedom of `shared`.
-        free: how many ways the shared error has to vary over a run.
-
+        free: number of independent directions of the shared error over a run.
     """
 
     output: FloatArray
@@ -34,13 +34,15 @@ class Expected:
     free: int
 
     def reach(self, chance: float) -> float:
-        """Standard deviations that the shared error passes anywhere with this chance (Scheffe)."""
+        """Limit of the shared error, in its standard deviations, for this probability of exceeding it anywhere
+        (Scheffe).
+        """
         return math.sqrt(self.free * float(special.fdtri(self.free, self.df, 1.0 - chance)))
 
 
 Expecting = Callable[[Columns, Mapping[str, float]], Mapping[str, Expected]]
-"""By output, from quantities and how the procedure turns the package, degrees by "x_deg" and so on; {} where the
-quantities are those of another kind of run.
+"""Predictions by output, from quantities and the package's orientation, degrees by "x_deg" and so on; {} for quantities
+of another kind of run.
 """
 
 
@@ -49,14 +51,15 @@ class Previous:
     """A previous calibration.
 
     Attributes:
-        name: of the file it came from.
-        expecting: what it expects, as its kind has it.
-
+        name: of its file.
+        expecting: its prediction, a function of its kind.
     """
 
     name: str
     expecting: Expecting
 
     def expected(self, columns: Columns, mounting: Mapping[str, float]) -> Mapping[str, Expected]:
-        """By output; {} for a run of another kind. `mounting` is the procedure's, how the package is turned."""
+        """Predictions by output; {} for a run of another kind. `mounting` is the orientation of the package in the
+        procedure.
+        """
         return self.expecting(columns, mounting)

@@ -1,8 +1,8 @@
-"""What a procedure wants done when something goes wrong: the `[faults]` table.
+"""Policies for faults in a procedure: the `[faults]` table.
 
-Each class of fault has a policy: steps that are taken one after the other as the same fault comes again at the same
-place, e.g. `["retry 3", "re-home", "skip"]`. A text alone is the last step, after `retries` retries where the class
-has any: `"skip"` is `["retry 2", "skip"]`.
+Each class of fault has a policy: a sequence of steps, taken in order when the same fault occurs again at the same
+place, e.g. `["retry 3", "re-home", "skip"]`. A text alone is the last step, after `retries` retries if the class has
+any: `"skip"` is `["retry 2", "skip"]`.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _Steps = str | list[str]
 
 
 def _steps_only(value: object) -> object:
-    """A policy, or one message where the two shapes it may have would each give one."""
+    """A policy; one message in place of one for each of its two forms."""
     if isinstance(value, str) or (isinstance(value, list) and all(isinstance(step, str) for step in value)):
         return value
     raise ValueError('should be a step or a list of steps, each in quotes, as "skip" or ["retry 3", "skip"]')
@@ -39,23 +39,22 @@ Times = Annotated[int, Field(ge=0, le=20)]
 
 @dataclass(frozen=True)
 class Step:
-    """One step of a policy: what is done, and how often before the next step's turn comes."""
+    """One step of a policy: an action, and its number of repeats before the next step."""
 
     action: str
     times: int
 
 
 def steps(policy: Policy, retries: int, repeats: Mapping[str, int] = MappingProxyType({})) -> tuple[Step, ...]:
-    """A policy as steps; where none ends it, "abort" does.
+    """A policy as steps; "abort" is added if no step ends it.
 
     Args:
-        policy: as the procedure file has it.
-        retries: how often "retry" without a number, and before a policy that is a text alone.
-        repeats: the same for other actions; once if not given.
+        policy: from the procedure file.
+        retries: default number of retries, also before a policy that is a text alone.
+        repeats: default number of other actions; once if not given.
 
     Raises:
-        ValueError: saying which step cannot be.
-
+        ValueError: with the invalid step.
     """
     words = [policy] if isinstance(policy, str) else policy
     found = [Step(RETRY, retries)] if isinstance(policy, str) and policy in _LAST else []
@@ -80,7 +79,7 @@ def steps(policy: Policy, retries: int, repeats: Mapping[str, int] = MappingProx
 
 
 def step_at(plan: tuple[Step, ...], failure: int) -> tuple[str, int]:
-    """What follows the `failure`-th failure (from 1), and its ordinal among steps of that kind."""
+    """The action after the `failure`-th failure (from 1), and its ordinal among steps of that kind."""
     for step in plan[:-1]:
         if failure <= step.times:
             return step.action, failure
@@ -89,7 +88,7 @@ def step_at(plan: tuple[Step, ...], failure: int) -> tuple[str, int]:
 
 
 class FaultSettings(Strict):
-    """What to do when something goes wrong: steps for each class of fault; see docs/policies.md."""
+    """Policies for faults: steps for each class of fault; see docs/policies.md."""
 
     retries: Times = Field(2, description='how often "retry" without a number, and before a policy of one word')
     pause_s: float = Field(2.0, ge=0, le=3600, description="before an instrument that failed is tried again")
@@ -110,19 +109,19 @@ class FaultSettings(Strict):
     instrument_error: Policy = Field(["retry 3", ABORT], description="an instrument reports an error or is not ready")
 
     actions: ClassVar[tuple[str, ...]] = (RETRY, SKIP, HOLD, ABORT)
-    """What makes sense after most faults."""
+    """Default policy of most classes."""
 
     special: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType(
         dict.fromkeys(("noisy", "frozen"), (RETRY, ACCEPT, SKIP, HOLD, ABORT))
     )
-    """What makes sense after others, by class; one word alone has no retries before it."""
+    """Default policies of other classes; a single word has no retries before it."""
 
     follows: ClassVar[Mapping[str, str]] = MappingProxyType({"bad_reply": "no_reply", "unreachable": "no_reply"})
-    """Where only the second is in the file, it is the policy of the first too."""
+    """Default policy of the first class from the second, if the file has only that."""
 
     @classmethod
     def classes(cls) -> Iterator[str]:
-        """Every class of fault there is a policy for."""
+        """Names of all classes of faults."""
         return (name for name, field in cls.model_fields.items() if field.annotation == _Steps)
 
     @model_validator(mode="after")
@@ -154,7 +153,7 @@ class FaultSettings(Strict):
 
 
 class HeadFaults(FaultSettings):
-    """What to do when something goes wrong: steps for each class of fault; see docs/policies.md."""
+    """Policies for faults: steps for each class of fault; see docs/policies.md."""
 
     drive_fault: Policy = Field(
         [RE_HOME, ABORT], description="a drive complains or went off; clearing it is part of every step"

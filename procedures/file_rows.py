@@ -1,4 +1,4 @@
-"""Rows in messages are those of the file, whatever rows of it were used and in which order."""
+"""Row numbers in messages are those of the file, whatever rows are used and in whatever order."""
 
 from __future__ import annotations
 
@@ -12,12 +12,11 @@ from procedures.table import Table
 
 @contextmanager
 def rows_of_file(table: Table, order: IntArray | None = None) -> Iterator[None]:
-    """Inside, a `RowError` gets the number that the row has in the table's file.
+    """A context in which a `RowError` gets the row's number in the table's file.
 
     Args:
-        table: where the rows come from.
-        order: (n,) of which observation each row is; None for as they come.
-
+        table: source of the rows.
+        order: (n,) observation of each row; None for the original order.
     """
     try:
         yield

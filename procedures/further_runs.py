@@ -1,6 +1,6 @@
 """Further runs that may distinguish confounded effects: a procedure varied in one respect, from cheap to expensive.
 
-Which of them does is for the fitter to say (`fitter.confirm.separation`); a kind says what a bench and a person can do.
+The fitter computes their separation (`fitter.confirm.separation`); a kind gives the possible variations.
 """
 
 from __future__ import annotations
@@ -14,15 +14,14 @@ Limits = Mapping[str, tuple[float, float]]
 
 @dataclass(frozen=True)
 class Variation:
-    """A run that could be made.
+    """A possible run.
 
     Attributes:
-        what: what is done otherwise than in the first run, in words; variations with the same words differ in size.
+        what: its difference from the first run, in words; variations with the same words differ in size.
         procedure: the run.
         turned: whether a person has to mount the package again first.
-        warmer_degC: how much warmer the sensors will be.
-        by_weather: whether nothing on the bench can make them so.
-
+        warmer_degC: temperature increase of the sensors, degrees Celsius.
+        by_weather: whether no instrument on the bench can set this temperature.
     """
 
     what: str
@@ -33,7 +32,7 @@ class Variation:
 
 
 def possible(every: Iterable[Variation], limits: Limits) -> Iterator[Variation]:
-    """Those that stay within the limits of the bench, by quantity ("pitch_deg", "enclosure_degC")."""
+    """The variations within the limits of the bench, by quantity ("pitch_deg", "enclosure_degC")."""
     for variation in every:
         if next(variation.procedure.expand().beyond(limits), None) is None:
             yield variation

@@ -1,27 +1,35 @@
-"""A table with what was inferred from it."""
+"""A table with what was inferred from it.
+
+Of rows that lack a value the result is empty, with the reason in the flag; the others are inferred.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from procedures.unused import Unused
+import numpy as np
+from numpy.typing import NDArray
+
+from fitter.arrays import FloatArray
+from procedures.errors import DataError
+from procedures.table import Table
+from procedures.unused import Unused, other_unit, why_unused
 
 
 @dataclass(frozen=True)
 class Inference:
-    """A table with what was inferred from it.
+    """A table with inferred quantities.
 
     Attributes:
-        columns: the input's, and those that were added.
-        added: names of the latter.
-        notes: what a reader should know.
-        flagged: rows with something to say in a flag column.
-        quantities: names of what was inferred; each has columns with _sd, _lo95 and _hi95 after its name.
-        unused: columns and rows that play no part.
-        zeros: pressure: what was taken as zero, by output, ready for JSON.
-
+        columns: the input's, and the added ones.
+        added: names of the added ones.
+        notes: notes for readers.
+        flagged: number of rows with a flag.
+        quantities: names of the inferred quantities; each has columns with _sd, _lo95 and _hi95 after its name.
+        unused: unused columns and rows.
+        zeros: pressure: the used zero, by output, as JSON values.
     """
 
     columns: Mapping[str, Any]
@@ -33,7 +41,7 @@ class Inference:
     zeros: Mapping[str, Any] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:
-        """What `rig infer --json` prints; the numbers are in the CSV."""
+        """JSON values for `rig infer --json`; the numbers are in the CSV."""
         return {
             "rows": len(next(iter(self.columns.values()))),
             "flagged": self.flagged,
@@ -43,3 +51,40 @@ class Inference:
             "unused": self.unused.to_json(),
             "zeros": dict(self.zeros),
         }
+
+
+def empty_rows(inputs: Mapping[str, FloatArray]) -> NDArray[Any]:
+    """(n,) what a row lacks, in words; empty where it is complete."""
+    lacks = {name: ~np.isfinite(values) for name, values in inputs.items()}
+    flag = np.full(len(next(iter(inputs.values()))), "", dtype=object)
+    for i in np.flatnonzero(np.any(list(lacks.values()), axis=0)):
+        flag[i] = f"no value of {', '.join(name for name, gaps in lacks.items() if gaps[i])}"
+    return flag
+
+
+def incomplete_rows(table: Table, inputs: Mapping[str, FloatArray]) -> list[tuple[int, str]]:
+    """(row in the file, column) of every value that is missing."""
+    return [(table.row(int(i)), name) for name, values in inputs.items() for i in np.flatnonzero(~np.isfinite(values))]
+
+
+def empty_results(gaps: Iterable[tuple[int, str]]) -> list[tuple[int | None, str, str]]:
+    """Rows that `incomplete_rows` gives, with what becomes of them."""
+    return [(row, name, "no value: the result of the row is empty") for row, name in gaps]
+
+
+def unused_beside(table: Table, needed: Collection[str], inputs: Mapping[str, FloatArray]) -> Unused:
+    """Columns that are not needed, and rows that lack one of the `inputs`."""
+    spare = {name: why_unused(name, needed) for name in table.names if name not in {*needed, "simulated"}}
+    return Unused(spare, empty_results(incomplete_rows(table, inputs)))
+
+
+def no_column(table: Table, name: str, more: str = "") -> DataError:
+    """That a column is missing; where the table has it in another unit, what to do."""
+    like = next((other for other in table.names if other_unit(other, [name])), None)
+    hint = f"; {like}: {why_unused(like, [name])}" if like else ""
+    return DataError(f"{table.source}: there is no column {name!r}; it has {', '.join(table.names)}{hint}{more}")
+
+
+def free_name(name: str, table: Table) -> str:
+    """A name for a column that is added: nothing of the input is overwritten."""
+    return f"inferred_{name}" if name in table.columns or name in table.text else name

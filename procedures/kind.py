@@ -1,4 +1,4 @@
-"""A kind of calibration: all that only it knows, behind one class. What is the same for every kind asks through it.
+"""A kind of calibration: all its specific code behind one class, used by the common code.
 
 A kind is a folder (here, or a third party's) and an entry point of the group `rig.kinds` that names an instance of a
 class made of `Kind` (docs/kinds.md):
@@ -6,7 +6,7 @@ class made of `Kind` (docs/kinds.md):
     [project.entry-points."rig.kinds"]
     pitch-roll = "procedures.attitude.kind:KIND"
 
-Methods import what they need themselves: few commands need the fitter, and none should wait for it.
+Methods contain their imports: few commands need the fitter, and the others should not wait for it.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ GROUP = "rig.kinds"
 
 
 class Procedure(Protocol):
-    """A checked `procedure.toml`, whatever its kind."""
+    """A checked `procedure.toml` of any kind."""
 
     @property
     def kind(self) -> str:
@@ -52,15 +52,15 @@ class Procedure(Protocol):
 
     @property
     def name(self) -> str:
-        """What a person calls it."""
+        """Its name for people."""
 
     @property
     def seed(self) -> int:
-        """Of every random choice in the order."""
+        """Seed of every random choice in the order."""
 
     @property
     def replications(self) -> int:
-        """Passes over the design."""
+        """Number of passes over the design."""
 
     @property
     def warnings(self) -> WarningSettings:
@@ -68,64 +68,64 @@ class Procedure(Protocol):
 
     @property
     def acceptance(self) -> Acceptance:
-        """When a finished calibration is fit for use."""
+        """Acceptance limits of a finished calibration."""
 
     @property
     def design(self) -> BaseModel:
-        """What is visited."""
+        """Its design."""
 
     def model_dump(self, *, mode: str, exclude_none: bool) -> dict[str, Any]:
-        """As its file has it."""
+        """The design as in its file."""
 
     @property
     def conduct(self) -> Conduct:
-        """How the run is carried out."""
+        """Execution of the run."""
 
     def expand(self) -> RunList:
         """Every point of the run, in order."""
 
 
 class Kind(ABC):
-    """What is asked of a kind. What is not abstract has an answer for a kind that has nothing to say there."""
+    """Functions of a kind. Methods that are not abstract have a default for kinds without that function."""
 
     @property
     @abstractmethod
     def name(self) -> str:
-        """As procedures and results name it."""
+        """Its name in procedures and results."""
 
     @property
     @abstractmethod
     def title(self) -> str:
-        """What it calibrates, for headings and messages: "attitude sensors"."""
+        """Its subject, for headings and messages: "attitude sensors"."""
 
     @property
     def settings(self) -> type[BaseModel] | None:
-        """The procedure file, whose instances are a `Procedure`; None where nothing of the kind is run on a bench."""
+        """The model of procedure files, whose instances are a `Procedure`; None if the kind has no runs on a bench."""
         return None
 
     @property
     def bench_factors(self) -> Sequence[str]:
-        """Factors for which a bench file may say which instrument sets them."""
+        """Factors whose instrument a bench file may name."""
         return ()
 
     @property
     @abstractmethod
     def described(self) -> str:
-        """Its tables in one sentence, for who has another."""
+        """Its tables in one sentence, for users with another table."""
 
     @property
     def asked_by(self) -> Set[str]:
-        """Options that ask for this kind whatever the table's columns are."""
+        """Options that select this kind for any columns of the table."""
         return frozenset()
 
     @property
     def fit_options(self) -> type[Options]:
-        """Options of `rig fit` that only it has."""
+        """Options of `rig fit` for this kind only."""
         return Options
 
     @property
     def trace_options(self) -> type[Options]:
-        """Options of `rig trace` that only it has."""
+        """Options of `rig trace` for this kind only."""
         return Options
 
     @abstractmethod
@@ -136,109 +136,106 @@ class Kind(ABC):
 
         Args:
             source: a run or a table.
-            options: as this kind declares them.
+            options: as declared by this kind.
             leave_out: "gross" for the rows that the search for gross errors names, or row numbers of the file.
             own: effects of the laboratory, of any kind.
-            keep: whether the result is to be used as a calibration.
+            keep: whether the result will be used as a calibration.
 
         Raises:
-            DataError: the table lacks something, or its rows do not determine the model.
-
+            DataError: columns or values are missing, or the rows do not determine the model.
         """
 
     @abstractmethod
     def trace(self, source: Source, options: Any, *, own: Sequence[Entry]) -> Traced:
-        """Trace what the declared model lacks; arguments and errors as for `fit`."""
+        """Find effects missing in the declared model; arguments and errors as for `fit`."""
 
     @property
     def infer_options(self) -> type[Options]:
-        """Options of `rig infer` that only it has."""
+        """Options of `rig infer` for this kind only."""
         return Options
 
     @property
     def in_use(self) -> str:
-        """How its calibrations are used, a paragraph for the help of `rig infer` that follows `title`."""
+        """Use of its calibrations, a paragraph after `title` in the help of `rig infer`."""
         return ""
 
     @abstractmethod
     def calibration_of(self, given: Mapping[str, Any]) -> Any:
-        """The calibration in what `rig fit --out` wrote. Raises what indexing and converting texts of others raises."""
+        """The calibration from the JSON of `rig fit --out`. Raises the errors of indexing and converting unknown
+        values.
+        """
 
     def notes_of(self, given: Mapping[str, Any]) -> tuple[str, ...]:
-        """What is to be said with every use of a calibration file, and is not in the calibration's own notes."""
+        """Sentences for every use of a calibration file that are not in the calibration's own notes."""
         return ()
 
     @abstractmethod
     def infer(self, calibration: Any, read: Reader, options: Any, other: Callable[[Path], Reader]) -> Inference:
-        """Infer what a calibration is of.
+        """Infer the measured quantities of a calibration.
 
         Args:
-            calibration: as `calibration_of` gives it.
+            calibration: from `calibration_of`.
             read: the table of outputs; values may be missing in it.
-            options: as this kind declares them.
+            options: as declared by this kind.
             other: reads a file that an option names.
 
         Raises:
             DataError: a column is missing, or a value cannot be used.
-
         """
 
     def confirming(self, traced: Any) -> Confirming | None:
-        """A run that it traced, as the first of two; None where no further run can be made."""
+        """A run that it traced, as the first of two; None if no further run is possible."""
         return None
 
     def charting(self) -> Charting:
-        """Control charts of its sensors. Raises `DataError` where none are made."""
+        """Control charts of its sensors. Raises `DataError` if there are none."""
         raise DataError(f"control charts are not made of {self.title}")
 
     def expecting(self, calibration: Any) -> Expecting:
-        """What a calibration, as `calibration_of` gives it, expects the sensors of a bench to read.
+        """Expected readings of the sensors of a bench by a calibration from `calibration_of`.
 
         Raises:
-            FitError: it says nothing of a bench.
-
+            FitError: it does not describe sensors of a bench.
         """
         raise FitError(f"a calibration of {self.title} does not say what the sensors of a bench should read")
 
     def model_columns(self, columns: Columns, declared: Mapping[str, Any]) -> FloatArray | None:
-        """What the outputs are combinations of in the declared model, for residuals of a run that is going on.
+        """Columns of the declared model of the outputs, for residuals of a running run.
 
         Args:
             columns: quantities of n observations.
             declared: `[model]` of the procedure.
 
         Returns:
-            (n, k); None where the quantities are those of another kind of run.
-
+            (n, k); None for quantities of another kind of run.
         """
         return None
 
     def unused(self, table: Table) -> Unused:
-        """Columns of a table that fits and traces do not look at."""
+        """Columns of a table that fits and traces do not use."""
         return Unused()
 
     @property
     def own_effects(self) -> Grammar | None:
-        """How a laboratory writes effects of its own; None where it cannot."""
+        """Grammar of a laboratory's own effects; None if they are not possible."""
         return None
 
     def recognises(self, columns: Collection[str]) -> bool:
-        """Whether a table that does not say of which kind it is, is of this one by its columns."""
+        """Whether a table without a declared kind is of this one, by its columns."""
         return False
 
     def check_design(self, procedure: Any, run_list: RunList) -> None:  # noqa: B027 - most refuse none
         """Refuse a design that cannot estimate what the procedure declares. Raises `FitError`."""
 
     def precision(self, procedure: Any, run_list: RunList) -> Precision:
-        """Predicted precision of the calibration. Raises `FitError` where the design does not determine the model."""
+        """Predicted precision of the calibration. Raises `FitError` if the design does not determine the model."""
         return Precision()
 
     def advice(self, procedure: Any, axes: Sequence[str], usage_deg: float | None) -> Sequence[Advice]:
-        """Recommendations held against a procedure, for sensors along these axes.
+        """Recommendations applied to a procedure, for sensors along these axes.
 
         Raises:
-            FitError: a range of usage is given, and this kind knows of none.
-
+            FitError: a range of use is given, and this kind has none.
         """
         if usage_deg is not None:
             raise FitError(f"--usage says nothing of {self.title}, kind {self.name}")
@@ -256,40 +253,37 @@ class Kind(ABC):
 
         Args:
             procedures: of this kind.
-            names: what each is called.
+            names: name of each.
             axes: of the bench's sensors.
-            usage: range of use asked for.
+            usage: requested range of use.
             hours: bench time of each.
 
         Raises:
             DataError: this kind does not compare designs.
-
         """
         raise DataError(f"procedures of kind {self.name} are not compared")
 
     def judge(self, procedure: Any, table: Table) -> Sequence[Verdict]:
-        """Every sensor of a complete run against the procedure's limit; none without one. Raises `DataError`."""
+        """Every sensor of a complete run compared with the procedure's limit; none without one. Raises `DataError`."""
         return ()
 
     def further_runs(self, procedure: Any, limits: Limits, *, chamber: bool) -> Iterator[Variation]:
         """Runs to follow a procedure, grouped by what they change, each group from the smallest to the largest.
 
         Args:
-            procedure: that of the run that was traced.
+            procedure: that of the traced run.
             limits: of the bench, by quantity.
-            chamber: whether the bench holds the sensors' temperature.
-
+            chamber: whether the bench controls the sensors' temperature.
         """
         return iter(())
 
 
 @cache
 def kinds() -> Mapping[str, Kind]:
-    """Every kind that is installed, by name, ours first.
+    """Every installed kind, by name, ours first.
 
     Raises:
-        BrokenKind: an entry point of `rig.kinds` cannot be loaded or names no kind, or two have one name.
-
+        BrokenKind: an entry point of `rig.kinds` cannot be loaded or is not a kind, or two have the same name.
     """
     found: dict[str, Kind] = {}
     points = {point.value: point for point in entry_points(group=GROUP)}  # one package may be found on two paths
@@ -310,7 +304,7 @@ def kinds() -> Mapping[str, Kind]:
 
 
 def _whose(point: EntryPoint) -> str:
-    """The package of an entry point, to end a message."""
+    """The package of an entry point, for the end of a message."""
     return "" if point.dist is None else f" (package {point.dist.name} {point.dist.version})"
 
 
@@ -320,11 +314,10 @@ def kind_of(procedure: Procedure) -> Kind:
 
 
 def kind_of_table(table: Table) -> Kind | None:
-    """The kind that a table says it is of, or that knows its columns; None where no kind does.
+    """The kind declared by a table, or the one that matches its columns; None if no kind does.
 
     Raises:
-        DataError: several kinds know the columns, or the kind that the table names is not installed.
-
+        DataError: several kinds match the columns, or the declared kind is not installed.
     """
     if table.kind:
         if table.kind not in kinds():

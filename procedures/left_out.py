@@ -1,4 +1,4 @@
-"""Gross errors in what `rig fit` prints: which rows, how far off, and the fit with and without them."""
+"""Gross errors in the output of `rig fit`: rows, deviations, and the fit with and without them."""
 
 from __future__ import annotations
 
@@ -11,30 +11,30 @@ import numpy as np
 from fitter.arrays import FloatArray, IntArray
 from fitter.errors import FitError
 from fitter.gross import LEVEL, GrossErrors
+from fitter.json_values import if_finite
 from procedures.errors import DataError
 from procedures.table import Table
 
 GROSS = "gross"
-"""What `--leave-out` takes for the rows that the search names."""
+"""Value of `--leave-out` for the rows named by the search."""
 MANY = 0.05
-"""Share of the rows from which the model is doubted, not the rows."""
+"""Share of the rows above which the model is doubted instead of the rows."""
 SHOWN = 8
 _DIGITS = 18
-"""Of a row's number, at most."""
+"""Maximum length of a row number."""
 
 Fits = TypeVar("Fits")
 Where = Callable[[int], str]
-"""A row's place in words, by its index: "order 31 at 2.5 psia"."""
+"""Place of a row in words, by its index: "order 31 at 2.5 psia"."""
 
 
 @dataclass(frozen=True)
 class LeaveOut:
-    """What a person wants left out of a fit.
+    """Rows to be left out of a fit.
 
     Attributes:
-        gross: the rows that the search for gross errors names.
-        rows: (m,) indices of rows by their number in the file.
-
+        gross: whether to leave out the rows named by the search.
+        rows: (m,) indices of rows given by their number in the file.
     """
 
     gross: bool
@@ -42,11 +42,10 @@ class LeaveOut:
 
     @staticmethod
     def of(asked: Sequence[str], table: Table) -> LeaveOut:
-        """From `--leave-out` options: "gross", or row numbers of the table's file with commas between.
+        """From `--leave-out` options: "gross", or row numbers of the table's file, separated by commas.
 
         Raises:
-            DataError: neither, or the table has no such row.
-
+            DataError: invalid text, or the table has no such row.
         """
         words = [word.strip() for text in asked for word in text.split(",") if word.strip()]
         numbers = sorted({word for word in words if word != GROSS})
@@ -78,9 +77,17 @@ class FitSummary:
     unit: str
     coefficients: Mapping[str, tuple[float, float]]
 
+    @staticmethod
+    def of(
+        sigmas: Mapping[str, float | None], unit: str, names: Sequence[str], estimates: FloatArray, stderr: FloatArray
+    ) -> FitSummary:
+        """Of (k,) estimates and their standard errors."""
+        values = zip(estimates.tolist(), stderr.tolist(), strict=True)
+        return FitSummary(sigmas, unit, dict(zip(names, values, strict=True)))
+
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""
-        table = {n: {"estimate": _known(b), "stderr": _known(s)} for n, (b, s) in self.coefficients.items()}
+        table = {n: {"estimate": if_finite(b), "stderr": if_finite(s)} for n, (b, s) in self.coefficients.items()}
         return {**self.sigmas, "coefficients": table}
 
 
@@ -89,11 +96,10 @@ class Searched:
     """The search of one table, before and after a decision.
 
     Attributes:
-        found: by sensor; indices are of the rows searched.
-        searched: (k,) indices of these rows in the table.
+        found: by sensor; indices refer to the searched rows.
+        searched: (k,) indices of the searched rows in the table.
         numbers: (n,) number in the file of every row of the table.
-        left_out: what was asked for.
-
+        left_out: the request.
     """
 
     found: Mapping[str, GrossErrors]
@@ -103,31 +109,31 @@ class Searched:
 
     @property
     def named(self) -> IntArray:
-        """Indices in the table of the rows that are off in any sensor, ascending."""
+        """Indices in the table of the rows named in any sensor, ascending."""
         rows = [self.searched[found.rows] for found in self.found.values()]
         return np.unique(np.concatenate([np.zeros(0, np.int64), *rows]))
 
     @property
     def without(self) -> IntArray:
-        """Indices in the table of the rows searched that are not named."""
+        """Indices in the table of the searched rows that are not named."""
         return np.setdiff1d(self.searched, self.named)
 
     @property
     def used(self) -> IntArray:
-        """Indices in the table of the rows that the calibration is made from."""
+        """Indices in the table of the rows of the calibration."""
         return self.without if self.left_out.gross else self.searched
 
     @property
     def rows_left_out(self) -> list[int]:
-        """Row numbers of the observations that are not in the calibration."""
+        """Row numbers of the left-out observations."""
         return np.delete(self.numbers, self.used).tolist()
 
     def with_the_others(self, fitted: Callable[[IntArray], Fits]) -> Fits | str | None:
-        """The fit that is not kept: without the named rows, or with them; why it cannot be made; None if none is named.
+        """The fit that is not stored: without the named rows, or with them; a reason if it is impossible; None if none
+        is named.
 
         Args:
             fitted: fits rows (k,) of the table.
-
         """
         if not self.named.size:
             return None
@@ -137,11 +143,7 @@ class Searched:
             return str(error)
 
     def of_sensor(
-        self,
-        name: str,
-        unit: str,
-        where: Where,
-        fits: tuple[FitSummary, FitSummary | str] | None,
+        self, name: str, unit: str, where: Where, kept_fit: FitSummary, other: FitSummary | str | None
     ) -> dict[str, Any]:
         """The `gross_errors` of one sensor for JSON.
 
@@ -149,9 +151,13 @@ class Searched:
             name: of the sensor.
             unit: of its output.
             where: a row's place in words.
-            fits: with the named rows and without them, or why it cannot be fitted without; None where none is named.
+            kept_fit: the fit that is kept.
+            other: that of `with_the_others`.
 
         """
+        fits: tuple[FitSummary, FitSummary | str] | None = None if other is None else (kept_fit, other)
+        if self.left_out.gross and isinstance(other, FitSummary):
+            fits = other, kept_fit
         found, kept = self.found[name], not self.left_out.gross
         rows = self.searched[found.rows]
         result: dict[str, Any] = {
@@ -178,7 +184,7 @@ class Searched:
 
 
 def search(table: Table, left_out: LeaveOut, look: Callable[[IntArray], Mapping[str, GrossErrors]]) -> Searched:
-    """Look for gross errors in the rows of a table that are not left out by number; `look` searches rows (k,)."""
+    """Search for gross errors in the rows of a table that are not left out by number; `look` searches rows (k,)."""
     searched = np.setdiff1d(np.arange(len(table)), left_out.rows)
     if not searched.size:
         raise DataError("--leave-out leaves no row to fit")
@@ -186,7 +192,7 @@ def search(table: Table, left_out: LeaveOut, look: Callable[[IntArray], Mapping[
 
 
 def kept_with(searched: Searched) -> dict[str, Any]:
-    """What the calibration that is kept says of the rows behind it."""
+    """Information in the stored calibration about its rows."""
     named = searched.numbers[searched.named].tolist()
     return {
         "gross_errors": {"rows": named, "kept": (not searched.left_out.gross) if named else None},
@@ -195,9 +201,9 @@ def kept_with(searched: Searched) -> dict[str, Any]:
 
 
 def _moved(first: FitSummary, other: FitSummary) -> dict[str, float | None]:
-    """How far coefficients are from those of another fit, in its standard errors."""
+    """Differences of coefficients from those of another fit, in its standard errors."""
     pairs = ((name, first.coefficients[name][0] - b, s) for name, (b, s) in other.coefficients.items())
-    return {name: _known(off / s) if s > 0 else None for name, off, s in pairs}
+    return {name: if_finite(off / s) if s > 0 else None for name, off, s in pairs}
 
 
 def _sentence(
@@ -250,7 +256,3 @@ def _compared(fits: tuple[FitSummary, FitSummary | str], moved: Mapping[str, flo
 
 def _listed(numbers: Sequence[int]) -> str:
     return ", ".join(str(n) for n in numbers[:SHOWN]) + (" ..." if len(numbers) > SHOWN else "")
-
-
-def _known(value: float | FloatArray) -> float | None:
-    return float(value) if np.isfinite(value) else None

@@ -1,4 +1,4 @@
-"""Parameters and coefficients as text: each to the decimal place that its standard error allows."""
+"""Parameters and coefficients as text, with decimal places by the standard error."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ def with_interval(row: Mapping[str, Any]) -> tuple[str, str, str]:
 
 
 def _places(error: float) -> int:
-    return max(0, 1 - int(f"{error:.1e}".partition("e")[2]))  # the exponent of the error as it will be rounded
+    return max(0, 1 - int(f"{error:.1e}".partition("e")[2]))  # the exponent of the rounded error
 
 
-def number(value: float | None, digits: int) -> str:
+def number(value: float | None, digits: int = 3) -> str:
     """A number, or a dash where there is none."""
     return "-" if value is None or isnan(value) else f"{value:.{digits}g}"

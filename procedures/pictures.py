@@ -1,6 +1,6 @@
 """Figures of reports.
 
-Margins are fixed, in inches: to fit them to every label takes twice as long as to draw the figure.
+Margins are fixed, in inches: fitting them to labels would take twice the time of drawing.
 """
 
 from __future__ import annotations
@@ -11,15 +11,19 @@ from collections.abc import Sequence
 from typing import Any
 
 from matplotlib.artist import Artist
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
 
 _LEFT, _RIGHT, _TOP, _BOTTOM = 0.8, 0.32, 0.3, 0.48
 _NUMBERS, _CLOSE, _TITLES = 0.72, 0.16, 0.38
-"""Between plots: beside each other with numbers between them, or without; above each other, room for a title."""
+"""Space between plots: side by side with numbers between them, or without; below each other, with room for a title."""
 _SCALE, _SCALE_WIDTH = 1.1, 0.14
 _LEGEND_LINE = 0.17
+
+BEFORE_AFTER = ("before: declared model", "after: with the effects found")
+"""Titles of two plots of residuals on one scale."""
 
 
 def side_by_side(height: float, count: int = 2, *, width: float = 9.6, share_y: bool = True) -> tuple[Figure, Any]:
@@ -74,7 +78,7 @@ def plots(
 def legend_below(
     figure: Figure, handles: Sequence[Artist], labels: Sequence[str], columns: int, **options: Any
 ) -> None:
-    """One legend for all plots, below them; more room is made for it."""
+    """One legend for all plots, below them, with additional space."""
     lines = -(-len(labels) // columns)
     height = figure.get_figheight() + lines * _LEGEND_LINE
     taller = height / figure.get_figheight()
@@ -93,6 +97,15 @@ def colour_scale(figure: Figure, mappable: ScalarMappable, label: str) -> None:
     left = 1.0 - (_SCALE - _CLOSE) / width
     beside = figure.add_axes((left, margins.bottom, _SCALE_WIDTH / width, margins.top - margins.bottom))
     figure.colorbar(mappable, cax=beside, label=label)
+
+
+def dress(axis: Axes, title: str, label: str) -> None:
+    """Titles, a grid and a line at zero for residuals over a variable."""
+    axis.set_title(title, fontsize=9)
+    axis.set_xlabel(label, fontsize=9)
+    axis.grid(color="0.9", linewidth=0.6)
+    axis.tick_params(labelsize=8)
+    axis.axhline(0, color="0.5", linewidth=0.7)
 
 
 def png(figure: Figure) -> str:

@@ -1,4 +1,4 @@
-"""How precise a calibration will be, from its design and the errors one expects, before the night is spent."""
+"""Expected precision of a calibration, from its design and expected errors, before the run."""
 
 from __future__ import annotations
 
@@ -12,12 +12,11 @@ class Precision:
     """Predicted precision as a table.
 
     Attributes:
-        columns: headings, units included; () where nothing is predicted.
-        rows: JSON-ready, one a line.
+        columns: headings with units; () if nothing is predicted.
+        rows: JSON values, one row per line.
         cells: the same as text.
-        assuming: what it stands on, a sentence.
-        further: what else can be said, a sentence each.
-
+        assuming: the assumptions, a sentence.
+        further: further sentences.
     """
 
     columns: tuple[str, ...] = ()

@@ -1,4 +1,4 @@
-"""What a kind is given of data, and what it gives back: fits and traces, to print, to keep and to report."""
+"""Inputs and results of a kind: fits and traces, to print, to store and to report."""
 
 from __future__ import annotations
 
@@ -28,24 +28,23 @@ class Source(Protocol):
 
     @property
     def table(self) -> Table:
-        """All of it, every column numbers. Raises an error of usage where it is no such table."""
+        """The whole table, every column numeric. Raises an error of usage if it is not such a table."""
 
     def read(self, needed: Collection[str]) -> Table:
-        """A CSV table of anything, of which these columns are needed."""
+        """A CSV table with any columns; these are required."""
 
 
 @dataclass(frozen=True)
 class Page:
-    """A report: a template of a kind's package and what it is filled with.
+    """A report: a template of a kind's package and its values.
 
     Attributes:
-        package: that has the template in its folder `templates`.
+        package: package with the template in its folder `templates`.
         template: file name.
-        table: where the data come from.
-        span_s: from the first observation to the last; 0 where it does not matter.
-        unused: columns and rows that play no part, as `Unused.to_json`.
+        table: source of the data.
+        span_s: seconds from the first observation to the last; 0 if irrelevant.
+        unused: unused columns and rows, from `Unused.to_json`.
         contents: values of the template.
-
     """
 
     package: str
@@ -77,34 +76,48 @@ class Fitted(Protocol):
     """A calibration."""
 
     def to_json(self) -> dict[str, Any]:
-        """What `rig fit --json` prints and `--out` keeps."""
+        """JSON values for `rig fit --json` and `--out`."""
 
     def blocks(self) -> Iterable[Block]:
-        """What a person reads of it."""
+        """Blocks for people."""
 
     def page(self) -> Page | None:
-        """Its report; None where it has none."""
+        """Its report; None if it has none."""
+
+
+@dataclass(frozen=True)
+class PlainFitted:
+    """A calibration, ready for JSON, that has no report but its trace's."""
+
+    result: dict[str, Any]
+
+    def to_json(self) -> dict[str, Any]:
+        """What `rig fit --json` prints."""
+        return self.result
+
+    def page(self) -> None:
+        """It has none."""
 
 
 class Traced(Protocol):
-    """A table and what was traced in it."""
+    """A table and its trace."""
 
     @property
     def table(self) -> Table:
-        """Where the data come from."""
+        """Source of the data."""
 
     @property
     def outcomes(self) -> Sequence[Outcome]:
-        """One a sensor."""
+        """One outcome per sensor."""
 
     def to_json(self) -> dict[str, Any]:
-        """What `rig trace --json` prints."""
+        """JSON values for `rig trace --json`."""
 
     def blocks(self) -> Iterable[Block]:
-        """What a person reads of it."""
+        """Blocks for people."""
 
     def summary(self) -> Iterable[Block]:
-        """The same in short, where there are many sensors."""
+        """A short form for many sensors."""
 
     def page(self) -> Page:
         """Its report."""
@@ -114,10 +127,10 @@ class Compared(Protocol):
     """Designs side by side."""
 
     def to_json(self) -> dict[str, Any]:
-        """What `rig plan --compare --json` prints, without files; "designs" in the order given."""
+        """JSON values for `rig plan --compare --json`, without files; "designs" in the given order."""
 
     def blocks(self) -> Iterable[Block]:
-        """What a person reads of it."""
+        """Blocks for people."""
 
     def draw(self, file: IO[bytes]) -> None:
         """Precision over the range of use, as PNG."""

@@ -1,7 +1,7 @@
-"""The run list: every point of a run, in order, frozen before anything moves.
+"""The run list: every point of a run, in order, fixed before any motion.
 
-Points are taken in one by one and kept packed, and what is asked of all of them is answered from the few different
-settings they have: a run list of a million points takes a few megabytes, and no more while it is made or checked.
+Points are added one by one and stored packed. Questions about all points are answered from the few different settings.
+So a run list of a million points takes a few megabytes, also while it is made or checked.
 """
 
 from __future__ import annotations
@@ -9,12 +9,63 @@ from __future__ import annotations
 import hashlib
 import itertools
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from array import array
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, overload
+from typing import Any, Generic, TypeVar, overload
 
-from procedures.coded import Coded
+Level = TypeVar("Level", bound=Hashable)
+
+_WIDER = {"B": "H", "H": "I", "I": "Q"}
+
+
+class Coded(Generic[Level]):
+    """Values in order, each kept as the number of its level.
+
+    Attributes:
+        levels: the different values, in order of first appearance.
+
+    """
+
+    def __init__(self) -> None:
+        self.levels: list[Level] = []
+        self._code_of: dict[Level, int] = {}
+        self._codes = array("B")
+
+    def extend(self, values: Sequence[Level]) -> None:
+        """Add values at the end."""
+        for value in dict.fromkeys(values):
+            if value not in self._code_of:
+                self._code_of[value] = len(self.levels)
+                self.levels.append(value)
+        while len(self.levels) > 1 << 8 * self._codes.itemsize:
+            self._codes = array(_WIDER[self._codes.typecode], self._codes)
+        self._codes.extend(map(self._code_of.__getitem__, values))
+
+    def first(self, code: int) -> int:
+        """Index of the first value that is the level of this number."""
+        return self._codes.index(code)
+
+    def count(self, code: int) -> int:
+        """How many values are the level of this number."""
+        return self._codes.count(code)
+
+    def __len__(self) -> int:
+        return len(self._codes)
+
+    def __getitem__(self, index: int) -> Level:
+        return self.levels[self._codes[index]]
+
+    def __iter__(self) -> Iterator[Level]:
+        return map(self.levels.__getitem__, self._codes)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Coded):
+            return NotImplemented
+        return self.levels == other.levels and self._codes == other._codes
+
+    __hash__ = None  # type: ignore[assignment]
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,14 +74,13 @@ class Factor:
 
     Attributes:
         name: with its unit, as in tables ("pitch_deg").
-        axis: what the instrument calls it ("pitch").
-        overtravel: how far beyond the planned side of approach the axis goes when it cannot arrive from that
-            side directly; in the factor's unit, more than backlash and hysteresis together.
-        hard: hard to change: it stays while a whole plot lasts, and changing it again is a new draw of the
-            whole-plot error.
-        stays: an axis that is at a point's setpoint already is not moved; where the error belongs to the setting,
-            as with a pressure, it is set again.
-
+        axis: the instrument's name for it ("pitch").
+        overtravel: distance beyond the planned side of approach, if the axis cannot arrive from that side directly; in
+            the factor's unit, more than backlash and hysteresis together.
+        hard: whether it is hard to change: it is constant in a whole plot, and every change draws a new whole-plot
+            error.
+        stays: whether an axis already at a point's setpoint is not moved; if the error belongs to the setting, as with
+            a pressure, it is set again.
     """
 
     name: str
@@ -41,14 +91,14 @@ class Factor:
 
     @property
     def set_name(self) -> str:
-        """What its setpoint is called where a measured value stands beside it ("pressure_set_psia")."""
+        """Name of its setpoint if there is also a measured value ("pressure_set_psia")."""
         stem, _, unit = self.name.rpartition("_")
         return f"{stem}_set_{unit}"
 
 
 @dataclass(frozen=True, slots=True)
 class Settle:
-    """When a quantity counts as having arrived; in its own unit, drift per second."""
+    """Criterion for the arrival of a quantity; in its own unit, drift per second."""
 
     band: float
     dwell_s: float
@@ -62,11 +112,11 @@ class Point:
 
     Attributes:
         index: position in the run list, from 0.
-        replication: which pass over the design, from 1.
-        whole_plot: which group of points shares the hard-to-change factors; None where nothing is hard to change.
+        replication: number of the pass over the design, from 1.
+        whole_plot: number of its group of points with common hard-to-change factors; None if no factor is hard to
+            change.
         setpoints: one value per factor, in the factors' units.
-        sides: per factor +1 if it is to be reached moving upwards, -1 downwards, 0 if that does not matter.
-
+        sides: direction of approach per factor: +1 upwards, -1 downwards, 0 for any.
     """
 
     index: int
@@ -77,21 +127,20 @@ class Point:
 
 
 _AT_ONCE = 256
-"""Points taken in together: more of them would keep the garbage collector busy."""
+"""Number of points added together: more would burden the garbage collector."""
 
 _TEXTS_KEPT = 10_000
 
 
 class Points(Sequence[Point]):
-    """Points in order, packed; each is made again when it is looked at.
+    """Points in order, packed; each is created again at every access.
 
     Args:
         points: any number of them, numbered from 0.
         width: number of factors.
 
     Raises:
-        ValueError: a point is numbered wrongly, or has not one setpoint and one side for each factor.
-
+        ValueError: a point has a wrong number, or not one setpoint and one side for each factor.
     """
 
     def __init__(self, points: Iterable[Point], width: int) -> None:
@@ -102,7 +151,7 @@ class Points(Sequence[Point]):
             if not _in_order(some, len(self), width):
                 _refuse(some, len(self), width)
             self.places.extend([(point.replication, point.whole_plot) for point in some])
-            for at, column in enumerate(self.settings):  # no -0.0, which a run file does not keep
+            for at, column in enumerate(self.settings):  # no -0.0, which a run file does not store
                 column.extend([(point.setpoints[at] + 0.0, point.sides[at]) for point in some])
 
     def __len__(self) -> int:
@@ -140,22 +189,10 @@ class Points(Sequence[Point]):
             raise KeyError(f"the run list has no whole plot {whole_plot}")
         return min(self.places.first(code) for code in codes), sum(self.places.count(code) for code in codes)
 
-    def texts(self) -> Iterator[str]:
-        """Every point as JSON, as it is hashed: [index, replication, whole plot, [setpoints], [sides]]."""
-        places = [json.dumps(place)[1:-1] for place in self.places.levels]
-        values = [[json.dumps(value) for value, _ in column.levels] for column in self.settings]
-        sides = [[json.dumps(side) for _, side in column.levels] for column in self.settings]
-        known: dict[tuple[int, ...], str] = {}
-        coded = zip(self.places.codes(), zip(*(column.codes() for column in self.settings), strict=True), strict=True)
-        for index, (place, at) in enumerate(coded):
-            text = known.get(at)
-            if text is None:
-                if len(known) >= _TEXTS_KEPT:
-                    known.clear()
-                setpoints = ", ".join([texts[code] for texts, code in zip(values, at, strict=True)])
-                from_sides = ", ".join([texts[code] for texts, code in zip(sides, at, strict=True)])
-                text = known[at] = f"[{setpoints}], [{from_sides}]]"
-            yield f"[{index}, {places[place]}, {text}"
+    def rows(self) -> Iterator[tuple[Any, ...]]:
+        """Every point as (index, replication, whole plot, setpoints..., sides...)."""
+        for index, place, *at in zip(itertools.count(), self.places, *self.settings, strict=False):
+            yield (index, *place, *[value for value, _ in at], *[side for _, side in at])
 
 
 def _in_order(points: list[Point], first: int, width: int) -> bool:
@@ -173,13 +210,12 @@ def _refuse(points: list[Point], first: int, width: int) -> None:
 
 @dataclass(frozen=True, init=False)
 class RunList:
-    """Points in order, with what is needed to make the same list again.
+    """Points in order, with the data to generate the same list again.
 
     Attributes:
-        factors: what `Point.setpoints` mean, in that order.
-        points: the points, in the order they will be run.
+        factors: factors of `Point.setpoints`, in that order.
+        points: the points, in running order.
         seed: of every random choice in the order.
-
     """
 
     factors: tuple[Factor, ...]
@@ -187,7 +223,7 @@ class RunList:
     seed: int
 
     def __init__(self, factors: Iterable[Factor], points: Iterable[Point], seed: int) -> None:
-        """Take points in one by one. Raises ValueError where they are not numbered from 0, or lack a factor."""
+        """Add points one by one. Raises ValueError if they are not numbered from 0, or lack a factor."""
         object.__setattr__(self, "factors", tuple(factors))
         object.__setattr__(self, "points", Points(points, len(self.factors)))
         object.__setattr__(self, "seed", seed)
@@ -202,12 +238,12 @@ class RunList:
 
     @property
     def hard(self) -> tuple[Factor, ...]:
-        """The factors that a whole plot shares."""
+        """The factors common to a whole plot."""
         return tuple(f for f in self.factors if f.hard)
 
     @cached_property
     def whole_plots(self) -> int:
-        """How many whole plots are planned; 0 where nothing is hard to change."""
+        """Number of planned whole plots; 0 if no factor is hard to change."""
         return len({whole_plot for _, whole_plot in self.points.places.levels} - {None})
 
     def factor(self, name: str) -> Factor:
@@ -230,11 +266,11 @@ class RunList:
 
     def sha256(self) -> str:
         """Hash of everything that decides what the bench will do; two equal lists have equal hashes."""
-        texts = self.points.texts()
-        return _sha256(self.factors, self.seed, iter(lambda: "".join(itertools.islice(texts, _AT_ONCE)), ""))
+        rows = self.points.rows()
+        return rows_sha256(self.factors, self.seed, iter(lambda: list(itertools.islice(rows, _AT_ONCE)), []))
 
     def extremes(self) -> Mapping[str, tuple[float, float]]:
-        """Lowest and highest value each factor can be commanded to, overtravel included, by factor name."""
+        """Lowest and highest commanded value of each factor, with overtravel, by factor name."""
         found = {}
         for factor, column in zip(self.factors, self.points.settings, strict=True):
             reach = [at for value, side in column.levels for at in (value, value - side * factor.overtravel)]
@@ -242,7 +278,7 @@ class RunList:
         return found
 
     def beyond(self, limits: Mapping[str, tuple[float, float]]) -> Iterator[str]:
-        """Sentences for every factor that the list would drive outside `limits` (low, high), by factor name."""
+        """Sentences for every factor that the list would command outside `limits` (low, high), by factor name."""
         for factor, column in zip(self.factors, self.points.settings, strict=True):
             if factor.name not in limits:
                 continue
@@ -262,25 +298,25 @@ class RunList:
 
 
 def rows_sha256(factors: Sequence[Factor], seed: int, slices: Iterable[Sequence[tuple[Any, ...]]]) -> str:
-    """The hash that the run list of these points has (`RunList.sha256`), without making it.
+    """The hash of a run list with these points: of the JSON of [index, replication, whole plot, [setpoints], [sides]].
 
     Args:
-        factors: what the setpoints mean, in that order.
+        factors: factors of the setpoints, in that order.
         seed: of every random choice in the order.
-        slices: the points, some at a time, each as (index, replication, whole plot, setpoints..., sides...).
-
+        slices: the points in slices, each as (index, replication, whole plot, setpoints..., sides...).
     """
     width = len(factors)
     places, settings = _Texts(_place_text), _Texts(lambda row: _setting_text(row, width))
-    parts = (
-        "".join([f"[{row[0]}, {places[row[1:3]]}, {settings[row[3:]]}" for row in rows])  # as `Points.texts` has it
-        for rows in slices
-    )
-    return _sha256(factors, seed, parts)
+    head = {"factors": [[f.name, f.axis, f.overtravel, f.hard, f.stays] for f in factors], "seed": seed}
+    digest = hashlib.sha256(json.dumps(head, sort_keys=True).encode())
+    for rows in slices:
+        text = "".join([f"[{row[0]}, {places[row[1:3]]}, {settings[row[3:]]}" for row in rows])
+        digest.update(text.encode())
+    return digest.hexdigest()
 
 
 class _Texts(dict[tuple[Any, ...], str]):
-    """Texts of different rows, made once and kept while they are few."""
+    """Texts of different rows, created once and cached while they are few."""
 
     def __init__(self, text: Callable[[tuple[Any, ...]], str]) -> None:
         self._text = text
@@ -298,11 +334,3 @@ def _place_text(row: tuple[Any, ...]) -> str:
 
 def _setting_text(row: tuple[Any, ...], width: int) -> str:
     return f"{json.dumps(row[:width])}, {json.dumps(row[width:])}]"
-
-
-def _sha256(factors: Sequence[Factor], seed: int, parts: Iterable[str]) -> str:
-    head = {"factors": [[f.name, f.axis, f.overtravel, f.hard, f.stays] for f in factors], "seed": seed}
-    digest = hashlib.sha256(json.dumps(head, sort_keys=True).encode())
-    for part in parts:
-        digest.update(part.encode())
-    return digest.hexdigest()

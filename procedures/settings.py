@@ -1,4 +1,4 @@
-"""Settings that procedures of every kind have in common."""
+"""Settings common to procedures of every kind."""
 
 from __future__ import annotations
 
@@ -10,11 +10,10 @@ Positive = Annotated[float, Field(gt=0, le=1e6)]
 
 
 def check_name(name: str) -> None:
-    """Refuse a name that does something where it is written: in a mail's header, a unit file, a spreadsheet's cell.
+    """Refuse a name with an effect elsewhere: in a mail's header, a unit file, a spreadsheet's cell.
 
     Raises:
-        ValueError: it has a character that is not printed, or begins as a spreadsheet's formula does.
-
+        ValueError: it has an unprintable character, or begins like a spreadsheet's formula.
     """
     if not name.isprintable():
         raise ValueError(f"a name has printable characters only, not {name!r:.100}")
@@ -23,24 +22,24 @@ def check_name(name: str) -> None:
 
 
 def _checked_name(name: str, info: ValidationInfo) -> str:
-    """A run that was begun under such a name can be finished."""
+    """Existing runs with such a name can be finished."""
     if not (info.context or {}).get("stored"):
         check_name(name)
     return name
 
 
 Name = Annotated[str, Field(min_length=1, max_length=80), AfterValidator(_checked_name)]
-"""Of a bench, a procedure, an instrument or a sensor."""
+"""Name of a bench, a procedure, an instrument or a sensor."""
 
 
 class Strict(BaseModel):
-    """Settings that refuse what they do not know, and numbers that are none."""
+    """Settings that refuse unknown keys and NaN."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class Acceptance(Strict):
-    """When a finished calibration is fit for use: limits, None where none is set."""
+    """Acceptance limits of a finished calibration, None for no limit."""
 
     @property
     def limited(self) -> bool:
@@ -49,7 +48,7 @@ class Acceptance(Strict):
 
 
 class WarningSettings(Strict):
-    """Early warnings about the sensors while a run goes on. They never stop it by themselves."""
+    """Early warnings about the sensors during a run. They never stop it by themselves."""
 
     enabled: bool = Field(True, description="watch for rising noise, drift, and sensors that died")
     hold: bool = Field(False, description="hold the run at each new warning, until `rig release`")

@@ -1,4 +1,4 @@
-"""A table: columns of numbers with units in their names, and where they came from."""
+"""A table: columns of numbers with units in their names, and their source."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ UNITS = {
     "sse_temperature": "degC",
     "pressure": "psia",
 }
-"""Quantities that have a column of their own in tables, and the unit they are in."""
+"""Quantities with their own column in tables, and their unit."""
 
 
 @dataclass(frozen=True)
@@ -29,17 +29,16 @@ class Table:
     """Columns of numbers.
 
     Attributes:
-        source: where it came from, for messages and reports.
+        source: its source, for messages and reports.
         columns: name to values, all of one length.
-        simulated: no real instrument involved, as far as is known.
-        provenance: what is known of where the numbers come from, for reports and calibration files.
-        axes: nominal axis of each output, where the source says so; elsewhere a name's first letter does.
-        declared: the `[model]` of the procedure that made them, where there is one.
-        text: columns that hold something else than numbers, for tables of any kind.
-        gaps: columns that are not here because values are missing, and the first row of the file that lacks one.
-        rows: number in the file of every row, the line of names being row 1; () where they follow it one by one.
-        kind: of calibration, where the source says so.
-
+        simulated: whether no real instrument was involved, if known.
+        provenance: provenance of the numbers, for reports and calibration files.
+        axes: nominal axis of each output, if the source gives it; otherwise it is a name's first letter.
+        declared: the `[model]` of the procedure, if any.
+        text: columns of text, for tables of any kind.
+        gaps: columns left out because of missing values, with the first such row of the file.
+        rows: number in the file of every row, where the header is row 1; () if they follow it without gaps.
+        kind: of calibration, if the source gives it.
     """
 
     source: str
@@ -58,7 +57,7 @@ class Table:
 
     @property
     def names(self) -> list[str]:
-        """Of all columns of the file, as far as they are known."""
+        """Names of all columns of the file, if known."""
         return [*self.columns, *self.text, *self.gaps]
 
     def row(self, i: int) -> int:
@@ -72,4 +71,4 @@ class Table:
 
 
 Reader = Callable[[Collection[str]], Table]
-"""Reads a table of which these columns are needed."""
+"""Reads a table with these required columns."""

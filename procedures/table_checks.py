@@ -1,4 +1,4 @@
-"""What only a table can have wrong, checked before it becomes arrays: units, whole numbers, an order twice."""
+"""Checks of tables before conversion to arrays: units, whole numbers, duplicate positions."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _LARGEST = 2.0**53
 
 
 def check_order(table: Table, order: np.ndarray[Any, np.dtype[np.int64]]) -> None:
-    """Refuse a place in the order that stands there twice. Raises `DataError`."""
+    """Refuse a duplicate position in the order. Raises `DataError`."""
     seen, counts = np.unique(order, return_counts=True)
     if (counts > 1).any():
         twice = int(seen[counts > 1][0])
@@ -24,7 +24,7 @@ def check_order(table: Table, order: np.ndarray[Any, np.dtype[np.int64]]) -> Non
 
 
 def integers(table: Table, name: str) -> np.ndarray[Any, np.dtype[np.int64]]:
-    """(n,) whole numbers of a column. Raises `DataError` naming the row that is none."""
+    """(n,) whole numbers of a column. Raises `DataError` with the first invalid row."""
     values = table.columns[name]
     if (np.abs(values) > _LARGEST).any():
         row = int(np.flatnonzero(np.abs(values) > _LARGEST)[0])
@@ -39,7 +39,7 @@ def integers(table: Table, name: str) -> np.ndarray[Any, np.dtype[np.int64]]:
 
 
 def check_units(table: Table) -> None:
-    """Refuse a known quantity in another unit. Raises `DataError`."""
+    """Refuse a known quantity with another unit. Raises `DataError`."""
     for name in table.columns:
         stem, _, unit = name.rpartition("_")
         wanted = UNITS.get(stem)

@@ -1,4 +1,4 @@
-"""What of a table plays no part in a result: named, so that nothing is dropped without a word."""
+"""Unused parts of a table: they are named, so that nothing is dropped silently."""
 
 from __future__ import annotations
 
@@ -31,24 +31,23 @@ _UNITS = {
     "degF",
 }
 _UNITS |= {"K", "deg", "rad", "N", "kN", "m", "mm", "um", "Hz", "kHz", "ohm", "s", "ms", "min", "h", "pct", "g"}
-"""Ends of names that are read as units."""
+"""Ends of column names that are units."""
 
 
 @dataclass(frozen=True)
 class Unused:
-    """What was not used.
+    """Unused columns and rows.
 
     Attributes:
-        columns: name to the reason.
+        columns: reason by name.
         rows: (row in the file or None for several of a run, column or "", reason) each.
-
     """
 
     columns: Mapping[str, str] = field(default_factory=dict)
     rows: Sequence[tuple[int | None, str, str]] = ()
 
     def to_json(self) -> dict[str, Any]:
-        """For JSON."""
+        """JSON values."""
         return {
             "columns": [{"column": name, "why": why} for name, why in self.columns.items()],
             "rows": [{"row": row, "column": column or None, "why": why} for row, column, why in self.rows],
@@ -56,7 +55,7 @@ class Unused:
 
 
 def other_unit(name: str, known: Collection[str]) -> str | None:
-    """The known column that this one differs from only by its unit, or by capitals; None where there is none."""
+    """The known column that differs from this one only in its unit, or in capitals; None if there is none."""
     stem = _stem(name)
     for other in known:
         if name != other and (name.casefold() == other.casefold() or stem.casefold() == _stem(other).casefold()):
@@ -65,7 +64,7 @@ def other_unit(name: str, known: Collection[str]) -> str | None:
 
 
 def unit_of(name: str) -> str:
-    """The unit at the end of a column's name; "" where there is none."""
+    """The unit at the end of a column's name; "" if there is none."""
     return name[len(_stem(name)) + 1 :]
 
 
@@ -75,19 +74,18 @@ def _stem(name: str) -> str:
 
 
 def why_unused(name: str, known: Collection[str], use: str = "calibrated as") -> str:
-    """Why a column that is none of the known ones is not used."""
+    """Reason why an unknown column is not used."""
     other = other_unit(name, known)
     return NO_PART if other is None else f"{use} {other}: rename it, and convert its values if the unit is another"
 
 
 def unused_in_fit(table: Table, known: Collection[str], unit: str) -> Unused:
-    """Columns that fits and traces of a kind do not look at.
+    """Columns that fits and traces of a kind do not use.
 
     Args:
-        table: as it was read.
+        table: the table as read.
         known: columns that this kind of table has, or may have.
         unit: of its outputs.
-
     """
     named = {*known, "simulated"}
     found = {}
@@ -110,10 +108,9 @@ def unused_columns(table: Table, used: Iterable[str], reasons: Mapping[str, str]
     """Columns of a table of any kind that are not among the used ones.
 
     Args:
-        table: as it was read.
-        used: names that play a part.
-        reasons: why others do not, where there is more to say.
-
+        table: the table as read.
+        used: names of used columns.
+        reasons: special reasons for others.
     """
     taken, found = set(used), {}
     for name in table.names:
@@ -125,7 +122,7 @@ def unused_columns(table: Table, used: Iterable[str], reasons: Mapping[str, str]
 
 
 def sentences(unused: Mapping[str, Any]) -> list[str]:
-    """What `Unused.to_json` gives, in words; but for readbacks, and for text, of which notes say more."""
+    """The values of `Unused.to_json` in words; except readbacks, and text, which are in the notes."""
     told = [each for each in unused["columns"] if each["why"] not in (_RECORDED, TEXT)]
     plain = [each["column"] for each in told if each["why"] == NO_PART]
     found = [f"not used: {', '.join(plain)}"] if plain else []

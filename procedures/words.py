@@ -1,4 +1,4 @@
-"""What the report and the terminal say alike about a trace: its JSON in a person's words."""
+"""Words common to report and terminal about a trace: its JSON as text for people."""
 
 from __future__ import annotations
 
@@ -6,22 +6,24 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 TESTS = {"T_bias": "F_bias_95", "T_b": "F_bS_95", "T_S": "F_bS_95", "T_drift": "F_drift_95"}
-"""Every test of Table 2 with the 95 % limit it is held against."""
+"""Every test of Table 2 with its 95 % limit."""
 
 SMALLEST = 1e-6
-"""Probabilities below it rest on tails of distributions that nobody has checked; they are told as below it."""
+"""Limit of probabilities: smaller ones depend on tails of distributions that are not verified, and are given as below
+it.
+"""
 
 
 _ONE_PERCENT, _NEARLY_ALL = 0.01, 0.99
 _ROUNDING = 1e-9
-"""Of a share: by so little all may fail to be all, and a whole percent to be whole."""
+"""Tolerance of a share for "all" and for whole percent."""
 
 
 _SKIPPED_TOLD = 5
 
 
 def incomplete(provenance: Mapping[str, Any]) -> str:
-    """Says that a run has fewer observations than points and why, "" where it has all or nobody knows."""
+    """Sentence for a run with fewer observations than points, with reasons; "" if complete or unknown."""
     planned, observed = provenance.get("points_planned"), provenance.get("points_observed")
     skipped = provenance.get("skipped") or []
     if planned is None or observed is None or (planned <= observed and not skipped):
@@ -40,7 +42,7 @@ def incomplete(provenance: Mapping[str, Any]) -> str:
 
 
 def _unbalanced(skipped: Sequence[Mapping[str, Any]]) -> str:
-    """What points that are missing do to the design."""
+    """Consequences of missing points for the design."""
     whole_plots = sorted({s["whole_plot"] for s in skipped if s.get("whole_plot") is not None})
     which = "whole plot" if whole_plots else "replication"
     numbers = whole_plots or sorted({s["replication"] for s in skipped})
@@ -52,68 +54,67 @@ def _unbalanced(skipped: Sequence[Mapping[str, Any]]) -> str:
 
 
 def significant(table: Mapping[str, Any], test: str) -> bool:
-    """Whether a test of Table 2 is beyond its 95 % limit."""
+    """Whether a test of Table 2 exceeds its 95 % limit."""
     value, limit = table.get(test), table.get(TESTS[test])
     return value is not None and limit is not None and value > limit
 
 
 def chance(effect: Mapping[str, Any]) -> str:
-    """Family-wise p of an effect: "= 0.003", or "< 5.8e-05" where the simulation that gave it goes no lower."""
+    """Family-wise p of an effect: "= 0.003", or "< 5.8e-05" at the limit of the simulation."""
     p = max(effect["p_adjusted"], SMALLEST)
     return f"{'<' if effect.get('p_adjusted_is_bound') or p == SMALLEST else '='} {p:.2g}"
 
 
 def share(effect: Mapping[str, Any]) -> str:
-    """How much of the whole error beyond scatter an effect explains; a finding about the noise explains none."""
+    """Share of an effect in the whole error beyond scatter; a finding about noise has none."""
     if effect["stratum"] == "noise":
         return "a finding about the noise"
     return f"{part(effect['share'])} of the error beyond scatter"
 
 
 def verdict(word: str, causes: Sequence[str]) -> str:
-    """A verdict, with what was found of the noise: that adds nothing to the model, and is said.
+    """A verdict, with findings about noise, which add nothing to the model.
 
     Args:
         word: the verdict.
-        causes: of the findings about the noise.
-
+        causes: of the findings about noise.
     """
     to_model = " to the model" if word == "nothing to add" and causes else ""
     return f"{word}{to_model}{noise_of(causes)}"
 
 
 def noise_of(causes: Sequence[str]) -> str:
-    """What was found of the noise, to follow what was found for the model; "" if nothing was."""
+    """Findings about noise, after those for the model; "" if there are none."""
     return f"; the noise is not what the model assumes: {'; '.join(causes)}" if causes else ""
 
 
 def verdict_of(sensor: Mapping[str, Any]) -> str:
-    """The same of a sensor's JSON."""
+    """The same from a sensor's JSON."""
     causes = [effect["cause"] for effect in sensor["effects"] if effect["stratum"] == "noise"]
     return verdict(sensor["verdict"], causes)
 
 
 def percent(part: float) -> str:
-    """A share in whole percent, rounded down so that shares add up; less than one is "less than 1 %"."""
+    """A share in whole percent, rounded down so that the sum is at most 100; less than one is "less than 1 %"."""
     return "less than 1 %" if 0 < part < _ONE_PERCENT else f"{int(100 * part + _ROUNDING)} %"
 
 
 def part(share: float) -> str:
-    """A share in words: "all" where nothing is left for another, "nearly all" where less than a percent is."""
+    """A share in words: "all" if nothing remains for another, "nearly all" if less than a percent does."""
     return "all" if share > 1.0 - _ROUNDING else "nearly all" if share > _NEARLY_ALL else percent(share)
 
 
 def units(effect: Mapping[str, Any]) -> list[str]:
-    """Unit of each of an effect's coefficients."""
+    """Unit of each coefficient of an effect."""
     terms, unit = effect["terms"], str(effect["unit"])
-    if "columns" in effect:  # of a table of any kind: one unit, with names of columns in it
+    if "columns" in effect:  # for a table of any kind: one unit, with names of columns in it
         return [unit] * len(terms)
     given = unit.split(", ")
     return given if len(given) == len(terms) else [unit] * len(terms)
 
 
 def unnamed(sensor: Mapping[str, Any]) -> list[str]:
-    """What no effect of the catalogue explains, a sentence each."""
+    """The remainder that no effect of the catalogue explains, one sentence each."""
     return [
         f"{'Without a name' if rest.get('added') else 'Unexplained'}: {part(rest['share'])} of the error beyond "
         f"scatter, {rest['where']}."
@@ -122,11 +123,11 @@ def unnamed(sensor: Mapping[str, Any]) -> list[str]:
 
 
 def with_error(value: float, error: float | None) -> tuple[str, str]:
-    """A coefficient and its standard error as text; a dash for an error there is none of."""
+    """A coefficient and its standard error as text; a dash without an error."""
     return f"{value:.4g}", "-" if error is None else f"{error:.2g}"
 
 
 def capitalised(text: str) -> str:
-    """A sentence's first letter as a capital; the rest as it is, and all of it where it begins with a column's name."""
+    """A sentence with a capital first letter; unchanged if it begins with a column's name."""
     first = text.partition(" ")[0]
     return text[:1].upper() + text[1:] if first.isalpha() and first.islower() else text

@@ -62,7 +62,7 @@ def night(
     ] = None,
     as_json: JsonOption = False,
 ) -> int:
-    """Play simulated nights full of faults, crashes and power cuts, and check what must hold after each.
+    """Simulate nights with faults, crashes and power cuts, and check invariants after each.
 
     Nights are short (2 x 12 points, or 4 whole plots of 3 pressures) unless --full or --brief is given. Every seed is
     a night of its own, the same on every machine. Any instrument that is installed may be on a bench of your own;

@@ -20,7 +20,7 @@ from rig.errors import ExitCode, UsageError
 study_app = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode="markdown",
-    help="Do published work again, and hold it against what was printed.",
+    help="Reproduce published work, and compare with the printed results.",
 )
 app.add_typer(study_app, name="study")
 

@@ -1,16 +1,17 @@
 """The controller: benches, the sequencer, the run file, recovery, the closed loop, the command line.
 
-`import rig` is also its Python door (docs/python.md): what `__all__` lists is public, and loaded when it is asked for.
+`import rig` is also the Python interface (docs/python.md): names in `__all__` are public, and loaded at their first
+use.
 """
 
-TYPE_CHECKING = False  # as in `typing`, which whoever only wants `rig --help` need not load
+TYPE_CHECKING = False  # as in `typing`, which `rig --help` need not load
 if TYPE_CHECKING:
     from typing import Any
 
     from procedures.errors import DataError
     from rig.errors import BenchFault, BusyError, ConfigurationError, RigError, RunFileError, StorageError, UsageError
     from rig.results.charts import ControlChart, chart
-    from rig.results.data import Calibration, Data, Trace, open  # noqa: A004 - rig.open, as one opens a file
+    from rig.results.data import Calibration, Data, Trace, open  # noqa: A004 - rig.open, like the built-in open
     from rig.results.inferred import Inferred, infer
     from rig.results.observations import Observations
     from rig.results.planned import Plan, plan
@@ -66,7 +67,7 @@ _WHERE = {
 
 
 def __getattr__(name: str) -> "Any":
-    """A public name, or `__version__`: nothing is loaded before `rig.__main__` heeds interrupts."""
+    """A public name, or `__version__`; loaded at its first use, after `rig.__main__` handles interrupts."""
     if name == "__version__":
         from rig.version import VERSION  # noqa: PLC0415
 

@@ -1,4 +1,4 @@
-"""`python -m rig` is `rig`."""
+"""Entry point of `python -m rig` and `rig`."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ import signal
 
 
 def main() -> None:
-    """Entry point. An interrupt before the command is there ends the process without a word: nothing was begun.
+    """Entry point. An interrupt before the command starts ends the process silently: nothing was begun.
 
-    One after its end changes nothing: what it ended with is what whoever waits for it is told.
+    An interrupt after its end changes nothing: the exit code is the command's.
     """
     before = signal.getsignal(signal.SIGINT)
     if before is signal.default_int_handler:

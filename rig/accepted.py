@@ -1,4 +1,4 @@
-"""A complete run beside the acceptance limits of its procedure."""
+"""A complete run compared with the acceptance limits of its procedure."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from rich.markup import escape
 
 from procedures.blocks import Block, Line
 from procedures.errors import DataError
-from procedures.kind import Procedure
-from rig.errors import RigError
+from procedures.kind import Procedure, kind_of
+from rig.errors import RigError, UsageError
 from rig.plans import has_plan, stored_plan
 from rig.run_file.reader import RunReader
 
@@ -22,12 +22,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Acceptance:
-    """How every sensor stands.
+    """Result of the comparison.
 
     Attributes:
-        verdicts: one a sensor; none without a limit.
-        problem: why it cannot be judged; "" where it can.
-
+        verdicts: one per sensor; none without a limit.
+        problem: why it cannot be judged; "" if it can.
     """
 
     verdicts: Sequence[Verdict] = ()
@@ -35,11 +34,9 @@ class Acceptance:
 
     @classmethod
     def of(cls, procedure: Procedure, run_file: Path) -> Acceptance:
-        """Of a complete run by the limits of a procedure. Nothing that fits is loaded where there are none."""
+        """Acceptance of a complete run by the limits of a procedure. The fitter is loaded only if there are limits."""
         if not procedure.acceptance.limited:
             return cls()
-        from rig.acceptance import judge  # noqa: PLC0415
-
         try:
             return cls(judge(procedure, run_file))
         except (RigError, DataError) as error:
@@ -47,7 +44,7 @@ class Acceptance:
 
     @classmethod
     def of_run(cls, run_file: Path) -> Acceptance:
-        """Of a complete run by the limits that are in its file."""
+        """Acceptance of a complete run by the limits in its file."""
         try:
             with RunReader.open(run_file) as reader:
                 if not has_plan(reader):
@@ -59,11 +56,11 @@ class Acceptance:
 
     @property
     def outside(self) -> bool:
-        """Whether a sensor is outside its limit, or that cannot be told."""
+        """Whether a sensor is outside its limit, or the comparison is impossible."""
         return bool(self.problem) or any(not verdict.inside for verdict in self.verdicts)
 
     def blocks(self, indent: str = "") -> Iterator[Block]:
-        """What a person reads of it; nothing without a limit."""
+        """Lines for people; none without a limit."""
         if self.problem:
             yield Line(f"{indent}[red]acceptance cannot be judged:[/] {escape(self.problem)}")
         for one in self.verdicts:
@@ -75,8 +72,23 @@ class Acceptance:
                 yield Line(f"{indent}  {escape(one.sensor)}: {escape(one.found)}")
 
     def to_json(self) -> dict[str, Any] | None:
-        """None without a limit; `inside` is None where it cannot be judged."""
+        """Values for JSON; None without a limit. `inside` is None if it cannot be judged."""
         if not self.verdicts and not self.problem:
             return None
         sensors = {one.sensor: {"inside": one.inside, "found": one.found, "limit": one.limit} for one in self.verdicts}
         return {"inside": None if self.problem else not self.outside, "problem": self.problem, "sensors": sensors}
+
+
+def judge(procedure: Procedure, run_file: Path) -> Sequence[Verdict]:
+    """Every sensor of a complete run against the procedure's limit; [] where there is none.
+
+    Raises:
+        RigError: the run cannot be fitted.
+
+    """
+    from rig.tables import run_table  # noqa: PLC0415 - few runs have limits
+
+    try:
+        return kind_of(procedure).judge(procedure, run_table(run_file))
+    except DataError as error:
+        raise UsageError(str(error)) from error

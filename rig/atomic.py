@@ -1,4 +1,4 @@
-"""Files that are either whole or not there."""
+"""Writing files completely or not at all."""
 
 from __future__ import annotations
 
@@ -24,24 +24,23 @@ def write_whole(path: Path, write: Callable[[IO[str]], object]) -> None:
         write: called with the open file.
 
     Raises:
-        UsageError: the disk or the folder refuses, or there is something there that is no file of ours to replace;
-            nothing is left behind and an older file stays as it was.
-
+        UsageError: the disk or the folder refuses, or the path is something that must not be replaced; nothing is left
+            behind and an older file is unchanged.
     """
 
     def text(file: IO[bytes]) -> None:
         wrapped = io.TextIOWrapper(file, "utf-8", errors="backslashreplace", newline="", write_through=True)
         write(wrapped)
-        wrapped.detach()  # which flushes
+        wrapped.detach()  # closing flushes
 
     write_whole_bytes(path, text)
 
 
 def write_whole_bytes(path: Path, write: Callable[[IO[bytes]], object]) -> None:
-    """The same of a file that is not text."""
+    """The same for a binary file."""
     target = check_writable(path)
     mode = stat.S_IMODE(target.stat().st_mode) if target.exists() else None
-    # A name of its own length: that of the file may be as long as names can be.
+    # A temporary name of its own length: the file's name may have the maximum length.
     temporary = target.with_name(f".rig-{os.getpid()}-{secrets.token_hex(4)}.tmp")
     try:
         made = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666 if mode is None else mode)
@@ -50,59 +49,57 @@ def write_whole_bytes(path: Path, write: Callable[[IO[bytes]], object]) -> None:
                 os.fchmod(made, mode)
             write(file)
             file.flush()
-            os.fsync(made)  # or a power cut after the rename could leave an empty file under the name
+            os.fsync(made)  # otherwise a power cut after the rename could leave an empty file under the name
         os.replace(temporary, target)
     except BaseException as error:
         with contextlib.suppress(OSError):
             temporary.unlink()
         if isinstance(error, OSError):
-            raise UsageError(f"{path} cannot be written: {error.strerror}; nothing is left behind") from error
+            raise UsageError(f"{path} cannot be written: {error.strerror}; no partial file remains") from error
         raise
 
 
 def check_files(written: Sequence[Path | None], read: Sequence[Path | None]) -> None:
-    """Look at the files of a command before its work: what is written must be neither what is read nor one file twice.
+    """Check the files of a command before its work: no output may be an input or another output.
 
     Args:
-        written: files that a command is to write; None where an option was not given.
-        read: files that it reads.
+        written: output files; None for options that were not given.
+        read: input files.
 
     Raises:
-        UsageError: measured data or another result would be gone, or a file cannot be written at all.
-
+        UsageError: measured data or another result would be overwritten, or a file cannot be written.
     """
     inputs, seen = [path for path in read if path is not None], dict[Path, Path]()
     for path in (one for one in written if one is not None):
         if any(_same(path, other) for other in inputs):
-            raise UsageError(f"{path} is what is read and is not overwritten; choose another name")
+            raise UsageError(f"{path} is an input and is not overwritten; choose another name")
         target = check_writable(path)
         for other in seen:
             if target == other or _same(target, other):
-                raise UsageError(f"{seen[other]} and {path} are one file: only the last would be left; name two files")
+                raise UsageError(f"{seen[other]} and {path} are the same file; name two files")
         seen[target] = path
 
 
 def check_added_to(path: Path | None, apart_from: Sequence[Path | None]) -> None:
-    """Refuse to add lines to a run file, or to another file of the same command. Raises `UsageError`."""
+    """Refuse to append to a run file, or to another file of the same command. Raises `UsageError`."""
     if path is None:
         return
     if _of_run(path):
-        raise UsageError(f"{path} is a run file or belongs to one, and nothing is added to it; choose another name")
+        raise UsageError(f"{path} is a run file or belongs to one, and must not be appended to; choose another name")
     for other in (one for one in apart_from if one is not None):
         if _same(path, other) or os.path.realpath(path) == os.path.realpath(other):
-            raise UsageError(f"{path} has another part in the same command and nothing is added to it; choose another")
+            raise UsageError(f"{path} is another file of the same command and must not be appended to; choose another")
 
 
 def check_writable(path: Path) -> Path:
-    """Refuse what cannot become a file, before the work that is to go into it.
+    """Refuse an output path that cannot be written, before the work.
 
     Returns:
-        What is to be replaced: the file itself, or the one that a link leads to.
+        The file to be replaced: the path itself, or the target of a link.
 
     Raises:
-        UsageError: a folder, a device, a run file or what belongs to one, a write-protected file; or a folder that is
-            not there or cannot be written to.
-
+        UsageError: a folder, a device, a run file or a file beside one, a write-protected file; or a folder that does
+            not exist or cannot be written to.
     """
     try:
         target = _led_to(path)
@@ -114,11 +111,11 @@ def check_writable(path: Path) -> Path:
     if mode is not None and stat.S_ISDIR(mode):
         raise UsageError(f"{path} is a folder; name a file in it")
     if _in_system(target) or not (mode is None or stat.S_ISREG(mode)):
-        raise UsageError(f"{path} is no ordinary file; choose another name")
+        raise UsageError(f"{path} is not a regular file; choose another name")
     if not target.parent.is_dir():
-        raise UsageError(f"{path} cannot be written: there is no folder {target.parent}")
+        raise UsageError(f"{path} cannot be written: folder {target.parent} does not exist")
     if not os.access(target.parent, os.W_OK | os.X_OK):
-        raise UsageError(f"{path} cannot be written: no file can be made in {target.parent}; choose another folder")
+        raise UsageError(f"{path} cannot be written: files cannot be created in {target.parent}; choose another folder")
     if mode is not None and not (mode & 0o222 and os.access(target, os.W_OK)):
         raise UsageError(f"{path} is write-protected; choose another name, or make it writable (chmod u+w)")
     return target
@@ -128,13 +125,13 @@ _LINKS = 40
 
 
 def _in_system(path: Path) -> bool:
-    """Whether it is among devices and processes, which are no files whatever they say; /dev/shm is a disk in memory."""
+    """Whether it is in /dev, /proc or /sys, where paths are not ordinary files; /dev/shm is a disk in memory."""
     top = path.parts[1:3]
     return top[:1] in (("dev",), ("proc",), ("sys",)) and top != ("dev", "shm")
 
 
 def _led_to(path: Path) -> Path:
-    """The file that a path leads to, whether it is there or not; where links pass through /proc, the place there."""
+    """The target of a path, existing or not; if links lead through /proc, the path there."""
     for _ in range(_LINKS):
         path = Path(os.path.realpath(path.parent)) / path.name
         if _in_system(path) or not path.is_symlink():
@@ -151,7 +148,7 @@ def _same(one: Path, other: Path) -> bool:
 
 
 def _of_run(path: Path) -> bool:
-    """Whether it is a run file, or what SQLite or the controller keeps beside one."""
+    """Whether it is a run file, or a file of SQLite or the controller beside one."""
     beside = [Path(str(path).removesuffix(end)) for end in ("-wal", "-shm", "-journal") if path.name.endswith(end)]
     if path.suffix in (".head", ".live", ".request"):
         beside.append(path.with_suffix(".sqlite"))

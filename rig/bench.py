@@ -1,4 +1,4 @@
-"""A bench file brought to life: drivers opened, roles found, addresses locked."""
+"""Opening a bench: drivers, roles, locks of addresses."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _ASK_AGAIN_S = (1.0, 3.0)
 
 
 def check_options(config: BenchConfig, where: str, *, strict: bool = True) -> dict[str, BaseModel]:
-    """Every instrument's options checked by its driver, by name; raises `ConfigurationError`."""
+    """Options of every instrument, checked by its driver, by name. Raises `ConfigurationError`."""
     checked = {}
     for name, instrument in config.instruments.items():
         try:
@@ -40,7 +40,7 @@ def check_options(config: BenchConfig, where: str, *, strict: bool = True) -> di
         except ConfigurationError as error:
             raise ConfigurationError(f"{where}: instruments.{name}: {error}") from None
         options = with_contracts(instrument.driver, instrument.options)
-        if strict:  # else the wires say it when they are opened: what was measured can still be read
+        if strict:  # otherwise the wires refuse it when they are opened: measured data can still be read
             _check_address(instrument.address, cls, f"{where}: instruments.{name}", simulated=config.simulated)
         checked[name] = validated(cls.Options, options, f"{where}: instruments.{name}", strict=strict)
         if strict:
@@ -53,8 +53,8 @@ def check_options(config: BenchConfig, where: str, *, strict: bool = True) -> di
 
 
 def _check_address(address: str, cls: DriverClass, where: str, *, simulated: bool) -> None:
-    """An address that no wire would open is refused here, by the wires' own parser."""
-    from drivers.wires.addresses import parse_address  # noqa: PLC0415 - brings the wires, which few commands need
+    """Refuse an address that no wire would open, with the wires' own parser."""
+    from drivers.wires.addresses import parse_address  # noqa: PLC0415 - imports the wires, which few commands need
 
     try:
         found = parse_address(address, cls.wire)
@@ -62,13 +62,13 @@ def _check_address(address: str, cls: DriverClass, where: str, *, simulated: boo
         raise ConfigurationError(f"{where}.address: {error}") from None
     if found.simulated and not simulated:
         raise ConfigurationError(
-            f"{where}.address: {address} is a twin's, which dry runs make; write the instrument's own and use --dry"
+            f"{where}.address: {address} belongs to a twin; write the instrument's own address and use --dry"
         )
 
 
 def _check_flow(address: str, options: BaseModel, where: str) -> None:
-    """Flow control that the address cannot carry is refused before anything is opened."""
-    from drivers.wires.addresses import SerialAddress  # noqa: PLC0415 - brings the wires, which few commands need
+    """Refuse flow control that the address cannot carry, before anything is opened."""
+    from drivers.wires.addresses import SerialAddress  # noqa: PLC0415 - imports the wires, which few commands need
     from drivers.wires.serial_options import SerialOptions, flow_refused  # noqa: PLC0415
 
     if isinstance(options, SerialOptions):
@@ -78,12 +78,12 @@ def _check_flow(address: str, options: BaseModel, where: str) -> None:
 
 
 def playing(config: BenchConfig, role: type[Any]) -> list[str]:
-    """Names of the instruments whose drivers play a role."""
+    """Names of the instruments whose drivers have a role."""
     return [n for n, i in config.instruments.items() if issubclass(cast(type, driver_class(i.driver)), role)]
 
 
 def _quantities(config: BenchConfig) -> list[str]:
-    """What axes of a bench read back, by name with unit."""
+    """Readbacks of a bench, by name, with units."""
     return [*(HEAD if playing(config, Head) else ()), *([PRESSURE] if playing(config, PressureController) else [])]
 
 
@@ -95,7 +95,7 @@ def _refuse_unknown(name: str, known: Sequence[str], message: str) -> None:
 
 
 def _check_limit_names(config: BenchConfig, where: str) -> None:
-    """A limit nobody knows would protect nothing."""
+    """Refuse limits of unknown names: they would protect nothing."""
     chambers = playing(config, Chamber)
     rates = ["pressure_psi_per_s"] if playing(config, PressureController) else []
     known = [*_quantities(config), *(f"{name}_degC" for name in chambers), *rates]
@@ -105,11 +105,11 @@ def _check_limit_names(config: BenchConfig, where: str) -> None:
 
 
 _RATES = {"slew_psi_per_s": "pressure_psi_per_s", "vent_psi_per_s": "pressure_psi_per_s"}
-"""Options by which drivers are told how fast they may go, and the limit that holds for them."""
+"""Driver options for rates, and the limit that applies to each."""
 
 
 def _check_rates(config: BenchConfig, options: Mapping[str, BaseModel], where: str) -> None:
-    """A rate that a driver is told must be one the bench allows."""
+    """Refuse a rate of a driver option outside the bench's limits."""
     for name, given in options.items():
         rates = {**_RATES, "ramp_degC_per_min": f"{name}_degC_per_min"}
         for option, limit in rates.items():
@@ -125,7 +125,7 @@ def _check_rates(config: BenchConfig, options: Mapping[str, BaseModel], where: s
 
 
 def _check_interlocks(config: BenchConfig, where: str) -> None:
-    """An interlock on something that is never read would protect nothing."""
+    """Refuse an interlock on a quantity that is never read: it would protect nothing."""
     chambers = playing(config, Chamber)
     known = [*(f"{name}.{state}" for name in chambers for state in STATES), *_quantities(config), *config.temperatures]
     for name, interlock in config.interlocks.items():
@@ -135,7 +135,7 @@ def _check_interlocks(config: BenchConfig, where: str) -> None:
 
 
 def _check_safe_setpoints(config: BenchConfig, options: Mapping[str, BaseModel], where: str) -> None:
-    """A safe setpoint that the safe state does not call one would end every run as unsafe."""
+    """Refuse a safe setpoint outside the limits of the safe state: every run would end as unsafe."""
     low, high = config.safety.ambient_degC
     for name, given in options.items():
         safe = getattr(given, "safe_degC", None)
@@ -147,16 +147,15 @@ def _check_safe_setpoints(config: BenchConfig, options: Mapping[str, BaseModel],
 
 @dataclass
 class Bench:
-    """Opened instruments by name, and which of them plays which role. Their commands are checked (`rig.guarded`).
+    """The opened instruments by name, with their roles. Their commands are checked (`rig.guarded`).
 
     Attributes:
         config: the bench file.
-        instruments: drivers by the bench's names for them.
-        sensors: output column to (instrument, channel).
-        scales: output column to its unit per volt.
-        temperatures: temperature column to (instrument, channel).
-        answered: who instruments said they are when last asked.
-
+        instruments: drivers by the bench's names.
+        sensors: (instrument, channel) by output column.
+        scales: unit of the output per volt, by output column.
+        temperatures: (instrument, channel) by temperature column.
+        answered: last identities of the instruments.
     """
 
     config: BenchConfig
@@ -182,7 +181,7 @@ class Bench:
             instrument = self.instruments[reader]
             if not isinstance(instrument, Reader):
                 raise ConfigurationError(
-                    f"bench {self.config.name}: {name} is to be read by {reader}, which reads nothing"
+                    f"bench {self.config.name}: {name} has the reader {reader}, which is not a reader"
                 )
             if channel not in instrument.channels():
                 known = ", ".join(instrument.channels())
@@ -201,16 +200,18 @@ class Bench:
         return next(iter(heads.values()))
 
     def setting(self, factor: str, role: type[Role]) -> tuple[str, Role]:
-        """The instrument that sets a factor, and its name; raises `ConfigurationError` if it cannot."""
+        """The instrument that sets a factor, and its name. Raises `ConfigurationError` if it cannot."""
         name = self.config.factors.get(factor)
         if name is None:
             raise ConfigurationError(
-                f"bench {self.config.name} does not say what sets {factor}: add it under [factors], "
+                f"bench {self.config.name} does not name the instrument of {factor}: add it under [factors], "
                 f'{factor} = "INSTRUMENT"'
             )
         instrument = self.instruments[name]
         if not isinstance(instrument, role):
-            raise ConfigurationError(f"bench {self.config.name}: {name} cannot set {factor}: it is no {role.__name__}")
+            raise ConfigurationError(
+                f"bench {self.config.name}: {name} cannot set {factor}: it is not a {role.__name__}"
+            )
         return name, instrument
 
     @property
@@ -236,7 +237,7 @@ class Bench:
 
 
 def open_bench(config: BenchConfig, options: Mapping[str, BaseModel], clock: Clock, wires: Wires) -> Bench:
-    """Open every instrument's wire. Sends nothing. Raises `BenchFault` naming the instrument that fails."""
+    """Open every instrument's wire. Sends nothing. Raises `BenchFault` with the name of the failing instrument."""
     opened: dict[str, Instrument] = {}
     try:
         for name, instrument in config.instruments.items():
@@ -251,21 +252,20 @@ def open_bench(config: BenchConfig, options: Mapping[str, BaseModel], clock: Clo
 
 
 def identities(bench: Bench, known: Mapping[str, Mapping[str, Any]] | None = None) -> dict[str, dict[str, Any]]:
-    """Ask every instrument who it is, again if its answer is lost.
+    """Ask every instrument for its identity, again if its answer is lost.
 
     Args:
-        bench: whose instruments.
-        known: who they were, by name, as the run file has it: an answer that is neither that nor what was said before
-            has to come twice, since one that is cut short on its way looks like another instrument. None: it is only
-            to be seen that they answer.
+        bench: the bench.
+        known: known identities, by name, from the run file. An answer that differs from the known and from the previous
+            one must come twice, since a truncated answer looks like another instrument. None: check only that they
+            answer.
 
     Returns:
-        By name, what the run file keeps.
+        Identities by name, as kept in the run file.
 
     Raises:
-        DriverError: one does not answer, or otherwise every time.
-        BenchFault: one is not the declared one.
-
+        DriverError: an instrument does not answer, or answers differently every time.
+        BenchFault: an instrument is not the declared one.
     """
     found = {}
     for name, instrument in bench.instruments.items():
@@ -301,13 +301,13 @@ def _twice(name: str, instrument: Instrument, clock: Clock, reply: Identity) -> 
         if reply == before:
             return reply
     raise BadReply(
-        f"{name} says otherwise who it is every time it is asked, last {reply.maker} {reply.model} "
-        f"{reply.serial}: check its line, and that nobody else talks on it"
+        f"{name} reports a different identity every time, last {reply.maker} {reply.model} "
+        f"{reply.serial}: check its line, and that it has no other controller"
     )
 
 
 def _identity(instrument: Instrument, clock: Clock) -> Identity:
-    """A question that changes nothing may be asked again."""
+    """Ask a question without side effects, again after an error."""
     for pause in _ASK_AGAIN_S:
         try:
             return instrument.identify()

@@ -1,6 +1,6 @@
-"""Reading bench, procedure and world files: TOML in, checked objects out, one clear message if not.
+"""Reading bench, procedure and world files: from TOML to checked objects, or one clear message.
 
-A message names the file, the place in it, what is wrong, and what would be right.
+A message gives the file, the place in it, the defect, and permitted values.
 """
 
 from __future__ import annotations
@@ -32,19 +32,19 @@ class _Strict(BaseModel):
 
 
 class InstrumentConfig(BaseModel):
-    """One `[instruments.NAME]` table. What is not listed here goes to the driver, which checks it."""
+    """One `[instruments.NAME]` table. Other keys are options of the driver, which checks them."""
 
     model_config = ConfigDict(extra="allow", frozen=True)
 
     driver: str
     address: str = Field(min_length=1)
-    asset: str = Field("", description="your asset number, for instruments that do not tell their serial number")
-    due: date | None = Field(None, description="when its own calibration is due")
-    serial: str = Field("", description="expected serial number; another one is refused")
+    asset: str = Field("", description="your asset number, for instruments that do not report their serial number")
+    due: date | None = Field(None, description="due date of its own calibration")
+    serial: str = Field("", description="expected serial number; a different one is refused")
 
     @property
     def options(self) -> dict[str, Any]:
-        """What the driver is to check."""
+        """Options of the driver."""
         return dict(self.model_extra or {})
 
 
@@ -52,36 +52,36 @@ class SensorConfig(_Strict):
     """One `[sensors.NAME]` table: a sensor under calibration, its output recorded as `NAME_UNIT`."""
 
     axis: Literal["x", "y", "z"] | None = Field(
-        None, description="nominal axis in the package, for kinds of procedures that ask for it"
+        None, description="nominal axis in the package, for kinds of procedures that need it"
     )
-    unit: Literal["V", "mV"] = Field("V", description="in which its output is recorded; the reader measures volts")
-    reader: str = Field(description="which instrument reads it")
-    channel: str = Field("input", description="on which channel")
+    unit: Literal["V", "mV"] = Field("V", description="unit of the recorded output; the reader measures volts")
+    reader: str = Field(description="instrument that reads it")
+    channel: str = Field("input", description="channel of the reader")
     asset: str = ""
 
 
 FOLLOWS_S = 480.0
-"""Time constant with which sensors are taken to follow their chamber where the bench file does not say."""
+"""Assumed time constant of sensors relative to their chamber if the bench file has none, seconds."""
 
 
 class TemperatureConfig(_Strict):
-    """One `[temperatures.NAME]` table; NAME is the column it is recorded in and ends in `_degC`."""
+    """One `[temperatures.NAME]` table; NAME is its column in tables and ends in `_degC`."""
 
     reader: str
     channel: str
     place: Literal["package", "enclosure", "sensors", "sse", "lab"] = Field(
-        "package", description="where the thermometer sits; the simulation reads it"
+        "package", description="place of the thermometer; used by the simulation"
     )
     follows_s: float | None = Field(
         None,
         ge=1,
         le=1e6,
-        description="time constant with which it follows its chamber; how long soaks are forecast to take rests on it",
+        description="time constant relative to its chamber; forecasts of soaks use it",
     )
 
 
 class LiveConfig(_Strict):
-    """Written by `rig sim`: how this bench's time runs."""
+    """Written by `rig sim`: relation of bench time to real time."""
 
     speed: float = Field(gt=0)
     epoch_utc: float
@@ -98,7 +98,7 @@ class BenchConfig(_Strict):
     temperatures: dict[Name, TemperatureConfig] = Field(default_factory=dict)
     factors: dict[str, str] = Field(
         default_factory=dict,
-        description="which instrument sets which factor, for kinds of procedures that leave it to the bench",
+        description="instrument that sets each factor, for kinds of procedures that leave it to the bench",
     )
     limits: dict[str, tuple[float, float]] = Field(default_factory=dict)
     interlocks: dict[str, InterlockConfig] = Field(default_factory=dict)
@@ -113,53 +113,53 @@ class BenchConfig(_Strict):
         for name, (reader, channel) in read.items():
             if reader not in self.instruments:
                 known = ", ".join(sorted(self.instruments))
-                raise ValueError(f"{name}.reader = {reader!r} is no instrument here (there are {known})")
+                raise ValueError(f"{name}.reader = {reader!r} is not an instrument here (known: {known})")
             other = taken.setdefault((reader, channel), name)
             if other != name:
                 raise ValueError(f"{other} and {name} are both on channel {channel} of {reader}")
         for name, instrument in self.factors.items():
             known_factors = [factor for kind in kinds().values() for factor in kind.bench_factors]
             if name not in known_factors:
-                raise ValueError(f"factors.{name} is no factor of any procedure; known: {', '.join(known_factors)}")
+                raise ValueError(f"factors.{name} is not a factor of any procedure; known: {', '.join(known_factors)}")
             if instrument not in self.instruments:
                 known = ", ".join(sorted(self.instruments))
-                raise ValueError(f"factors.{name} = {instrument!r} is no instrument here (there are {known})")
+                raise ValueError(f"factors.{name} = {instrument!r} is not an instrument here (known: {known})")
         for name in self.temperatures:
             if not name.endswith("_degC"):
                 raise ValueError(f"temperatures.{name}: the name is a column and must end in its unit, _degC")
         for name in UNITS.keys() & self.sensors.keys():
-            raise ValueError(f"sensors.{name}: a table has {name}_{UNITS[name]} already; name the sensor otherwise")
+            raise ValueError(f"sensors.{name}: a table has {name}_{UNITS[name]} already; rename the sensor")
         for name, (low, high) in self.limits.items():
             if not low < high:
                 raise ValueError(f"limits.{name}: {low:g} is not below {high:g}")
             if not (isfinite(low) and isfinite(high)):
-                raise ValueError(f"limits.{name}: {low:g} to {high:g} limits nothing; give two numbers")
+                raise ValueError(f"limits.{name}: {low:g} to {high:g} does not limit anything; give two numbers")
         return self
 
 
 def parse_toml(text: str, where: str) -> dict[str, Any]:
-    """TOML text to plain values; raises `ConfigurationError` naming `where`, line and column."""
+    """Plain values from TOML text. Raises `ConfigurationError` with `where`, line and column."""
     if _DEEP_KEY.search(text):
-        raise ConfigurationError(f"{where} is nested too deeply to be a file of ours")
+        raise ConfigurationError(f"{where} is nested too deeply for a file of rig")
     try:
         values = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise ConfigurationError(f"{where} is not valid TOML: {error}") from error
-    except ValueError:  # Python converts no text of more than 4300 digits to a whole number
-        raise ConfigurationError(f"{where} has a whole number of thousands of digits; TOML's have 64 bits") from None
+    except ValueError:  # Python refuses to convert a text of more than 4300 digits to an integer
+        raise ConfigurationError(f"{where} has a whole number of thousands of digits; TOML permits 64 bits") from None
     except RecursionError:
-        raise ConfigurationError(f"{where} is nested too deeply to be a file of ours") from None
+        raise ConfigurationError(f"{where} is nested too deeply for a file of rig") from None
     _check_values(values, where)
     return values
 
 
 _DEEPEST = 50
 _DEEP_KEY = re.compile(rf"""(?<![\w-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){{{_DEEPEST}}}""", re.ASCII)
-"""A dotted key that tomllib would take time for that grows with the square of its length."""
+"""Maximum length of a dotted key: tomllib's time grows with its square."""
 
 
 def _check_values(values: dict[str, Any], where: str) -> None:
-    """Refuse what is valid text, and more than anything of ours can hold. Raises `ConfigurationError`."""
+    """Refuse valid TOML that is too large for any of our files. Raises `ConfigurationError`."""
     level: list[Any] = [values]
     for _ in range(_DEEPEST):
         inner: list[Any] = []
@@ -167,22 +167,22 @@ def _check_values(values: dict[str, Any], where: str) -> None:
             if isinstance(value, dict | list):
                 inner += value.values() if isinstance(value, dict) else value
             elif isinstance(value, int) and not -(2**63) <= value < 2**63:
-                raise ConfigurationError(f"{where} has a whole number that needs more than 64 bits, TOML's most")
+                raise ConfigurationError(f"{where} has a whole number of more than 64 bits, the maximum of TOML")
         if not inner:
             return
         level = inner
-    raise ConfigurationError(f"{where} is nested too deeply to be a file of ours")
+    raise ConfigurationError(f"{where} is nested too deeply for a file of rig")
 
 
 _MOST_TEXT = 4 << 20
 
 
 def read_text(path: Path, what: str) -> str:
-    """A configuration file's text; raises `ConfigurationError` if it cannot be read."""
+    """Text of a configuration file. Raises `ConfigurationError` if it cannot be read."""
     try:
         return read_regular_text(path, _MOST_TEXT)
     except FileNotFoundError:
-        raise ConfigurationError(f"there is no {what} file {path}") from None
+        raise ConfigurationError(f"{what} file {path} does not exist") from None
     except IsADirectoryError:
         raise ConfigurationError(f"{path} is a folder; name the {what} file in it") from None
     except UnicodeDecodeError as error:
@@ -210,11 +210,11 @@ def parse_procedure(text: str, where: str, *, strict: bool = True) -> Procedure:
 def validated(
     model: type[Model], values: Mapping[str, Any], where: str, *, strict: bool = True, shown: bool = True
 ) -> Model:
-    """An instance of `model`; raises `ConfigurationError` listing everything that is wrong.
+    """An instance of `model`. Raises `ConfigurationError` with all defects.
 
-    Strictly, as JSON has it: a list is a tuple and a text a path, but "yes" is no truth, "3" no number, 3.0 no count.
-    What a run file holds is read otherwise: versions that took these began runs that are to be finished. Models see
-    that in their validation context, as `stored`. Values that may be secrets are not `shown`.
+    In strict mode, as for JSON: a list is a tuple and a text a path, but "yes" is not a boolean, "3" not a number, 3.0
+    not an integer. Run files are read without it, because earlier versions accepted such values and their runs must be
+    resumable. Models see that in their validation context, as `stored`. Possible secrets are not `shown`.
     """
     try:
         return model.model_validate_json(json.dumps(values, default=str), strict=strict, context={"stored": not strict})

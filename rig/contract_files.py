@@ -1,8 +1,8 @@
-"""Contract files (EDS, register maps) handed to both sides of a wire.
+"""Contract files (EDS, register maps) passed to both sides of a wire.
 
-A driver says which files it needs (`drivers.driver.ContractFile`). Drivers and twins may not import one another nor the
-contracts; the controller reads the file once and gives the same text to both. A bench file may name a file of its own
-instead (`eds = "drive.eds"`, beside the bench file): its text is read with it and kept with it in the run file.
+A driver declares the files it needs (`drivers.driver.ContractFile`). Drivers and twins must not import one another nor
+the contracts. The controller reads the file once and passes the same text to both. A bench file may name another file
+(`eds = "drive.eds"`, beside the bench file): its text is read with the bench file and stored in the run file.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ def with_contracts(driver: str, options: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def read_bench(path: Path) -> tuple[BenchConfig, dict[str, str]]:
-    """A bench file with the files it names read, and their texts by name. Raises `ConfigurationError`."""
+    """A bench file with its contract files read, and their texts by name. Raises `ConfigurationError`."""
     config = parse_bench(read_text(path, "bench"), str(path))
     texts = files_beside(config, path)
     return with_files(config, texts, str(path)), texts
 
 
 def files_beside(config: BenchConfig, bench: Path) -> dict[str, str]:
-    """The texts of the contract files that a bench names, by name; raises `ConfigurationError` naming one not there."""
+    """The texts of the contract files named by a bench, by name. Raises `ConfigurationError` for a missing file."""
     return {
         name: read_text(bench.parent / name, f"{option} (instruments.{instrument})")
         for instrument, option, name in _named(config)
@@ -45,21 +45,21 @@ def files_beside(config: BenchConfig, bench: Path) -> dict[str, str]:
 
 
 def with_files(config: BenchConfig, texts: Mapping[str, str], where: str) -> BenchConfig:
-    """The bench with texts in place of the names of contract files; raises `ConfigurationError` for one not there."""
+    """The bench with texts in place of names of contract files. Raises `ConfigurationError` for a missing one."""
     instruments = dict(config.instruments)
     for instrument, option, name in _named(config):
         if name not in texts:
-            raise ConfigurationError(f"{where}: instruments.{instrument}.{option} = {name!r} is not there")
+            raise ConfigurationError(f"{where}: instruments.{instrument}.{option} = {name!r} does not exist")
         instruments[instrument] = instruments[instrument].model_copy(update={option: texts[name]})
     return config.model_copy(update={"instruments": instruments})
 
 
 def _named(config: BenchConfig) -> list[tuple[str, str, str]]:
-    """(instrument, option, file name) of every contract that is named instead of written out: one line is a name."""
+    """(instrument, option, file name) of every contract given by a name: a single line is a name."""
     found = []
     for name, instrument in config.instruments.items():
         if instrument.driver not in installed("rig.drivers"):
-            continue  # `rig.bench.check_options` says so, and where
+            continue  # `rig.bench.check_options` reports it with its place
         for contract in driver_class(instrument.driver).contracts:
             text = instrument.options.get(contract.option)
             if isinstance(text, str) and text.strip() and "\n" not in text:

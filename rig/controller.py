@@ -1,6 +1,6 @@
-"""Starting and resuming runs: files checked, bench opened and locked, sequencer let loose.
+"""Starting and resuming runs: checks files, opens and locks the bench, starts the sequencer.
 
-`rig run` is create + resume: the difference between a new run and an interrupted one is what the run file says.
+`rig run` is create + resume: a new run and an interrupted one differ only in the contents of the run file.
 """
 
 from __future__ import annotations
@@ -39,27 +39,26 @@ from rig.run_file.live import live_path, read_json
 from rig.run_file.reader import RunReader
 from rig.run_file.state import RunState, fold
 from rig.run_file.writer import RunWriter
-from rig.versions import versions
+from rig.version import versions
 from rig.who import Operator, operator
 
-"""In the first record of a dry run: how old its world was when the run began, if it was not new."""
+"""Key in the first record of a dry run: age of its world at the begin of the run, if it was not new."""
 
 _VIRTUAL = "virtual"
-"""Stands for the boot id where time is virtual: its clock continues across sessions by construction."""
+"""Replaces the boot id under virtual time: its clock is continuous across sessions."""
 
 
 @dataclass(frozen=True)
 class Result:
-    """How a session ended, and what there is to say about it.
+    """Result of a session.
 
     Attributes:
         path: the run file.
         outcome: how it ended.
-        message: why, "" if there is nothing to explain.
-        state: what the run has come to.
-        procedure: what was run, None where the run was complete already.
+        message: the reason, "" if none is needed.
+        state: state of the run.
+        procedure: the procedure, None if the run was complete before.
         head: hash of the run file's last record, hexadecimal.
-
     """
 
     path: Path
@@ -71,7 +70,7 @@ class Result:
 
 
 def _mounted(plan: Plan) -> Mapping[str, Any]:
-    """The world of a dry run, in which the package is mounted as the procedure asks for."""
+    """The world of a dry run, with the package mounted as the procedure requires."""
     mounting = plan.procedure.conduct.mounting
     if not any(mounting.values()):
         return plan.truth
@@ -80,12 +79,11 @@ def _mounted(plan: Plan) -> Mapping[str, Any]:
 
 @contextlib.contextmanager
 def opened(plan: Plan, *, start: float = 0.0) -> Iterator[tuple[Bench, Clock, str]]:
-    """The bench of a plan, opened and locked, with its clock and the name of this boot of it.
+    """The bench of a plan, opened and locked, with its clock and the identifier of this boot.
 
     Raises:
         BenchFault: an instrument cannot be reached.
         BusyError: another controller has one of the addresses.
-
     """
     if plan.dry:
         from rig.simulated.dry_run import DryBench  # noqa: PLC0415 - a real run never loads the simulation
@@ -113,12 +111,11 @@ def opened(plan: Plan, *, start: float = 0.0) -> Iterator[tuple[Bench, Clock, st
 
 @dataclass(frozen=True)
 class Site:
-    """Where a controller runs: what opens its bench and what is under its run file. Campaigns of faults have their own.
+    """Environment of a controller: how its bench is opened, and its file system. Fault campaigns have their own.
 
     Attributes:
         opened: opens the bench of a plan at `start`; see `opened`.
-        vfs: the SQLite VFS that run files lie on, "" for the machine's own.
-
+        vfs: the SQLite VFS of run files, "" for the machine's own.
     """
 
     opened: Callable[..., AbstractContextManager[tuple[Bench, Clock, str]]] = opened
@@ -140,10 +137,11 @@ def start_run(
 ) -> Result:
     """Create a run in `folder` and carry it out.
 
-    Every instrument is asked who it is before the run file is made, so that a bench that is not there leaves
-    nothing behind. `announce` gets the run file's path as soon as it exists. A dry run's world may be older than the
-    run: `world_start_s` is its time, in seconds, when the run begins. `observer` is told of every record. With
-    `create_only` nothing is carried out: a later resume does that. `by` is who runs it, else the login name.
+    Every instrument is asked for its identity before the run file is created, so that a missing bench leaves nothing
+    behind. `announce` is called with the run file's path as soon as it exists. A dry run's world may be older than the
+    run: `world_start_s` is its time, in seconds, at the begin of the run. `observer` is called with every record. With
+    `create_only` nothing is carried out: a later resume does that. `by` is the operator's name, by default the login
+    name.
     """
     by = by or operator()
     check_room(folder, len(plan.run_list))
@@ -171,7 +169,7 @@ def start_run(
         if create_only:
             with RunReader.open(path) as reader:
                 state, head = fold(reader.records()), reader.head()[1].hex()
-                return Result(path, Outcome.INTERRUPTED, "created, nothing was moved", state, None, head)
+                return Result(path, Outcome.INTERRUPTED, "created; nothing has moved", state, None, head)
         with RunWriter.open(path, vfs=site.vfs) as run:
             state = fold(run.records())
             return _session(run, state, plan, bench, clock, boot, frozenset(), signals, on_progress, observer, by)
@@ -190,23 +188,22 @@ def resume_run(
     site: Site = Site(),
     by: Operator | None = None,
 ) -> Result:
-    """Carry on with a run wherever it stopped.
+    """Resume a run from its last state.
 
     Args:
         path: the run file.
-        signals: looked at wherever the sequencer waits.
-        on_progress: called with news, often.
+        signals: checked at every wait of the sequencer.
+        on_progress: called often, with the progress.
         bench: another bench file, for instruments that have moved to other addresses.
-        accept: names of instruments that may be other ones than before.
-        dry_gap_s: for a dry run, how long its simulated bench was left alone.
-        warn: called with a sentence for everything that was once durable and is not there any more.
-        observer: is told of every record.
-        site: where the controller runs.
-        by: who runs this session, else the login name.
-
+        accept: names of instruments that may have been exchanged.
+        dry_gap_s: for a dry run, the gap since the last session, bench seconds.
+        warn: called with a sentence for every loss of durable records.
+        observer: called with every record.
+        site: environment of the controller.
+        by: the operator's name, by default the login name.
     """
     by, path = by or operator(), real_path(path)
-    with RunReader.open(path) as reader:  # a finished run is not opened for writing, and not changed
+    with RunReader.open(path) as reader:  # a finished run is opened read-only
         head, state = reader.head(), RunState()
         reader.verify(state.add)
         if state.ended is not None:
@@ -215,12 +212,12 @@ def resume_run(
             return Result(path, Outcome.COMPLETE, said, state, plan.procedure, head[1].hex())
         other = goes_on_in(reader, state)
         if other is not None:
-            raise UsageError(f"{path} was moved or replaced while it was written; the run goes on: rig resume {other}")
+            raise UsageError(f"{path} was moved or replaced during the run, which continues: rig resume {other}")
         if state.rescued:
-            warn(f"{path} goes on in {state.rescued}, which is not there: it goes on here now; never resume both")
+            warn(f"{path} continues in {state.rescued}, which does not exist: it continues here now; never resume both")
     check_may_write(path)
     done = (read_json(live_path(path)) or {}).get("done")
-    told = done if isinstance(done, int) and COUNT.holds(done) else 0  # a file like any other: not trusted
+    told = done if isinstance(done, int) and COUNT.holds(done) else 0  # a file like any other, and not trusted
     with RunWriter.open(path, vfs=site.vfs, verified=head) as run:
         if run.head() != head:
             state = fold(run.records())
@@ -230,7 +227,7 @@ def resume_run(
         unknown = sorted(accept - set(plan.bench.instruments))
         if unknown:
             known = ", ".join(sorted(plan.bench.instruments))
-            raise UsageError(f"--accept {unknown[0]}: there is no such instrument on this bench ({known})")
+            raise UsageError(f"--accept {unknown[0]}: this bench has no such instrument (known: {known})")
         check_room(path, state.remaining)
         hint, before = "" if bench else _moved(plan, path), len(state.accepted)
         try:
@@ -248,7 +245,7 @@ def resume_run(
 
 
 def _moved(plan: Plan, path: Path) -> str:
-    """What to do if the instruments answer at other addresses than those that the run file has."""
+    """Advice if the instruments answer at other addresses than those in the run file."""
     if plan.dry:
         return ""
     if plan.bench.live is not None:
@@ -259,7 +256,7 @@ def _moved(plan: Plan, path: Path) -> str:
 
 
 def _losses(run: RunWriter, state: RunState, told: int) -> Iterator[str]:
-    """What the run file has lost since the last session: by its log's checksums, and by what was last told."""
+    """Records lost since the last session: by the checksums of the log, and by the last reported state."""
     log = run.dropped
     if log.lost_commits:
         yield (

@@ -1,10 +1,10 @@
-"""A laboratory's own effects, which `rig trace` looks for beside those of the catalogues.
+"""A laboratory's own effects: `rig trace` tests them in addition to the catalogues.
 
-A laboratory adds effects without touching this project, by either or both of
+A laboratory adds effects without changing this project, by one or both of:
 
-- an installed package with entry points of the group `rig.effects`, each an entry of a kind's catalogue, or a tuple
-  of them;
-- a TOML file named by the environment variable `RIG_EFFECTS` (`fitter/effects/own.py` says how it is written).
+- an installed package with entry points of the group `rig.effects`, each an entry of a kind's catalogue, or a tuple of
+  them;
+- a TOML file named by the environment variable `RIG_EFFECTS` (its format is in `fitter/effects/own.py`).
 """
 
 from __future__ import annotations
@@ -26,11 +26,10 @@ _MOST_TEXT = 1 << 20
 
 
 def laboratory_effects() -> tuple[Entry, ...]:
-    """Those installed, then those written.
+    """Installed effects, then those of the file.
 
     Raises:
-        ConfigurationError: an entry point or the file is not what it should be.
-
+        ConfigurationError: an entry point or the file is invalid.
     """
     return (*_installed(), *_written())
 
@@ -42,7 +41,7 @@ def _installed() -> tuple[Entry, ...]:
         effects = given if isinstance(given, tuple) else (given,)
         if not all(isinstance(effect, Entry) for effect in effects):
             raise ConfigurationError(
-                f"entry point {point.name} of {GROUP} is no effect: give an entry of a kind's catalogue, or a tuple"
+                f"entry point {point.name} of {GROUP} is not an effect of a kind's catalogue, or a tuple of them"
             )
         found += effects
     return tuple(found)

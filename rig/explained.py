@@ -1,4 +1,4 @@
-"""What is wrong with a file's values, as lines a person can act on: pydantic's findings in our words."""
+"""Defects of a file's values as lines a person can act on: pydantic's findings in our words."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ _PLAIN = {
 
 
 def explain(error: ValidationError, where: str, model: type[BaseModel], *, shown: bool = True) -> str:
-    """One line for everything that is wrong, each naming file and place.
+    """One line per defect, each with file and place.
 
-    Values that may be secrets are not `shown`, but for numbers and short plain words.
+    Possible secrets are not `shown`, except numbers and short plain words.
     """
     return "\n".join(f"{where}: {_line(item if shown else _veiled(item), model)}" for item in error.errors())
 
@@ -29,7 +29,7 @@ _SHORT_WORD = re.compile(r"[a-z-]{1,20}")
 
 
 def _veiled(item: Mapping[str, Any]) -> Mapping[str, Any]:
-    """A finding of pydantic's without the value that it is about, unless that can be no secret."""
+    """A finding of pydantic without its value, unless the value cannot be a secret."""
 
     def harmless(value: Any) -> bool:
         return isinstance(value, bool | int | float) or bool(_SHORT_WORD.fullmatch(str(value)))
@@ -45,16 +45,16 @@ def _line(item: Mapping[str, Any], model: type[BaseModel]) -> str:
     got = item.get("input")
     match item["type"]:
         case "extra_forbidden":
-            return f"{place} is not known here{_near_field(model, item['loc'])}"
+            return f"{place} is unknown here{_near_field(model, item['loc'])}"
         case "missing":
             return f"{place} is missing"
         case "union_tag_not_found":
             return f"{place}.{item['ctx']['discriminator'].strip(chr(39))} is missing"
         case "union_tag_invalid":
             key, known = item["ctx"]["discriminator"].strip("'"), _quoted(item["ctx"]["expected_tags"])
-            return f"{place}.{key} = {item['ctx']['tag']!r} is not known; {_near(item['ctx']['tag'], known)}"
+            return f"{place}.{key} = {item['ctx']['tag']!r} is unknown; {_near(item['ctx']['tag'], known)}"
         case "literal_error" if isinstance(got, str):
-            return f"{place}: {got!r} is not known; {_near(got, _quoted(item['ctx']['expected']))}"
+            return f"{place}: {got!r} is unknown; {_near(got, _quoted(item['ctx']['expected']))}"
         case _:
             words = _PLAIN.get(item["type"], item["msg"].removeprefix("Value error, "))
             shown = "" if isinstance(got, Mapping) or not place else f" (it is {got!r})"
@@ -72,7 +72,7 @@ def _near(given: str, known: Iterable[str]) -> str:
 
 
 def _near_field(model: type[BaseModel], place: tuple[int | str, ...]) -> str:
-    """The nearest known name to an unknown one, at a place inside nested tables."""
+    """The known name nearest to an unknown one, at a place inside nested tables."""
     inner: list[type[BaseModel]] = [model]
     parts = iter(place[:-1])
     for part in parts:
@@ -80,8 +80,8 @@ def _near_field(model: type[BaseModel], place: tuple[int | str, ...]) -> str:
         if fields:
             inner = [m for field in fields for m in _models(field.annotation)]
             if any(get_origin(field.annotation) is dict for field in fields):
-                next(parts, None)  # the name a user gave to the table
-        else:  # the number of a table, or what tells its kind
+                next(parts, None)  # the user's name of the table
+        else:  # the number of a table, or its discriminator
             inner = [m for m in inner if _is_of_kind(m, part)] or inner
     names = [name for m in inner for name in m.model_fields]
     if not names:
@@ -91,7 +91,7 @@ def _near_field(model: type[BaseModel], place: tuple[int | str, ...]) -> str:
 
 
 def _models(annotation: Any) -> Iterator[type[BaseModel]]:
-    """Every table that may stand there."""
+    """All possible models of the table at a place."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         yield annotation
     for argument in get_args(annotation):

@@ -1,7 +1,7 @@
-"""The evening question: when will it finish, and how sure is that? Answered by a rehearsal.
+"""Forecast of the end of a run, with its uncertainty, by a rehearsal.
 
-The first points of the run list are run dry, on twins with the bench file's own speeds and settings, and the rest
-is extrapolated. What a rehearsal cannot know (repeats, retries, an interruption) is added as a stated allowance.
+The first points of the run list are run dry, on twins with the bench file's own speeds and settings. The rest is
+extrapolated. A rehearsal does not show repeats, retries and interruptions; a stated allowance covers them.
 """
 
 from __future__ import annotations
@@ -25,26 +25,27 @@ from rig.run_file.events.points import Observed, WholePlotBegan
 from rig.run_file.reader import RunReader
 
 ALLOWANCE = 0.05
-"""Share added for repeats, retries and one short interruption."""
+"""Relative allowance for repeats, retries and one short interruption."""
 
 SOAK_ALLOWANCE = 0.2
-"""Share added to soaks: how a loaded chamber settles is the bench's own, and a rehearsal knows an ordinary one."""
+"""Relative allowance for soaks: settling of a loaded chamber differs between benches, and a rehearsal has typical
+values.
+"""
 
 
 @dataclass(frozen=True)
 class Forecast:
-    """How long a run will take, in bench seconds.
+    """Expected duration of a run, in bench seconds.
 
     Attributes:
-        preparation_s: until the first point is under way: set-up, homing, environment, the first soak.
+        preparation_s: time before the first point: set-up, homing, environment, the first soak.
         point_s: mean of one point: move, settle, measure.
-        point_sd_s: its standard deviation from point to point.
-        soak_s: mean of the soaks between whole plots; None where there are none.
-        total_s: all of it, with nothing going wrong.
-        latest_s: with the allowance for what may go wrong.
-        rehearsed: on how many points this stands.
-        assumed: what it takes for given that nobody declared, a sentence each.
-
+        point_sd_s: its standard deviation between points.
+        soak_s: mean of the soaks between whole plots; None if there are none.
+        total_s: duration of the whole run without incidents.
+        latest_s: duration with the allowances.
+        rehearsed: number of rehearsed points.
+        assumed: undeclared assumptions, one sentence each.
     """
 
     preparation_s: float
@@ -58,7 +59,7 @@ class Forecast:
 
 
 def _ordinary(plan: Plan) -> dict[str, Any]:
-    """The world of a rehearsal: an ordinary one, in which sensors follow their chambers as the bench file says."""
+    """The world of a rehearsal: default values; sensors follow their chambers as in the bench file."""
     return {
         f"{name.removesuffix('_temperature_degC')}_chamber": {"body_time_constant_s": thermometer.follows_s}
         for name, thermometer in plan.bench.temperatures.items()
@@ -67,7 +68,7 @@ def _ordinary(plan: Plan) -> dict[str, Any]:
 
 
 def _assumed(plan: Plan) -> Iterator[str]:
-    """What soaks are forecast with where the bench file does not say it."""
+    """Assumptions about soaks if the bench file has no values."""
     for factor in plan.run_list.hard:
         thermometer = plan.bench.temperatures.get(factor.name)
         if thermometer is None or thermometer.follows_s is None:
@@ -81,8 +82,7 @@ def rehearse(plan: Plan, on_progress: Callable[[Progress], None], *, points: int
     """Run the first `points` points dry and extrapolate.
 
     Raises:
-        RigError: the rehearsal failed, which the run itself would too.
-
+        RigError: the rehearsal failed; the run itself would fail too.
     """
     head = RunList(plan.run_list.factors, plan.run_list.points[:points], plan.run_list.seed)
     pace = None

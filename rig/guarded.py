@@ -1,8 +1,8 @@
 """An independent check of every command, at the drivers' boundary.
 
-Whatever part of the program commands an instrument, and whatever it has checked itself, a command goes through here:
-a value outside the bench's `[limits]`, or one that is no number, is refused before the driver sees it. This module
-reads the limits from the bench file by itself and shares no code with those who command.
+Every command to an instrument passes this check, whatever the caller has checked. A value outside the bench's
+`[limits]`, or one that is not a number, is refused before the driver receives it. This module reads the limits from the
+bench file itself and shares no code with its callers.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ Limits = Mapping[str, tuple[float, float]]
 
 
 class Refused(BenchFault):
-    """A command was refused at the driver's boundary; the instrument has not seen it."""
+    """A command was refused at the drivers' boundary; the instrument has not received it."""
 
 
 class _Guarded:
-    """Stands before one instrument; everything but its commands goes straight through."""
+    """Guard of one instrument; everything but commands passes unchanged."""
 
     def __init__(self, name: str, instrument: Any, limits: Limits) -> None:
         self._guarded_name, self._guarded, self._guarded_limits = name, instrument, limits
@@ -36,7 +36,7 @@ class _Guarded:
         low, high = self._guarded_limits.get(quantity, (-math.inf, math.inf))
         if not (math.isfinite(value) and low <= value <= high):
             raise Refused(
-                f"{quantity} = {value:g} was about to be commanded at {self._guarded_name}, outside {low:g} to "
+                f"{quantity} = {value:g} was commanded to {self._guarded_name}, outside {low:g} to "
                 f"{high:g} (bench limits); it was not sent. This is a fault of the program: please report it"
             )
 
@@ -68,13 +68,12 @@ _GUARDED: tuple[tuple[type, type[_Guarded]], ...] = (
 
 
 def guarded(name: str, instrument: Instrument, limits: Limits) -> Instrument:
-    """An instrument whose commands are checked; one that can be commanded nothing is returned as it is.
+    """An instrument with checked commands; an instrument without commands is returned unchanged.
 
     Args:
-        name: the bench's name for it, by which a chamber's limits are named.
-        instrument: what a driver made.
+        name: the bench's name, also the name of a chamber's limits.
+        instrument: a driver's instance.
         limits: (low, high) by quantity, as in the bench file.
-
     """
     if isinstance(instrument, _Guarded):
         return instrument
@@ -87,7 +86,7 @@ def guarded(name: str, instrument: Instrument, limits: Limits) -> Instrument:
 
 @cache
 def _class_for(driver: type, bases: tuple[type[_Guarded], ...]) -> Any:
-    """A guard that shows every method its driver has: what a role is, is told by the methods of a class."""
+    """A guard with all methods of its driver, because roles are recognised by the methods of a class."""
     own = {name for base in bases for name in dir(base)}
     names = [n for n in dir(driver) if not n.startswith("_") and n not in own and callable(getattr(driver, n))]
     return type(f"Guarded{driver.__name__}", bases, {name: _forward(name) for name in names})

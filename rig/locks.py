@@ -1,9 +1,9 @@
-"""One controller a bench: a lock for every address, whatever it is called.
+"""One controller per bench: a lock for every address, under any of its names.
 
-A lock is a name in the kernel (an abstract Unix socket), not a file: it is one for all users of the machine wherever
-their temporary folders are, there is no folder that somebody else may have made or linked elsewhere, it goes with its
-process however that ends, and the kernel says who holds it (docs/decisions/0012-locks.md). What is locked is the wire:
-two units on one Modbus line are one wire, and a device is one device under all its names.
+A lock is a name in the kernel (an abstract Unix socket), not a file. It is one for all users of the machine; no folder
+or link can interfere; it disappears with its process in any case; and the kernel reports its holder
+(docs/decisions/0012-locks.md). The lock is on the wire: two units on one Modbus line are one wire, and a device is one
+device under all its names.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _LOOPBACK = {"localhost": "127.0.0.1", "::1": "127.0.0.1", "localhost.localdomai
 
 
 class Addressed(Protocol):
-    """What has an address, as the instruments of a bench file."""
+    """Objects with an address, such as instruments of a bench file."""
 
     @property
     def address(self) -> str:
@@ -37,7 +37,7 @@ class Addressed(Protocol):
 
 @contextlib.contextmanager
 def locked_addresses(instruments: Mapping[str, Addressed]) -> Iterator[None]:
-    """Hold a lock for every address of a bench; raises `BusyError` if another controller has one."""
+    """Hold a lock for every address of a bench. Raises `BusyError` if another controller has one."""
     with contextlib.ExitStack() as held:
         for wire, (name, address) in sorted(_wires(instruments).items()):
             held.enter_context(_lock(wire, name, address))
@@ -45,16 +45,16 @@ def locked_addresses(instruments: Mapping[str, Addressed]) -> Iterator[None]:
 
 
 def holders(instruments: Mapping[str, Addressed]) -> dict[str, str]:
-    """Who has a bench's addresses at this moment, by instrument name; {} if nobody. Takes no lock and asks nothing.
+    """Present holders of a bench's addresses, by instrument name; {} if none. Takes no lock and sends nothing.
 
-    Whoever wants to talk to the instruments still takes `locked_addresses`: this is for telling.
+    A command that uses the instruments must still take `locked_addresses`: this is only for display.
     """
     told = {name: _holder(wire) for wire, (name, _) in _wires(instruments).items()}
     return {name: holder for name, holder in told.items() if holder}
 
 
 def _wires(instruments: Mapping[str, Addressed]) -> dict[str, tuple[str, str]]:
-    """Each wire once, with the first instrument on it and its address."""
+    """Each wire once, with its first instrument and its address."""
     found: dict[str, tuple[str, str]] = {}
     for name, instrument in instruments.items():
         found.setdefault(wire_of(instrument.address), (name, instrument.address))
@@ -62,8 +62,8 @@ def _wires(instruments: Mapping[str, Addressed]) -> dict[str, tuple[str, str]]:
 
 
 def wire_of(address: str) -> str:
-    """What is locked for an address: the same text for every name of the same wire."""
-    from drivers.errors import WrongAddress  # noqa: PLC0415 - brings the wires, which few commands need
+    """Name of the lock of an address: the same text for every name of the same wire."""
+    from drivers.errors import WrongAddress  # noqa: PLC0415 - imports the wires, which few commands need
     from drivers.wires.addresses import CanAddress, parse_address  # noqa: PLC0415
 
     try:
@@ -77,12 +77,12 @@ def wire_of(address: str) -> str:
     if found.host is None:
         return address
     host = found.host.host.lower().rstrip(".")
-    # A host and port is one instrument, whichever protocol it is spoken to in.
+    # A host and port is one instrument, for every protocol.
     return f"tcp:{_LOOPBACK.get(host, host)}:{found.host.port}"
 
 
 def _device(path: str) -> str:
-    """A device file by its numbers, which all its names share; one that is not there by its path."""
+    """A device file by its numbers, which are the same under all its names; a missing one by its path."""
     if _COM.fullmatch(path):
         return path.upper()
     real = os.path.realpath(path)
@@ -94,9 +94,9 @@ def _device(path: str) -> str:
 
 
 _NAME = "\0calibration-rig/"
-"""Linux keeps such names in memory, one list for all users of a machine (of a network namespace)."""
+"""Prefix of our names: Linux keeps one list for all users of a machine (of a network namespace)."""
 _ASKED = 128
-"""So many may ask who holds a lock before the answer is that it does not say."""
+"""Maximum number of pending questions about the holder of a lock; more get no answer."""
 
 
 def _name(wire: str) -> str:
@@ -113,7 +113,7 @@ def _lock(wire: str, name: str, address: str) -> socket.socket:
         if error.errno != errno.EADDRINUSE:
             raise BusyError(
                 f"{name}: {address} cannot be locked against a second controller ({error}); nothing was sent. Unix "
-                f"sockets have to be allowed here: look at what confines this process (systemd, container)"
+                f"sockets have to be allowed here: check the restrictions of this process (systemd, container)"
             ) from error
         raise BusyError(
             f"{name}: {address} is in use by another controller of this machine ({_holder(wire)}); nothing was sent. "
@@ -123,7 +123,7 @@ def _lock(wire: str, name: str, address: str) -> socket.socket:
 
 
 def _holder(wire: str) -> str:
-    """Who holds a wire, as the kernel says; "" if nobody does."""
+    """Holder of a wire, by the kernel; "" if there is none."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as asking:
         asking.setblocking(False)
         try:

@@ -1,4 +1,4 @@
-"""Which kind a table is of, and what was asked of it: options of kinds, from the command line or from Python."""
+"""The kind of a table, and options of kinds, from the command line or from Python."""
 
 from __future__ import annotations
 
@@ -13,15 +13,14 @@ from rig.closed_loop import known as known_kind
 from rig.errors import UsageError
 
 Choose = Callable[[Kind], type[Options]]
-"""The options of a command that a kind declares."""
+"""The options that a kind declares for a command."""
 
 
 def chosen(source: Source, given: Mapping[str, Any], choose: Choose) -> tuple[Kind, Any]:
-    """The kind that a table is of, or that options ask for, and its options.
+    """The kind of a table, or the one named by options, and its options.
 
     Raises:
-        UsageError: no kind knows the table, or an option was given that its kind does not have.
-
+        UsageError: no kind matches the table, or its kind does not have an option.
     """
     known = kinds()
     for name in given:
@@ -31,7 +30,7 @@ def chosen(source: Source, given: Mapping[str, Any], choose: Choose) -> tuple[Ki
 
 
 def _check_asked(name: str, given: Mapping[str, Any], owners: Sequence[Kind]) -> None:
-    """Refuse an option of kinds that have to be asked for, where none of them was."""
+    """Refuse an option of kinds that must be requested explicitly, if none was."""
     if owners and all(one.asked_by and not one.asked_by & given.keys() for one in owners):
         raise UsageError(f"--{name.replace('_', '-')}: {'; '.join(one.described for one in owners)}")
 
@@ -40,8 +39,7 @@ def options_of(kind: Kind, given: Mapping[str, Any], choose: Choose, because: st
     """The options of a kind.
 
     Raises:
-        UsageError: one was given that it does not have; the message ends with `because`.
-
+        UsageError: the kind does not have an option; the message ends with `because`.
     """
     known = kinds()
     for name in given:

@@ -1,4 +1,7 @@
-"""Plans: bench, procedure and world, read and checked; what decides a run, from files or from a run file."""
+"""Plans: bench, procedure and world, read and checked; what decides a run, from files or from a run file.
+
+A procedure is held against its bench before anything is opened: what can be known now must not end a night.
+"""
 
 from __future__ import annotations
 
@@ -9,34 +12,37 @@ from typing import Any
 
 from pydantic import BaseModel
 
+from drivers.roles import Chamber, PressureController
 from fitter.errors import FitError
+from procedures.conduct import Conduct, WholePlotConduct
 from procedures.kind import Procedure, kind_of
 from procedures.run_list import RunList
-from rig.bench import check_options
+from rig.bench import check_options, playing
 from rig.config import BenchConfig, InstrumentConfig, parse_bench, parse_procedure, parse_toml, read_text
 from rig.contract_files import files_beside, read_bench, with_contracts, with_files
+from rig.engine.guard import Guard
+from rig.engine.whole_plots import renewal
 from rig.errors import ConfigurationError, RigError, UsageError
-from rig.matching import check_match
+from rig.quantities import ATMOSPHERE_PSIA
 from rig.run_file.bodies import shown
 from rig.run_file.events.sessions import Identified
 from rig.run_file.reader import RunReader
 
 PREVIOUS = "previous.json"
-"""Document of the run file that holds the last calibration, where the procedure names one."""
+"""Name of the run file's document with the last calibration, if the procedure names one."""
 
 
 @dataclass(frozen=True)
 class Plan:
-    """What is to be run, checked: texts as given and what they mean.
+    """A checked plan: the texts and their values.
 
     Attributes:
         documents: file texts by document name ("bench.toml", "procedure.toml", "world.toml").
         bench: the bench file.
         procedure: the procedure file.
         run_list: every point.
-        dry: whether twins take the place of the instruments.
-        truth: the world file's values; only ever given to twins.
-
+        dry: whether twins replace the instruments.
+        truth: the world file's values; passed only to twins.
     """
 
     documents: Mapping[str, str]
@@ -48,22 +54,22 @@ class Plan:
 
 
 def load_plan(procedure: Path, bench: Path, *, dry: bool = False, world: Path | None = None) -> Plan:
-    """Read and check everything that decides a run. Raises `ConfigurationError`."""
+    """Read and check all files of a run. Raises `ConfigurationError`."""
     if world is not None and not dry:
-        raise UsageError("--world describes a simulated bench; it goes with --dry")
+        raise UsageError("--world describes a simulated bench; it requires --dry")
     documents = {"bench.toml": read_text(bench, "bench"), "procedure.toml": read_text(procedure, "procedure")}
     if world is not None:
         documents["world.toml"] = read_text(world, "world")
     documents |= files_beside(parse_bench(documents["bench.toml"], str(bench)), bench)
     against = parse_procedure(documents["procedure.toml"], str(procedure)).warnings.against
     if against is not None:
-        from rig.previous import previous_text  # noqa: PLC0415 - brings the fitter, which few runs need
+        from rig.previous import previous_text  # noqa: PLC0415 - imports the fitter, which few runs need
 
         try:
             documents[PREVIOUS] = previous_text(procedure.parent / against)
         except (RigError, OSError) as error:
             what = f"{procedure}: warnings.against = {against!r}: {error}"
-            raise ConfigurationError(f"{what}; name the last calibration, or leave the line out") from error
+            raise ConfigurationError(f"{what}; name the last calibration, or remove the line") from error
     plan = _plan(documents, dry, {"bench.toml": str(bench), "procedure.toml": str(procedure), "world.toml": str(world)})
     try:
         kind_of(plan.procedure).check_design(plan.procedure, plan.run_list)
@@ -89,7 +95,7 @@ def _plan(documents: Mapping[str, str], dry: bool, where: Mapping[str, str], *, 
 
 
 def _as_checked(config: BenchConfig, checked: Mapping[str, BaseModel]) -> BenchConfig:
-    """The bench with options of the kinds that their drivers take them for, and what was taken for granted before."""
+    """The bench with options as the models of its drivers, and assumptions of earlier versions."""
     instruments = {}
     for name, one in config.instruments.items():
         options = checked[name].model_dump(mode="json", exclude_unset=True)
@@ -100,19 +106,18 @@ def _as_checked(config: BenchConfig, checked: Mapping[str, BaseModel]) -> BenchC
 
 
 def plan_of(documents: Mapping[str, str], *, dry: bool, stored: bool = False) -> Plan:
-    """Check what decides a run, from the texts of its files by document name. Raises `ConfigurationError`.
+    """Check a run's files, from their texts by document name. Raises `ConfigurationError`.
 
     Args:
         documents: the texts.
         dry: whether the run is a dry one.
-        stored: they are those of a run file, perhaps of an earlier version's.
-
+        stored: whether they come from a run file, possibly of an earlier version.
     """
     return _plan(documents, dry, {name: name for name in documents}, strict=not stored)
 
 
 def _begun_with(run: RunReader, path: Path) -> RunList:
-    """The run list of a file that another version of rig began, which would make another one of its procedure."""
+    """The run list in the file, for a run of another version of rig that would generate a different list."""
     stored = run.run_list()
     if stored.sha256() != run.about().run_list:
         raise ConfigurationError(f"{path}: its run list is not the one it began with; `rig verify {path}` says more")
@@ -120,16 +125,16 @@ def _begun_with(run: RunReader, path: Path) -> RunList:
 
 
 def has_plan(run: RunReader) -> bool:
-    """Whether a run file holds the files it was begun with; those of tests and of other programs need not."""
+    """Whether a run file contains the files of its begin; those of tests and of other programs need not."""
     return {"bench.toml", "procedure.toml"} <= run.documents().keys()
 
 
 _OF_THE_LINE = frozenset({"baud", "flow", "frame", "interface", "line_end", "timeout_s"})
-"""Options of drivers that say how an instrument is reached, not what it measures or does."""
+"""Options of drivers about the connection, not about measurement or behaviour."""
 
 
 def _other_settings(name: str, began: BaseModel, now: BaseModel) -> list[str]:
-    """Options of an instrument that are not those the run began with, and change what it measures or does."""
+    """Options of an instrument that differ from those at the begin, and change its measurement or behaviour."""
     before, after = began.model_dump(mode="json"), now.model_dump(mode="json")
     return [
         f"instruments.{name}.{option} was {shown(before.get(option))}, is {shown(after.get(option))}"
@@ -139,9 +144,9 @@ def _other_settings(name: str, began: BaseModel, now: BaseModel) -> list[str]:
 
 
 def _other_instrument(name: str, began: InstrumentConfig, now: InstrumentConfig, *, nobody: bool) -> list[str]:
-    """Declared otherwise. Another instrument in the place of one is asked for by its identity; there may be `nobody`.
+    """Changed declarations. Another instrument is recognised by its identity, except where there is none (`nobody`).
 
-    The same one has no other date.
+    The same instrument must have the same date.
     """
     if not nobody and (began.asset, began.serial) != (now.asset, now.serial):
         return []
@@ -153,16 +158,15 @@ def _other_instrument(name: str, began: InstrumentConfig, now: InstrumentConfig,
 
 
 def stored_plan(run: RunReader, path: Path, bench: Path | None) -> Plan:
-    """The plan that a run file was begun with.
+    """The plan of an existing run file.
 
     Args:
         run: the file, opened.
         path: its path, for messages.
-        bench: another bench file, for instruments that have moved to other addresses; None for the stored one.
+        bench: another bench file, for instruments with new addresses; None for the stored one.
 
     Raises:
-        ConfigurationError: its run list is not the one it began with, or the other bench is not the same bench.
-
+        ConfigurationError: its run list differs from the original one, or the other bench is not the same bench.
     """
     documents = run.documents()
     where = {name: f"{path} ({name})" for name in documents}
@@ -177,9 +181,9 @@ def stored_plan(run: RunReader, path: Path, bench: Path | None) -> Plan:
         if getattr(other, what) != getattr(plan.bench, what):
             raise ConfigurationError(f"{bench}: {what} differ from the bench the run began on; only instruments may")
     if {n: i.driver for n, i in other.instruments.items()} != {n: i.driver for n, i in plan.bench.instruments.items()}:
-        raise ConfigurationError(f"{bench}: it has other instruments than the bench the run began on")
+        raise ConfigurationError(f"{bench}: its instruments differ from those of the bench the run began on")
     began = check_options(plan.bench, str(path), strict=False)
-    nobody = next(run.chained("kind = ?", (Identified.kind,)), None) is None  # whom another one could take over from
+    nobody = next(run.chained("kind = ?", (Identified.kind,)), None) is None  # which another instrument could replace
     other_settings = [
         what
         for name in other.instruments
@@ -190,7 +194,90 @@ def stored_plan(run: RunReader, path: Path, bench: Path | None) -> Plan:
     ]
     if other_settings:
         raise ConfigurationError(
-            f"{bench}: only addresses may differ from the bench the run began on, and what a line needs "
-            f"({', '.join(sorted(_OF_THE_LINE))}): {'; '.join(other_settings)}. Put them back, or begin a new run"
+            f"{bench}: only addresses may differ from the bench the run began on, and settings of lines "
+            f"({', '.join(sorted(_OF_THE_LINE))}): {'; '.join(other_settings)}. Restore them, or begin a new run"
         )
     return Plan(plan.documents, other, plan.procedure, plan.run_list, plan.dry, plan.truth)
+
+
+def check_match(config: BenchConfig, procedure: Procedure, run_list: RunList, where: str) -> None:
+    """Refuse a procedure that this bench cannot carry out.
+
+    Args:
+        config: the bench file.
+        procedure: what is to be run.
+        run_list: every point of it.
+        where: the bench file's name, for messages.
+
+    Raises:
+        ConfigurationError: saying what does not fit, and what to do.
+
+    """
+    guard, conduct = Guard(config.limits, config.factors), procedure.conduct
+    guard.check_run_list(run_list, {})
+    _check_sensors(config, where, conduct)
+    if conduct.package_temperature and not any(t.place == "package" for t in config.temperatures.values()):
+        raise ConfigurationError(
+            f"{where}: the procedure's declared model has temperature (model.temperature), and no temperature in the "
+            f"package is read: add one under [temperatures], or leave it out of the model"
+        )
+    if conduct.environment is not None:
+        anywhere = (float("-inf"), float("inf"))
+        guard.check_environment(conduct.environment.setpoint_degC, dict.fromkeys(playing(config, Chamber), anywhere))
+    if conduct.whole_plots is not None:
+        _check_factors(config, run_list, guard, where)
+        _check_renewal(conduct.whole_plots, run_list, guard, where)
+
+
+def _check_sensors(config: BenchConfig, where: str, conduct: Conduct) -> None:
+    unit = conduct.output_unit
+    for name, sensor in config.sensors.items():
+        if conduct.sensor_axes is not None and (sensor.axis is not None) != conduct.sensor_axes:
+            needs = "needs its axis, x, y or z" if conduct.sensor_axes else "has an axis, which it may not have"
+            raise ConfigurationError(f"{where}: sensors.{name} {needs}, for this kind of procedure")
+        if unit and sensor.unit != unit:
+            raise ConfigurationError(
+                f'{where}: sensors.{name}: this kind of procedure records it in {unit}: unit = "{unit}"'
+            )
+
+
+def _check_factors(config: BenchConfig, run_list: RunList, guard: Guard, where: str) -> None:
+    """Every factor has an instrument of its own that can set it."""
+    setting: dict[str, str] = {}
+    for factor in run_list.factors:
+        name = config.factors.get(factor.name)
+        if name is None:
+            raise ConfigurationError(
+                f'{where} does not say what sets {factor.name}: add it under [factors], {factor.name} = "INSTRUMENT"'
+            )
+        if name in setting:
+            raise ConfigurationError(f"{where}: factors: {name} cannot set both {setting[name]} and {factor.name}")
+        setting[name] = factor.name
+        role = Chamber if factor.hard else PressureController
+        if name not in playing(config, role):
+            raise ConfigurationError(f"{where}: {name} cannot set {factor.name}: it is no {role.__name__}")
+        if role is PressureController:
+            _check_atmosphere(factor.name, guard, where)
+
+
+def _check_atmosphere(factor: str, guard: Guard, where: str) -> None:
+    """A pressure controller may vent its line."""
+    low, high = guard.limits.get(factor, (0.0, ATMOSPHERE_PSIA + 1.0))
+    if not low <= ATMOSPHERE_PSIA <= high:
+        raise ConfigurationError(
+            f"{where}: limits.{factor} = {low:g} to {high:g} does not hold the atmosphere, about "
+            f"{ATMOSPHERE_PSIA:g} psia, where a vented line is; keep setpoints low by the controller's own high_psia"
+        )
+
+
+def _check_renewal(whole_plots: WholePlotConduct, run_list: RunList, guard: Guard, where: str) -> None:
+    """A temperature that stands is left before it is set again."""
+    for factor in run_list.hard:
+        low, high = guard.limits.get(factor.name, (float("-inf"), float("inf")))
+        for target in run_list.levels(factor):
+            away = renewal(target, whole_plots.soak.renew_degC)
+            if not low <= away <= high:
+                raise ConfigurationError(
+                    f"{where}: {factor.name}: a temperature that stands is left for {away:g} degC first "
+                    f"(soak.renew_degC), outside {low:g} to {high:g}; widen the limits or leave it by less"
+                )

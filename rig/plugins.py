@@ -1,4 +1,4 @@
-"""Plug-ins: what is installed for this program by a name, ours and that of other packages, as entry points."""
+"""Plug-ins: installed objects by name, ours and those of other packages, from entry points."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ def _points(group: str) -> tuple[EntryPoint, ...]:
 
 @cache
 def _found(group: str, _path: tuple[str, ...]) -> tuple[EntryPoint, ...]:
-    """Looked up once for each path that packages are found on: it takes 8 ms."""
+    """Cached for each search path of packages: a look-up takes 8 ms."""
     return tuple(entry_points(group=group))
 
 
 @cache
 def driver_class(name: str) -> DriverClass:
-    """The driver registered under `name`; raises `ConfigurationError` listing the known ones."""
+    """The driver registered under `name`. Raises `ConfigurationError` with the known ones."""
     known = installed("rig.drivers")
     if name not in known:
         raise ConfigurationError(f"driver {name!r} is not known; installed: {', '.join(known)}")
@@ -40,16 +40,15 @@ def driver_class(name: str) -> DriverClass:
 
 
 def load(group: str, name: str, needs: Sequence[str]) -> Any:
-    """What an installed plug-in's entry point names.
+    """The object named by an installed plug-in's entry point.
 
     Args:
         group: of entry points, such as "rig.drivers".
         name: one of `installed(group)`.
-        needs: attributes that it must have.
+        needs: required attributes.
 
     Raises:
-        ConfigurationError: two packages have one by this name, it cannot be imported, or it lacks an attribute.
-
+        ConfigurationError: two packages have one by this name, it cannot be loaded, or it lacks an attribute.
     """
     points = {point.value: point for point in _points(group) if point.name == name}
     what = f"the {group.removeprefix('rig.').removesuffix('s')} {name!r}"
@@ -61,12 +60,12 @@ def load(group: str, name: str, needs: Sequence[str]) -> Any:
     except (ImportError, AttributeError) as error:
         raise ConfigurationError(f"{what} of {_package(point)} cannot be loaded: {error}") from error
     if lacking := [need for need in needs if not hasattr(found, need)]:
-        raise ConfigurationError(f"{what} of {_package(point)} does not say its {', '.join(lacking)}")
+        raise ConfigurationError(f"{what} of {_package(point)} lacks {', '.join(lacking)}")
     return found
 
 
 def packages(group: str, names: Iterable[str]) -> dict[str, str]:
-    """Versions of the packages that plug-ins of these names come with, by package; without our own."""
+    """Versions of the packages of these plug-ins, by package; without our own."""
     wanted = set(names)
     found = (point.dist for point in _points(group) if point.name in wanted)
     return {dist.name: dist.version for dist in found if dist and dist.name != _OURS}

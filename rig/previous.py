@@ -1,4 +1,4 @@
-"""A previous calibration: what it expects a run to read, and how far off it may be."""
+"""A previous calibration: predicted outputs of a run, with their uncertainty."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from rig.regular import read_regular_text
 
 
 def read_previous(path: Path) -> Previous:
-    """A calibration file, or an earlier run, which is fitted now. Raises `UsageError` or `RunFileError`."""
+    """A calibration file, or an earlier run, which is then fitted. Raises `UsageError` or `RunFileError`."""
     if path.suffix == ".sqlite":
         return Previous(path.name, _expecting(_fitted(path)))
     file = read_calibration(path)
@@ -28,13 +28,13 @@ def read_previous(path: Path) -> Previous:
 
 
 def previous_text(path: Path) -> str:
-    """The same as text to keep in a run file, which `parse_previous` reads. Raises as `read_previous`."""
+    """The same as text for a run file; `parse_previous` reads it. Raises as `read_previous`."""
     given = _fitted(path) if path.suffix == ".sqlite" else _content(path)
     return json.dumps({"name": path.name, "content": given}, allow_nan=False)
 
 
 def parse_previous(text: str, where: str) -> Previous:
-    """What `previous_text` gave. Raises `UsageError`."""
+    """Read the text of `previous_text`. Raises `UsageError`."""
     try:
         given = json.loads(text)
         return Previous(str(given["name"]), _expecting(given["content"]))
@@ -43,13 +43,13 @@ def parse_previous(text: str, where: str) -> Previous:
 
 
 def _expecting(content: Mapping[str, Any]) -> Expecting:
-    """Of what `rig fit` gives as JSON. Raises `FitError` for a calibration that says nothing of a bench."""
+    """A calibration from the JSON output of `rig fit`. Raises `FitError` for one without information about a bench."""
     kind = kinds()[content["data"]["kind"]]
     return kind.expecting(kind.calibration_of(content))
 
 
 def _content(path: Path) -> Any:
-    read_calibration(path)  # says what is wrong with it
+    read_calibration(path)  # reports its defect
     return json.loads(read_regular_text(path))
 
 

@@ -1,4 +1,4 @@
-"""What a bench file says about protecting itself: `[interlocks.NAME]` and `[safety]`."""
+"""Protection of a bench in its file: `[interlocks.NAME]` and `[safety]`."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from rig.quantities import HEAD, PRESSURE
 
 STATES = {"alarms": "empty", "running": "flag", "temperature_degC": "number", "setpoint_degC": "number"}
-"""What can be watched of a chamber, and of which kind it is."""
+"""Quantities of a chamber that an interlock can watch, with their types."""
 
 
 class _Strict(BaseModel):
@@ -17,7 +17,7 @@ class _Strict(BaseModel):
 
 
 class InterlockConfig(_Strict):
-    """One `[interlocks.NAME]` table: something that must hold whatever the procedure does.
+    """One `[interlocks.NAME]` table: a condition that must hold at all times.
 
     A chamber that reports an alarm is brought to its safe state also without an interlock.
     """
@@ -27,13 +27,13 @@ class InterlockConfig(_Strict):
         description="CHAMBER.alarms, CHAMBER.running, CHAMBER.temperature_degC, CHAMBER.setpoint_degC; an axis "
         f"readback ({', '.join((*HEAD, PRESSURE))}); or a temperature column",
     )
-    within: tuple[float, float] | None = Field(None, description="a number must be in here, ends included")
-    must_be: bool | None = Field(None, description="CHAMBER.running must be this")
-    for_s: float = Field(0.0, ge=0, le=86400, description="violated only after this long without a break")
+    within: tuple[float, float] | None = Field(None, description="permitted range of a number, ends included")
+    must_be: bool | None = Field(None, description="required value of CHAMBER.running")
+    for_s: float = Field(0.0, ge=0, le=86400, description="violated only after this time without interruption")
     then: Literal["safe", "hold"] = Field(
         "safe", description="safe: safe state and exit code 1, resumable; hold: wait for a person"
     )
-    why: str = Field("", max_length=200, description="what a person should look at; said in the message")
+    why: str = Field("", max_length=200, description="what a person should check; shown in the message")
 
     @model_validator(mode="after")
     def _rule_fits(self) -> Self:
@@ -48,16 +48,16 @@ class InterlockConfig(_Strict):
 
 
 class SafetyConfig(_Strict):
-    """What the safe state is and how soon it is reached: motion stopped, pressure vented, chambers at ambient."""
+    """The safe state and its time limit: motion stopped, pressure vented, chambers at ambient."""
 
     within_s: float = Field(
-        300.0, gt=0, le=86400, description="seconds in which every instrument is to be safe; what fails is tried again"
+        300.0, gt=0, le=86400, description="time limit for all instruments; failed steps are repeated"
     )
     ambient_degC: tuple[float, float] = Field(
-        (10.0, 40.0), description="a chamber's setpoint in here is no extreme; read back in the safe state"
+        (10.0, 40.0), description="permitted setpoints of chambers in the safe state; read back"
     )
     ambient_psia: tuple[float, float] = Field(
-        (8.0, 17.0), description="a line in here is vented; read back in the safe state"
+        (8.0, 17.0), description="pressure of a vented line; read back in the safe state"
     )
 
     @model_validator(mode="after")

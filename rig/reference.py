@@ -1,6 +1,6 @@
-"""File-format reference, made from the models that check the files: `python -m rig.reference > docs/files.md`.
+"""Reference of file formats, generated from the models that check the files: `python -m rig.reference > docs/files.md`.
 
-A test fails if the document is stale, so that what the reference says is what the program does.
+A test fails if the document is outdated.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def document() -> str:
 
 
 def _tables(model: type[BaseModel], path: str, given: object = None) -> Iterator[str]:
-    """Text and table of a model and of those inside it; `given` is what stands there if the file says nothing."""
+    """Text and table of a model and of its inner models; `given` is the value if the file has none."""
     doc = (model.__doc__ or "").strip().splitlines()
     title = f"### `[{path}]`" if path else ""
     yield "\n\n".join(part for part in (title, *(line.strip() for line in doc if line.strip())) if part)
@@ -63,7 +63,7 @@ def _table(model: type[BaseModel], given: object = None) -> str:
 
 
 def _inner(field: FieldInfo) -> type[BaseModel] | None:
-    """The model a field holds, alone, optional, or as the values of a table."""
+    """The model of a field, alone, optional, or as the values of a table."""
     for candidate in (field.annotation, *typing.get_args(field.annotation)):
         if isinstance(candidate, type) and issubclass(candidate, BaseModel):
             return candidate

@@ -1,6 +1,6 @@
-"""Opening files that a person names, and files that lie beside them: regular ones only, of a bounded size.
+"""Opening files named by a person, and files beside them: only regular ones, of limited size.
 
-To open a pipe may wait for ever, a device may give bytes without end, and neither is a file that anybody meant.
+Opening a pipe may block for ever, and a device may deliver bytes without end.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 MOST_BYTES = 64 << 20
-"""Of a text that is read whole."""
+"""Maximum size of a text file."""
 
 _KINDS = {
     stat.S_IFIFO: "a named pipe",
@@ -25,11 +25,10 @@ _KINDS = {
 
 
 def open_regular(path: Path) -> BinaryIO:
-    """A regular file opened to read, without waiting for anybody.
+    """A regular file, opened to read without blocking.
 
     Raises:
-        OSError: there is none, or it is something else; `strerror` says what.
-
+        OSError: there is none, or it is something else; `strerror` gives the reason.
     """
     try:
         descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
@@ -44,16 +43,16 @@ def open_regular(path: Path) -> BinaryIO:
 
 
 def real_path(path: Path) -> Path:
-    """Where the file is that a symbolic link names, for what lies beside it lies there; as given if it is none."""
+    """Target of a symbolic link, because files beside it are beside the target; the path itself if it is not a link."""
     try:
         real = Path(os.path.realpath(path)) if path.is_symlink() else path
-        return path if real.is_dir() else real  # a folder has nothing beside it that would be of a file
-    except (OSError, ValueError):  # links in a circle, a NUL: opening it tells
+        return path if real.is_dir() else real  # a folder has no files of this kind beside it
+    except (OSError, ValueError):  # a loop of links, a NUL: opening it reports the error
         return path
 
 
 def check_regular(mode: int, path: Path) -> None:
-    """Raise `OSError` where a file's mode is not a regular file's."""
+    """Raise `OSError` if a file's mode is not that of a regular file."""
     if stat.S_ISDIR(mode):
         raise IsADirectoryError(errno.EISDIR, "it is a folder", str(path))
     if not stat.S_ISREG(mode):
@@ -62,19 +61,18 @@ def check_regular(mode: int, path: Path) -> None:
 
 
 def read_regular(path: Path, most: int = MOST_BYTES) -> bytes:
-    """The whole of a regular file.
+    """The contents of a regular file.
 
     Raises:
         OSError: as `open_regular`, or it has more than `most` bytes.
-
     """
     with open_regular(path) as file:
         content = file.read(most + 1)
     if len(content) > most:
-        raise OSError(errno.EFBIG, f"it is larger than {most:,} bytes, the most that is read", str(path))
+        raise OSError(errno.EFBIG, f"it is larger than {most:,} bytes, the maximum", str(path))
     return content
 
 
 def read_regular_text(path: Path, most: int = MOST_BYTES) -> str:
-    """The same as text, UTF-8 with or without its mark. Raises UnicodeDecodeError too."""
+    """The same as text, UTF-8 with or without byte order mark. Raises also UnicodeDecodeError."""
     return read_regular(path, most).decode("utf-8-sig")

@@ -1,4 +1,4 @@
-"""TOML from plain values: the standard library reads it and does not write it."""
+"""Writing plain values as TOML: the standard library can only read it."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def _lines(table: Mapping[str, Any], path: str) -> Iterator[str]:
 
 
 def _key(key: str) -> str:
-    """Bare where TOML allows it."""
+    """A key, bare if TOML permits it."""
     return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else json.dumps(key)
 
 
@@ -37,5 +37,5 @@ def _value(value: object) -> str:
     if isinstance(value, Mapping):
         return "{" + ", ".join(f"{_key(key)} = {_value(item)}" for key, item in value.items()) + "}"
     if isinstance(value, (bool, int, float, str)):
-        return json.dumps(value)  # texts, numbers and truth values are written alike in JSON
-    raise TypeError(f"{value!r} has no place in a TOML file")
+        return json.dumps(value)  # texts, numbers and booleans are the same as in JSON
+    raise TypeError(f"{value!r} cannot be written to a TOML file")

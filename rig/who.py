@@ -1,4 +1,4 @@
-"""Who runs a session: what people say, or else the login name, for the run file."""
+"""The operator of a session: a given name, or the login name, for the run file."""
 
 from __future__ import annotations
 
@@ -11,34 +11,32 @@ from typing import Any, Literal
 from rig.errors import UsageError
 
 VARIABLE: Literal["RIG_OPERATOR"] = "RIG_OPERATOR"
-"""Environment variable with the operator's name, where the command line does not say."""
+"""Environment variable with the operator's name, if the command line has none."""
 _LONGEST = 100
 
 
 @dataclass(frozen=True)
 class Operator:
-    """Who runs a session. Nobody checks it: it is what was said, or under which account the program ran.
+    """The operator of a session. It is not verified.
 
     Attributes:
-        name: of the person, or of the account.
-        by: how it is known.
-
+        name: name of the person, or of the account.
+        by: source of the name.
     """
 
     name: str
     by: Literal["--operator", "RIG_OPERATOR", "login"]
 
     def as_json(self) -> dict[str, str]:
-        """For the run file."""
+        """Values for the run file."""
         return {"operator": self.name, "operator_by": self.by}
 
 
 def operator(given: str | None = None) -> Operator:
-    """Who runs this session: as given, else as `RIG_OPERATOR` has it, else the login name of this process.
+    """The operator of this session: as given, or from `RIG_OPERATOR`, or the login name of this process.
 
     Raises:
-        UsageError: the name is empty, too long, or has characters that are not printed.
-
+        UsageError: the name is empty, too long, or has unprintable characters.
     """
     if given is not None:
         return Operator(_checked(given, "--operator"), "--operator")
@@ -58,6 +56,6 @@ def _checked(name: str, where: str) -> str:
 
 
 def told(about: Mapping[str, Any]) -> str:
-    """The operator that a first record or a session's record names, for people; "" if it names none."""
+    """The operator named by the first record or a session's record, for people; "" if there is none."""
     name = str(about.get("operator") or "")
     return f"{name} (login name)" if name and about.get("operator_by") == "login" else name

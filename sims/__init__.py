@@ -1,1 +1,1 @@
-"""The same bench, simulated: virtual time, physics, and a twin behind real bytes for every instrument."""
+"""The simulated bench: virtual time, physics, and a twin for every instrument that answers with real bytes."""

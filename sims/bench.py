@@ -1,4 +1,4 @@
-"""A simulated bench: the physical truth, and a twin for every instrument a bench file declares."""
+"""A simulated bench: the true physical state, and a twin for every instrument of a bench file."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from sims.wires.serial_line import SerialCable, register, unregister
 from sims.world import EPOCH_UTC, World
 
 _OF_THE_BENCH = frozenset({"driver", "address", "asset", "due", "serial"})
-"""Keys of an `[instruments.NAME]` table that are the bench's own; the rest are the driver's and its twin's options."""
+"""Keys of an `[instruments.NAME]` table that belong to the bench; the rest are options of driver and twin."""
 
 
 def serial_number(bench: str, instrument: str) -> str:
-    """The serial number a twin answers with: the same for the same bench and instrument, always."""
+    """The serial number of a twin: always the same for the same bench and instrument."""
     return f"SN{crc32(f'{bench}/{instrument}'.encode()) % 1_000_000:06d}"
 
 
 def world_for(bench: Mapping[str, Any], truth: Mapping[str, Any], start: float = 0.0) -> World:
-    """The virtual time that a world file asks for.
+    """The virtual time of a world file.
 
     Args:
         bench: the bench file as plain values.
@@ -35,33 +35,31 @@ def world_for(bench: Mapping[str, Any], truth: Mapping[str, Any], start: float =
 
     Raises:
         sims.physics.WorldError: the world file is wrong.
-
     """
     epoch = read_truth(truth, sensor_axes(bench)).epoch
     return World(start, EPOCH_UTC if epoch is None else epoch)
 
 
 class SimBench:
-    """Twins of every instrument of a bench around one plant.
+    """The twins of all instruments of a bench, on one plant.
 
     Args:
         world: virtual time.
         bench: the bench file as plain values.
-        truth: the world file as plain values; its `faults` are what goes wrong, and when.
+        truth: the world file as plain values; its `faults` are the planned faults.
         key: name of this world in `sim://KEY/INSTRUMENT` addresses.
         twin_classes: twin class by driver name.
-        record_tape: keep what truly happens, for checkers.
-        heard: told of what truly happens, as it does; see `sims.tape.Tape`.
+        record_tape: keep the true events, for checkers.
+        heard: called with each true event at once; see `sims.tape.Tape`.
 
     Attributes:
-        tape: what truly happened; None unless it is recorded.
-        plant: what is physically there.
+        tape: the true events; None unless recorded.
+        plant: the physical state.
         cables: serial cables by instrument.
-        faults: what goes wrong, and what has happened so far.
+        faults: the planned faults, and those that have happened.
 
     Raises:
         sims.physics.WorldError: the world file is wrong.
-
     """
 
     def __init__(
@@ -97,7 +95,7 @@ class SimBench:
             register(f"{key}/{name}", cable)
 
     def transports(self) -> Mapping[str, Callable[[str], object]]:
-        """What stands in for wires that are not serial, by kind: factories that take a `sim://` address."""
+        """Simulated wires that are not serial, by kind: factories that take a `sim://` address."""
         return {
             "modbus": self._modbus,
             "can": self._can,
@@ -106,7 +104,7 @@ class SimBench:
     def _modbus(self, address: str) -> ModbusCable:
         name = self._at(address)
         registers = registers_of(self._twins[name], self._addresses[name])
-        endpoint = ModbusEndpoint(self.world, {1: registers})  # in TCP's frames, whichever port
+        endpoint = ModbusEndpoint(self.world, {1: registers})  # TCP framing on every port
         return ModbusCable(self.world, endpoint.on_rx, self.wire(name))
 
     def _can(self, address: str) -> CanCable:
@@ -120,7 +118,7 @@ class SimBench:
         return name
 
     def wire(self, name: str) -> FaultyWire:
-        """The wire of one instrument, where things go wrong."""
+        """The wire of one instrument, with its faults."""
         return self.faults.wires[name]
 
     def twin(self, name: str) -> Any:
@@ -133,11 +131,11 @@ class SimBench:
         return dict(self._twins)
 
     def power_cycle(self) -> None:
-        """Switch every instrument off and on; the plant stays as it is."""
+        """Switch every instrument off and on; the plant does not change."""
         for twin in self._twins.values():
             twin.power_cycle()
 
     def close(self) -> None:
-        """Take the addresses away."""
+        """Remove the addresses."""
         for name in self.cables:
             unregister(f"{self._key}/{name}")

@@ -1,28 +1,27 @@
-"""What becomes of a reading between an instrument's input and its answer: where faults and the tape take hold."""
+"""The path of a reading from an instrument's input to its answer, with hooks for faults and the tape."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
 Tamper = Callable[[str, str, float, float], float]
-"""Takes channel, unit, the moment and the reading; gives what the instrument will say."""
+"""Takes channel, unit, time and reading; returns the reported reading."""
 
 Heard = Callable[[str, str, float, float, float, float], None]
-"""Told channel, unit, begin and end of the window, what the converter found, and the reading given."""
+"""Called with channel, unit, begin and end of the window, the converter's reading, and the reported reading."""
 
 
 class Inputs:
     """The inputs of one instrument.
 
     Args:
-        overload: what the instrument takes for a reading outside its range.
-        told_open: whether it tells an open voltage input from a voltage.
+        overload: the instrument's code for a reading outside its range.
+        told_open: whether it distinguishes an open voltage input from a voltage.
 
     Attributes:
-        tampers: what is wrong with readings now, in the order in which it happened.
-        heard: told of every reading; None if nobody listens.
+        tampers: active changes of readings, in order of their begin.
+        heard: called with every reading; None if nobody listens.
         latest: the latest reading by channel.
-
     """
 
     def __init__(self, overload: float = 9.9e37, *, told_open: bool = False) -> None:
@@ -33,15 +32,14 @@ class Inputs:
         self.latest: dict[str, float] = {}
 
     def given(self, channel: str, unit: str, t0: float, t1: float, value: float) -> float:
-        """The reading that the instrument gives.
+        """The reported reading.
 
         Args:
             channel: its input.
             unit: "V", "degC" or "psi".
             t0: begin of the window, virtual seconds.
             t1: its end.
-            value: what the converter found.
-
+            value: reading of the converter.
         """
         found = value
         for tamper in tuple(self.tampers):

@@ -1,7 +1,7 @@
-"""Noise that belongs to an event, not to a stream.
+"""Noise as a function of an event, not of a stream.
 
-A random number is a pure function of (seed, channel, event). However often an instrument is polled, and in
-whichever order twins are asked, the same event always gets the same noise, in another process too.
+A random number is a pure function of (seed, channel, event). The same event always gets the same noise, however often
+an instrument is polled and in whatever order twins are asked, in another process too.
 
 Source: splitmix64 (Steele, Lea and Flood, OOPSLA 2014) as the hash; Box and Muller (1958) for the normal deviate.
 """
@@ -41,9 +41,8 @@ def normal(seed: int, channel: str, event: int) -> float:
 
     Args:
         seed: the world's seed.
-        channel: whose noise this is; channels are independent of one another.
-        event: which event, any integer; for a reading, its moment in whole microseconds of virtual time.
-
+        channel: name of the noise source; channels are independent of one another.
+        event: number of the event, any integer; for a reading, its time in whole microseconds of virtual time.
     """
     first = splitmix64((_stream(seed, channel) + event * _GOLDEN) & _MASK)
     second = splitmix64(first)
@@ -52,5 +51,5 @@ def normal(seed: int, channel: str, event: int) -> float:
 
 
 def event_at(seconds: float) -> int:
-    """The event number of a moment of virtual time: whole microseconds, so that rounding of floats cannot shift it."""
+    """Event number of a virtual time: whole microseconds, so that rounding of floats cannot shift it."""
     return round(seconds * 1e6)

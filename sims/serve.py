@@ -1,7 +1,7 @@
 """A simulated bench for other processes, in real time or a multiple of it.
 
-The same twins as in a dry run, behind the operating system's own serial ports and sockets. One thread waits for
-bytes and for the world's next event, whichever comes first.
+The same twins as in a dry run, behind serial ports and sockets of the operating system. One thread waits for bytes or
+for the world's next event, whichever comes first.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from sims.wires.slcan import SlcanAdapter
 from sims.world import Pace
 
 _STOP = frozenset({signal.SIGINT, signal.SIGTERM})
-_LOOK_UP_S = 0.5  # how often to see whether it is time to stop when nothing happens
+_LOOK_UP_S = 0.5  # period of checks for the end, seconds
 
 
 def serve(
@@ -47,16 +47,15 @@ def serve(
         bench: the bench file as plain values.
         truth: the world file as plain values.
         twin_classes: twin class by driver name.
-        live: written when everything is open: the bench file with the addresses served; removed at the end.
+        live: the bench file with the served addresses; written after all ports are open, removed at the end.
         speed: virtual seconds per real second.
-        seconds: real seconds after which to stop; None serves until told to stop.
-        tape: to which every answer, and what truly happens, is added; see `sims.tape_file`. None for no tape.
+        seconds: real seconds after which to stop; None for no limit.
+        tape: file to which all answers and true events are appended; see `sims.tape_file`. None for no tape.
         announce: called with a line for each instrument and one for the file.
 
     Raises:
         sims.physics.WorldError: the world file is wrong.
         OSError: `live` or `tape` cannot be written, or a port cannot be opened.
-
     """
     if os.path.lexists(live):
         raise FileExistsError(
@@ -107,9 +106,9 @@ def _close(ports: list[Port]) -> None:
 
 
 def _wires(sim: SimBench, addresses: Mapping[str, str]) -> list[list[str]]:
-    """Names of the instruments on each wire: those on one bus or line share it, as real ones do.
+    """Names of the instruments on each wire: instruments on one bus or line share it.
 
-    Loops of one controller have one address; each is a twin of its own and gets a door of its own.
+    Loops of one controller have one address; each is a separate twin with a separate port.
     """
     wires: dict[tuple[str, str, int], list[str]] = {}
     seen: Counter[str] = Counter()
@@ -128,7 +127,7 @@ def _open(
     ports: list[Port],
     tape: TapeFile | None,
 ) -> dict[str, str]:
-    """Open a door to the instruments on one wire; returns the addresses to use instead of the bench file's own."""
+    """Open a port for the instruments on one wire; returns the addresses that replace those of the bench file."""
     twins = {name: sim.twin(name) for name in addresses}
     name, first = next(iter(addresses.items()))
     wire = "+".join(addresses)
@@ -175,7 +174,7 @@ def _open(
 
 @contextlib.contextmanager
 def _told(selector: selectors.BaseSelector) -> Iterator[set[int]]:
-    """Signals that have come; any of them also ends a wait of the selector."""
+    """Received signals; a signal also ends a wait of the selector."""
     told: set[int] = set()
     reading, writing = os.pipe()
     os.set_blocking(reading, False)
@@ -206,7 +205,7 @@ def _write(path: Path, text: str) -> None:
 
 
 def toml(values: Mapping[str, Any]) -> str:
-    """Plain values as TOML; None is left out, since TOML has no word for it."""
+    """Plain values as TOML; None is left out, since TOML has no null."""
     return "\n".join(_table(values, ())).lstrip() + "\n"
 
 

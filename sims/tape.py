@@ -1,6 +1,6 @@
-"""What truly happened on a simulated bench, for checkers that know nothing of drivers: readings and commands.
+"""True events of a simulated bench, for checkers independent of drivers: readings and commands.
 
-Nothing in a run reads it. A checker asks what a sensor truly gave at a moment, whatever was said on a wire.
+A run does not read it. It gives a checker the true output of a sensor at a time, whatever was sent on a wire.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from sims.world import World
 
 
 class Reading(NamedTuple):
-    """A number that a meter or data-acquisition unit made of its input.
+    """A reading of a meter or data-acquisition unit.
 
     Attributes:
         t_s: begin of the window, world time.
@@ -27,16 +27,16 @@ class Reading(NamedTuple):
         instrument: the meter.
         channel: its input.
         unit: "V" or "degC".
-        true: what the sensor gave over the window, without noise; faults of the input are not in it.
-        found: the number that the converter made of it, its noise and the sensor's included; so far no fault of the
-            input is in it.
-        given: the number said; an overload is 9.9e37, on the data-acquisition unit anything beyond its range.
-        factors: what was true in the middle of the window: pitch_deg and roll_deg of the table, or pressure_psia at
-            the transducers (mean over the window), and sensor_temperature_degC, sse_temperature_degC.
-        sides: from which side pitch_deg and roll_deg, or pressure_psia, had come there: 1 going up, -1, 0 if neither.
-        stay: number of the stay at a pair of temperatures, as the transducers' own errors count; 0 without transducers.
-        air_degC: of every chamber in the middle of the window, by instrument.
-
+        true: output of the sensor over the window, without noise and without faults of the input.
+        found: the converter's number, with noise of converter and sensor, without faults of the input.
+        given: the reported number; an overload is 9.9e37, on the data-acquisition unit any number beyond its range.
+        factors: true values in the middle of the window: pitch_deg and roll_deg of the table, or pressure_psia at the
+            transducers (mean over the window), and sensor_temperature_degC, sse_temperature_degC.
+        sides: direction of the last approach of pitch_deg and roll_deg, or pressure_psia: 1 upwards, -1 downwards, 0 if
+            neither.
+        stay: number of the stay at a pair of temperatures, as for the transducers' whole-plot errors; 0 without
+            transducers.
+        air_degC: air temperature of every chamber in the middle of the window, by instrument.
     """
 
     t_s: float
@@ -54,14 +54,13 @@ class Reading(NamedTuple):
 
 
 class Readback(NamedTuple):
-    """A pressure that a pressure controller read of its line.
+    """A pressure controller's reading of its line.
 
     Attributes:
         t_s: world time.
         instrument: the controller.
         true: pressure at the transducers, psi.
-        given: the number said, psi; its own sensor's errors and noise are in it, and so is any fault.
-
+        given: the reported number, psi, with errors and noise of its own sensor and any fault.
     """
 
     t_s: float
@@ -71,18 +70,17 @@ class Readback(NamedTuple):
 
 
 class Change(NamedTuple):
-    """Something that safety depends on was commanded, or reached.
+    """A command, or a reached state, that is relevant to safety.
 
-    A command is noted whenever it is given, also one that changes nothing; what is on or off, when it changes.
+    A command is always noted, also without effect; on and off states are noted when they change.
 
     Attributes:
         t_s: world time.
-        instrument: whose.
-        what: "control" (of a pressure: "on" or "off"; of a chamber likewise), "setpoint_psia", "slew_psi_per_s",
-            "vent" ("open", "complete", "off"), "setpoint_degC", "door" ("open", "closed"), and of a head
-            "pitch target_deg", "pitch reached_deg", "pitch stopped_deg", "pitch stalled_deg"; likewise "roll".
-        value: what it is from now on.
-
+        instrument: its name.
+        what: "control" (of a pressure: "on" or "off"; of a chamber likewise), "setpoint_psia", "slew_psi_per_s", "vent"
+            ("open", "complete", "off"), "setpoint_degC", "door" ("open", "closed"), and of a head "pitch target_deg",
+            "pitch reached_deg", "pitch stopped_deg", "pitch stalled_deg"; likewise "roll".
+        value: the new value.
     """
 
     t_s: float
@@ -95,19 +93,18 @@ _STATES = ("on", "off", "closed")
 
 
 class Tape:
-    """Listens to a simulated bench from now on.
+    """Records a simulated bench from now on.
 
     Args:
         world: virtual time.
-        plant: what is there.
+        plant: the physical state.
         twins: by instrument.
-        heard: told of everything as it happens, before anybody else; readings and readbacks are then not kept here.
+        heard: called with everything at once, before all others; readings and readbacks are then not kept here.
 
     Attributes:
-        readings: of meters and data-acquisition units, in the order in which they were made.
+        readings: of meters and data-acquisition units, in order.
         readbacks: of pressure controllers, likewise.
         changes: in order.
-
     """
 
     def __init__(
@@ -157,7 +154,7 @@ class Tape:
             if unit == "V"
             else plant.channel_degC(instrument, channel, middle)
         )
-        if self._then != (t0, t1):  # a unit that measures all its inputs at once asks only once where everything is
+        if self._then != (t0, t1):  # a unit that measures all its inputs at once asks only once for the factors
             air = {name: chamber.air_degC(middle) for name, chamber in self._chambers.items()}
             self._then = t0, t1
             self._there = plant.factors(t0, t1), plant.sides(middle), plant.stay(middle), air
@@ -175,7 +172,7 @@ class Tape:
             self._heard(readback)
 
     def _change(self, instrument: str, what: str, value: float | str, after_s: float = 0.0) -> None:
-        """Note a change; one that is still to come only if nothing else happens to it before."""
+        """Note a change; a future one only if nothing else happens before."""
         if after_s > 0.0:
             count, subject = len(self.changes), what.partition(" ")[0]
 

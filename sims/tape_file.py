@@ -1,7 +1,7 @@
-"""The tape of a served bench: a file to which only the server's process adds, one JSON object a line.
+"""The tape of a served bench: a file written only by the server's process, one JSON object per line.
 
-What went over the wires in both directions, what truly happened, and when the server itself had no turn. Whoever
-judges a controller of another process holds what it has recorded against this.
+It has all bytes on the wires in both directions, all true events, and the times at which the server itself was stalled.
+A checker compares the records of a controller in another process with it.
 """
 
 from __future__ import annotations
@@ -17,24 +17,23 @@ from sims.wires.ports import Receive
 from sims.world import Pace, World
 
 _STALL_S = 0.05
-"""Real seconds for which the server may be late without a word."""
+"""Maximum delay of the server without a note, real seconds."""
 
 
 class TapeFile:
-    """Adds lines to a tape; each is in the file before anything that follows from it leaves the server.
+    """Appends lines to a tape; each is in the file before any consequence of it leaves the server.
 
     Every line has `t`, world time in seconds, and `what`: "server" (the first of each process: pid, speed, the
     machine's clocks `boot_s` and `utc_s` at world time 0, `epoch_utc` of the world), "asked" and "answered" (`on` which
     wire, `text` with bytes as Latin-1), "reading", "readback" and "change" (fields as in `sims.tape`, a change's `what`
-    as `of`), "stalled" (`seconds` of world time until `t` for which the server had no turn).
+    as `of`), "stalled" (`seconds` of world time until `t` for which the server was stalled).
 
     Args:
-        path: the file; what is in it stays.
+        path: the file; its contents are kept.
         world: virtual time.
 
     Raises:
         OSError: it cannot be written.
-
     """
 
     def __init__(self, path: Path, world: World) -> None:
@@ -43,7 +42,7 @@ class TapeFile:
         self._turn_s = 0.0
 
     def begin(self, pace: Pace, speed: float) -> None:
-        """Note how world time goes with the machine's clocks."""
+        """Note world time and the machine's clocks."""
         self._pace, self._speed = pace, speed
         self.add(
             "server",
@@ -55,7 +54,7 @@ class TapeFile:
         )
 
     def add(self, what: str, t: float | None = None, **fields: object) -> None:
-        """Add a line."""
+        """Append a line."""
         line = {"t": self._world.now() if t is None else t, "what": what, **fields}
         os.write(self._file, f"{json.dumps(line)}\n".encode())
 
@@ -69,7 +68,7 @@ class TapeFile:
         )
 
     def turn(self, waited_s: float) -> None:
-        """The server has its turn again, after it meant to wait for so long, in real seconds."""
+        """Note that the server runs again, after a planned wait of this many real seconds."""
         now = self._pace.real_s()
         late = now - self._turn_s - waited_s
         if late > _STALL_S:
@@ -77,7 +76,7 @@ class TapeFile:
         self._turn_s = now
 
     def wired(self, wire: str, receive: Receive) -> Receive:
-        """An instrument's end of a wire that goes through the tape."""
+        """An instrument's end of a wire, recorded on the tape."""
 
         def taped(data: bytes, tx: Callable[[bytes], None]) -> None:
             self.asked(wire, data)
@@ -86,12 +85,12 @@ class TapeFile:
         return taped
 
     def asked(self, wire: str, data: bytes) -> None:
-        """Bytes have come in."""
+        """Received bytes."""
         if data:
             self.add("asked", on=wire, text=data.decode("latin-1"))
 
     def answering(self, wire: str, tx: Callable[[bytes], None]) -> Callable[[bytes], None]:
-        """Where an instrument's bytes go: on the tape, then out."""
+        """Output of an instrument's bytes: to the tape, then to the wire."""
 
         def out(data: bytes) -> None:
             self.add("answered", on=wire, text=data.decode("latin-1"))

@@ -1,7 +1,7 @@
-"""What a twin is: what the simulated bench needs of it, whoever wrote it.
+"""Twins: requirements of the simulated bench on any twin.
 
 A twin is the simulated counterpart of one instrument, found by the name of its driver (entry points of group
-`rig.twins`). Whatever others have to know of it are attributes of its class.
+`rig.twins`). Further properties are attributes of its class.
 """
 
 from __future__ import annotations
@@ -19,22 +19,21 @@ if TYPE_CHECKING:
     from sims.world import World
 
 Medium = Literal["serial", "modbus", "can"]
-"""What a wire carries."""
+"""Kind of wire."""
 
 Role = Literal["head", "reader", "chamber", "pressure-controller"]
-"""What of the plant an instrument moves or reads."""
+"""Part of the plant that an instrument moves or reads."""
 
 
 class TwinClass(Protocol):
-    """What an entry point of group `rig.twins` names; also true of the twins made of it.
+    """The object named by an entry point of group `rig.twins`; its attributes also hold for its instances.
 
     Attributes:
-        wire: what it talks over; each has a protocol here.
+        wire: its wire; each has a protocol here.
         roles: "head": it moves the plant's head; "chamber": it controls `plant.chamber(name)`; "pressure-controller":
-            `plant.pressure_line(name)`, and what it reads of it goes through its `inputs`; "reader": it reads
-            sensors, through its `inputs` (`Measuring`), and is `Accurate`.
-        faults: what may happen to it besides the faults of its wire and its power.
-
+            it controls `plant.pressure_line(name)`, and its readings of it pass through its `inputs`; "reader": it
+            reads sensors through its `inputs` (`Measuring`), and is `Accurate`.
+        faults: possible faults besides those of its wire and its power.
     """
 
     @property
@@ -63,11 +62,10 @@ class MakesTwins(TwinClass, Protocol):
 
         Args:
             name: the bench's name for the instrument.
-            options: its table in the bench file, without what is the bench's own.
+            options: its table in the bench file, without the bench's own keys.
             world: virtual time.
             plant: a `sims.physics.Plant`.
-            serial: serial number to answer with.
-
+            serial: its serial number.
         """
         ...
 
@@ -78,46 +76,45 @@ class Twin(TwinClass, Protocol):
     name: str
 
     def power_cycle(self) -> None:
-        """Off and on again: what the instrument forgets without power is forgotten."""
+        """Power off and on: volatile state of the instrument is lost."""
         ...
 
 
 class SerialTwin(Twin, SerialEnd, Protocol):
-    """One on a serial line; `frame` is data bits, parity, stop bits, such as "8N1"."""
+    """A twin on a serial line; `frame` is data bits, parity, stop bits, such as "8N1"."""
 
 
 class ModbusTwin(Twin, Protocol):
-    """One that is registers; with `ports` of them ("tcp", "rtu") where these differ."""
+    """A twin with registers; with `ports` of them ("tcp", "rtu") if these differ."""
 
     @property
     def registers(self) -> Registers:
-        """What is on the wire, for any framing."""
+        """The registers, for any framing."""
         ...
 
 
 class CanTwin(Twin, Protocol):
-    """One on a CAN bus."""
+    """A twin on a CAN bus."""
 
     def on_frame(self, can_id: int, data: bytes, tx: Callable[[int, bytes], None]) -> None:
-        """Take a frame from the bus; its own go to `tx`, now or later."""
+        """Take a frame from the bus; its own frames go to `tx`, now or later."""
         ...
 
 
 @runtime_checkable
 class Measuring(Protocol):
-    """A twin whose readings can go wrong, and are on the tape."""
+    """A twin whose readings can have faults and are on the tape."""
 
     inputs: Inputs
 
 
 @dataclass(frozen=True)
 class Accuracy:
-    """How far what an instrument says may be from what is at its input, sensor noise apart.
+    """Maximum deviation of reported values from the input, without sensor noise.
 
     Attributes:
-        adds: six standard deviations of its own noise and half the last digit it converts to, V or degC.
-        digit: half the last digit that it sends, where that is less than nine significant ones; V or degC.
-
+        adds: six standard deviations of its own noise plus half the last digit of its converter, V or degC.
+        digit: half the last digit that it sends, if it sends less than nine significant ones; V or degC.
     """
 
     adds: float
@@ -126,8 +123,8 @@ class Accuracy:
 
 @runtime_checkable
 class Accurate(Protocol):
-    """A reader that says how well it reads, so that others can tell a true reading from a wrong one."""
+    """A reader with known accuracy, so that checkers can distinguish true readings from wrong ones."""
 
     def accuracy(self, channel: str, unit: str) -> Accuracy:
-        """Of readings of an input; `unit` is "V" or "degC"."""
+        """Accuracy of readings of an input; `unit` is "V" or "degC"."""
         ...

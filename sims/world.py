@@ -1,8 +1,8 @@
 """Virtual time: one thread, one queue of events, no waiting.
 
-A `World` owns the time of a simulated bench. Twins schedule what they will do (`call_in`); whoever waits pumps
-the queue (`sleep`, `run_until`) and time jumps from event to event. It has the shape of a clock (`now`, `utc`,
-`sleep`, `timeout`, `stopwatch`), so that it can be handed to code that knows nothing of simulation.
+A `World` owns the time of a simulated bench. Twins schedule their actions (`call_in`). A caller that waits pumps the
+queue (`sleep`, `run_until`), and time jumps from event to event. It has the methods of a clock (`now`, `utc`, `sleep`,
+`timeout`, `stopwatch`), so that code independent of the simulation can use it.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ EPOCH_UTC = 1_768_500_000.0
 
 
 class Deadlock(RuntimeError):
-    """Somebody waits without a timeout and nothing is scheduled that could wake them."""
+    """A caller waits without a timeout, and no scheduled event could end the wait."""
 
 
 class Timer:
-    """A scheduled call; `cancel` makes it do nothing."""
+    """A scheduled call; `cancel` removes it."""
 
     __slots__ = ("action", "at")
 
@@ -30,7 +30,7 @@ class Timer:
         self.action: Callable[[], None] | None = action
 
     def cancel(self) -> None:
-        """Forget the call; harmless if it has already happened."""
+        """Cancel the call; harmless if it has already happened."""
         self.action = None
 
 
@@ -42,8 +42,7 @@ class World:
         epoch_utc: UTC at `now() == 0`, seconds since 1970-01-01.
 
     Attributes:
-        local_offset_s: local time minus UTC, which a change to or from summer time moves. Nothing here reads it.
-
+        local_offset_s: local time minus UTC, changed by daylight saving time. Nothing here reads it.
     """
 
     def __init__(self, start: float = 0.0, epoch_utc: float = EPOCH_UTC) -> None:
@@ -63,11 +62,11 @@ class World:
         return self._epoch_utc + self._now
 
     def step_utc(self, seconds: float) -> None:
-        """Set UTC forward, or back; `now()` goes on as if nothing had happened."""
+        """Set UTC forward or back; `now()` is not affected."""
         self._epoch_utc += seconds
 
     def idle(self, seconds: float) -> None:
-        """Let virtual time pass at real pace, at most 50 ms of it real: whoever is waited for lives outside."""
+        """Let virtual time pass at real pace, at most 50 ms real time: the awaited person is outside the simulation."""
         sleep(min(seconds, 0.05))
         self.sleep(seconds)
 
@@ -76,48 +75,47 @@ class World:
         return 0.0
 
     def timeout(self, seconds: float) -> float:
-        """Waits on the operating system do not belong in virtual time; the figure is passed on unchanged."""
+        """There are no operating-system waits in virtual time; the value is returned unchanged."""
         return seconds
 
     def stopwatch(self) -> float:
-        """Real seconds of this machine, for reporting how fast the simulation runs."""
+        """Real seconds of this machine, to report the speed of the simulation."""
         return perf_counter()
 
     def call_in(self, seconds: float, action: Callable[[], None]) -> Timer:
-        """Have `action` called `seconds` from now (never earlier than now); returns a timer to cancel it."""
+        """Call `action` after `seconds` (never before now); returns a timer to cancel it."""
         timer = Timer(self._now + seconds if seconds > 0.0 else self._now, action)
         self._count += 1
         heapq.heappush(self._queue, (timer.at, self._count, timer))
         return timer
 
     def sleep(self, seconds: float) -> None:
-        """Let virtual time pass, running whatever falls due."""
+        """Let virtual time pass, with all events that fall due."""
         if seconds > 0:
             self.run_until(self._now + seconds)
 
     def next_due(self) -> float | None:
-        """When the next event is scheduled, None if nothing is."""
+        """Time of the next event, None if there is none."""
         while self._queue and self._queue[0][2].action is None:
             heapq.heappop(self._queue)
         return self._queue[0][0] if self._queue else None
 
     def suspend(self, seconds: float) -> None:
-        """Whoever waits gets no turn for so long, as a process that is stopped: the world goes on without it."""
+        """Stall the caller for this long, like a stopped process: the world continues without it."""
         self._away_until = max(self._away_until, self._now + seconds)
 
     def run_until(self, end: float | None, predicate: Callable[[], bool] | None = None) -> bool:
         """Run events in order until `predicate` holds or time reaches `end`.
 
         Args:
-            end: virtual time to stop at; None waits for the predicate alone.
+            end: virtual time to stop at; None waits only for the predicate.
             predicate: checked before the first event and after each one.
 
         Returns:
             Whether the predicate held (always False without one; time is then exactly `end`).
 
         Raises:
-            Deadlock: `end` is None and the queue runs dry.
-
+            Deadlock: `end` is None and the queue is empty.
         """
         held = self._run_until(end, predicate)
         while self._now < self._away_until:
@@ -150,16 +148,15 @@ class World:
 
 
 class Pace:
-    """Ties a world to real time, for those who look at it from another process.
+    """Ties a world to real time, for clients in other processes.
 
     Args:
-        world: the world; its present is now.
+        world: the world; its present time is now.
         speed: virtual seconds per real second.
 
     Attributes:
         epoch_utc: the world's UTC at this moment.
         started_utc: the machine's UTC at this moment.
-
     """
 
     def __init__(self, world: World, speed: float) -> None:

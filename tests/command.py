@@ -15,8 +15,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from unittest.mock import patch
 
-from rig.cli import main
-
 
 @dataclass(frozen=True)
 class Done:
@@ -29,6 +27,8 @@ class Done:
 
 def rig(*arguments: object, cwd: Path | None = None, env: dict[str, str] | None = None) -> Done:
     """Run a command in folder `cwd`, with the environment variables `env` beside ours."""
+    from rig.cli import main  # noqa: PLC0415 - where another kind is installed meanwhile, there is another (outside_package)
+
     said, told = io.StringIO(), io.StringIO()
     handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     with (

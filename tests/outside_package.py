@@ -14,7 +14,9 @@ from functools import cache
 from importlib import invalidate_caches
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from types import ModuleType
 
+import rig
 from procedures.kind import kinds
 from rig.examples import example
 
@@ -42,11 +44,21 @@ def _site() -> TemporaryDirectory[str]:
     return folder
 
 
+def _taken_out() -> dict[str, ModuleType]:
+    """The modules that commands are in, which from now on are not imported."""
+    names = [name for name in sys.modules if f"{name}.".startswith(("rig.cli.", "proving.command_"))]
+    return {name: sys.modules.pop(name) for name in names}
+
+
 @contextmanager
 def installed() -> Iterator[Path]:
-    """The package, importable here and in processes started meanwhile."""
+    """The package, importable here and in processes started meanwhile.
+
+    The commands are imported anew, as a process begun now would: options of kinds are made when a command is imported.
+    """
     where = Path(_site().name) / "site"
     before = os.environ.get("PYTHONPATH")
+    without = _taken_out()
     sys.path.append(str(where))
     os.environ["PYTHONPATH"] = str(where) if before is None else f"{before}{os.pathsep}{where}"
     invalidate_caches()
@@ -55,6 +67,10 @@ def installed() -> Iterator[Path]:
         yield where
     finally:
         kinds.cache_clear()
+        _taken_out()
+        sys.modules.update(without)
+        if "rig.cli" in without:
+            rig.cli = without["rig.cli"]  # type: ignore[assignment]
         sys.path.remove(str(where))
         os.environ.pop("PYTHONPATH")
         if before is not None:

@@ -50,7 +50,7 @@ REFUSED: list[tuple[Wire, str, str]] = [
     ("serial", "ASRL/dev/ttyUSB0::INSTR", "use /dev/ttyUSB0"),
     ("serial", "ASRL3::INSTR", "COM3"),
     ("serial", "USB0::0x2A8D::0x0101::MY1::INSTR", "VISA names are not supported yet"),
-    ("serial", "spy:///dev/ttyUSB0?file=/tmp/x", "spy: is not what this driver speaks over, or is not allowed"),
+    ("serial", "spy:///dev/ttyUSB0?file=/tmp/x", "spy: is not a wire of this driver, or is not permitted"),
     ("serial", "loop://", "loop: is not"),
     ("serial", "alt:///dev/ttyUSB0?class=PosixPollSerial", "alt: is not"),
     ("serial", "hwgrep://USB", "hwgrep: is not"),
@@ -65,29 +65,29 @@ REFUSED: list[tuple[Wire, str, str]] = [
     ("serial", "rfc2217://host:4001?logging=debug", "not 'logging'"),
     ("serial", "rfc2217://host:4001?timeout=forever", "not 'timeout'"),
     ("serial", "/dev/ttyUSB0?baud=9600", "a path has no spaces and no options"),
-    ("serial", "ttyUSB0", "a device is named by its whole path"),
+    ("serial", "ttyUSB0", "give the absolute path of a device"),
     ("serial", "/dev/x://spy", "is not"),
-    ("serial", "modbus-tcp://host:502/1", "modbus-tcp: is not what this driver speaks over"),
+    ("serial", "modbus-tcp://host:502/1", "modbus-tcp: is not a wire of this driver"),
     ("serial", "sim://w", "sim:// is for simulated benches"),
     ("modbus", "modbus-tcp://host:502", "does not end in the device's unit"),
     ("modbus", "modbus-tcp://host:x/1", "is not HOST:PORT"),
     ("modbus", "modbus-tcp://host:502/1?baud=9600", "takes no options"),
     ("modbus", "modbus-rtu:///dev/ttyUSB1/300", "unit 300 is not 1 to 247"),
-    ("modbus", "modbus-rtu:///dev/ttyUSB1/1?baud=9601", "baud=9601 is none of"),
+    ("modbus", "modbus-rtu:///dev/ttyUSB1/1?baud=9601", "baud=9601 is not one of"),
     ("modbus", "modbus-rtu:///dev/ttyUSB1/1?", "its options are baud and frame"),
-    ("modbus", "modbus-rtu://spy:///dev/ttyUSB1/1", "is no serial device"),
+    ("modbus", "modbus-rtu://spy:///dev/ttyUSB1/1", "is not a serial device"),
     ("modbus", "modbus-rtu://socket://host:4001/1?baud=9600", "set at the serial server"),
     ("modbus", "modbus-rtu://socket://host/1", "it names no port"),
-    ("modbus", "socket://host:4001", "socket: is not what this driver speaks over"),
+    ("modbus", "socket://host:4001", "socket: is not a wire of this driver"),
     ("modbus", "TCPIP::192.0.2.10::502::SOCKET", "VISA names are not supported yet"),
     ("can", "can:serial/loop://", "adapters are"),
-    ("can", "can:slcan/spy:///dev/ttyACM0", "is no channel of slcan"),
+    ("can", "can:slcan/spy:///dev/ttyACM0", "is not a channel of slcan"),
     ("can", "can:socketcan/can0?interface=virtual", "its only option is bitrate"),
     ("can", "can:socketcan/can0?bitrate=fast", "bitrate=fast is not"),
     ("can", "/dev/ttyACM0", "is not a CAN address"),
     ("can", "GPIB0::9::INSTR", "VISA names are not supported yet"),
-    ("can", "can:udp_multicast/239.0.0.999", "is no channel of udp_multicast"),
-    ("can", "can:udp_multicast/ff15:", "is no channel of udp_multicast"),
+    ("can", "can:udp_multicast/239.0.0.999", "is not a channel of udp_multicast"),
+    ("can", "can:udp_multicast/ff15:", "is not a channel of udp_multicast"),
 ]  # fmt: skip
 
 NO_PORTS = (
@@ -98,10 +98,10 @@ NO_PORTS = (
     "/dev/" + "a" * 300,
 )  # fmt: skip
 REFUSED += [
-    *(("serial", place, "it is no serial port") for place in NO_PORTS),
-    *(("modbus", f"modbus-rtu://{place}/1", "is no serial device") for place in NO_PORTS),
-    *(("can", f"can:slcan/{place}", "is no channel of slcan") for place in NO_PORTS),
-    ("can", "can:slcan//dev/null@115200", "is no channel of slcan"),
+    *(("serial", place, "it is not a serial port") for place in NO_PORTS),
+    *(("modbus", f"modbus-rtu://{place}/1", "is not a serial device") for place in NO_PORTS),
+    *(("can", f"can:slcan/{place}", "is not a channel of slcan") for place in NO_PORTS),
+    ("can", "can:slcan//dev/null@115200", "is not a channel of slcan"),
 ]
 
 
@@ -197,7 +197,7 @@ def test_over_tcp_baud_plays_no_part_in_a_dry_run() -> None:
 
 def test_a_twins_address_in_a_real_bench_file_is_refused() -> None:
     config = parse_bench(DVM.format(address="sim://dry1/dvm", baud=9600), "bench.toml")
-    with pytest.raises(ConfigurationError, match=r"instruments\.dvm\.address: sim://dry1/dvm is a twin's"):
+    with pytest.raises(ConfigurationError, match=r"instruments\.dvm\.address: sim://dry1/dvm belongs to a twin"):
         check_options(config, "bench.toml")
 
 

@@ -21,6 +21,7 @@ from importlib.metadata import Distribution, distribution
 from pathlib import Path
 
 import pytest
+from few_sensors import with_sensors
 from packaging.requirements import Requirement
 
 ROOT = Path(__file__).parent.parent
@@ -107,7 +108,7 @@ def test_the_wheel_of_the_sdist_is_the_wheel_of_the_tree(wheel, tmp_path):
 def test_an_installed_wheel_runs_the_demo(wheel, tmp_path):
     venv.create(tmp_path / "env", with_pip=False, symlinks=True)
     python = tmp_path / "env" / "bin" / "python"
-    quietly(*PIP, "--python", python, "install", "--no-deps", wheel)
+    quietly(*PIP, "--python", python, "install", "--no-deps", "--no-compile", wheel)
     (site,) = (tmp_path / "env").glob("lib/python*/site-packages")
     (about,) = site.glob("*.dist-info")
     needed = required(Distribution.at(about))
@@ -115,8 +116,10 @@ def test_an_installed_wheel_runs_the_demo(wheel, tmp_path):
     assert "pytest" not in needed
     for one in needed.values():
         lend(one, site)
-    # half as many points as the short demo has, in as many hours, through which temperature and time differ
-    night = site / "rig" / "examples" / "attitude-lab" / "night.toml"
+    # one sensor, half as many points as the short demo has, in as many hours, in which temperature and time differ
+    lab = site / "rig" / "examples" / "attitude-lab"
+    with_sensors(lab, lab, "x")
+    night = lab / "night.toml"
     text = night.read_text()
     for whole, half in (("pitch_count = 37", "pitch_count = 19"), ("\ndwell_s = 9\n", "\ndwell_s = 48\n")):
         assert text.count(whole) == 1

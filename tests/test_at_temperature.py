@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from attitude_truth import D1, Bench, Sensor, simulate
 from command import rig
 
 from procedures.attitude.fit import fit_attitude
+from proving.truth.attitude import D1, Bench, Sensor, simulate
 from rig.tables import write_csv
 
 BENCH = Bench(sensors=(Sensor("x"),), sigma_deg=3e-4)

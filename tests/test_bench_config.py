@@ -35,7 +35,7 @@ def test_the_good_file_is_good():
     ("change", "says"),
     [
         (("reader", "raeder"), "did you mean reader?"),
-        (('reader = "dvm"', 'reader = "dmv"'), "'dmv' is no instrument here (there are dvm, head)"),
+        (('reader = "dvm"', 'reader = "dmv"'), "'dmv' is not an instrument here (known: dvm, head)"),
         (('axis = "x"', 'axis = "w"'), "sensors.x.axis"),
         (('name = "b"', ""), "name is missing"),
         (("[sensors.x]", '[sensors.y]\naxis = "y"\nreader = "dvm"\n[sensors.x]'), "both on channel input of dvm"),

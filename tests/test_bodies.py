@@ -17,7 +17,7 @@ from proving.doors.hostile import Seeded, command
 from proving.doors.of_runs import Image
 from rig.errors import ConfigurationError, RunFileError, UsageError
 from rig.plans import stored_plan
-from rig.report.story import story
+from rig.report.frame import story
 from rig.run_file.bodies import ContentsError
 from rig.run_file.chain import Record
 from rig.run_file.documents import declared_model, mounting_of

@@ -16,6 +16,7 @@ from command import rig
 
 from proving.executor import Dask, WorkersDie
 from proving.seeds import Campaign, Place
+from proving.statistics.frame import main as statistics
 
 pytest.importorskip("distributed", reason="pip install -c constraints.txt -e '.[dask]'")
 
@@ -23,11 +24,21 @@ HERE = Path(__file__).parent
 PATHS = os.pathsep.join([str(HERE), str(HERE.parent)])
 
 
+def wait_for_both(address):
+    """A worker that was killed is started again, which takes seconds on a busy machine."""
+    from distributed import Client  # noqa: PLC0415 - an extra
+
+    with Client(address, set_as_default=False) as client:
+        client.wait_for_workers(2, timeout=60)
+
+
 @pytest.fixture(scope="module")
 def scheduler(tmp_path_factory):
     """The address of a scheduler with two workers, started as docs/campaigns.md says."""
     folder = tmp_path_factory.mktemp("dask")
-    environment = {**os.environ, "PYTHONPATH": PATHS}
+    # a worker that is killed is begun again: from a process that has imported what it needs, not from nothing
+    forked = {"DASK_DISTRIBUTED__WORKER__MULTIPROCESSING_METHOD": "forkserver"}
+    environment = {**os.environ, "PYTHONPATH": PATHS, **forked}
     dask = [sys.executable, "-m", "dask"]
 
     def start(*command):
@@ -48,10 +59,7 @@ def scheduler(tmp_path_factory):
             if found.exists() and found.read_text().endswith("}"):
                 address = json.loads(found.read_text())["address"]
         workers = start("worker", address, "--nworkers", 2, "--nthreads", 2, "--no-dashboard", "--host", "127.0.0.1")
-        from distributed import Client  # noqa: PLC0415 - an extra
-
-        with Client(address, set_as_default=False) as client:
-            client.wait_for_workers(2, timeout=60)
+        wait_for_both(address)
         yield address
     finally:
         for process in (workers, one):
@@ -61,10 +69,20 @@ def scheduler(tmp_path_factory):
 
 
 def test_nights_on_a_cluster_come_to_the_same_as_here(scheduler):
-    command = ("night", "--brief", "--lab", "attitude", "--seeds", 20, "--json")
+    command = ("night", "--brief", "--lab", "attitude", "--seeds", 10, "--json")
     there = rig(*command, "--scheduler", scheduler)
     assert there.returncode == 0, there.stderr
     assert json.loads(there.stdout) == json.loads(rig(*command, "--jobs", 1).stdout)
+
+
+def test_statistics_on_a_cluster_come_to_the_same_as_here(scheduler, capsys):
+    command = ("gross-errors", "--seeds", "20", "--only", "12 rows", "--json")
+
+    def told(*where: str) -> dict:
+        assert statistics((*command, *where)) == 0
+        return json.loads(capsys.readouterr().out)
+
+    assert told("--scheduler", scheduler) == told("--jobs", "1")
 
 
 def test_a_block_whose_worker_is_killed_on_a_cluster_is_done_again(scheduler, tmp_path):
@@ -76,6 +94,7 @@ def test_a_block_whose_worker_is_killed_on_a_cluster_is_done_again(scheduler, tm
 
 def test_a_worker_of_a_cluster_does_one_thing_at_a_time(scheduler, tmp_path):
     """Each of the two has two threads."""
+    wait_for_both(scheduler)
     campaign = Campaign(partial(toys.alone, folder=tmp_path), "toys", block=1)
     with Place.open(1, scheduler, None) as place:
         found = [result for _, result in place.results(campaign, range(12))]

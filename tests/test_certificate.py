@@ -6,11 +6,7 @@ import base64
 from dataclasses import replace
 
 import pytest
-from attitude_hidden import on_x
-from attitude_truth import D1, simulate
 from scipy.stats import t as student
-from whole_plot_truth import Bench, Run, Transducer
-from whole_plot_truth import simulate as simulate_whole_plots
 
 from fitter.effects.sizes import amplitude, each, relative, size_95
 from fitter.trace.outcome import Finding, Outcome, Row
@@ -25,6 +21,10 @@ from procedures.pressure.evaluate import Declared, WholePlotTraced
 from procedures.pressure.trace import trace_whole_plots
 from procedures.table import Table
 from procedures.words import chance, part, percent
+from proving.truth.attitude import D1, simulate
+from proving.truth.attitude_hidden import on_x
+from proving.truth.whole_plot import Bench, Run, Transducer
+from proving.truth.whole_plot import simulate as simulate_whole_plots
 
 EFFECT = Finding(
     kind="effect",

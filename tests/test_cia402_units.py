@@ -48,7 +48,7 @@ def test_a_degree_per_second_of_a_table_behind_a_gear_of_100(unit: str, quantity
 
 @pytest.mark.parametrize("text", ["RPM", "rpm/s", "0 rpm", "rpm 2", "", "m/s", "-1 rpm"])
 def test_what_is_no_unit_of_speed(text: str) -> None:
-    with pytest.raises(ValueError, match=r"is no unit of velocity; known: counts/s, rpm, rev/s, deg/s"):
+    with pytest.raises(ValueError, match=r"is not a unit of velocity; known: counts/s, rpm, rev/s, deg/s"):
         parse_unit(text, "velocity")
 
 

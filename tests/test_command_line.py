@@ -82,7 +82,7 @@ def test_an_unreachable_instrument_is_named_with_its_address_and_nothing_is_left
     ("arguments", "code", "says"),
     [
         (("run",), 2, "Missing argument"),
-        (("run", "none.toml", "--bench", "none.toml"), 78, "there is no bench file none.toml"),
+        (("run", "none.toml", "--bench", "none.toml"), 78, "bench file none.toml does not exist"),
         (("fit", "none.csv"), 2, "there is no file none.csv"),
         (("trace", "."), 2, "is a folder"),
         (("resume", "none.sqlite"), 2, "there is no run file none.sqlite"),
@@ -326,7 +326,9 @@ _AT_THE_END = "atexit.register(os.kill, os.getpid(), signal.SIGHUP)"
     ("when", "code", "says"), [(_WHILE_LOADED, -signal.SIGINT, ""), (_AT_THE_END, 2, "no run file")]
 )
 def test_a_signal_before_the_command_is_there_or_after_its_end(when, code, says):
+    # a process begun in the background of a shell ignores SIGINT, and so do those that it begins
     script = f"""import atexit, os, runpy, signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)
 {when}
 sys.argv = ["rig", "verify", "nowhere.sqlite"]
 runpy.run_module("rig", run_name="__main__")"""

@@ -126,10 +126,10 @@ def test_what_cannot_be_confirmed_is_refused(tmp_path: Path, sagging: Path) -> N
     (tmp_path / "table.csv").write_text("a,b\n1,2\n")
     for words, why in (
         ((first,), "add --dry"),
-        ((tmp_path / "table.csv", "--dry"), "no run file"),
+        ((tmp_path / "table.csv", "--dry"), "not a run file"),
         ((first, "--dry", "--take", "99"), "--list shows them"),
-        ((first, "--world", tmp_path / "table.csv"), "it goes with --dry"),
-        ((first, "--by", first), "has to come after it"),
+        ((first, "--world", tmp_path / "table.csv"), "it requires --dry"),
+        ((first, "--by", first), "must be later"),
     ):
         done = rig("confirm", *words, "--out", tmp_path)
         assert done.returncode == 2, done.stderr
@@ -266,6 +266,8 @@ def test_a_run_that_is_unlikely_to_decide_does_not_come_first_and_is_said_to_be(
     assert (long.likely, good.likely) == (False, True)
     never = [Inseparable(("pads", "head"), 1.0, "")]
     (said,) = otherwise(opened[0], long, never)
-    assert said.startswith("it is UNLIKELY to settle everything: a chance of 8% for what it settles least, and 12 h")
+    assert said.startswith(
+        "it is UNLIKELY to settle everything: probability 8% for its most difficult question, and 12 h"
+    )
     assert not list(otherwise(opened[0], good, never))
     assert long.to_json()["likely"] is False

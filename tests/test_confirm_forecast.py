@@ -1,7 +1,7 @@
-"""What a further run is promised to tell beside what comes; a small share of benchmarks/confirm_forecast.py.
+"""What a further run is promised to tell beside what comes; a small share of proving/statistics/forecasts.py.
 
-Worlds are those of tests/attitude_truth.py and tests/whole_plot_truth.py, which share no code with the fitter. Sizes,
-errors and drifts differ from world to world; the forecast sees the later run's settings, never its outputs.
+Worlds are those of proving/truth, which share no code with the fitter. Sizes, errors and drifts differ from world to
+world; the forecast sees the later run's settings, never its outputs.
 """
 
 from __future__ import annotations
@@ -9,10 +9,8 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import attitude_truth as attitude
 import numpy as np
 import pytest
-import whole_plot_truth as pressure
 from command import rig
 from test_confirm import LAB, run
 
@@ -21,6 +19,8 @@ from procedures.attitude.together import AttitudeTogether
 from procedures.attitude.trace import trace
 from procedures.pressure.together import WholePlotTogether
 from procedures.pressure.trace import trace_whole_plots
+from proving.truth import attitude
+from proving.truth import whole_plot as pressure
 from rig.config import parse_toml
 from rig.plans import plan_of
 from rig.toml_text import toml_text

@@ -1,4 +1,4 @@
-"""Confirming an effect of pressure transducers on a run nobody has seen; the truth is tests/whole_plot_truth.py's."""
+"""Confirming an effect of pressure transducers on a run nobody has seen; the truth is proving/truth/whole_plot.py's."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ import pytest
 from command import rig
 from dry_pressure import LAB, dry
 from few_sensors import with_sensors
-from whole_plot_truth import Bench, Run, Transducer, simulate
 
 from fitter.confirm import NOTHING, confirm, confirm_all, questions_of, separation
 from procedures.pressure.confirming import WholePlotConfirming
 from procedures.pressure.options import FitOptions
 from procedures.pressure.together import WholePlotTogether
 from procedures.pressure.trace import trace_whole_plots
+from proving.truth.whole_plot import Bench, Run, Transducer, simulate
 from rig.closed_loop.confirm import judge, open_traced, otherwise
 from rig.closed_loop.confirm.calibration import with_confirmed
 

@@ -16,7 +16,7 @@ from few_sensors import with_sensors
 from rig.cli import app
 from rig.closed_loop import fit_table
 from rig.closed_loop.chart import chart_calibrations
-from rig.closed_loop.chart_together import read_all
+from rig.closed_loop.chart_together import read_together
 from rig.errors import UsageError
 from rig.report.chart import chart_page
 from rig.report.frame import render
@@ -48,7 +48,7 @@ def runs(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def charted(runs):
-    return chart_calibrations(read_all(runs), TODAY, sensors=["x_V"], tolerance=1e-3, usage_deg=30)
+    return chart_calibrations(read_together(runs)[0], TODAY, sensors=["x_V"], tolerance=1e-3, usage_deg=30)
 
 
 @pytest.fixture(scope="module")
@@ -110,11 +110,11 @@ def test_the_tolerance_that_nobody_gave_is_the_interval_of_one_reading(charted):
 
 
 def test_two_calibrations_are_compared_and_no_more(runs):
-    found = chart_calibrations(read_all([runs[0], runs[4]]), TODAY, sensors=["x_V"]).to_json()["sensors"]["x_V"]
+    found = chart_calibrations(read_together([runs[0], runs[4]])[0], TODAY, sensors=["x_V"]).to_json()["sensors"]["x_V"]
     assert found["quantities"]["S_V"]["trend"] is None
     assert found["quantities"]["S_V"]["homogeneity"]["p"] < 0.01
     assert found["due"]["status"] == "too few"
-    assert "no due date before there are three calibrations, there are 2" in found["sentences"][-1]
+    assert "a due date needs three calibrations; there are 2" in found["sentences"][-1]
 
 
 def test_a_step_is_dated_and_put_beside_a_change_of_instruments(runs, tmp_path):
@@ -123,19 +123,19 @@ def test_a_step_is_dated_and_put_beside_a_change_of_instruments(runs, tmp_path):
     bench.write_text(before.read_text().replace("DVM-0102", "DVM-0999"))
     first = [make_run(tmp_path, number, ppm=0.0, bench=before, text=SHORT) for number in range(4)]
     after = [make_run(tmp_path, number, ppm=200.0, bench=bench, text=SHORT) for number in range(4, 7)]
-    charted = chart_calibrations(read_all([*first, *after]), TODAY, sensors=["x_V"])
+    charted = chart_calibrations(read_together([*first, *after])[0], TODAY, sensors=["x_V"])
     sentences = " ".join(charted.to_json()["sensors"]["x_V"]["sentences"])
     stepped = re.search(r"sensitivity stepped by \+(\S+) \+- (\S+) ppm between 2025-07-14 and 2026-01-12", sentences)
     assert stepped, sentences
     assert abs(float(stepped[1]) - 200) < 4 * float(stepped[2])
     note = "between 2025-07-14 and 2026-01-12 the scanner changed from"
     assert any(n.startswith(note) and "DVM-0999" in n for n in charted.notes)
-    assert charted.notes[0] == "charted parameters hold at each calibration's own mean sensor temperature"
+    assert charted.notes[0] == "charted parameters are for each calibration's own mean sensor temperature"
     assert len(charted.notes) == 2
 
 
 def test_tables_with_dates_give_the_same(charted, tables):
-    found = chart_calibrations(read_all(tables), TODAY, sensors=["x_V"], tolerance=1e-3, usage_deg=30)
+    found = chart_calibrations(read_together(tables)[0], TODAY, sensors=["x_V"], tolerance=1e-3, usage_deg=30)
     mine, theirs = (c.to_json()["sensors"]["x_V"]["quantities"]["S_V"] for c in (found, charted))
     assert mine["values"] == pytest.approx(theirs["values"], rel=1e-12)
     assert mine["trend"]["per_year"] == pytest.approx(theirs["trend"]["per_year"], rel=1e-3)
@@ -149,14 +149,14 @@ def test_calibration_files_stand_for_their_runs(runs, charted, tmp_path):
         if number % 2 == 0:  # any mixture will do
             files[-1] = str(tmp_path / f"{number}.json")
             (tmp_path / f"{number}.json").write_text(json.dumps(fit_table(run_table(Path(run))).to_json()))
-    found = chart_calibrations(read_all(files), TODAY, sensors=["x_V"], tolerance=1e-3, usage_deg=30)
+    found = chart_calibrations(read_together(files)[0], TODAY, sensors=["x_V"], tolerance=1e-3, usage_deg=30)
     mine, theirs = (c.to_json()["sensors"]["x_V"] for c in (found, charted))
     for name in ("b_V", "S_V"):
         assert mine["quantities"][name]["stderr"] == pytest.approx(theirs["quantities"][name]["stderr"], rel=1e-3)
     assert mine["quantities"]["S_V"]["values"] == pytest.approx(theirs["quantities"]["S_V"]["values"], rel=1e-9)
     assert found.simulated
     with pytest.raises(UsageError, match="are the same run"):
-        read_all([files[0], runs[0], runs[1]])
+        read_together([files[0], runs[0], runs[1]])
 
 
 def test_what_does_not_belong_together_is_refused(runs, tables, tmp_path):
@@ -164,20 +164,20 @@ def test_what_does_not_belong_together_is_refused(runs, tables, tmp_path):
         (runs[:1], "at least two"),
         ([runs[0], tables[1]], "is simulated and"),
         ([runs[0], runs[0]], "are the same run"),
-        ([tables[0], tables[0].partition("@")[0]], "does not say when it was measured: write"),
-        ([tables[0], tables[1].partition("@")[0] + "@soon"], "'soon' is no date"),
-        ([runs[0] + "@2024-01-01", runs[1]], "says itself when it was measured"),
+        ([tables[0], tables[0].partition("@")[0]], "has no date of measurement: write"),
+        ([tables[0], tables[1].partition("@")[0] + "@soon"], "'soon' is not a date"),
+        ([runs[0] + "@2024-01-01", runs[1]], "contains its date of measurement"),
         ([tables[0], tables[1].partition("@")[0] + "@2024-01-15"], "of the same time"),
-        ([tables[0], tables[0].partition("@")[0] + "@2025-01-01"], "are of the same data: x_V has"),
+        ([tables[0], tables[0].partition("@")[0] + "@2025-01-01"], "have the same data: x_V has"),
         ([str(tmp_path / "no.sqlite"), runs[0]], "there is no file"),
     ):
         with pytest.raises(UsageError, match=re.escape(message)):
-            read_all(given)
+            read_together(given)
     with pytest.raises(UsageError, match="has no sensor w_V; it has x_V"):
-        chart_calibrations(read_all(runs[:2]), TODAY, sensors=["w_V"])
+        chart_calibrations(read_together(runs[:2])[0], TODAY, sensors=["w_V"])
     flat = make_run(tmp_path, 9, text=PROCEDURE.replace("roll_deg = [-120, 0, 120]", "roll_deg = [0]"))
     with pytest.raises(UsageError, match=r"attitude-x in .* and attitude-no-roll in"):
-        chart_calibrations(read_all([runs[0], flat]), TODAY)
+        chart_calibrations(read_together([runs[0], flat])[0], TODAY)
 
 
 def test_what_cannot_be_compared_is_left_out_and_named(runs, tables, tmp_path, capsys):
@@ -198,7 +198,7 @@ def test_what_cannot_be_compared_is_left_out_and_named(runs, tables, tmp_path, c
 
 def test_notes_say_what_is_doubtful(runs, tmp_path):
     once = [make_run(tmp_path, n, text=SHORT.replace("replications = 2", "replications = 1")) for n in (0, 1)]
-    charted = chart_calibrations(read_all(once), TODAY, sensors=["x_V"], usage_deg=120)
+    charted = chart_calibrations(read_together(once)[0], TODAY, sensors=["x_V"], usage_deg=120)
     assert any("no calibration has two replications" in note for note in charted.notes)
     assert any("more than was calibrated last" in note for note in charted.notes)
 
@@ -228,7 +228,7 @@ def test_command_prints_json(runs, capsys):
 def test_command_refuses_what_it_cannot_do(runs):
     with pytest.raises(UsageError, match="is not overwritten"):
         app(["chart", *runs, "--report", runs[0]], standalone_mode=False)
-    with pytest.raises(UsageError, match="--today: 'soon' is no date"):
+    with pytest.raises(UsageError, match="--today: 'soon' is not a date"):
         app(["chart", *runs, "--today", "soon"], standalone_mode=False)
 
 
@@ -245,7 +245,7 @@ def test_a_date_that_is_none_is_one_message(tmp_path, date):
     (tmp_path / "a.csv").write_text("x\n1\n")
     done = rig("a.csv@" + date, "a.csv@2026-01-01", cwd=tmp_path)
     assert done.returncode == 2
-    assert "is no date" in done.stderr
+    assert "is not a date" in done.stderr
 
 
 def test_the_report_is_not_written_over_a_table_named_with_its_date(tmp_path):

@@ -6,18 +6,18 @@ import json
 from dataclasses import replace
 from datetime import UTC, datetime
 
-import attitude_truth
 import numpy as np
 import pytest
-from pressure_truth import HOMOSCEDASTIC, SENSOR_CENTRE_DEGC, SSE_CENTRE_DEGC, simulate
 from scipy import stats
 
 from procedures.errors import DataError
+from procedures.pressure.charting import pressure_charted
 from procedures.pressure.fit import fit_pressure
-from procedures.pressure.history import pressure_charted
+from proving.truth import attitude as attitude_truth
+from proving.truth.pressure import HOMOSCEDASTIC, SENSOR_CENTRE_DEGC, SSE_CENTRE_DEGC, simulate
 from rig.closed_loop import fit_table
 from rig.closed_loop.chart import chart_calibrations
-from rig.closed_loop.chart_together import read_all
+from rig.closed_loop.chart_together import read_together
 from rig.errors import UsageError
 from rig.tables import read_table, write_csv
 
@@ -59,7 +59,7 @@ def test_intercept_and_gain_are_those_at_the_centre_and_vary_as_they_say():
 
 
 def test_a_loss_of_gain_is_found_and_dated(tables):
-    charts = chart_calibrations(read_all(tables), TODAY, tolerance=0.05)
+    charts = chart_calibrations(read_together(tables)[0], TODAY, tolerance=0.05)
     result = charts.to_json()["sensors"]["bridge_mV"]
     trend = result["quantities"]["gain_mV_per_psi"]["trend"]
     rate, half = (1e6 * trend[key] / HOMOSCEDASTIC.sensitivity_mV_per_psi for key in ("per_year", "half_width_95"))
@@ -75,22 +75,22 @@ def test_a_loss_of_gain_is_found_and_dated(tables):
 
 def test_what_goes_with_another_kind_is_refused(tables, tmp_path):
     with pytest.raises(DataError, match="--usage is a range of pitch"):
-        chart_calibrations(read_all(tables[:2]), TODAY, usage_deg=30)
+        chart_calibrations(read_together(tables[:2])[0], TODAY, usage_deg=30)
     table = read_table(type(tmp_path)(tables[0].partition("@")[0]))
     (tmp_path / "kept.json").write_text(json.dumps(fit_table(table).to_json()))
     with pytest.raises(DataError, match="give the run file or table instead"):
-        read_all([f"{tmp_path / 'kept.json'}@2022-01-10", tables[1]])
+        read_together([f"{tmp_path / 'kept.json'}@2022-01-10", tables[1]])
     data, _ = attitude_truth.simulate(attitude_truth.Bench(), attitude_truth.D1(90, 5, 5), 1)
     names = ("replicate", "order", "elapsed_s", "pitch_deg", "roll_deg", "sensor_temperature_degC")
     write_csv({**{name: getattr(data, name) for name in names}, **data.outputs}, tmp_path / "angles.csv")
     angles = f"{tmp_path / 'angles.csv'}@2023-01-01"
     with pytest.raises(UsageError, match="they do not belong on one chart"):
-        read_all([tables[0], angles])
+        read_together([tables[0], angles])
     with pytest.raises(DataError, match="--formula is for whole plots"):
-        read_all([angles, tables[0]], "full")
+        read_together([angles, tables[0]], "full")
 
 
 def test_a_smaller_model_may_be_charted(tables):
-    small = chart_calibrations(read_all(tables[:3], "1 + P + P^2 + T_sensor + P:T_sensor + P:T_SSE"), TODAY)
+    small = chart_calibrations(read_together(tables[:3], "1 + P + P^2 + T_sensor + P:T_sensor + P:T_SSE")[0], TODAY)
     assert small.sensors["bridge_mV"].model.count("+") == 5
     assert small.sensors["bridge_mV"].due(0.05)["unit"] == "psi"

@@ -7,8 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from attitude_truth import D1, Bench, Plan, Sensor, simulate
-from chart_truth import BENCH, PLAN, START, UNIT, bench_of, draw_history, largest_error_deg
 from scipy import special, stats
 
 from fitter.history import Between, ErrorBound, Series, error_bound, homogeneity, limits, step, trend
@@ -16,9 +14,10 @@ from fitter.history.chart import holm
 from fitter.history.components import Profile
 from fitter.history.forecast import Prediction, predict
 from procedures.attitude.fit import fit_all
-from procedures.attitude.history import attitude_charted, calibrated
-from procedures.attitude.history_of_files import calibrated_from
+from procedures.attitude.history import attitude_charted, calibrated, calibrated_from
 from procedures.attitude.infer import calibrate_package
+from proving.truth.attitude import D1, Bench, Plan, Sensor, simulate
+from proving.truth.chart import BENCH, PLAN, START, UNIT, bench_of, draw_history, largest_error_deg
 
 BCG = """
 4 119 11 128; 6 300 29 274; 3 228 11 209; 62 13536 248 12619; 33 5036 47 5761; 180 1361 372 1079; 8 2537 10 619;
@@ -241,7 +240,7 @@ def test_a_calibration_file_tells_the_same_as_the_run(roll_count):
 
 @pytest.mark.parametrize(("kind", "size"), [("none", 0.0), ("walk", 3.0), ("together", 3.0), ("linear", 3.0)])
 def test_a_sensor_is_within_tolerance_when_it_is_due(kind, size):
-    """A bounded share of benchmarks/chart_campaign.py: from readings to charts, and what the sensor then does.
+    """A bounded share of proving/statistics/charts.py: from readings to charts, and what the sensor then does.
 
     Binomial tests of as many as there are: ten histories, of four quantities each.
     """
@@ -250,7 +249,8 @@ def test_a_sensor_is_within_tolerance_when_it_is_due(kind, size):
     within, differ = [], 0
     for _ in range(10):
         history = draw_history(kind, 6, rng, size)
-        charted, last = history.charted()
+        fits = [calibrated(run, "x_V") for run in history.runs()]
+        charted, last = attitude_charted(fits, history.years), fits[-1].coefficients
         bound = error_bound(charted, charted.output_rows(pitch, roll), times=9, draws=512, nodes=32)
         years = bound.holds_for(8e-4)
         if years is not None:

@@ -51,7 +51,7 @@ def test_fit_trace_and_acceptance_use_the_model_of_the_run_file(run):
     assert found["data"]["model"]["source"] == "procedure"
     assert set(found["sensors"]["bridge_1_mV"]["coefficients"]) == {"1", "P"}
     assert fitted("trace", run)["sensors"]["bridge_1_mV"]["declared"] == "1 + P"
-    from rig.acceptance import judge  # noqa: PLC0415
+    from rig.accepted import judge  # noqa: PLC0415
     from rig.plans import load_plan  # noqa: PLC0415
 
     verdicts = judge(load_plan(run.parent / "short.toml", LAB / "bench.toml").procedure, run)

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from attitude_truth import GRAVITY, Sensor, turn_pitch, turn_roll
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import special
@@ -15,6 +14,7 @@ from procedures.attitude.advice import advise, design_points
 from procedures.attitude.merit import DesignPoints, Usage, compare, recommend, smallest_offset_drift
 from procedures.attitude.package_advice import Package, inferred_sd
 from procedures.attitude.settings import PitchRollProcedure
+from proving.truth.attitude import GRAVITY, Sensor, turn_pitch, turn_roll
 
 SEED = 20260512
 

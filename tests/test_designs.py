@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from procedures.attitude.designs import Design, fraction, grid, roll_circle, tumble, uniform
-from procedures.attitude.orders import random_order, reversed_pass, serpentine
+from procedures.attitude.orders import random_order, reversed_pass, walk
 
 
 @pytest.mark.parametrize(
@@ -65,7 +65,7 @@ def full(n: int, m: int) -> Design:
 
 @given(st.integers(1, 7), st.integers(1, 7))
 def test_a_serpentine_visits_every_point_once_and_moves_one_axis_by_one_step(n, m):
-    path = serpentine(full(n, m), backwards=False, up_and_down=False)
+    path = list(walk(full(n, m), backwards=False, up_and_down=False))
     assert Counter((v.row, v.column) for v in path) == Counter(full(n, m).cells)
     for before, after in itertools.pairwise(path):
         assert abs(after.row - before.row) + abs(after.column - before.column) == 1
@@ -76,15 +76,15 @@ def test_a_serpentine_visits_every_point_once_and_moves_one_axis_by_one_step(n, 
 
 
 def test_walking_backwards_is_the_same_path_approached_from_the_other_sides():
-    there = serpentine(full(4, 3), backwards=False, up_and_down=False)
-    back = serpentine(full(4, 3), backwards=True, up_and_down=False)
+    there = list(walk(full(4, 3), backwards=False, up_and_down=False))
+    back = list(walk(full(4, 3), backwards=True, up_and_down=False))
     assert [(v.row, v.column, -v.pitch_side, -v.roll_side) for v in reversed(there)] == [
         (v.row, v.column, v.pitch_side, v.roll_side) for v in back
     ]
 
 
 def test_up_and_down_visits_every_point_from_both_sides():
-    path = serpentine(full(5, 3), backwards=False, up_and_down=True)
+    path = list(walk(full(5, 3), backwards=False, up_and_down=True))
     assert Counter((v.row, v.column, v.pitch_side) for v in path) == Counter(
         (i, j, side) for i, j in full(5, 3).cells for side in (1, -1)
     )

@@ -125,9 +125,9 @@ def test_addresses_that_cannot_work_say_why_and_what_to_do(tmp_path):
     config = bench(a="/dev/rig/nothing", b=str(plain), c="can:socketcan/nocan7", d="socket://no-such-host.invalid:1")
     said = dict(addresses.check_addresses(config.instruments))
     assert all(f.level == "problem" for f in said.values())
-    assert "there is no /dev/rig/nothing" in said["a"].found
+    assert "/dev/rig/nothing does not exist" in said["a"].found
     assert "udev rule" in said["a"].next_step
-    assert "is no device" in said["b"].found
+    assert "is not a device" in said["b"].found
     assert "ip link set nocan7 up" in said["c"].next_step
     assert "no-such-host.invalid is not known" in said["d"].found
 
@@ -184,7 +184,7 @@ def test_every_instrument_is_asked_who_it_is_and_told_nothing_else(meter):
     findings = list(check_instruments(bench(dvm=meter, gone="/dev/rig/nothing"), {}, None))
     answer = found(findings, "dvm")
     assert answer.level == "warning"  # a 34401A does not tell its serial number and has no asset number here
-    assert answer.found == "HEWLETT-PACKARD 34401A, does not tell its serial number"
+    assert answer.found == "HEWLETT-PACKARD 34401A, does not report its serial number"
     assert set(Meter.told) <= {b"", b"SYST:REM", b"*IDN?"}
     assert [f.check for f in findings if f.level == "problem"] == ["address of gone"]
 

@@ -174,7 +174,7 @@ def test_a_dict_for_a_name_in_a_charted_calibration(whole, tmp_path):
 
 
 def test_a_pipe_to_write_to_keeps_nobody_waiting(tmp_path):
-    with pytest.raises(UsageError, match="no ordinary file"):
+    with pytest.raises(UsageError, match="not a regular file"):
         check_writable(pipe(tmp_path / "answer.csv"))
 
 
@@ -287,7 +287,7 @@ def test_what_servers_say_has_no_characters_that_turn_or_move_text(hidden):
         ("part_number =", "part_numb =", "knows no part_number"),
         ("process_value =", "process =", "knows no process_value"),
         ('type = "text:15"', 'type = "int32"', "part_number, which is a text, as a number"),
-        ('codes = "mode"', 'codes = "moods"', "codes of moods, which are not told"),
+        ('codes = "mode"', 'codes = "moods"', "codes of moods, which are missing"),
     ],
 )
 def test_a_register_map_without_what_the_driver_needs(old, new, said):

@@ -1,4 +1,4 @@
-"""Numbers on a wire: what Python would read and an instrument never sends is no number, in any driver."""
+"""Numbers on a wire: what Python would read and an instrument never sends is not a number, in any driver."""
 
 from __future__ import annotations
 
@@ -39,13 +39,13 @@ def test_numbers_as_instruments_print_them(text, value):
 
 @pytest.mark.parametrize("text", WRONG)
 def test_what_is_no_number_is_refused(text):
-    with pytest.raises(ValueError, match="is no number"):
+    with pytest.raises(ValueError, match="is not a number"):
         decimal(text)
 
 
 @pytest.mark.parametrize("text", ["1_0", "\u0665", "\u00b2", "1.0", "", "nan"])
 def test_what_is_no_whole_number_is_refused(text):
-    with pytest.raises(ValueError, match="is no whole number"):
+    with pytest.raises(ValueError, match="is not a whole number"):
         whole(text)
     assert whole("+52") == 52
 

@@ -298,7 +298,9 @@ def test_a_barometer_that_fails_in_the_night_is_said_and_not_believed(monkeypatc
     rig = Rig(reference="gauge").ready()
     monkeypatch.setattr(rig.twin, "ask_barometer", lambda: "2.5000000")
     state = rig.pace.read()
-    assert state.faults == ("the barometer reads 2.5 psi, which is no atmosphere; ambient_psia is used instead",)
+    assert state.faults == (
+        "the barometer reads 2.5 psi, which cannot be the atmosphere; ambient_psia is used instead",
+    )
     assert state.pressure_psia == pytest.approx(AIR, abs=0.02)
 
 
@@ -318,7 +320,7 @@ def test_a_barometer_that_falls_to_0_in_the_night_is_a_fault(monkeypatch, option
     monkeypatch.setattr(rig.twin, "ask_barometer", lambda: "0.0000000")
     rig.pace._measures.atmosphere()
     assert rig.pace.read().faults == (
-        "the barometer reads 0 psi, which is no atmosphere; ambient_psia is used instead",
+        "the barometer reads 0 psi, which cannot be the atmosphere; ambient_psia is used instead",
     )
     monkeypatch.undo()
     rig.pace._measures.atmosphere()

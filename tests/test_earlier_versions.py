@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from command import rig
 
-from rig.report.story import story
+from rig.report.frame import story
 from rig.run_file.reader import RunReader
 from rig.run_file.state import read_state
 

@@ -151,7 +151,7 @@ def test_drift_is_told_at_repeated_settings():
 
 
 def test_false_alarms_of_each_test_are_as_rare_as_was_promised():
-    """6000 points of each test alone; benchmarks/early_warnings.py does it at length."""
+    """6000 points of each test alone; proving/statistics/early_warnings.py does it at length."""
     rng, runs, points = random.Random(7), 60, 100
     alarms = dict.fromkeys(("noise", "repeats", "previous"), 0)
     for _ in range(runs):

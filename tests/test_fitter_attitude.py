@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from attitude_truth import D1, Bench, Sensor, simulate
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -22,6 +21,7 @@ from procedures.attitude.model import (
     sigma_deg,
     variance_function,
 )
+from proving.truth.attitude import D1, Bench, Sensor, simulate
 
 angles = st.floats(-180, 180)
 

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from attitude_truth import D1, Bench, Sensor, simulate
 
 from fitter import least_squares
 from fitter.misfit import lacks_fit
@@ -10,6 +9,7 @@ from fitter.replication import analyse
 from fitter.sums_of_squares import FTest
 from procedures.attitude.fit import fit_attitude
 from procedures.attitude.model import attitude_columns
+from proving.truth.attitude import D1, Bench, Sensor, simulate
 
 X_ONLY = Bench(sensors=(Sensor("x"),))
 

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from attitude_truth import D1, Bench, Plan, Sensor, simulate
 
 from fitter import RankError, Triangle
 from procedures.attitude.fit import fit_attitude
 from procedures.attitude.stream import fit_stream
+from proving.truth.attitude import D1, Bench, Plan, Sensor, simulate
 
 
 def blocks_of(data, sizes):

@@ -11,35 +11,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from attitude_truth import D1, Bench, Plan, Sensor, simulate
 from command import rig
 
-from procedures.attitude.data import AttitudeData
 from procedures.attitude.fraction_advice import advised, sentence
 from procedures.attitude.fractions import MeasuredGrid, fit_part
 from procedures.attitude.fractions_compared import compare_fractions, family, nearest, tumble_of
 from procedures.attitude.settings import PitchRollProcedure
 from procedures.errors import DataError
 from procedures.table import Table
+from proving.statistics.fractions import PADS, table_of
+from proving.truth.attitude import D1, Bench, Plan, Sensor, simulate
 from rig.tables import write_csv
 
 DOCUMENT = Path(__file__).parent.parent / "docs" / "fractions.md"
 CLEAN = Bench()
-PADS = replace(CLEAN, compliance={("y", "x"): 1.5e-3})
-"""sigma_prec 1.5e-4 deg, and isolation pads that give so much that sigma_bias of x is the paper's 3.7e-4 deg."""
-
-
-def table_of(data: AttitudeData, **changed) -> Table:
-    columns = {
-        "replicate": data.replicate,
-        "order": data.order,
-        "elapsed_s": data.elapsed_s,
-        "pitch_deg": data.pitch_deg,
-        "roll_deg": data.roll_deg,
-        "sensor_temperature_degC": data.sensor_temperature_degC,
-        **data.outputs,
-    }
-    return Table("night.csv", {n: np.asarray(v, float) for n, v in columns.items()}, True, {}, **changed)
 
 
 @pytest.fixture(scope="module")

@@ -167,9 +167,9 @@ def test_a_limit_on_the_size_of_files_is_found_before_anything_moves(tmp_path, m
     monkeypatch.setattr(resource, "getrlimit", lambda _: (1_000_000, resource.RLIM_INFINITY))
     for refused in (rig("run", *arguments), rig("resume", path)):
         assert refused.returncode == 1
-        assert "files of 1.0 MB at most and the run may need 10 MB: raise the limit (ulimit -f" in refused.stderr
+        assert "files of at most 1.0 MB, but the run may need 10 MB: raise the limit (ulimit -f" in refused.stderr
     seen = rig("doctor", *arguments[1:4], "--procedure", arguments[0], "--out", tmp_path, "--json")
-    assert "files may have 1.0 MB at most here" in seen.stdout
+    assert "the size of files is limited to 1.0 MB here" in seen.stdout
 
 
 @pytest.mark.parametrize("what", ["file", "folder"])
@@ -182,7 +182,7 @@ def test_a_run_in_a_place_that_may_only_be_read_is_not_begun_again_and_the_way_o
     monkeypatch.setattr("rig.disk_space.os.access", lambda place, how: not how & os.W_OK or str(place) != closed)
     refused = rig("resume", path)
     assert refused.returncode == 2
-    assert f"{closed} may not be written to" in refused.stderr
+    assert f"{closed} cannot be written to" in refused.stderr
     assert f"copy {path} elsewhere" in refused.stderr
     assert rig("status", path).returncode == 0
 

@@ -6,11 +6,9 @@ import csv
 import json
 from dataclasses import replace
 
-import attitude_truth
 import numpy as np
 import pytest
 import robust_examples
-import whole_plot_truth
 from command import rig
 
 from fitter.formula import Formula
@@ -21,6 +19,8 @@ from procedures.general.column_roles import Roles, read_roles
 from procedures.general.gross import of_table
 from procedures.pressure.fit import named_formula
 from procedures.pressure.gross import of_whole_plots
+from proving.truth import attitude as attitude_truth
+from proving.truth import whole_plot as whole_plot_truth
 from rig.tables import FileSource, write_csv
 
 FULL = named_formula("full", ())

@@ -48,7 +48,7 @@ def opened(lab):
 def test_a_command_beyond_the_limits_never_reaches_the_driver(value):
     world = World(0.0)
     bench, head, _ = ideal_bench(world)
-    with pytest.raises(Refused, match=r"pitch_deg = .* was about to be commanded at head, outside -95 to 95"):
+    with pytest.raises(Refused, match=r"pitch_deg = .* was commanded to head, outside -95 to 95"):
         bench.head.move({"roll": 0.0, "pitch": value})
     assert head.sent == []
     bench.head.move({"pitch": 95.0})
@@ -93,7 +93,7 @@ def test_a_program_that_forgets_its_own_check_is_stopped_at_the_driver(tmp_path,
     path = new_run(tmp_path)
     outcome, _, head, message = run_session(path)
     assert outcome is Outcome.FAULT
-    assert "pitch_deg = 120 was about to be commanded at head" in message
+    assert "pitch_deg = 120 was commanded to head" in message
     assert head.sent == []
     assert head.safe == 1
 

@@ -25,7 +25,7 @@ EXCEPTIONS: dict[str, tuple[set[str], str]] = {
     "engine/axes.py": ({"psia"}, _CONTROLLER),
     "engine/safe_state.py": ({"psia"}, _CONTROLLER),
     "guarded.py": ({"psia"}, _CONTROLLER),
-    "matching.py": ({"psia"}, _CONTROLLER),
+    "plans.py": ({"psia"}, _CONTROLLER),
     "protection.py": ({"psia"}, _CONTROLLER),
     "quantities.py": ({"pitch", "roll", "psia", "mv"}, "what the roles of instruments set, and units of outputs"),
     "run_file/events/points.py": ({"whole-plot"}, "a status in run files, of runs with hard-to-change factors"),

@@ -96,7 +96,7 @@ def test_two_of_three_sensors_have_two_attitudes_and_say_on_which_side_they_are(
 def test_a_run_file_is_no_calibration_yet(tmp_path, run):
     done = rig("infer", run, run, "--out", tmp_path / "angles.csv")
     assert done.returncode == 2
-    assert "make a calibration of it first: rig fit" in done.stderr
+    assert "make a calibration from it first: rig fit" in done.stderr
 
 
 def test_nothing_of_the_input_is_overwritten(tmp_path, run, calibration):

@@ -12,8 +12,8 @@ from scipy import optimize, stats
 from fitter import least_squares
 from fitter.formula import Formula
 from fitter.split_plot import fit_split_plot
+from procedures.general.charting import curve_charted
 from procedures.general.fit import fit_general
-from procedures.general.history import curve_charted
 from procedures.general.infer import CurveCalibration, infer_curve
 from rig.tables import FileSource
 
@@ -243,9 +243,9 @@ def test_calibrations_of_a_table_are_charted(tmp_path, history):
 def test_what_a_chart_of_tables_lacks_is_said(tmp_path, history):
     files = history(0.0)
     for given, message in (
-        ([name.partition("@")[0] for name in files], "2023.json does not say when it was measured: write 2023.json@"),
+        ([name.partition("@")[0] for name in files], "2023.json has no date of measurement: write 2023.json@"),
         (["t.csv@2023-01-01", files[0]], "rig fit t.csv --response Y"),
-        ([files[0], "2023.json@2024-06-01"], "are of the same data"),
+        ([files[0], "2023.json@2024-06-01"], "have the same data"),
     ):
         done = rig("chart", *given, cwd=tmp_path)
         assert done.returncode == 2

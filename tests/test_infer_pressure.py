@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from command import rig
-from pressure_truth import HOMOSCEDASTIC, simulate
 
 from procedures.pressure.fit import fit_pressure
 from procedures.pressure.infer import Zero, departure, infer_pressure
+from proving.truth.pressure import HOMOSCEDASTIC, simulate
 from rig.tables import write_csv
 
 SENSOR, SSE = -70.0, 20.0

@@ -5,13 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from attitude_truth import D1, Bench, Sensor, simulate
 from scipy.optimize import brentq, least_squares
 
 from procedures.attitude.data import AttitudeData
 from procedures.attitude.fit import fit_attitude
 from procedures.attitude.infer import AttitudeCalibration, SensorModel, calibrate_package, infer_attitude
 from procedures.attitude.model import attitude_columns
+from proving.truth.attitude import D1, Bench, Sensor, simulate
 
 SEED = 41
 BENCH = Bench()

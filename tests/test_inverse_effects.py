@@ -5,13 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from attitude_truth import D1, Bench, Sensor, simulate
 from test_inverse import volts
 
 from procedures.attitude.data import AttitudeData
 from procedures.attitude.fit import fit_attitude
 from procedures.attitude.infer import AttitudeCalibration, calibrate_package, infer_attitude
 from procedures.attitude.trace import trace
+from proving.truth.attitude import D1, Bench, Sensor, simulate
 
 NAMES = ("x_V", "y_V", "z_V")
 SEED = 3

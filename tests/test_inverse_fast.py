@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from attitude_truth import D1, Bench, simulate
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import special
@@ -15,6 +14,7 @@ from test_inverse import BENCH, PACKAGES, attitudes, true_calibration, volts
 from procedures.attitude.infer import AttitudeCalibration, SensorModel, ThreeAxis, infer_attitude
 from procedures.attitude.infer.package import t_limits
 from procedures.attitude.infer.three_axis import CHUNK
+from proving.truth.attitude import D1, Bench, simulate
 
 NAMES = PACKAGES["xyz"]
 DOCUMENT = Path(__file__).resolve().parent.parent / "docs" / "inference.md"

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from attitude_truth import D1, simulate
 from test_inverse import BENCH, PACKAGES, true_calibration, turn, volts
 
 from procedures.attitude.infer import calibrate_package, infer_attitude, singularity
+from proving.truth.attitude import D1, simulate
 
 SIGMA_V = 2e-5
 SEED = 7
@@ -221,7 +221,7 @@ def test_pitch_up_or_down_of_y_and_z_must_be_said():
 
 
 def test_intervals_hold_over_calibrations():
-    """Calibrations drawn again and again; the whole campaign is benchmarks/bench_inverse.py coverage."""
+    """Calibrations drawn again and again; the whole campaign is proving/statistics/inference.py."""
     held = []
     pitch, roll = np.array([0.0, 45.0, -80.0, 85.0]), np.array([10.0, -170.0, 60.0, -30.0])
     names = PACKAGES["xyz"]

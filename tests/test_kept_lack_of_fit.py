@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from attitude_truth import Bench, Plan, Sensor, simulate
 from command import rig
 from test_signs import table_of
 
 from procedures.attitude.evaluate import fit_attitude_table, trace_attitude_table
 from procedures.attitude.infer import AttitudeCalibration
 from procedures.table import Table
+from proving.truth.attitude import Bench, Plan, Sensor, simulate
 
 BENCH = Bench(sensors=(Sensor("x"),))
 KNEE = -0.002

@@ -105,7 +105,7 @@ def test_another_meter_is_refused():
 def test_an_echo_in_front_of_the_identity_is_no_makers_name(echo):
     rig = Rig()
     rig.twin.identity = f"{echo}HEWLETT-PACKARD,34401A,0,10-5-2"
-    with pytest.raises(WrongInstrument, match=r"repeats what it is sent in front of its answer.*switch the echo off"):
+    with pytest.raises(WrongInstrument, match=r"echoes the command before its answer.*switch the echo off"):
         rig.dvm.identify()
 
 

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from attitude_truth import GRAVITY, Sensor, turn_pitch, turn_roll
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import integrate, special
@@ -27,6 +26,7 @@ from procedures.attitude.merit import (
     visibility,
     worst_variance,
 )
+from proving.truth.attitude import GRAVITY, Sensor, turn_pitch, turn_roll
 
 SEED = 20260419
 ROLL_64 = np.arange(64) * 360 / 64 - 180

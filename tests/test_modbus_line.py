@@ -143,7 +143,7 @@ def test_garbage_is_a_bad_reply_and_the_line_recovers() -> None:
         return on_rx
 
     _, line, _ = simulated(hear)
-    with pytest.raises(BadReply, match="which is no reply to the request"):
+    with pytest.raises(BadReply, match="which is not exactly one reply to the request"):
         line.write(0, [1])
     assert line.read(0) == [0]
 

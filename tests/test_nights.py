@@ -17,7 +17,7 @@ from rig.engine.actions import BenchActions
 from rig.run_file.reader import RunReader
 from rig.tables import run_table
 
-NIGHTS = {"attitude": range(45), "pressure": range(15)}
+NIGHTS = {"attitude": range(24), "pressure": range(8)}
 """Those of `FOUND_BY` are among them: each is played once without a bug."""
 FOUND_BY = {
     "accept-late-reply": ("attitude", 3),

@@ -198,73 +198,30 @@ def test_numpys_functions_take_it():
     third = value(np.divide(1.0, DoubleDouble.of(3.0)))
     assert abs(third - Fraction(1, 3)) < Fraction(1, 2**104)
     assert value(x.sum()) == sum(Fraction(v) for v in (0.1, 0.2, 0.7))
-    np.testing.assert_allclose(np.log(x).hi, np.log([0.1, 0.2, 0.7]))
-    np.testing.assert_allclose(np.power(x, 0.5).hi, np.sqrt([0.1, 0.2, 0.7]))
+    np.testing.assert_array_equal(np.log(x).hi, np.log([0.1, 0.2, 0.7]))
+    np.testing.assert_array_equal(np.power(x, 0.5).hi, np.power([0.1, 0.2, 0.7], 0.5))
     with pytest.raises(TypeError):
-        np.tan(x)
+        np.add(x, 1.0, out=np.zeros(3))
 
 
-def decimal_sine(x: Decimal) -> Decimal:
-    """By its series, with digits to spare; from the recipes of Python's documentation."""
-    term, total, n = x, x, 1
-    while abs(term) > Decimal(10) ** -90:
-        term *= -x * x / ((n + 1) * (n + 2))
-        total, n = total + term, n + 2
-    return total
-
-
-PI = Decimal("3.14159265358979323846264338327950288419716939937510582097494459230781640628620899862803482534211706798")
-TO_80_DIGITS = {
-    "exp": Decimal.exp,
-    "log": lambda x: abs(x).ln(),
-    "sqrt": lambda x: abs(x).sqrt(),
-    "sin": lambda x: decimal_sine(x % (2 * PI)),
-    "cos": lambda x: decimal_sine((x + PI / 2) % (2 * PI)),
-}
-
-
-@pytest.mark.parametrize("scale", [1e-6, 1.0, 100.0, 1e7])
-@pytest.mark.parametrize("name", TO_80_DIGITS)
-def test_functions_have_thirty_digits(name, scale):
-    """Against Python's decimal; an error of the argument's last digit, 1e-32 of it, is allowed for."""
-    rng = np.random.default_rng(7)
-    size = min(scale, 500.0) if name == "exp" else scale
-    x = DoubleDouble.of(rng.uniform(-size, size, 12)) * (1.0 + 1e-9) + rng.uniform(-1e-18, 1e-18, 12) * size
-    x = np.absolute(x) if name in ("log", "sqrt") else x
-    with localcontext(prec=100), np.errstate(all="raise"):
-        found = getattr(np, name)(x)
-        for i in range(12):
-            given = Decimal(float(x.hi[i])) + Decimal(float(x.lo[i]))
-            exact = TO_80_DIGITS[name](given)
-            error = abs(Decimal(float(found.hi[i])) + Decimal(float(found.lo[i])) - exact)
-            allowed = abs(exact) * max(1, abs(given)) if name == "exp" else max(abs(exact), Decimal(name == "log"))
-            assert error <= Decimal("1e-30") * allowed
-
-
-@pytest.mark.parametrize("exponent", [0.5, -2.5, 1 / 3, 100.0])
-def test_any_power_of_a_positive_number_has_thirty_digits(exponent):
-    x = np.array([0.1, 0.9, 3.0, 7.0])
-    with localcontext(prec=60):
-        found = np.power(DoubleDouble.of(x), exponent)
-        for hi, lo, each in zip(found.hi, found.lo, x, strict=True):
-            exact = Decimal(float(each)) ** Decimal(exponent)
-            assert abs(Decimal(float(hi)) + Decimal(float(lo)) - exact) <= Decimal("1e-29") * exact
-
-
-def test_what_a_double_cannot_tell_apart_is_compared():
+def test_functions_are_those_of_doubles():
     table = {"x": DoubleDouble.of([1.0, 1.0, -1.0]) + np.array([2.0**-80, 0.0, -(2.0**-80)]), "y": DoubleDouble.of(1.0)}
     expected = {
-        "x > y": [1, 0, 0],
+        "x > y": [1, 0, 0],  # of what a double cannot tell apart: the difference has all digits
         "x <= y": [0, 1, 1],
         "x == y": [0, 1, 0],
         "x != y": [1, 0, 1],
         "sign(x - y)": [1, 0, -1],
-        "max(x, y) - y": [2.0**-80, 0, 0],
+        "max(x, y)": [1, 1, 1],
         "(min(x, y) - y) * (x > 0)": [0, 0, 0],
-        "abs(x) - y": [2.0**-80, 0, 2.0**-80],
+        "abs(x)": [1, 1, 1],
+        "exp(x)": np.exp([1.0, 1.0, -1.0]),
+        "x^0.5": [1, 1, np.nan],
     }
     for text, values in expected.items():
-        np.testing.assert_array_equal(parse_expression(text).value(table).hi, values)
+        found = parse_expression(text).value(table)
+        np.testing.assert_array_equal(found.hi, values)
+        assert not found.lo.any()
 
 
 def test_exact_columns_of_functions_are_the_columns_with_more_digits():

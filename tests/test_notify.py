@@ -373,15 +373,15 @@ COMMAND = '[[channel]]\nkind = "command"\nargv = ["x"]\n'
     [
         ('[[channel]]\nkind = "pigeon"\n', "pigeon"),
         (COMMAND + COMMAND, "two channels are called command"),
-        (COMMAND.replace("argv", "arv"), "channel.0.command.arv is not known here; did you mean argv"),
-        (COMMAND.replace('"command"', '"comand"'), "channel.0.kind = 'comand' is not known; did you mean 'command'"),
+        (COMMAND.replace("argv", "arv"), "channel.0.command.arv is unknown here; did you mean argv"),
+        (COMMAND.replace('"command"', '"comand"'), "channel.0.kind = 'comand' is unknown; did you mean 'command'"),
         (COMMAND.replace('kind = "command"', ""), "channel.0.kind is missing"),
         (COMMAND + 'on = ["party"]\n', "party"),
-        (COMMAND + 'on = ["finsh"]\n', "'finsh' is not known; did you mean 'finish'"),
+        (COMMAND + 'on = ["finsh"]\n', "'finsh' is unknown; did you mean 'finish'"),
         (COMMAND + 'simulated = "no"\n', "channel.0.command.simulated: should be true or false"),
         (COMMAND.replace('"x"', '"x", "{haedline}"'), r"argv.0: there is no {haedline}; did you mean {headline}"),
         ("most_per_hour = 10.5", "most_per_hour: should be a whole number"),
-        ("[[chanel]]", "chanel is not known here; did you mean channel"),
+        ("[[chanel]]", "chanel is unknown here; did you mean channel"),
         (
             '[[channel]]\nkind = "webhook"\nurl = "http://x/"\nbody = { a = [{ b = "{mesage}" }] }\n',
             r"body.a.0.b: there is no {mesage}; did you mean {message}\?.*write {{mesage}}",
@@ -393,7 +393,7 @@ COMMAND = '[[channel]]\nkind = "command"\nargv = ["x"]\n'
             'security = "none"\n',
             "would send the password in clear",
         ),
-        ('[[channel]]\nkind = "mail"\nto = ["a@b\\nBcc: x@y"]\nsender = "c@d"\nhost = "h"\n', "no plain e-mail"),
+        ('[[channel]]\nkind = "mail"\nto = ["a@b\\nBcc: x@y"]\nsender = "c@d"\nhost = "h"\n', "not a plain e-mail"),
     ],
 )
 def test_a_wrong_file_is_refused_with_what_is_wrong(tmp_path, text, says):
@@ -424,7 +424,7 @@ def test_a_missing_secret_is_named_before_anything_moves_but_does_not_end_a_resu
     assert made.returncode == 0, made.stderr
     resumed = rig("resume", made.stdout.strip(), "--notify", "--notify-file", path)
     assert resumed.returncode == 0, resumed.stderr
-    assert "nobody will be told of anything" in resumed.stderr
+    assert "nobody will be notified" in resumed.stderr
 
 
 def test_what_could_not_be_told_is_in_the_run_file_and_in_the_log(tmp_path):
@@ -504,6 +504,6 @@ def test_a_resumed_run_leaves_out_the_channel_that_is_out_of_order_and_tells_the
     made = rig("run", write_small(tmp_path), "-b", LAB / "bench.toml", "--dry", "--out", tmp_path, "--create-only")
     resumed = rig("resume", made.stdout.strip(), "--notify", "--notify-file", path, "--log", log)
     assert resumed.returncode == 0, resumed.stderr
-    assert "nobody will be told there" in resumed.stderr
+    assert "nobody will be notified there" in resumed.stderr
     assert "channel bell: there is no program" in resumed.stderr
     assert "command was told: SIMULATED attitude-lab: finished" in log.read_text()

@@ -16,7 +16,7 @@ from urllib.request import urlopen
 
 import outside_package
 import pytest
-from command import in_its_own_process as rig
+from command import Done, in_its_own_process, rig
 
 from procedures.kind import Kind
 from rig.run_file.documents import declared_model
@@ -63,12 +63,11 @@ def lab(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def run(lab: Path, world: str, *more: object) -> subprocess.CompletedProcess[str]:
-    arguments = ("level.toml", "--bench", "bench.toml", "--dry", "--world", world, "--out", "runs")
-    return rig("run", *arguments, *more, cwd=lab)
+def run(world: str) -> tuple[str, ...]:
+    return ("run", "level.toml", "--bench", "bench.toml", "--dry", "--world", world, "--out", "runs")
 
 
-def path_of(done: subprocess.CompletedProcess[str], lab: Path) -> Path:
+def path_of(done: Done | subprocess.CompletedProcess[str], lab: Path) -> Path:
     assert done.stdout, done.stderr
     return lab / done.stdout.splitlines()[0]
 
@@ -76,7 +75,7 @@ def path_of(done: subprocess.CompletedProcess[str], lab: Path) -> Path:
 @pytest.fixture(scope="module")
 def plain(lab: Path) -> Path:
     """A run with nothing hidden."""
-    done = run(lab, "world.toml")
+    done = rig(*run("world.toml"), cwd=lab)
     assert done.returncode == 0, done.stderr
     assert "every sensor is inside acceptance (standard error up to 0.0004 deg)" in done.stderr
     return path_of(done, lab)
@@ -85,10 +84,10 @@ def plain(lab: Path) -> Path:
 @pytest.fixture(scope="module")
 def lagging(lab: Path) -> Path:
     """A run on a head with backlash, which makes it miss its acceptance, killed at its twentieth point and resumed."""
-    killed = run(lab, "lagging.toml", "--kill-at-point", 20)
+    killed = in_its_own_process(*run("lagging.toml"), "--kill-at-point", 20, cwd=lab)
     assert killed.returncode == -signal.SIGKILL, killed.stderr
     path = path_of(killed, lab)
-    done = rig("resume", path, cwd=lab)
+    done = in_its_own_process("resume", path, cwd=lab)
     assert done.returncode == 3, done.stderr
     assert "x_V is outside acceptance: standard error" in done.stderr
     return path

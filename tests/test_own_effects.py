@@ -4,8 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from attitude_truth import D1, Bench, simulate
-from whole_plot_truth import simulate as simulate_pressure
 
 from fitter.effects.entry import Largest
 from fitter.effects.own import own_effects
@@ -18,6 +16,8 @@ from procedures.pressure.effects import PRESSURE_CATALOGUE
 from procedures.pressure.effects.own import GRAMMAR as OF_PRESSURE
 from procedures.pressure.effects.scene import PressureEffect
 from procedures.pressure.trace import trace_whole_plots
+from proving.truth.attitude import D1, Bench, simulate
+from proving.truth.whole_plot import simulate as simulate_pressure
 from rig.effects import laboratory_effects
 from rig.errors import ConfigurationError
 

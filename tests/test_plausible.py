@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from attitude_truth import Bench, Plan, Sensor, simulate
 
 from procedures.attitude.trace import SensorTrace, trace
+from proving.truth.attitude import Bench, Plan, Sensor, simulate
 
 BENCH = Bench(sensors=(Sensor("x"),))
 SMALL = Plan(np.linspace(-30.0, 30.0, 13), np.linspace(-180.0, 180.0, 7), replications=4)

@@ -27,7 +27,7 @@ def point(value: str, package: str) -> EntryPoint:
         ({"ours": OURS, "theirs": "acme:Meter"}, "'meter' comes with ours 1.0 and with theirs 1.0; keep one"),
         ({"theirs": "no_such_package:Meter"}, "'meter' of theirs 1.0 cannot be loaded: No module named 'no_such"),
         ({"theirs": "drivers.keysight_34401a:Meter"}, "'meter' of theirs 1.0 cannot be loaded: .*no attribute 'Meter'"),
-        ({"theirs": "drivers.clock:RealClock"}, "'meter' of theirs 1.0 does not say its Options, wire, contracts"),
+        ({"theirs": "drivers.clock:RealClock"}, "'meter' of theirs 1.0 lacks Options, wire, contracts"),
     ],
 )
 def test_a_driver_that_cannot_be_used_is_named_with_its_package(monkeypatch, values, says):

@@ -17,7 +17,7 @@ from drivers.errors import BadReply, InstrumentError, NoReply, Unreachable
 from drivers.roles import ChamberState, Identity
 from procedures.attitude.settings import PitchRollProcedure
 from procedures.fault_policies import HeadFaults, Step, step_at
-from procedures.pressure.fault_policies import WholePlotFaults
+from procedures.pressure.settings import WholePlotFaults
 from procedures.words import incomplete
 from rig.bench import check_options, open_bench
 from rig.config import parse_bench, parse_procedure
@@ -27,7 +27,7 @@ from rig.engine.guard import Guard
 from rig.engine.session import Outcome
 from rig.errors import ConfigurationError
 from rig.examples import example
-from rig.report.story import story
+from rig.report.frame import story
 from rig.run_file.reader import RunReader
 from rig.simulated.dry_run import DryBench
 from rig.tables import run_table

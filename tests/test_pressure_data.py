@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from pressure_truth import HOMOSCEDASTIC, simulate
 
 from procedures.pressure.data import WholePlotData
+from proving.truth.pressure import HOMOSCEDASTIC, simulate
 
 
 def rows(**changes):

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pressure_truth import GROWING, HOMOSCEDASTIC, simulate
 from scipy import optimize, stats
 
 from procedures.pressure.fit import Errors, fit_pressure
 from procedures.pressure.fit.errors import Layout
+from proving.truth.pressure import GROWING, HOMOSCEDASTIC, simulate
 
 
 def restricted_loglik(theta, columns, y, pressure, groups):

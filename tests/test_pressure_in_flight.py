@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from pressure_truth import GROWING, HOMOSCEDASTIC, coverage, simulate
 from scipy import optimize, stats
 
 from fitter.formula import Formula
 from procedures.pressure.fit import PressureCalibration, fit_pressure
 from procedures.pressure.infer import Zero, infer_pressure
 from procedures.pressure.infer.in_flight import NO_ROOT
+from proving.statistics.pressure import coverage
+from proving.truth.pressure import GROWING, HOMOSCEDASTIC, simulate
 
 DATA, _ = simulate(HOMOSCEDASTIC, 3)
 FIT = fit_pressure(DATA, "bridge_mV", growth=False)
@@ -200,7 +201,7 @@ def test_calibrations_that_cannot_fly(formula, method, message):
     ("truth", "method"), [(HOMOSCEDASTIC, "GLS"), (GROWING, "in-flight zero + WLS")], ids=["even", "growing"]
 )
 def test_coverage(truth, method):
-    """A bounded share of benchmarks/pressure_campaign.py coverage, which counts 10,000 calibrations a cell."""
+    """A bounded share of proving/statistics/pressure.py coverage, which counts 10,000 calibrations a cell."""
     runs = 30
     held = [coverage(truth, method, seed) for seed in range(runs)]
     low, high = stats.binom.ppf([1e-4, 1 - 1e-4], runs, 0.95)

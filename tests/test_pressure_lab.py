@@ -16,7 +16,7 @@ from procedures.kind import kind_of_table
 from procedures.pressure import settings as whole_plot
 from procedures.pressure.evaluate import fit_whole_plots
 from procedures.pressure.table import whole_plot_data
-from rig.acceptance import judge
+from rig.accepted import judge
 from rig.controller import resume_run, start_run
 from rig.engine.session import Outcome, Signals
 from rig.errors import ConfigurationError
@@ -193,24 +193,24 @@ def test_acceptance_is_by_reading_error(tmp_path, run):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (('pressure_psia = "supply"\n', ""), "does not say what sets pressure_psia"),
+        (('pressure_psia = "supply"\n', ""), "lacks the instrument of pressure_psia"),
         (('pressure_psia = "supply"', 'pressure_psia = "scanner"'), "scanner cannot set pressure_psia"),
         (
             ('sse_temperature_degC = "sse_chamber"', 'sse_temperature_degC = "scanner"'),
             "scanner cannot set sse_temperature",
         ),
-        (('pressure_psia = "supply"', 'pressure_psia = "suply"'), "is no instrument here"),
+        (('pressure_psia = "supply"', 'pressure_psia = "suply"'), "is not an instrument here"),
         (("sensor_chamber_degC = [-140, 40]", "sensor_chamber_degC = [15, 40]"), "outside 15 to 40"),
         (
             ("pressure_psia = [0, 15.5]", "pressure_psia = [0, 6]"),
-            "limits.pressure_psia = 0 to 6 does not hold the atmosphere",
+            "limits.pressure_psia = 0 to 6 does not include the atmosphere",
         ),
         (("high_psia = 6 ", "high_psia = 2 "), "the instrument's own limits"),
         (('place = "sse"', 'place = "elsewhere"'), "place"),
-        (('pressure_psia = "supply"', 'pitch_deg = "supply"'), "factors.pitch_deg is no factor"),
+        (('pressure_psia = "supply"', 'pitch_deg = "supply"'), "factors.pitch_deg is not a factor"),
         (('sse_temperature_degC = "sse_chamber"', 'sse_temperature_degC = "sensor_chamber"'), "cannot set both"),
         (('unit = "mV"', 'unit = "V"'), 'unit = "mV"'),
-        (('unit = "mV"', 'unit = "mV"\naxis = "x"'), "has an axis"),
+        (('unit = "mV"', 'unit = "mV"\naxis = "x"'), "must not have an axis"),
     ],
 )
 def test_a_bench_that_cannot_carry_the_design_out_is_refused_before_anything_moves(tmp_path, change, message):
@@ -242,7 +242,7 @@ def test_a_vacuum_pump_that_fails_ends_the_night_safe_and_the_run_goes_on_when_i
 def test_a_temperature_left_beyond_the_limits_is_refused_beforehand(tmp_path):
     procedure = tmp_path / "p.toml"
     procedure.write_text(SHORT.replace("[soak]\n", "[soak]\nrenew_degC = 60\n"))
-    with pytest.raises(ConfigurationError, match=r"left for .* degC first \(soak.renew_degC\), outside"):
+    with pytest.raises(ConfigurationError, match=r"is changed to .* degC first \(soak.renew_degC\), outside"):
         load_plan(procedure, LAB / "bench.toml")
 
 

@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pressure_truth import GROWING, GROWING_AND_CUBIC, HOMOSCEDASTIC, simulate
 
 from fitter import RankError
 from fitter.errors import FitError
 from procedures.pressure.data import WholePlotData
 from procedures.pressure.fit import METHODS, PAPER_SENSITIVITY_MV_PER_PSI, fit_pressure, named_formula
 from procedures.pressure.fit.methods import fit_method
+from proving.truth.pressure import GROWING, GROWING_AND_CUBIC, HOMOSCEDASTIC, simulate
 
 DATA, ERROR = simulate(HOMOSCEDASTIC, 3)
 FIT = fit_pressure(DATA, "bridge_mV", growth=False)
@@ -121,7 +121,7 @@ def test_width_after_a_zero_is_that_of_least_squares_with_indicators():
 def test_reading_errors_of_the_figures(truth, figures):
     """The paper reads 12, little better, 3 and 2 % at 0.12 psia off its figures 3, 5, 6 and 8: that is the second row.
 
-    With even errors weights make it worse. Medians of 20 seeds here; of 50 in benchmarks/pressure_campaign.py.
+    With even errors weights make it worse. Medians of 20 seeds here; of 50 in proving/statistics/pressure.py.
     """
     methods = ("GLS", "WLS", "in-flight zero", "in-flight zero + WLS")
     found = []

@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pressure_truth import HOMOSCEDASTIC, PRESSURES_PSIA, simulate
 
 from fitter import RankError
 from fitter.arithmetic_text import FormulaError
 from fitter.formula import Formula
 from procedures.pressure.fit import HIERARCHICAL, fit_pressure, named_formula, variance_inflation
-from procedures.pressure.fit.models import contains, without_whole_plot_terms
+from procedures.pressure.fit.models import contains, of_whole_plot
+from proving.truth.pressure import HOMOSCEDASTIC, PRESSURES_PSIA, simulate
 
 DATA, _ = simulate(HOMOSCEDASTIC, 3)
 
@@ -48,8 +48,8 @@ def test_columns_may_be_called_by_their_own_names():
 
 def test_indicators_leave_the_terms_of_eq_10():
     """The full model less what is constant within whole plots is eq. (10) less its constant."""
-    left = without_whole_plot_terms(named_formula("full")).terms
-    assert set(left) == set(named_formula("eq10").without(Formula.parse("1").terms[0]).terms)
+    left = {term for term in named_formula("full").terms if not of_whole_plot(term)}
+    assert left == set(named_formula("eq10").without(Formula.parse("1").terms[0]).terms)
 
 
 def test_the_design_is_the_papers():

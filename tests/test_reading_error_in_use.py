@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from command import rig
-from whole_plot_truth import SUBPLOT, Bench, simulate
 
 from procedures.pressure.fit import fit_pressure
+from proving.truth.whole_plot import SUBPLOT, Bench, simulate
 from rig.tables import write_csv
 
 AT = 0.12

@@ -213,5 +213,5 @@ def test_the_evening_answer_names_day_and_zone_and_a_chamber_that_is_missing(tmp
     bench = re.sub(r"\[instruments\.enclosure\].*?\n\n|enclosure_degC = .*?\n", "", bench, flags=re.DOTALL)
     done = rig_plan(tmp_path, SHORT, bench)
     assert done.returncode == 0, done.stderr
-    assert "there is nothing on this bench to control it" in done.stdout
-    assert re.search(r"done [A-Z][a-z]+day \d{4}-\d\d-\d\d \d\d:\d\d UTC", done.stdout)
+    assert "this bench has no instrument to control it" in done.stdout
+    assert re.search(r"it ends [A-Z][a-z]+day \d{4}-\d\d-\d\d \d\d:\d\d UTC", done.stdout)

@@ -6,9 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from attitude_truth import D1, Bench
-from attitude_truth import simulate as attitude
-from whole_plot_truth import simulate as whole_plots
 
 from fitter.resolution import least_sd, resolution, robust_sd
 from procedures.attitude.trace.outliers import outliers
@@ -17,6 +14,9 @@ from procedures.general.evaluate import trace_general_table
 from procedures.general.gross import of_table
 from procedures.general.trace.robust import excess, scale
 from procedures.pressure.fit import named_formula
+from proving.truth.attitude import D1, Bench
+from proving.truth.attitude import simulate as attitude
+from proving.truth.whole_plot import simulate as whole_plots
 from rig.tables import FileSource, write_csv
 
 SDS = (0.3, 0.5, 1.0)

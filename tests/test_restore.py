@@ -339,11 +339,11 @@ def test_a_restored_run_that_goes_on_in_a_rescued_copy_says_so(tmp_path):
     (copy,) = tmp_path.glob("*-rescued-*.sqlite")
     said = rig("verify", path, "--restore", tmp_path / "new" / "n.sqlite")
     assert said.returncode == 0, said.stderr
-    assert f"the run goes on in {copy}, which has what is missing here: rig resume {copy}" in said.stdout
+    assert f"the run goes on in {copy}, which has the missing records: rig resume {copy}" in said.stdout
     assert "measure again" not in said.stdout
     shutil.move(copy, tmp_path / "hidden")
     said = rig("verify", path, "--restore", tmp_path / "new" / "again.sqlite")
-    assert "which is not there: look for it before you resume" in said.stdout
+    assert "which does not exist: look for it before you resume" in said.stdout
 
 
 def test_what_is_restored_of_a_damaged_rescued_copy_goes_on_although_the_copy_lies_beside_it(tmp_path):

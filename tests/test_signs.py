@@ -8,13 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from attitude_hidden import HIDDEN
-from attitude_truth import D1, Bench, Plan, Sensor, simulate
 from command import rig
 from test_confirm import make, run
-from whole_plot_truth import Bench as PressureBench
-from whole_plot_truth import Transducer
-from whole_plot_truth import simulate as simulate_pressure
 
 from fitter.confirm import Member
 from procedures.attitude.effects import CATALOGUE
@@ -26,6 +21,11 @@ from procedures.attitude.trace import Trace, trace
 from procedures.pressure.effects import PRESSURE_CATALOGUE
 from procedures.pressure.trace import trace_whole_plots
 from procedures.table import Table
+from proving.truth.attitude import D1, Bench, Plan, Sensor, simulate
+from proving.truth.attitude_hidden import HIDDEN
+from proving.truth.whole_plot import Bench as PressureBench
+from proving.truth.whole_plot import Transducer
+from proving.truth.whole_plot import simulate as simulate_pressure
 from rig.closed_loop.confirm import (
     Confirmed,
     First,
@@ -267,7 +267,7 @@ def test_what_a_follow_up_run_leaves_open_stays_in_the_intervals(pads: Followed)
     assert [one["member"] for one in undecided["calibration"]["alternatives"]] == ["head-once-per-turn"]
     none = pads.with_members(replace(sag, p_changed=1e-9), head)
     assert len(none["calibration"]["alternatives"]) == 1
-    assert any("may still not hold" in note for note in none["calibration"]["notes"])
+    assert any("may still be invalid" in note for note in none["calibration"]["notes"])
     other = pads.with_members(replace(head, sigmas=0.0, p_changed=0.5, fits=True, shown=9.0), replace(sag, sigmas=9.0))
     assert other["confirmed_by"]["effects"][0]["verdict"] == "replaced"
     assert other["kept"]["x_V"]["effects"] == ["head-once-per-turn"]
@@ -282,7 +282,7 @@ def test_the_evidence_stands_beside_the_verdict(pads: Followed) -> None:
     assert best["sigmas_shown"] > best["limit_sigmas"] >= 3.0
     assert best["p_shown"] < 1e-3
     assert f"by {best['sigmas_shown']:.1f} standard errors (limit {best['limit_sigmas']:.1f}, p " in effect["evidence"]
-    assert f"head-once-per-turn: {other['sigmas_behind']:.1f} standard errors behind" in effect["evidence"]
+    assert f"head-once-per-turn: {other['sigmas_behind']:.1f} standard errors worse" in effect["evidence"]
     assert any(effect["evidence"] in sentence for sentence in sentences(pads.confirmed))
 
 
@@ -292,7 +292,7 @@ def test_a_verdict_beside_an_interval_that_holds_zero_says_what_it_rests_on(pads
     assert not best.zero
     weak = replace(best, intervals=tuple((-1.0, 1.0) for _ in best.intervals))
     text = evidence(replace(answer, members=(weak, *answer.members[1:])))
-    assert "holds zero" in text
-    assert "rests on both runs together, which give" in text
+    assert "contains zero" in text
+    assert "uses both runs together, with" in text
     nothing = replace(weak, intervals_together=tuple((-1.0, 1.0) for _ in best.intervals))
     assert replace(answer, members=(nothing, *answer.members[1:])).verdict == "not shown"

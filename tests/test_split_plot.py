@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from split_plot_cases import NAMES, broken, chamber, dense_log_likelihood, dense_score, design
 
 from fitter import RankError, least_squares
-from fitter.split_plot import SplitPlotDesign, fit_many, fit_split_plot, plan_precision
+from fitter.split_plot import SplitPlotDesign, fit_split_plot, plan_precision
 from fitter.split_plot.kenward_roger import selection
 from fitter.split_plot.profile import Profile
 
@@ -189,7 +189,7 @@ def test_many_at_once_are_the_same_one_by_one(sd):
     keep = ~np.isin(np.arange(220), [38, 39, 40, 41, 42, *range(89, 99), 150])
     columns, whole_plot = columns[keep], whole_plot[keep]
     ys = rng.normal(size=(len(columns), 60)) + sd / 0.1 * rng.normal(size=(21, 60))[whole_plot]
-    batch = fit_many(columns, ys, whole_plot, NAMES)
+    batch = SplitPlotDesign(columns, whole_plot, NAMES).fit_many(ys)
     plain = SplitPlotDesign(columns, whole_plot, NAMES)
     at = columns[::20]
     for i, y in enumerate(ys.T):
@@ -213,7 +213,7 @@ def test_intervals_hold_what_they_promise():
     m, at = 20_000, columns[[2, 80]]
     for sd in (3.0, 0.7):
         ys = rng.normal(size=(220, m)) + sd * rng.normal(size=(21, m))[whole_plot]
-        batch = fit_many(columns, ys, whole_plot, NAMES)
+        batch = SplitPlotDesign(columns, whole_plot, NAMES).fit_many(ys)
         off = batch.coefficients @ at.T
         plots, readings = sd * rng.normal(size=(m, 1)), rng.normal(size=(m, 1))
         zeroed = rng.normal(size=m) - rng.normal(size=(m, 4)).mean(axis=1)

@@ -48,7 +48,7 @@ def test_a_value_of_another_kind_is_refused_in_one_line(more, says):
 
 
 def test_a_word_that_is_nearly_right_is_named():
-    assert refused(PROCEDURE.replace('"T6"', '"T66"')).endswith("design.type: 'T66' is not known; did you mean 'T6'?")
+    assert refused(PROCEDURE.replace('"T6"', '"T66"')).endswith("design.type: 'T66' is unknown; did you mean 'T6'?")
 
 
 def test_a_whole_number_will_do_where_a_number_is_asked_for():

@@ -43,9 +43,9 @@ def test_a_good_table_is_read(tmp_path):
         ([HEAD.replace("elapsed_s", "elapsed_h"), *ROWS], "name it elapsed_s"),
         ([HEAD.replace("sensor_temperature_degC", "t"), *ROWS], "column sensor_temperature_degC is missing"),
         ([HEAD.replace("x_V", "x"), *ROWS], "there is no sensor output"),
-        ([HEAD, *ROWS, ROWS[2]], "rows 4 and 10: order 3 stands there twice"),
+        ([HEAD, *ROWS, ROWS[2]], "rows 4 and 10: order 3 occurs twice"),
         ([HEAD, *ROWS[:2], ROWS[2].replace("1,3,", "1,3.5,")], "row 4, column order: 3.5 is not a whole number"),
-        ([HEAD.replace("x_V", "elapsed_s"), *ROWS], "column 'elapsed_s' stands there twice"),
+        ([HEAD.replace("x_V", "elapsed_s"), *ROWS], "column 'elapsed_s' occurs twice"),
         ([HEAD], "column names and no rows"),
         ([""], "is empty"),
         ([HEAD, '1,2,"unterminated'], "not a CSV table"),
@@ -124,7 +124,7 @@ def test_everything_includes_rejected_observations_with_gaps(tmp_path):
     (row,) = ATTITUDE.unused(accepted).to_json()["rows"]
     assert row["why"].startswith("1 observations were rejected")
     done = rig("export", path, "--out", tmp_path / "run.csv")
-    assert "1 observations that were rejected are not in it; --all" in done.stderr
+    assert "1 rejected observations are omitted; --all" in done.stderr
 
 
 def test_a_run_without_observations_says_so(tmp_path):
@@ -141,7 +141,7 @@ def test_a_table_that_cannot_be_written_leaves_nothing(tmp_path):
 @pytest.mark.parametrize(
     ("wrong", "says"),
     [
-        (ROWS[2], "rows 6 and 7: order 3 stands there twice"),
+        (ROWS[2], "rows 6 and 7: order 3 occurs twice"),
         (ROWS[3].replace("1,4,", "1,4.5,"), "row 7, column order: 4.5 is not a whole number"),
     ],
 )

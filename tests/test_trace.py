@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from attitude_truth import D1, Bench, Plan, Sensor, simulate, told_the_truth
 
 from fitter.trace.aliases import PER_COLUMN, Products
 from procedures.attitude.trace import trace
+from proving.truth.attitude import D1, Bench, Plan, Sensor, simulate, told_the_truth
 
 X, Y, Z = "x_V", "y_V", "z_V"
 NIGHT = D1(180, 19, 13)  # half of the demo's, whose 2,886 points show no more than these
@@ -103,7 +103,7 @@ def test_same_data_same_answer():
 
 @pytest.mark.usefixtures("few_draws")
 def test_demo_on_a_smaller_design():
-    """A bounded share of the 20-seed study; the whole of it: python -m benchmarks.bench_fit demo."""
+    """A bounded share of the 20-seed study; the whole of it: python -m proving.statistics attitude night."""
     found = [names(trace(simulate(DEMO, SMALL, seed)[0], validate=False)) for seed in (100, 101)]
     assert found == [DEMO_NAMES] * 2
 
@@ -126,7 +126,7 @@ def test_two_replications_do_not_end_in_a_crowd_of_stand_ins():
     ids=["clean", "offsets of replications", "offsets that walk", "an offset that walks all night", "a shaking head"],
 )
 def test_nothing_is_reported_where_nothing_is(bench):
-    """Two runs of three sensors each, fixed seeds; the rates over many: python -m benchmarks.bench_fit clean."""
+    """Two runs of three sensors each, fixed seeds; the rates over many: python -m proving.statistics attitude noise."""
     reported = [names(trace(simulate(bench, D1(90, 13, 13), seed)[0], validate=False)) for seed in range(2)]
     assert reported == [set()] * 2
 

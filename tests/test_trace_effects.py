@@ -1,4 +1,4 @@
-"""Every effect of the catalogue, made by rotations and physics in `attitude_truth`, must be found by its name.
+"""Every effect of the catalogue, made by rotations and physics in `proving/truth`, must be found by its name.
 
 One scenario an effect at least; a catalogue entry without a scenario fails `test_every_effect_has_a_scenario`.
 """
@@ -8,12 +8,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
-from attitude_hidden import CLEAN, HIDDEN, sized
-from attitude_truth import D1, Bench, Plan, Sensor, simulate, told_the_truth
 
 from procedures.attitude.effects import CATALOGUE, separate
 from procedures.attitude.effects.effect import PREREQUISITES
 from procedures.attitude.trace import trace
+from proving.truth.attitude import D1, Bench, Plan, Sensor, simulate, told_the_truth
+from proving.truth.attitude_hidden import CLEAN, HIDDEN, sized
 
 pytestmark = pytest.mark.usefixtures("few_draws")
 

@@ -5,12 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from attitude_hidden import CLEAN, sized
-from attitude_truth import D1, Bench, simulate
 
 from procedures.attitude.effects.head import periods
 from procedures.attitude.effects.thermal import lagged
 from procedures.attitude.trace import trace
+from proving.truth.attitude import D1, Bench, simulate
+from proving.truth.attitude_hidden import CLEAN, sized
 
 X = "x_V"
 PLAN = D1(180, 13, 7)

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from table_truth import CLOCKED, MISSING, Lab, options, simulate
 
 from procedures.errors import DataError
 from procedures.general.column_roles import Roles, roles_of
 from procedures.general.trace import family, search_table, trace_general
 from procedures.table import Table
+from proving.truth.table import CLOCKED, MISSING, Lab, options, simulate
 
 NIST = json.loads((Path(__file__).parent / "reference/nist/linear.json").read_text())["sets"]
 

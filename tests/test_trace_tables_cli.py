@@ -6,11 +6,11 @@ import csv
 import json
 
 import pytest
-from table_truth import MISSING, simulate
 
 from procedures.effects_shown import show_certificate
 from procedures.general.trace import family
 from procedures.words import units
+from proving.truth.table import MISSING, simulate
 from rig.cli import main
 from rig.cli.show import out
 from rig.present.terminal import show

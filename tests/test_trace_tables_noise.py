@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.special import fdtrc
-from table_truth import MISSING, Lab, options, simulate
 
 from procedures.general.column_roles import Roles, roles_of
 from procedures.general.effects.scene import TableScene
@@ -18,6 +17,7 @@ from procedures.general.trace.robust import excess
 from procedures.general.trace.score import View, score
 from procedures.general.trace.shared import RATIOS, Shared
 from procedures.table import Table
+from proving.truth.table import MISSING, Lab, options, simulate
 
 N = 14
 WHEN = np.cumsum(np.random.default_rng(2).uniform(0.3, 2.0, N))

@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 from command import rig
-from pressure_truth import HOMOSCEDASTIC, simulate
 
 from procedures.unused import other_unit
+from proving.truth.pressure import HOMOSCEDASTIC, simulate
 from rig.tables import write_csv
 
 

@@ -70,7 +70,7 @@ def test_air_control_that_is_switched_on_in_mid_run_is_told() -> None:
     bench.twin.registers.write(4200, [63])
     state = bench.driver.read()
     assert not state.running
-    assert state.alarms == ("its Air Control is on, so that it is no cascade; switch it off there",)
+    assert state.alarms == ("its Air Control is on, so it is not a cascade; switch it off there",)
     with pytest.raises(NotReady, match="its Air Control is on"):
         bench.driver.set_temperature(50.0)
     assert bench.plant.chamber("oven").setpoint_degC == pytest.approx(30.0, abs=1e-4)

@@ -121,7 +121,7 @@ def test_a_cascades_ramp_is_set_and_followed(modbus_units: str) -> None:
 def test_a_cascade_with_air_control_on_is_none() -> None:
     bench = oven(cascade=True)
     bench.twin.registers.write(4200, [63])
-    with pytest.raises(NotReady, match="Air Control is on, so that it is no cascade"):
+    with pytest.raises(NotReady, match="Air Control is on, so it is not a cascade"):
         bench.driver.prepare()
 
 

@@ -95,7 +95,7 @@ def test_a_controller_that_does_not_tell_its_unit_needs_it_in_the_bench_file(mod
                 "oven", "sim://w/oven", WatlowF4T.Options(register_map=given, **options), wires, bench.world
             )
 
-        with pytest.raises(BadReply, match=r"does not tell the unit .*; write units = C or F in the bench file"):
+        with pytest.raises(BadReply, match=r"does not report the unit .*; write units = C or F in the bench file"):
             driver().set_temperature(25.0)
         assert bench.plant.chamber("oven").setpoint_degC == 23.0, "nothing was set"
         driver(units=modbus).set_temperature(25.0)

@@ -22,7 +22,7 @@ from rig.run_file.last_word import head_path
 from rig.run_file.live import replace_json, request_path
 from rig.run_file.reader import RunReader
 from rig.run_file.writer import RunWriter
-from rig.versions import versions
+from rig.version import versions
 
 
 def edited(path, statement="UPDATE record SET utc_s = utc_s + 1 WHERE seq = 9"):
@@ -116,7 +116,7 @@ def test_status_of_a_whole_file_says_nothing_of_it_and_of_one_too_long_that_it_i
     monkeypatch.setattr("rig.results.status.VERIFIED", 5)
     shown = rig("status", edited(path))
     assert shown.returncode == 0
-    assert f"not verified, {RunReader.open(path).head()[0]} records take a while: rig verify" in shown.stdout
+    assert f"not verified, {RunReader.open(path).head()[0]} records need some time: rig verify" in shown.stdout
     assert json.loads(rig("status", path, "--json").stdout)["whole"] is None
 
 
@@ -128,7 +128,7 @@ def test_status_of_a_file_cut_short_says_what_is_gone_and_that_a_resume_measures
     shown = rig("status", path)
     assert shown.returncode == 0
     assert "cut short: head: its last 3 record(s) are missing" in " ".join(shown.stdout.split())
-    assert "carry on with: rig resume" in shown.stdout
+    assert "continue with: rig resume" in shown.stdout
 
 
 # --- instruments at other addresses -----------------------------------------------------------------------------------
@@ -250,15 +250,15 @@ def test_a_file_that_was_rescued_says_where_the_run_goes_on_and_is_not_carried_o
     before = path.read_bytes()
     refused = rig("resume", path)
     assert refused.returncode == 2, refused.stderr
-    assert f"the run goes on: rig resume {copy}" in refused.stderr
+    assert f"which continues: rig resume {copy}" in refused.stderr
     assert path.read_bytes() == before
     assert rig("service", path).returncode == 2
     shown = rig("status", path).stdout
-    assert f"carry on with: rig resume {copy}" in shown
+    assert f"continue with: rig resume {copy}" in shown
     checked = rig("verify", path)
     assert checked.returncode == (1 if how == "replaced" else 0), "an older copy lacks what came after it"
     assert f"the run goes on in {copy}" in checked.stdout
-    assert f"carry on with: rig resume {copy}" in rig("status", copy).stdout
+    assert f"continue with: rig resume {copy}" in rig("status", copy).stdout
     assert run_session(copy)[0] is Outcome.COMPLETE
     assert rig("resume", path).returncode == 2
 
@@ -268,5 +268,5 @@ def test_all_that_was_observed_is_in_the_file_that_was_moved_too_and_it_can_go_o
     with RunReader.open(copy) as one, RunReader.open(path) as other:
         assert list(one.chained()) == list(other.chained())[:-1]
     copy.unlink()
-    assert "which is not there: look for it before you carry on here" in rig("status", path).stdout
+    assert "which does not exist: look for it before you resume here" in rig("status", path).stdout
     assert run_session(path)[0] is Outcome.COMPLETE

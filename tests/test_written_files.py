@@ -8,11 +8,11 @@ from pathlib import Path
 from unittest.mock import patch
 
 import pytest
-import whole_plot_truth
 from command import rig
 from dry import LAB, dry
 from small_run import write_small
 
+from proving.truth import whole_plot as whole_plot_truth
 from rig.atomic import check_files, check_writable, write_whole
 from rig.errors import UsageError
 from rig.run_file.live import live_path, read_json, replace_json, request_path, send_request
@@ -43,10 +43,10 @@ def test_a_link_stays_and_the_file_it_leads_to_is_written(tmp_path):
 @pytest.mark.parametrize(
     ("name", "leads_to", "says"),
     [
-        ("stdout", "/proc/self/fd/{fd}", "is no ordinary file"),
-        ("device", "/dev/null", "is no ordinary file"),
+        ("stdout", "/proc/self/fd/{fd}", "is not a regular file"),
+        ("device", "/dev/null", "is not a regular file"),
         ("loop", "loop", "symbolic links"),
-        ("lost", "there/is/no.csv", "there is no folder"),
+        ("lost", "there/is/no.csv", "does not exist"),
     ],
 )
 def test_a_link_that_leads_to_no_file_is_refused_and_stays(tmp_path, name, leads_to, says):
@@ -62,7 +62,7 @@ def test_a_link_that_leads_to_no_file_is_refused_and_stays(tmp_path, name, leads
 
 
 def test_the_standard_output_of_another_name_is_refused(tmp_path):
-    with pytest.raises(UsageError, match="is no ordinary file"):
+    with pytest.raises(UsageError, match="is not a regular file"):
         check_writable(Path("/dev/stdout"))
 
 
@@ -121,7 +121,7 @@ def test_one_file_twice_is_refused_however_it_is_named(tmp_path):
     (tmp_path / "sub").mkdir()
     (tmp_path / "link").symlink_to("a.x")
     for other in ("a.x", "sub/../a.x", "link"):
-        with pytest.raises(UsageError, match="are one file"):
+        with pytest.raises(UsageError, match="are the same file"):
             check_files([tmp_path / "a.x", None, tmp_path / other], [])
     check_files([tmp_path / "a.x", tmp_path / "b.x"], [])
 
@@ -129,7 +129,7 @@ def test_one_file_twice_is_refused_however_it_is_named(tmp_path):
 def test_what_is_read_through_a_link_is_not_overwritten(tmp_path):
     (tmp_path / "data.csv").write_text("x\n1\n")
     (tmp_path / "link").symlink_to("data.csv")
-    with pytest.raises(UsageError, match="is what is read"):
+    with pytest.raises(UsageError, match="is an input"):
         check_files([tmp_path / "link"], [tmp_path / "data.csv"])
 
 
@@ -148,9 +148,9 @@ def test_a_report_and_a_calibration_in_one_file_are_refused_before_any_work(tmp_
     columns |= {name: getattr(data, name) for name in ("sensor_temperature_degC", "sse_temperature_degC")}
     write_csv({**columns, **data.outputs}, tmp_path / "plots.csv")
     done = rig("fit", "plots.csv", "--report", "same.x", "--out", "./same.x", cwd=tmp_path)
-    assert (done.returncode, "are one file" in done.stderr) == (2, True), done.stderr
+    assert (done.returncode, "are the same file" in done.stderr) == (2, True), done.stderr
     done = rig("fit", "plots.csv", "--report", "r.html", "--out", "no/c.json", cwd=tmp_path)
-    assert (done.returncode, "there is no folder" in done.stderr) == (2, True), done.stderr
+    assert (done.returncode, "does not exist" in done.stderr) == (2, True), done.stderr
     assert files(tmp_path) == {"plots.csv"}
 
 
@@ -163,7 +163,7 @@ def test_faults_do_not_overwrite_a_file_that_nobody_named(finished, tmp_path):
     (tmp_path / "night.faults.csv").write_text("precious\n")
     done = rig("export", finished, "--all", "-o", "night.csv", cwd=tmp_path)
     assert done.returncode == 2
-    assert "night.faults.csv, where faults and decisions go with --all, is there and no table of them" in done.stderr
+    assert "night.faults.csv, the file of faults and decisions with --all, is not such a table" in done.stderr
     assert {p.name: p.read_text() for p in tmp_path.iterdir()} == {"night.faults.csv": "precious\n"}
 
 
@@ -188,14 +188,14 @@ def test_a_log_is_not_added_to_another_file_of_the_run(tmp_path, name):
     (tmp_path / "link").symlink_to("bench.toml")
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
     done = rig("run", "small.toml", "--bench", "bench.toml", "--dry", "--log", name, cwd=tmp_path)
-    assert (done.returncode, "nothing is added to it; choose another" in done.stderr) == (2, True), done.stderr
+    assert (done.returncode, "must not be appended to; choose another" in done.stderr) == (2, True), done.stderr
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
 
 
 def test_a_log_is_not_added_to_the_run_that_is_resumed(finished):
     before = finished.read_bytes()
     done = rig("resume", finished, "--log", finished)
-    assert (done.returncode, "is a run file or belongs to one, and nothing is added" in done.stderr) == (2, True), (
+    assert (done.returncode, "is a run file or belongs to one, and must not be appended" in done.stderr) == (2, True), (
         done.stderr
     )
     assert finished.read_bytes() == before
@@ -205,7 +205,7 @@ def test_a_log_is_not_added_to_the_run_that_is_resumed(finished):
 def test_a_tape_is_not_added_to_another_file_of_the_simulated_bench(tmp_path, tape):
     (tmp_path / "bench.toml").write_text((LAB / "bench.toml").read_text())
     done = rig("sim", "bench.toml", "--live", "LIVE.toml", "--tape", tape, "--for", 1, cwd=tmp_path)
-    assert (done.returncode, "has another part in the same command" in done.stderr) == (2, True), done.stderr
+    assert (done.returncode, "is another file of the same command" in done.stderr) == (2, True), done.stderr
     assert files(tmp_path) == {"bench.toml"}
     assert (tmp_path / "bench.toml").read_text() == (LAB / "bench.toml").read_text()
 
@@ -213,7 +213,7 @@ def test_a_tape_is_not_added_to_another_file_of_the_simulated_bench(tmp_path, ta
 def test_a_tape_keeps_nobody_waiting_for_the_other_end_of_a_pipe(tmp_path):
     os.mkfifo(tmp_path / "pipe")
     (tmp_path / "old.sqlite").write_bytes(b"SQLite format 3\0")
-    for tape, says in (("pipe", "pipe is no ordinary file"), ("old.sqlite", "is a run file"), (".", "is a folder")):
+    for tape, says in (("pipe", "pipe is not a regular file"), ("old.sqlite", "is a run file"), (".", "is a folder")):
         done = rig("sim", LAB / "bench.toml", "--live", "LIVE.toml", "--tape", tape, "--for", 1, cwd=tmp_path)
         assert (done.returncode, says in done.stderr) == (2, True), done.stderr
     assert files(tmp_path) == {"pipe", "old.sqlite"}
@@ -235,7 +235,7 @@ def test_a_masked_unit_is_not_installed_without_a_word(tmp_path):
     unit.parent.mkdir(parents=True)
     unit.symlink_to("/dev/null")
     done = rig("service", run, "--user", "--install", env={"XDG_CONFIG_HOME": str(tmp_path)})
-    assert (done.returncode, f"{unit} is no ordinary file" in done.stderr) == (2, True), done.stderr
+    assert (done.returncode, f"{unit} is not a regular file" in done.stderr) == (2, True), done.stderr
     assert unit.is_symlink()
 
 
@@ -243,9 +243,9 @@ def test_a_masked_unit_is_not_installed_without_a_word(tmp_path):
     ("options", "code", "says"),
     [
         (("--world", "."), 78, ". is a folder; name the world file in it"),
-        (("--bench", "none.toml"), 78, "there is no bench file none.toml"),
+        (("--bench", "none.toml"), 78, "bench file none.toml does not exist"),
         (("--world", "wrong.toml"), 78, "wrong.toml is not valid TOML"),
-        (("--out", "wrong.toml"), 2, "wrong.toml is no folder; name one for the run file with --out"),
+        (("--out", "wrong.toml"), 2, "wrong.toml is not a folder; name one for the run file with --out"),
     ],
 )
 def test_a_confirming_run_looks_at_its_files_before_its_work(finished, tmp_path, options, code, says):

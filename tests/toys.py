@@ -45,3 +45,7 @@ def alone(seed: int, folder: Path) -> dict[str, object]:
     others = [path.name for path in folder.glob(f"{os.getpid()}-*") if path != mark]
     mark.unlink()
     return {"others": others, "process": os.getpid()}
+
+
+def times(seed: int, factor: int) -> dict[str, object]:
+    return {"value": factor * seed}

@@ -1,4 +1,4 @@
-"""Wires: what instruments are connected by. Each is opened once and shared by the instruments declared on it."""
+"""Wires: connections to instruments. Each is opened once and shared by the instruments declared on it."""
 
 from __future__ import annotations
 
@@ -22,10 +22,9 @@ class Wires:
 
     Args:
         clock: bench time.
-        simulated: for a dry run, by kind ("modbus", "can"), a factory that takes a `sim://KEY/INSTRUMENT` address
-            and returns what stands in for the wire. Serial `sim://` addresses go through pyserial instead.
-        tap: sees every byte on every wire, as (instrument, "tx" or "rx", bytes).
-
+        simulated: for a dry run, by kind ("modbus", "can"), a factory that takes a `sim://KEY/INSTRUMENT` address and
+            returns the simulated wire. Serial `sim://` addresses go through pyserial instead.
+        tap: called for every transfer on every wire, with (instrument, "tx" or "rx", bytes).
     """
 
     def __init__(
@@ -39,7 +38,8 @@ class Wires:
         self._clock = clock
         self._tap = tap
         self._serial: dict[str, SerialLine] = {}
-        self._modbus: ModbusWires | None = None  # these two are imported where a bench has them: a tenth of a second
+        # these two are imported only for benches that have them: the import takes a tenth of a second
+        self._modbus: ModbusWires | None = None
         self._can: CanWires | None = None
 
     def serial(self, address: str, settings: SerialSettings, name: str = "") -> SerialLine:
@@ -47,12 +47,11 @@ class Wires:
 
         Args:
             address: `/dev/NAME`, `COM4`, `socket://HOST:PORT` or `rfc2217://HOST:PORT`.
-            settings: how the instrument wants to be talked to.
+            settings: settings of the instrument's line.
             name: the bench's name for the instrument, used in messages.
 
         Raises:
             Unreachable: it cannot be opened, or is already open with other settings.
-
         """
         line = self._serial.get(address)
         if line is None:

@@ -1,7 +1,7 @@
-"""Addresses of instruments: the one parser that both the checks of a bench file and the wires themselves use.
+"""Addresses of instruments: one parser for the checks of bench files and for the wires.
 
-What is listed here may be opened, nothing else: no scheme and no option that a library below happens to know (a
-pyserial URL can write files or load modules) gets past it.
+Only the kinds of addresses listed here can be opened. Other schemes and options of a library below are refused: a
+pyserial URL can write files or load modules.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from drivers.wires.ports import DEVICE, is_ip, is_port
 
 _HOST = r"[A-Za-z0-9](?:[A-Za-z0-9._-]*[A-Za-z0-9])?\.?|\[[0-9A-Fa-f:.]+\]"
 _LONGEST_LABEL, _LONGEST_HOST = 63, 253
-"""Of a host's name (RFC 1035)."""
+"""Maximum length of a host's name and of its parts (RFC 1035)."""
 _HOST_PORT = re.compile(rf"(?P<host>{_HOST})(?::(?P<port>[0-9]{{1,5}}))?")
 _SIMULATED = re.compile(r"sim://[\w.-]+/[\w.-]+")
 _VISA = re.compile(r"(?:visa://)?(?P<bus>GPIB|TCPIP|ASRL|USB|VXI|PXI|PRLGX)(?P<rest>[^:]*::.*)", re.IGNORECASE)
@@ -41,7 +41,7 @@ _CAN_CHANNELS = {
     "vector": r"[0-9]{1,3}",
     "gs_usb": r"[0-9]{1,3}",
 }
-"""python-can's adapters that may be opened, and what names one of them; slcan is on a serial device."""
+"""python-can's adapters that may be opened, with the pattern of their channels; slcan is on a serial device."""
 
 Wire = Literal["serial", "modbus", "can"]
 
@@ -51,9 +51,8 @@ class HostPort:
     """A place on the network.
 
     Attributes:
-        host: name or number, an IPv6 number without its brackets.
+        host: name or IP address, IPv6 without brackets.
         port: TCP port.
-
     """
 
     host: str
@@ -62,14 +61,13 @@ class HostPort:
 
 @dataclass(frozen=True)
 class SerialAddress:
-    """Where a serial instrument is.
+    """Address of a serial instrument.
 
     Attributes:
-        kind: "device"; "socket" (bytes over TCP); "rfc2217" (a serial port over TCP); "sim" and "sim-socket" for the
-            twins of these.
-        place: what pyserial is to open.
-        host: of a network address.
-
+        kind: "device"; "socket" (bytes over TCP); "rfc2217" (a serial port over TCP); "sim" and "sim-socket" for twins
+            of these.
+        place: name for pyserial.
+        host: host of a network address.
     """
 
     kind: Literal["device", "socket", "rfc2217", "sim", "sim-socket"]
@@ -84,8 +82,7 @@ class SerialAddress:
         `socket://sim://KEY/NAME`.
 
         Raises:
-            WrongAddress: it is none of these.
-
+            WrongAddress: it has none of these forms.
         """
         if _SIMULATED.fullmatch(address):
             return cls("sim", address)
@@ -107,12 +104,12 @@ class SerialAddress:
 
     @property
     def timed(self) -> bool:
-        """Whether baud rate and frame matter to whoever opens it: a serial server has its own."""
+        """Whether baud rate and frame are set when it is opened: a serial server has its own settings."""
         return self.kind not in ("socket", "sim-socket")
 
     @property
     def simulated(self) -> bool:
-        """Whether a twin in this process is meant."""
+        """Whether it is a twin in this process."""
         return self.kind in ("sim", "sim-socket")
 
     @property
@@ -123,16 +120,15 @@ class SerialAddress:
 
 @dataclass(frozen=True)
 class ModbusAddress:
-    """Where a Modbus device is.
+    """Address of a Modbus device.
 
     Attributes:
-        kind: "tcp"; "rtu" on a serial line; "rtu-over-tcp" behind a serial server; "sim" or "sim-rtu" simulated ones.
-        place: what is opened: "host:port", a serial device, or the simulated address.
+        kind: "tcp"; "rtu" on a serial line; "rtu-over-tcp" behind a serial server; "sim" or "sim-rtu" simulated.
+        place: the opened place: "host:port", a serial device, or the simulated address.
         unit: unit identifier.
-        baud: symbols per second, of a serial line; 9600 is how a Watlow F4T is shipped.
-        frame: data bits, parity, stop bits, of a serial line.
-        host: of a network address.
-
+        baud: symbols per second of a serial line; 9600 is the factory setting of a Watlow F4T.
+        frame: data bits, parity, stop bits of a serial line.
+        host: host of a network address.
     """
 
     kind: Literal["tcp", "rtu", "rtu-over-tcp", "sim", "sim-rtu"]
@@ -150,8 +146,7 @@ class ModbusAddress:
         `modbus-rtu://socket://HOST:PORT/UNIT`, `sim://KEY/NAME`, or `modbus-rtu://sim://KEY/NAME/UNIT`.
 
         Raises:
-            WrongAddress: it is none of these.
-
+            WrongAddress: it has none of these forms.
         """
         if _SIMULATED.fullmatch(address):
             return cls("sim", address, 1)
@@ -189,29 +184,29 @@ class ModbusAddress:
             return cls("sim-rtu", place, unit)
         device = place.removeprefix("/") if re.fullmatch(r"/COM[0-9]+", place, re.IGNORECASE) else place
         if not is_port(device):
-            raise _no_modbus(address, f"{place} is no serial device")
+            raise _no_modbus(address, f"{place} is not a serial device")
         pairs = parse_qsl(query or "", keep_blank_values=True)
         given = dict(pairs)
         if len(given) < len(pairs):
-            raise _no_modbus(address, "an option stands there twice")
+            raise _no_modbus(address, "an option is given twice")
         unknown = given.keys() - {"baud", "frame"}
         if unknown or (query is not None and not given):
             raise _no_modbus(address, f"its options are baud and frame, not {', '.join(sorted(unknown)) or query!r}")
         baud, frame = given.get("baud", "9600"), given.get("frame", "8N1")
         if baud not in map(str, _BAUDS):
-            raise _no_modbus(address, f"baud={baud} is none of {', '.join(map(str, _BAUDS))}")
+            raise _no_modbus(address, f"baud={baud} is not one of {', '.join(map(str, _BAUDS))}")
         if frame not in _FRAMES:
-            raise _no_modbus(address, f"frame={frame} is none of {', '.join(_FRAMES)}")
+            raise _no_modbus(address, f"frame={frame} is not one of {', '.join(_FRAMES)}")
         return cls("rtu", device, unit, int(baud), frame)
 
     @property
     def rtu(self) -> bool:
-        """Whether the device hears it at its serial port, whatever carries the bytes part of the way."""
+        """Whether the device receives requests at its serial port, whatever carries the bytes part of the way."""
         return self.kind in ("rtu", "rtu-over-tcp", "sim-rtu")
 
     @property
     def simulated(self) -> bool:
-        """Whether a twin in this process is meant."""
+        """Whether it is a twin in this process."""
         return self.kind in ("sim", "sim-rtu")
 
     @property
@@ -222,13 +217,12 @@ class ModbusAddress:
 
 @dataclass(frozen=True)
 class CanAddress:
-    """Where a CAN bus is.
+    """Address of a CAN bus.
 
     Attributes:
         interface: python-can's name for the kind of adapter, or "sim" for a simulated bus.
-        channel: which of them: "can0", a serial device, a name, or the whole simulated address.
-        bitrate: bits per second; None leaves it to the adapter.
-
+        channel: name of the channel: "can0", a serial device, a name, or the whole simulated address.
+        bitrate: bits per second; None for the adapter's own setting.
     """
 
     interface: str
@@ -241,8 +235,7 @@ class CanAddress:
         """Read `can:INTERFACE/CHANNEL[?bitrate=B]` or `sim://...`.
 
         Raises:
-            WrongAddress: it is neither.
-
+            WrongAddress: it has neither form.
         """
         if _SIMULATED.fullmatch(address):
             return cls("sim", address)
@@ -262,7 +255,7 @@ class CanAddress:
         if interface not in (*_CAN_CHANNELS, "slcan"):
             why = f"adapters are {', '.join(sorted((*_CAN_CHANNELS, 'slcan')))}, not {interface!r}"
         elif not known:
-            why = f"{channel!r} is no channel of {interface}"
+            why = f"{channel!r} is not a channel of {interface}"
         elif given or (question and rate is None):
             why = "its only option is bitrate"
         elif rate is not None and not re.fullmatch(r"[1-9][0-9]{3,6}", rate):
@@ -273,7 +266,7 @@ class CanAddress:
 
     @property
     def simulated(self) -> bool:
-        """Whether a twin in this process is meant."""
+        """Whether it is a twin in this process."""
         return self.interface == "sim"
 
     @property
@@ -290,11 +283,10 @@ def parse_address(address: str, wire: Wire | None = None) -> Address:
 
     Args:
         address: as in the bench file.
-        wire: what its driver speaks over; None for a driver that does not say, whose address may be any.
+        wire: kind of its driver's wire; None permits any address.
 
     Raises:
-        WrongAddress: nothing of this kind may be opened; says what to write instead.
-
+        WrongAddress: an address of this kind may not be opened; the message says what to write instead.
     """
     if wire == "modbus" or (wire is None and address.startswith("modbus-")):
         return ModbusAddress.parse(address)
@@ -304,7 +296,7 @@ def parse_address(address: str, wire: Wire | None = None) -> Address:
 
 
 def simulated(address: str, place: str) -> str:
-    """The address of the twin at `place` (`sim://KEY/NAME`) that stands in for what is at `address`."""
+    """The address of the twin at `place` (`sim://KEY/NAME`) that replaces the instrument at `address`."""
     if address.startswith("socket:"):
         return f"socket://{place}"
     if address.startswith("modbus-rtu:"):
@@ -313,7 +305,7 @@ def simulated(address: str, place: str) -> str:
 
 
 def _host_port(text: str, default: int | None) -> HostPort | str:
-    """A host and its port, or what is wrong with the text."""
+    """A host and its port, or the defect of the text."""
     found = _HOST_PORT.fullmatch(text)
     if found is None:
         return f"{text!r} is not HOST:PORT" if text else "it names no host"
@@ -329,7 +321,7 @@ def _host_port(text: str, default: int | None) -> HostPort | str:
 
 
 def _host_wrong(host: str) -> str:
-    """Why a host cannot be one, "" if it can."""
+    """Defect of a host name, "" if it is valid."""
     if host.startswith("["):
         try:
             ipaddress.IPv6Address(host.strip("[]"))
@@ -347,32 +339,30 @@ def _host_wrong(host: str) -> str:
 
 
 def _serial_options(scheme: str, query: str) -> str:
-    """What is wrong with the options of a serial address over the network, "" if nothing."""
+    """Defect of the options of a serial address over the network, "" if none."""
     if scheme == "rfc2217":
         for key, value in parse_qsl(query, keep_blank_values=True) or [(query, "")]:
             flag = key in ("ign_set_control", "poll_modem") and not value
             if not flag and not (key == "timeout" and re.fullmatch(r"[0-9]{1,3}(\.[0-9]+)?", value)):
                 return f"its options are ign_set_control, poll_modem and timeout=SECONDS, not {key!r}"
         return ""
-    return (
-        f"socket:// takes no options such as {query!r}; the driver's own stand on lines of their own in the bench file"
-    )
+    return f"socket:// takes no options such as {query!r}; the driver's options are separate keys in the bench file"
 
 
 def _unknown(scheme: str, address: str) -> str:
-    """Why an address of no known scheme is refused."""
+    """Reason for refusing an address of unknown scheme."""
     visa = _VISA.fullmatch(address)
     if visa is not None:
         return f"VISA names are not supported yet; {_instead_of_visa(visa)}"
     if scheme == "sim":
         return "sim:// is for simulated benches"
     if scheme or re.match(r"\w+:", address):
-        return f"{scheme or address.partition(':')[0]}: is not what this driver speaks over, or is not allowed"
+        return f"{scheme or address.partition(':')[0]}: is not a wire of this driver, or is not permitted"
     if address.startswith("/"):
         if DEVICE.fullmatch(address):
-            return "it is no serial port, or named with . or .. or too long a path"
-        return "a path has no spaces and no options; those of the driver are keys of their own in the bench file"
-    return "a device is named by its whole path"
+            return "it is not a serial port, or its path contains . or .. or is too long"
+        return "a path has no spaces and no options; the driver's options are separate keys in the bench file"
+    return "give the absolute path of a device"
 
 
 def _instead_of_visa(visa: re.Match[str]) -> str:

@@ -1,4 +1,4 @@
-"""CAN: buses shared by their instruments, spoken to by SDO or by frames of their own."""
+"""CAN: buses shared by their instruments, with SDO or with raw frames."""
 
 from __future__ import annotations
 
@@ -16,20 +16,19 @@ from drivers.wires.can_node import CanNode
 from drivers.wires.can_transport import CanTransport
 from drivers.wires.serial_line import Tap
 
-_MOST_BUFFERED = 100_000  # frames an adapter may still hold; a bus that brings more at once never falls quiet
+_MOST_BUFFERED = 100_000  # maximum number of frames in an adapter; a bus with more frames at once never becomes silent
 
 Answer = TypeVar("Answer")
 
 
 class CanLine:
-    """A bus as one instrument sees it; the instrument may be several nodes.
+    """A bus for one instrument; the instrument may have several nodes.
 
     Args:
         bus: the bus.
         address: its address, for messages.
         label: the bench's name for the instrument.
-        tap: sees every frame.
-
+        tap: called for every frame.
     """
 
     def __init__(self, bus: CanBus, address: str, label: str = "", tap: Tap | None = None) -> None:
@@ -51,11 +50,10 @@ class CanLine:
         return CanNode(self._bus, node, dictionary, self._address, self._label, self._tap, timeout_s)
 
     def listen(self, can_id: int, heard: Callable[[bytes], None]) -> None:
-        """Have `heard` called with the data of every frame with this identifier, whoever is taking frames.
+        """Call `heard` with the data of every frame with this identifier, whoever receives frames.
 
         Raises:
             Unreachable: another instrument on this bus has this identifier.
-
         """
         if can_id in self._bus.network.subscribers:
             raise Unreachable(f"{self.where}: identifier {can_id:03X}h is already declared on this bus")
@@ -66,15 +64,15 @@ class CanLine:
         self._on_bus(lambda: self._bus.network.send_message(can_id, data))
 
     def pump(self, seconds: float) -> bool:
-        """Take one frame, whomever it concerns, waiting at most so many bench seconds; whether one came."""
+        """Receive one frame of any identifier, waiting at most this many bench seconds; returns whether one came."""
         return self._on_bus(lambda: self._bus.pump(seconds))
 
     def flush(self) -> None:
-        """Take what has already come, so that what comes now is new."""
+        """Receive all waiting frames, so that later ones are new."""
         for _ in range(_MOST_BUFFERED):
             if not self.pump(0.0):
                 return
-        raise BadReply(f"{self.where}: the bus never falls quiet; is it overloaded?")
+        raise BadReply(f"{self.where}: the bus never becomes silent; is it overloaded?")
 
     def _on_bus(self, action: Callable[[], Answer]) -> Answer:
         try:
@@ -98,8 +96,7 @@ class CanWires:
     Args:
         clock: bench time.
         simulated: makes the transport of a `sim://` address.
-        tap: sees every frame.
-
+        tap: called for every frame.
     """
 
     def __init__(

@@ -1,7 +1,7 @@
-"""One CAN bus: frames are taken on the clock that was handed in, and handed to whom they concern.
+"""One CAN bus: frames are received on the clock passed to it, and given to their listeners.
 
-Frames are python-can's. canopen would have a thread take them and wait on a queue that it fills, for 0.3 s of the
-machine's time; here whoever waits for something pumps the bus, so no thread is needed and virtual time works.
+Frames are python-can's. canopen would receive them in a thread and wait on a queue for 0.3 s of real time. Here every
+wait for a reply pumps the bus, so no thread is needed and virtual time works.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from drivers.wires.addresses import CanAddress
 from drivers.wires.can_transport import BusTransport, CanTransport
 
 BUS_ERRORS = (OSError, can.CanError)
-"""What a lost bus raises."""
+"""Errors of a lost bus."""
 
 _QUIET_S = 0.05
 _SDO_REPLIES = range(0x581, 0x600)
@@ -31,13 +31,12 @@ class CanBus:
     """One bus.
 
     Args:
-        address: where it is.
+        address: its address.
         clock: bench time.
         opener: makes the transport of a simulated bus; may raise `OSError`.
 
     Raises:
         Unreachable: it cannot be opened.
-
     """
 
     def __init__(self, address: CanAddress, clock: Clock, opener: Callable[[], CanTransport] | None = None) -> None:
@@ -49,13 +48,15 @@ class CanBus:
         self._transport: CanTransport | None = self._opened(f"{address.interface} {address.channel}")
 
     def begin(self, where: str, log: Callable[[str, bytes], None]) -> None:
-        """Make sure that the bus is open; from now on `log` sees ("tx" or "rx", identifier and data)."""
+        """Open the bus if necessary; from now on `log` is called with ("tx" or "rx", identifier and data)."""
         self._log = log
         if self._transport is None:
             self._transport = self._opened(where)
 
     def pump(self, seconds: float) -> bool:
-        """Take one frame and hand it to whom it concerns, waiting at most so many bench seconds; whether one came."""
+        """Receive one frame and give it to its listeners, waiting at most this many bench seconds; returns whether one
+        came.
+        """
         assert self._transport is not None
         frame = self._transport.recv(self.clock.timeout(seconds) if seconds > 0 else 0.0)
         if frame is None:
@@ -67,7 +68,7 @@ class CanBus:
         return True
 
     def drain(self, where: str) -> None:
-        """Listen until no SDO reply has come for a while, whatever else is sent; raises `BadReply` if they go on."""
+        """Listen until no SDO reply has come for a while. Raises `BadReply` if they do not end."""
         end = self.clock.now() + _TALKS_ON_S
         quiet_at = self.clock.now() + _QUIET_S
         while (left := quiet_at - self.clock.now()) > 0:
@@ -77,7 +78,7 @@ class CanBus:
                 raise BadReply(f"{where}: SDO replies never end; is there a second master on the bus?")
 
     def lost(self, where: str, error: Exception) -> NoReturn:
-        """Give the bus up; it opens again if it is used again."""
+        """Give up the bus; it opens again at its next use."""
         self.close()
         raise Unreachable(f"{where} was lost ({error}); check cable, termination and power") from error
 
@@ -85,7 +86,7 @@ class CanBus:
         """Release the bus; idempotent."""
         transport, self._transport = self._transport, None
         if transport is not None:
-            with contextlib.suppress(*BUS_ERRORS):  # whoever closes does not care that it was gone already
+            with contextlib.suppress(*BUS_ERRORS):  # an error while closing does not matter
                 transport.close()
 
     def _send(self, can_id: int, data: bytes) -> None:
@@ -97,14 +98,14 @@ class CanBus:
         try:
             return self._open()
         except (*BUS_ERRORS, ValueError, NotImplementedError, ImportError, NameError) as error:
-            # a NameError is what is left of an adapter's driver library that is not installed
+            # python-can raises NameError if an adapter's driver library is not installed
             raise Unreachable(
                 f"{where} cannot be opened ({error}); check power, cable, address and permissions"
             ) from error
 
 
 class _Network(canopen.Network):
-    """canopen's network without a bus or a thread of its own."""
+    """canopen's network without a bus or a thread."""
 
     def __init__(self, send: Callable[[int, bytes], None]) -> None:
         super().__init__()
@@ -119,4 +120,4 @@ def _on_wire(can_id: int, data: bytes) -> bytes:
 
 
 def _unlogged(direction: str, data: bytes) -> None:
-    """Nobody listens."""
+    """Does nothing: the default log."""

@@ -1,4 +1,4 @@
-"""One CANopen node: its objects read and written by SDO (CiA 301), as its electronic data sheet has them (CiA 306).
+"""One CANopen node: reading and writing its objects by SDO (CiA 301), as in its electronic data sheet (CiA 306).
 
 The SDO protocol and the object dictionary are canopen's; the waiting is ours.
 """
@@ -23,9 +23,9 @@ from drivers.errors import BadReply, InstrumentError, NoReply
 from drivers.wires.can_bus import BUS_ERRORS, CanBus
 from drivers.wires.serial_line import Tap
 
-logging.getLogger("canopen").addHandler(logging.NullHandler())  # it prints what we raise
+logging.getLogger("canopen").addHandler(logging.NullHandler())  # it prints errors that we raise
 
-_UPLOADED, _DOWNLOADED, _ABORTED = 0x40, 0x60, 0x80  # the server's command specifiers that name the object
+_UPLOADED, _DOWNLOADED, _ABORTED = 0x40, 0x60, 0x80  # the server's command specifiers with the object's index
 _DEVICE_TYPE = 0x1000  # every node has it (CiA 301)
 
 Answer = TypeVar("Answer")
@@ -52,13 +52,13 @@ def read_eds(text: str, node: int) -> ObjectDictionary:
 
 
 def has_object(dictionary: ObjectDictionary, index: int, subindex: int = 0, *, writable: bool = False) -> bool:
-    """Whether a data sheet describes an object that can be read (or written)."""
+    """Whether a data sheet describes an object that is readable (or writable)."""
     variable = dictionary.get_variable(index, subindex)
     return variable is not None and (variable.writable if writable else variable.readable)
 
 
 class _Responses:
-    """What canopen takes for the queue that a thread fills. Waiting for a reply pumps the bus."""
+    """Replaces canopen's queue that a thread fills. Waiting for a reply pumps the bus."""
 
     def __init__(self, bus: CanBus, seconds: float) -> None:
         self._bus = bus
@@ -68,7 +68,7 @@ class _Responses:
         self.foreign = b""
 
     def expect(self, index: int, subindex: int) -> None:
-        """Only what is about this object counts from now on: canopen takes any confirmation for that of its write."""
+        """Accept only frames about this object from now on: canopen takes any confirmation for that of its write."""
         self._asked = struct.pack("<HB", index, subindex)
         self.foreign = b""
 
@@ -80,7 +80,7 @@ class _Responses:
             self.foreign = frame
 
     def empty(self) -> bool:
-        """Asked before a request is sent: what is still here is from before, and is forgotten."""
+        """Called by canopen before a request is sent: waiting frames are old, and are discarded."""
         self._frames.clear()
         return True
 
@@ -98,18 +98,17 @@ class CanNode:
     """One node on a bus.
 
     Args:
-        bus: what it is on.
+        bus: its bus.
         node: node identifier, 1 to 127.
         dictionary: its objects.
         address: the bus's address, for messages.
         label: the bench's name for the instrument.
-        tap: sees every frame, as two bytes of identifier and the data.
+        tap: called for every frame, with two bytes of identifier and the data.
         timeout_s: bench seconds to wait for a reply.
 
     Attributes:
         exchanges: requests sent so far, repeated ones included.
         retries: reads that had to be repeated.
-
     """
 
     def __init__(
@@ -128,7 +127,7 @@ class CanNode:
         self._tap = tap
         self._timeout_s = timeout_s
         self._out_of_step = False
-        self._owed = False  # an answer that may still come
+        self._owed = False  # number of an answer that may still come
         self.where = f"{f'{label} at ' if label else ''}{address} node {node}"
         self.exchanges = 0
         self.retries = 0
@@ -139,7 +138,7 @@ class CanNode:
         self._sdo: SdoClient = remote.sdo
 
     def has(self, index: int, subindex: int = 0, *, writable: bool = False) -> bool:
-        """Whether its EDS describes an object that can be read (or written)."""
+        """Whether its EDS describes an object that is readable (or writable)."""
         return has_object(self._dictionary, index, subindex, writable=writable)
 
     def read(self, index: int, subindex: int = 0) -> int | str:
@@ -147,9 +146,8 @@ class CanNode:
 
         Raises:
             NoReply, BadReply: twice in a row.
-            InstrumentError: the node refuses; its code is the SDO abort code.
+            InstrumentError: the node refuses; the code is the SDO abort code.
             Unreachable: the bus is gone.
-
         """
         variable = self._variable(index, subindex)
         try:
@@ -165,7 +163,7 @@ class CanNode:
             ) from error
 
     def number(self, index: int, subindex: int = 0) -> int:
-        """Read an object that is a number; otherwise as `read`."""
+        """Read a numeric object; otherwise as `read`."""
         value = self.read(index, subindex)
         if isinstance(value, str):
             raise BadReply(f"{self.where} answered the text {value!r} where a number was expected")
@@ -175,10 +173,9 @@ class CanNode:
         """Write an object. Never repeated.
 
         Raises:
-            NoReply, BadReply: it may have been carried out or not: read back.
-            InstrumentError: the node refuses; its code is the SDO abort code.
+            NoReply, BadReply: the write may have been carried out: read back.
+            InstrumentError: the node refuses; the code is the SDO abort code.
             Unreachable: the bus is gone.
-
         """
         variable = self._variable(index, subindex)
         data = variable.encode_raw(value)
@@ -192,7 +189,7 @@ class CanNode:
         self._ask(request, f"writing {value} to {_name(variable)}")
 
     def close(self) -> None:
-        """Release the bus; idempotent. It opens again if anybody on it speaks again."""
+        """Release the bus; idempotent. It opens again at its next use."""
         self._bus.close()
 
     def _variable(self, index: int, subindex: int) -> ODVariable:
@@ -202,9 +199,9 @@ class CanNode:
         return variable
 
     def _upload(self, index: int, subindex: int, what: str) -> bytes:
-        """Read an object. A node answers in order: after a missing answer it is asked for another object first.
+        """Read an object. After a missing answer the node is asked for another object first, since it answers in order.
 
-        Whatever is late has come when that answer comes. A write is not held up by this: a stop must go out at once.
+        So a late answer comes before that answer. A write does not wait for this: a stop must be sent at once.
         """
 
         def request(index: int, subindex: int) -> bytes:

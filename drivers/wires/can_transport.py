@@ -1,4 +1,4 @@
-"""What carries CAN frames: python-can's buses behind one small face."""
+"""Transport of CAN frames: python-can's buses behind a small interface."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ import can
 
 from drivers.wires.addresses import CanAddress
 
-logging.getLogger("can").addHandler(logging.NullHandler())  # it prints what we raise
+logging.getLogger("can").addHandler(logging.NullHandler())  # it prints errors that we raise
 
 _ADAPTER_STARTS_S = 2.0  # serial adapters restart when their port is opened
-_MOST_SKIPPED = 1000  # frames of other kinds taken at once
+_MOST_SKIPPED = 1000  # maximum number of other frames skipped at once
 
 Frame = tuple[int, bytes]
 """Identifier (11 bits) and data of a CAN frame."""
 
 
 class CanTransport(Protocol):
-    """What carries the frames. Every method may raise `OSError` or `can.CanError` when the bus is gone."""
+    """Transport of CAN frames. Every method may raise `OSError` or `can.CanError` if the bus is lost."""
 
     def send(self, can_id: int, data: bytes) -> None:
         """Send a frame."""
         ...
 
     def recv(self, seconds: float) -> Frame | None:
-        """The next frame, waiting at most that long for it."""
+        """The next frame, waiting at most this long, in real seconds."""
         ...
 
     def close(self) -> None:
@@ -36,7 +36,7 @@ class CanTransport(Protocol):
 
 
 class BusTransport:
-    """A bus that python-can knows. Raises `OSError`, `ValueError` or `can.CanError` if it cannot be opened."""
+    """A bus known to python-can. Raises `OSError`, `ValueError` or `can.CanError` if it cannot be opened."""
 
     def __init__(self, address: CanAddress) -> None:
         options: dict[str, Any] = {}
@@ -53,14 +53,14 @@ class BusTransport:
         self._open().send(can.Message(arbitration_id=can_id, data=data, is_extended_id=False))
 
     def recv(self, seconds: float) -> Frame | None:
-        """See `CanTransport.recv`; extended, remote and error frames are not for us."""
+        """See `CanTransport.recv`; extended, remote and error frames are skipped."""
         message = self._open().recv(seconds)
         for _ in range(_MOST_SKIPPED):
             if message is None:
                 return None
             if not (message.is_extended_id or message.is_remote_frame or message.is_error_frame):
                 return message.arbitration_id, bytes(message.data)
-            message = self._open().recv(0.0)  # one of ours may have come behind it
+            message = self._open().recv(0.0)  # a data frame may follow
         return None
 
     def close(self) -> None:

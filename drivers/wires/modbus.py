@@ -1,7 +1,7 @@
 """Modbus: the devices on a TCP connection or a serial line, which share one master (`drivers.wires.modbus_wire`).
 
-Nothing is sent again in silence: a read may be repeated once, a write never, unless the device itself said that it did
-nothing (exception 6, busy).
+No request is repeated silently: a read may be repeated once; a write is never repeated, unless the device itself
+reported that it did nothing (exception 6, busy).
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from drivers.wires.serial_line import Tap
 
 _BUSY, _BUSY_WAIT_S, _BUSY_TRIES = 6, 0.2, 10
 _EXCEPTIONS = {
-    1: "it does not have this function",
+    1: "it does not support this function",
     2: "it has no such register",
     3: "it does not accept this value",
     4: "it failed to carry it out",
-    5: "it has accepted the request and needs long for it",
+    5: "it has accepted the request and needs a long time for it",
     6: "it is busy",
     8: "its memory has a parity error",
     10: "the gateway is misconfigured or overloaded",
@@ -39,20 +39,20 @@ class ModbusLine:
     """One device on a Modbus wire.
 
     Args:
-        wire: what it is on.
+        wire: its wire.
         place: its address, parsed.
         address: its address, for messages.
         label: the bench's name for it.
-        tap: sees every byte.
+        tap: called for every transfer.
         timeout_s: bench seconds to wait for a reply.
 
     Attributes:
         exchanges: requests sent so far, repeated ones included.
-        retries: requests that had to be sent again.
-        rtu: the device hears it at its serial port, also behind a serial server; at its own network port otherwise.
-        known: first address and number of words in a row that the device has, more than 3; (0, 0) if nobody says so.
-            After a missing answer on a serial line some of them are read, where the device ignores the loopback.
-
+        retries: repeated requests.
+        rtu: whether the device is reached at its serial port, also behind a serial server; otherwise at its network
+            port.
+        known: first address and number, more than 3, of existing consecutive words; (0, 0) if unknown. After a missing
+            answer on a serial line some of them are read if the device ignores the loopback.
     """
 
     def __init__(
@@ -83,8 +83,7 @@ class ModbusLine:
 
         Raises:
             NoReply, BadReply, Unreachable: twice in a row.
-            InstrumentError: the device refuses; its code is the Modbus exception.
-
+            InstrumentError: the device refuses; the code is the Modbus exception.
         """
 
         def request(client: ModbusTcpClient) -> ModbusPDU:
@@ -104,10 +103,9 @@ class ModbusLine:
         """Write holding registers from `address` on: one by function 6, several by function 16. Never repeated.
 
         Raises:
-            NoReply, BadReply: it may have been carried out or not: read back.
+            NoReply, BadReply: the write may have been carried out: read back.
             Unreachable: the wire is gone.
-            InstrumentError: the device refuses; its code is the Modbus exception.
-
+            InstrumentError: the device refuses; the code is the Modbus exception.
         """
         values = list(words)
 
@@ -123,7 +121,7 @@ class ModbusLine:
             raise BadReply(f"{self.where} confirms something else than writing {values} at register {address}: {reply}")
 
     def close(self) -> None:
-        """Release the wire; idempotent. It opens again if anybody on it speaks again."""
+        """Release the wire; idempotent. It opens again at its next use."""
         self._wire.close()
 
     def _words(self, request: Callable[[ModbusTcpClient], ModbusPDU], address: int, count: int) -> list[int]:
@@ -138,7 +136,7 @@ class ModbusLine:
         for _ in range(_BUSY_TRIES):
             if not (isinstance(reply, ExceptionResponse) and reply.exception_code == _BUSY):
                 break
-            self._wire.clock.sleep(_BUSY_WAIT_S)  # it has done nothing, so asking again repeats nothing
+            self._wire.clock.sleep(_BUSY_WAIT_S)  # it has done nothing, so a repetition is safe
             self.retries += 1
             reply = self._once_or_twice(request, repeat=repeat)
         if isinstance(reply, ExceptionResponse):
@@ -185,8 +183,7 @@ class ModbusWires:
     Args:
         clock: bench time.
         simulated: makes the transport of a `sim://` address.
-        tap: sees every byte.
-
+        tap: called for every transfer.
     """
 
     def __init__(

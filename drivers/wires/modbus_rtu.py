@@ -1,4 +1,4 @@
-"""Modbus RTU: whether bytes are the one answer to a request, and requests that no late answer fits.
+"""Modbus RTU: recognition of the one answer to a request, and requests whose answers are distinct from late ones.
 
 A frame of a serial line has no transaction number: a late answer to one request may look like an answer to the next.
 Sources: MODBUS Application Protocol 1.1b3, 6.8.1 (return query data); MODBUS over Serial Line 1.02, 2.5.1.
@@ -15,15 +15,15 @@ from drivers.errors import BadReply
 
 _READS, _WRITE_ONE, _LOOPBACK, _WRITE = (3, 4), 6, 8, 16
 _EXCEPTION_SIZE, _ECHO_SIZE = 5, 8
-_LEAST = 3  # words of a read that is made to be distinguished from others: numbers and codes have one or two
+_LEAST = 3  # number of words in a read that must be distinct from others: numbers and codes have one or two
 
 
 class OutOfStep(BadReply):
-    """Bytes came that nobody asked for. Asking again does not mend what was believed before."""
+    """Unrequested bytes came. Asking again does not repair a wrong answer that was accepted before."""
 
 
 def framed(unit: int, pdu: bytes) -> bytes:
-    """A request or an answer with its unit and check sum."""
+    """A request or an answer with its unit and checksum."""
     return _summed(bytes((unit,)) + pdu)
 
 
@@ -32,7 +32,7 @@ def _summed(body: bytes) -> bytes:
 
 
 def fits(heard: bytes, sent: bytes) -> bool:
-    """Whether these bytes are one whole answer to that request, with nothing before it and nothing after it."""
+    """Whether these bytes are exactly one whole answer to that request, with nothing before or after it."""
     if len(heard) < _EXCEPTION_SIZE or heard != _summed(heard[:-2]) or heard[0] != sent[0]:
         return False
     function = sent[1]
@@ -48,23 +48,22 @@ def fits(heard: bytes, sent: bytes) -> bool:
 
 def ends_with_answer(heard: bytes, sent: bytes) -> bool:
     """Whether the last of these bytes are the answer to a request of `questions`, whatever came before."""
-    if sent[1] == _LOOPBACK:  # no other request has this function, so that its refusal is an answer, too
+    if sent[1] == _LOOPBACK:  # no other request has this function, so a refusal of it is an answer too
         return fits(heard[-_ECHO_SIZE:], sent) or fits(heard[-_EXCEPTION_SIZE:], sent)
     answer = heard[-5 - 2 * sent[5] :]
     return fits(answer, sent) and answer[1] == sent[1]
 
 
 def questions(unit: int, number: int, known: tuple[int, int]) -> Iterator[bytes]:
-    """Requests that no answer to another one fits.
+    """Requests whose answers fit no other request.
 
-    The loopback sends back a number that changes. A device that does not know it should say so; for one that says
-    nothing there is a read of more words than any other, and of another count than the last time.
+    The loopback returns a number that changes. A device without it should refuse it. For a device that ignores it there
+    is a read with more words than any other read, and with another number of words than the last time.
 
     Args:
         unit: the device.
-        number: of this attempt; another one each time.
-        known: first address and number of words that the device is known to have in a row; (0, 0) if none.
-
+        number: number of this attempt; different each time.
+        known: first address and number of existing consecutive words of the device; (0, 0) if none.
     """
     yield framed(unit, struct.pack(">BHH", _LOOPBACK, 0, number % 0xFFFF + 1))
     address, most = known

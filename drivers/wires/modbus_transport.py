@@ -1,4 +1,4 @@
-"""What carries Modbus frames: TCP connections and serial lines."""
+"""Transport of Modbus frames: TCP connections and serial lines."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ _CONNECT_S = 3.0
 
 
 class Transport(Protocol):
-    """What carries the bytes. Every method may raise `OSError` when the wire is gone."""
+    """Transport of bytes. Every method may raise `OSError` if the wire is lost."""
 
     def send(self, data: bytes) -> None:
-        """Send all of it."""
+        """Send all bytes."""
         ...
 
     def recv(self, seconds: float) -> bytes:
-        """What has come, waiting at most that long for the first byte; empty if none came."""
+        """Received bytes, waiting at most this long for the first; empty if none came."""
         ...
 
     def close(self) -> None:
@@ -30,7 +30,7 @@ class Transport(Protocol):
 
 
 def silence_s(baud: int) -> float:
-    """Seconds of silence between two frames of a serial line. Source: MODBUS over Serial Line 1.02, 2.5.1.1."""
+    """Silence between two frames of a serial line, seconds. Source: MODBUS over Serial Line 1.02, 2.5.1.1."""
     return 0.00175 if baud > 19200 else 3.5 * 11 / baud  # fixed above 19200 baud
 
 
@@ -48,7 +48,8 @@ class TcpTransport:
     def recv(self, seconds: float) -> bytes:
         """See `Transport.recv`."""
         self._socket.settimeout(seconds)
-        if hasattr(socket, "TCP_QUICKACK"):  # else the sender may keep the rest until our next request acknowledges
+        # otherwise the sender may keep the rest until our next request acknowledges
+        if hasattr(socket, "TCP_QUICKACK"):
             self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_QUICKACK, 1)
         try:
             heard = self._socket.recv(4096)
@@ -64,9 +65,10 @@ class TcpTransport:
 
 
 class RtuTransport:
-    """A serial line. Blocks for the first byte and takes what came with it: no polling, so no added latency.
+    """A serial line. Blocks for the first byte and returns the bytes that came with it: no polling, so no added
+    latency.
 
-    Frames are told apart by silence, so a request waits until the line has been silent for 3.5 characters.
+    Frames are separated by silence, so a request waits until the line has been silent for 3.5 characters.
     """
 
     def __init__(self, address: ModbusAddress, clock: Clock) -> None:

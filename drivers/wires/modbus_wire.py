@@ -1,6 +1,6 @@
-"""One Modbus master on a TCP connection or a serial line: requests and replies, and staying in step with the devices.
+"""One Modbus master on a TCP connection or a serial line: requests, replies, and synchronisation with the devices.
 
-The protocol is pymodbus's; the wire under it is ours. A late reply never answers the next request.
+The protocol is pymodbus's; the wire below it is ours. A late reply never answers the next request.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ from drivers.wires.addresses import ModbusAddress
 from drivers.wires.modbus_rtu import OutOfStep, ends_with_answer, fits, questions
 from drivers.wires.modbus_transport import Transport, open_transport, silence_s
 
-logging.getLogger("pymodbus").addHandler(logging.NullHandler())  # it prints what we raise
+logging.getLogger("pymodbus").addHandler(logging.NullHandler())  # it prints errors that we raise
 
 _QUIET_S = 0.3
-_SERVER_SILENCE_S = 0.02  # a serial server sends on what it has after at most some milliseconds
+_SERVER_SILENCE_S = 0.02  # a serial server sends received bytes on within some milliseconds
 _TALKS_ON_S = 10.0
 _LEAST_WAIT_S = 1e-4
 
 
 class _Client(ModbusTcpClient):
-    """pymodbus's synchronous client with our wire under it."""
+    """pymodbus's synchronous client on our wire."""
 
     def __init__(self, framer: FramerType, seconds: float, send: Callable[[bytes], None], hear: Callable[[], bytes]):
         super().__init__("", framer=framer, timeout=seconds, retries=0)
@@ -57,13 +57,12 @@ class ModbusWire:
     """One connection or line, shared by the devices on it.
 
     Args:
-        address: any of its devices' addresses.
+        address: the address of any of its devices.
         clock: bench time.
         opener: makes the transport of a simulated device; may raise `OSError`.
 
     Raises:
         Unreachable: it cannot be opened.
-
     """
 
     def __init__(self, address: ModbusAddress, clock: Clock, opener: Callable[[], Transport] | None = None) -> None:
@@ -73,7 +72,7 @@ class ModbusWire:
         self._framer = FramerType.RTU if self._rtu else FramerType.SOCKET
         self._silence_s = _SERVER_SILENCE_S if address.host else silence_s(address.baud)
         self._out_of_step = False
-        self._owing: set[int] = set()  # units that may yet answer what they were asked before
+        self._owing: set[int] = set()  # units from which a late answer may still come
         self._numbers = count(1)
         self._trusted = False
         self._heard_at = clock.now()
@@ -98,19 +97,18 @@ class ModbusWire:
         """Send one request and wait for its reply, which may be an exception response.
 
         Args:
-            request: makes the request with a client.
+            request: builds the request with a client.
             unit: the device it goes to.
             where: the device, for messages.
             seconds: bench seconds to wait.
-            log: sees ("tx" or "rx", bytes).
-            known: first address and number of words in a row that the device is known to have.
+            log: called with ("tx" or "rx", bytes).
+            known: first address and number of existing consecutive words of the device.
 
         Raises:
-            NoReply: nothing came in time.
-            BadReply: what came is no reply to this, or not only.
-            OutOfStep: more came after an earlier reply; nothing was sent.
+            NoReply: no bytes came in time.
+            BadReply: the bytes are not exactly a reply to this request.
+            OutOfStep: bytes came after an earlier reply; nothing was sent.
             Unreachable: the wire is gone.
-
         """
         self._log, self._heard = log, b""
         self._seconds, self._asked_s = self.clock.timeout(seconds), seconds
@@ -129,14 +127,14 @@ class ModbusWire:
             self._heard = b""
             reply = request(self._client)
             if self._rtu and not fits(self._heard, self._sent):
-                raise ModbusException("more or less than the one reply")
+                raise ModbusException("more or less than one reply")
             self._trusted = True
             return reply
         except ModbusException as error:
             self.doubt(unit)
             if self._heard:
                 raise BadReply(
-                    f"{where} sent {self._heard[:40]!r}, which is no reply to the request, or not only; "
+                    f"{where} sent {self._heard[:40]!r}, which is not exactly one reply to the request; "
                     f"check baud rate, parity, unit, echo, and whether it speaks TCP or RTU"
                 ) from error
             raise self._silent(where) from error
@@ -144,20 +142,21 @@ class ModbusWire:
             self._lost(where, unit, error)
 
     def doubt(self, unit: int) -> None:
-        """Bring the line, and this unit, back in step before the next request."""
+        """Synchronise the line and this unit before the next request."""
         if self._client is not None:
-            self._last_number = self._client.transaction.next_tid  # else a late reply would have the next one's number
-        self._client = None  # it counts failures and acts on them
+            # otherwise a late reply would have the number of the next one
+            self._last_number = self._client.transaction.next_tid
+        self._client = None  # it counts failures and reacts to them
         self._out_of_step = True
         self._trusted = False
         if self._rtu:
             self._owing.add(unit)
 
     def close(self) -> None:
-        """Release the wire; idempotent. It opens again if it is used again."""
+        """Release the wire; idempotent. It opens again at its next use."""
         transport, self._transport = self._transport, None
         if transport is not None:
-            with contextlib.suppress(OSError):  # whoever closes does not care that it was gone already
+            with contextlib.suppress(OSError):  # an error while closing does not matter
                 transport.close()
 
     def _send(self, data: bytes) -> None:
@@ -176,7 +175,7 @@ class ModbusWire:
         return heard
 
     def _refuse_unasked(self, unit: int, where: str) -> None:
-        """Wait for the silence between two frames; what comes in it puts the reply before it in doubt."""
+        """Wait for the silence between two frames; bytes in it put the previous reply in doubt."""
         assert self._transport is not None
         self.clock.sleep(self._heard_at + self._silence_s - self.clock.now())
         heard = self._transport.recv(_LEAST_WAIT_S)
@@ -187,12 +186,12 @@ class ModbusWire:
         self.doubt(unit)
         if trusted:
             raise OutOfStep(
-                f"{where}: {heard[:40]!r} came after a reply, unasked; that reply may have been a late one to an "
+                f"{where}: {heard[:40]!r} came after a reply, without a request; that reply may be a late one to an "
                 f"earlier request; nothing was sent; is there a second master, an echo or noise on the line?"
             )
 
     def _synchronise(self, unit: int, known: tuple[int, int], where: str) -> None:
-        """Ask what only one answer fits; everything before that answer was late, and is forgotten."""
+        """Send a request whose answer fits no other; earlier bytes were late, and are discarded."""
         for question in questions(unit, next(self._numbers), known):
             self._heard = b""
             end = self.clock.now() + _TALKS_ON_S
@@ -217,7 +216,7 @@ class ModbusWire:
         while heard := self._transport.recv(self.clock.timeout(_QUIET_S)):
             self._log("rx", heard)
             if self.clock.now() > end:
-                raise BadReply(f"{where}: the line never falls silent; is there a second master on it?")
+                raise BadReply(f"{where}: the line never becomes silent; is there a second master on it?")
         self._out_of_step = False
 
     def _connected(self, where: str) -> Transport:
@@ -230,9 +229,9 @@ class ModbusWire:
 
     def _lost(self, where: str, unit: int, error: OSError) -> NoReturn:
         self.close()
-        self.doubt(unit)  # a serial server may have kept what the device answered
+        self.doubt(unit)  # a serial server may have kept the device's answers
         raise Unreachable(f"{where} was lost ({error}); check cable and power") from error
 
 
 def _unlogged(direction: str, data: bytes) -> None:
-    """Nobody listens."""
+    """Does nothing: the default log."""

@@ -1,4 +1,4 @@
-"""Which devices may be serial ports, by name alone: to open one to find out may do harm."""
+"""Devices that may be serial ports, by name alone: opening a device to find out may do harm."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ _NO_PORT = re.compile(
     r"|(nvme|mmcblk|loop|dm-|md|sr|sg|ram|zram)\d.*)|/dev|/(proc|sys)/.*|.*/\.\.?(/.*)?|COM0",
     re.IGNORECASE,
 )
-"""What looks like a device and is no port. To open some of it does harm: a watchdog restarts the machine."""
+"""Devices that are not ports. Opening some of them does harm: a watchdog restarts the machine."""
 _LONGEST_PATH = 255
 
 
 def is_port(text: str) -> bool:
-    """Whether a text names a device by its whole path, or as COM4, that may be a serial port."""
+    """Whether a text is the absolute path of a possible serial port, or a name such as COM4."""
     return DEVICE.fullmatch(text) is not None and not _NO_PORT.fullmatch(text) and len(text) <= _LONGEST_PATH
 
 

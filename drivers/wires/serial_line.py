@@ -1,12 +1,12 @@
 """A serial line that carries text commands and text replies, one query at a time.
 
-The line opens what `drivers.wires.addresses` allows (`/dev/ttyUSB0`, `COM4`, `socket://host:5025`, `rfc2217://...`).
-It never resends a command that may have been carried out. After a surprising reply it listens until the instrument is
-silent before it asks again. After a missing one it asks what only one answer fits: a line keeps order, so that whatever
-was late has come when that answer comes, and cannot answer the next question.
+The line opens addresses permitted by `drivers.wires.addresses` (`/dev/ttyUSB0`, `COM4`, `socket://host:5025`,
+`rfc2217://...`). It never repeats a command that may have been carried out. After an unexpected reply it listens until
+the instrument is silent before it asks again. After a missing reply it asks a question whose answer fits no other
+question. A line keeps the order of answers, so late ones come before that answer and cannot answer the next question.
 
-XON and XOFF, which an instrument may send at any moment, are no part of what it says. One bit makes XON of a 1 and XOFF
-of a 3, though: of an instrument that is not declared to use them, an answer with one is asked for again.
+XON and XOFF, which an instrument may send at any moment, are not part of an answer. But an error of one bit makes XON
+of a 1 and XOFF of a 3. So an answer with one of them is asked for again if the instrument is not declared to use them.
 """
 
 from __future__ import annotations
@@ -27,19 +27,19 @@ from drivers.wires.serial_options import Flow, flow_arguments, flow_refused
 try:
     import termios
 
-    _PORT_ERRORS: tuple[type[Exception], ...] = (OSError, termios.error)  # pyserial lets the latter through
+    _PORT_ERRORS: tuple[type[Exception], ...] = (OSError, termios.error)  # pyserial does not convert the latter
 except ImportError:  # Windows has no termios; its port errors are all OSError
     _PORT_ERRORS = (OSError,)
 
 Frame = Literal["7E1", "7E2", "7O1", "7O2", "8N1", "8N2", "8E1", "8O1"]
-"""Data bits, parity, stop bits, as instruments print it."""
+"""Data bits, parity, stop bits, as printed in manuals of instruments."""
 
 Tap = Callable[[str, str, bytes], None]
 """Called with (instrument, "tx" or "rx", bytes) for every transfer."""
 
 _OPEN_ERRORS: tuple[type[Exception], ...] = (*_PORT_ERRORS, ValueError)
 _BITS_PER_CHARACTER = 11
-_SLOWEST_BAUD = 1200  # of a line behind a serial server
+_SLOWEST_BAUD = 1200  # for a line behind a serial server
 _WRITE_TIMEOUT_S = 5.0
 _LONGEST_REPLY = 1 << 20
 _TALKS_ON_S = 10.0
@@ -48,7 +48,7 @@ _NOT_SAID = bytes([0x11, 0x13])  # XON and XOFF: flow control, never part of an 
 
 
 class _Port(Protocol):
-    """What is used of a pyserial port; pyserial's own base class does not declare all of it."""
+    """The used part of a pyserial port; pyserial's own base class does not declare all of it."""
 
     timeout: float | None
     dtr: bool
@@ -62,19 +62,18 @@ class _Port(Protocol):
 
 @dataclass(frozen=True)
 class SerialSettings:
-    """How an instrument wants to be talked to.
+    """Settings of an instrument's line.
 
     Attributes:
         baud: symbols per second.
         frame: data bits, parity, stop bits.
         flow: flow control of a real port; a pseudo-terminal or a simulated line has none.
-        send_end: what ends a command.
+        send_end: end of a command.
         reply_end: last character of a reply; white space around a reply is not part of it.
         timeout_s: bench seconds within which an ordinary reply is complete.
-        quiet_s: bench seconds of silence after which an upset line counts as in step again.
-        sync: a question without side effects that is asked for nothing else, and what every answer to it contains;
-            None if there is none, and silence must do.
-
+        quiet_s: bench seconds of silence after which the line counts as synchronised again.
+        sync: a question without side effects that is only used for synchronisation, and a pattern of all its answers;
+            None if there is none, and silence must be enough.
     """
 
     baud: int
@@ -91,19 +90,18 @@ class SerialLine:
     """One open serial line.
 
     Args:
-        address: where it is, see `drivers.wires.addresses`.
-        settings: how the instrument wants to be talked to.
+        address: its address, see `drivers.wires.addresses`.
+        settings: settings of the instrument's line.
         clock: bench time.
-        label: who is at the other end, for messages and the wire log.
-        tap: sees every byte.
+        label: name of the instrument, for messages and the wire log.
+        tap: called for every transfer.
 
     Attributes:
         exchanges: queries sent so far, repeated ones included.
-        retries: queries that had to be sent a second time.
+        retries: repeated queries.
 
     Raises:
         Unreachable: the address cannot be opened.
-
     """
 
     def __init__(
@@ -118,25 +116,25 @@ class SerialLine:
         self.retries = 0
         self._tap = tap
         self._out_of_step = False
-        self._owed = False  # an answer that may still come
-        self._doubtful = False  # something was taken out of the last answer that may have been a changed digit
+        self._owed = False  # number of an answer that may still come
+        self._doubtful = False  # something was removed from the last answer that may have been a changed digit
         self._port: _Port | None = self._open()
 
     @property
     def where(self) -> str:
-        """The instrument and its address, as messages name them."""
+        """The instrument and its address, for messages."""
         return self.label if self.label == self.address else f"{self.label} at {self.address}"
 
     @property
     def port_settings(self) -> str:
-        """Settings of the port, as messages name them; empty over TCP, where they are the serial server's."""
+        """Settings of the port, for messages; empty over TCP, where they are the serial server's."""
         if not self._place.timed:
             return ""
         flow = "" if self.settings.flow == "none" else f", flow control {self.settings.flow}"
         return f"{self.settings.baud} baud {self.settings.frame}{flow}"
 
     def write(self, text: str) -> None:
-        """Send a command that has no reply, at once: it cannot be mistaken for anything. Raises `Unreachable`."""
+        """Send a command without reply, at once: it cannot be mistaken for another. Raises `Unreachable`."""
         port = self._port or self._reopened()
         try:
             self._send(port, text)
@@ -148,19 +146,18 @@ class SerialLine:
         return self.query_lines(text, 1, timeout_s, repeat=repeat)[0]
 
     def query_lines(self, text: str, count: int, timeout_s: float | None = None, *, repeat: bool = True) -> list[str]:
-        """Send a question that has `count` lines of answer.
+        """Send a question with `count` lines of answer.
 
         Args:
             text: the question, without its terminator.
-            count: lines to wait for.
-            timeout_s: bench seconds of silence to bear; the line's own setting if None.
-            repeat: the question has no side effect and may be asked a second time.
+            count: number of expected lines.
+            timeout_s: maximum bench seconds of silence; the line's own setting if None.
+            repeat: whether the question has no side effect and may be repeated.
 
         Raises:
-            NoReply: nothing, or not all of it, in time.
+            NoReply: no complete answer in time.
             BadReply: more lines than expected, or bytes that are not text.
             Unreachable: the port is gone.
-
         """
         timeout = self.settings.timeout_s if timeout_s is None else timeout_s
         lines: list[str] = []
@@ -182,16 +179,15 @@ class SerialLine:
         return again
 
     def drain(self, waiting: int = 0) -> None:
-        """Listen until the instrument has been silent for `quiet_s`, and forget what it said.
+        """Listen until the instrument has been silent for `quiet_s`, and discard its bytes.
 
         Args:
-            waiting: bytes that have come in already; where these say nothing (the end of a line, XON, XOFF), that is
-                all. 0 to listen in any case.
+            waiting: number of bytes already received; if these are only line ends, XON and XOFF, there is no more
+                listening. 0 to listen in any case.
 
         Raises:
-            BadReply: it never stops talking.
+            BadReply: it never stops sending.
             Unreachable: the port is gone.
-
         """
         port = self._port or self._reopened()
         end = self.clock.now() + _TALKS_ON_S
@@ -206,7 +202,7 @@ class SerialLine:
                 self._tell_tap(heard)
                 if self.clock.now() > end:
                     raise BadReply(
-                        f"{self.where} sends without being asked: is it set to talk by itself, "
+                        f"{self.where} sends without being asked: is it set to send by itself, "
                         f"or is another instrument on this line?"
                     )
         except _PORT_ERRORS as error:
@@ -214,17 +210,16 @@ class SerialLine:
         self._out_of_step = False
 
     def device_clear(self, character: str, *, with_dtr: bool) -> None:
-        """Send the character that stands for device clear, and listen until the instrument is silent.
+        """Send the character for device clear, and listen until the instrument is silent.
 
         Args:
-            character: what to send.
-            with_dtr: drop the line DTR meanwhile, without which an instrument that holds up the handshake may not hear
-                it. A pseudo-terminal and a TCP connection have no such line.
+            character: the character.
+            with_dtr: drop the line DTR meanwhile; without it an instrument that holds the handshake may not receive the
+                character. A pseudo-terminal and a TCP connection have no such line.
 
         Raises:
-            BadReply: it never stops talking.
+            BadReply: it never stops sending.
             Unreachable: the port is gone.
-
         """
         port = self._port or self._reopened()
         with_dtr = with_dtr and self._has_dtr
@@ -234,23 +229,24 @@ class SerialLine:
             self._send(port, character)
             if with_dtr:
                 # Not flush(): it never returns while flow control holds up the port.
-                self.clock.sleep(2 * _BITS_PER_CHARACTER / self.settings.baud + _DTR_S)  # it has left the adapter, too
+                # the character has left the adapter, too
+                self.clock.sleep(2 * _BITS_PER_CHARACTER / self.settings.baud + _DTR_S)
                 port.dtr = True
         except _PORT_ERRORS as error:
             self._lost(error)
         self.drain()
 
     def bad_reply(self, text: str, reply: object, expected: str) -> BadReply:
-        """The error for an answer that makes no sense; the line resynchronises before it is used again."""
+        """The error for an answer that makes no sense; the line is synchronised before its next use."""
         self._out_of_step = True
         return BadReply(f"{self.where} answered {reply!r} to {text!r}; expected {expected}")
 
     def takes_s(self, characters: int) -> float:
-        """Bench seconds that so many characters are on the line at most; over TCP no setting of ours tells."""
+        """Maximum bench seconds for this many characters on the line; unknown over TCP."""
         return characters * _BITS_PER_CHARACTER / (self.settings.baud if self._place.timed else _SLOWEST_BAUD)
 
     def close(self) -> None:
-        """Release the port; idempotent. The line opens again if it is used again."""
+        """Release the port; idempotent. The line opens again at its next use."""
         port, self._port = self._port, None
         if port is not None:
             port.close()
@@ -259,7 +255,7 @@ class SerialLine:
         settings = self.settings
         if refused := flow_refused(settings.flow, self._place):
             raise Unreachable(f"{self.where}: {refused}")
-        # A pseudo-terminal carries whole bytes, refuses every other frame and has no lines for flow control.
+        # A pseudo-terminal carries whole bytes, refuses every other frame and has no flow control lines.
         terminal = os.path.realpath(self._place.place).startswith("/dev/pts/")
         self._has_dtr = self._place.timed and not terminal
         frame = "8N1" if terminal else settings.frame
@@ -301,11 +297,10 @@ class SerialLine:
         return port
 
     def _synchronise(self, port: _Port, question: str, answer: str) -> None:
-        """Ask what only one answer fits; everything before that answer was late, and is forgotten.
+        """Ask a question whose answer fits no other question; earlier bytes were late, and are discarded.
 
         Raises:
-            NoReply: it does not come.
-
+            NoReply: no answer comes.
         """
         raw, heard = bytearray(), bytearray()
         timeout_s = self.settings.timeout_s
@@ -325,11 +320,11 @@ class SerialLine:
         finally:
             self._tell_tap(raw)
         self._owed = False
-        self.drain()  # the same question may have been asked before, in vain
+        self.drain()  # the same question may have been asked before without an answer
 
     def _limit(self, port: _Port, timeout_s: float) -> None:
         limit = self.clock.timeout(timeout_s)
-        if port.timeout != limit:  # setting it reprograms a real port, so only when it changes
+        if port.timeout != limit:  # setting it reprograms a real port, so it is set only if it changes
             port.timeout = limit
 
     def _send(self, port: _Port, text: str) -> None:
@@ -374,7 +369,9 @@ class SerialLine:
         return bytes(received)
 
     def _more(self, port: _Port, raw: bytearray, timeout_s: float) -> bytes:
-        """What is said next, flow control taken out; empty if nothing is. All bytes are added to `raw`."""
+        """The next received bytes, without flow control characters; empty if there are none. All bytes are added to
+        `raw`.
+        """
         end = self.clock.now() + timeout_s
         while True:
             heard = port.read(port.in_waiting or 1)
@@ -400,7 +397,7 @@ class SerialLine:
     def _lost(self, error: BaseException) -> NoReturn:
         port, self._port = self._port, None
         if port is not None:
-            with contextlib.suppress(*_PORT_ERRORS):  # it is gone already, which is what is being reported
+            with contextlib.suppress(*_PORT_ERRORS):  # it is gone already, and this is being reported
                 port.close()
         raise Unreachable(f"{self.where} was lost ({error}); check cable and power") from error
 
@@ -410,4 +407,4 @@ def _said(heard: bytes | bytearray) -> bytes:
 
 
 def _last_line(heard: bytearray) -> str:
-    return bytes(heard).splitlines()[-1].decode("ascii", "replace")  # asked only once a line has ended
+    return bytes(heard).splitlines()[-1].decode("ascii", "replace")  # asked only after a whole line

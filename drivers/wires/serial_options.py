@@ -1,4 +1,4 @@
-"""What the bench file may say about any serial line, and how pyserial is told."""
+"""Options of a serial line in the bench file, and as pyserial's arguments."""
 
 from __future__ import annotations
 
@@ -16,34 +16,34 @@ LineEnd = Literal["lf", "cr", "crlf"]
 
 _ENDS: Mapping[LineEnd, bytes] = {"lf": b"\n", "cr": b"\r", "crlf": b"\r\n"}
 
-LINE_END = "what ends a command: lf, cr or crlf"
+LINE_END = "end of a command: lf, cr or crlf"
 FLOW = "flow control: none, rtscts, xonxoff or dsrdtr"
 
 
 class SerialOptions(BaseModel, extra="forbid"):
-    """Options that every instrument on a serial line has; one with another factory setting declares it again."""
+    """Options of every instrument on a serial line; an instrument with another factory setting declares them again."""
 
     line_end: LineEnd = Field("lf", description=LINE_END)
     flow: Flow = Field("none", description=FLOW)
 
     @property
     def send_end(self) -> bytes:
-        """The bytes that end a command."""
+        """The bytes at the end of a command."""
         return _ENDS[self.line_end]
 
     @property
     def reply_end(self) -> bytes:
-        """The last byte of an answer, of an instrument whose answers end as it wants commands to end."""
+        """The last byte of an answer, for an instrument whose answers end like its commands."""
         return _ENDS[self.line_end][-1:]
 
     def flow_at(self, address: str) -> Flow:
-        """Flow control to ask for at an address: a default that was not asked for is nothing to set over TCP."""
+        """Flow control for an address; a default is not set over TCP."""
         timed = SerialAddress.parse(address).timed
         return self.flow if timed or "flow" in self.model_fields_set else "none"
 
 
 def flow_refused(flow: Flow, address: SerialAddress) -> str:
-    """Why flow control cannot be asked for at an address, and what to do; empty if it can."""
+    """Reason why flow control cannot be set at an address, with the next step; empty if it can."""
     if flow == "none" or address.timed:
         return ""
     return (
@@ -53,5 +53,5 @@ def flow_refused(flow: Flow, address: SerialAddress) -> str:
 
 
 def flow_arguments(flow: Flow) -> dict[str, bool]:
-    """Flow control as arguments of a pyserial port."""
+    """Flow control as arguments for a pyserial port."""
     return {name: name == flow for name in ("rtscts", "xonxoff", "dsrdtr")}

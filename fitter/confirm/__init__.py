@@ -1,4 +1,4 @@
-"""A further run beside one that was traced: which explanation holds, and what a run could tell before it is made."""
+"""A further run compared with a traced one: the remaining explanation, and the expected result of a planned run."""
 
 from fitter.confirm.compare import CARRIED_ON
 from fitter.confirm.judge import Confirmation, Confirmed, Member, SensorError, confirm, confirm_all

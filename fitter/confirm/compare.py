@@ -1,6 +1,6 @@
-"""How far the explanations of an effect are apart, given outputs: the figures that the judge prints, of one or of many.
+"""Distances between the explanations of an effect, for given outputs, of one run or of many simulated ones.
 
-The judge gives it the outputs that were read, the forecast those of many runs that could come.
+The judge passes it measured outputs, the forecast simulated ones.
 """
 
 from __future__ import annotations
@@ -17,18 +17,17 @@ from fitter.linear import orthonormal
 from fitter.trace.aliases import PER_COLUMN
 
 CARRIED_ON = ("time", "temperature", "interruption", "chamber")
-"""Sources of effects that go on from one run to the next."""
+"""Sources of effects that continue from one run to the next."""
 
 
 @dataclass(frozen=True, eq=False)
 class Apart:
-    """Of M members, for each of k sets of outputs.
+    """Statistics of M members, for each of k sets of outputs.
 
     Attributes:
-        costs: (M, k) residual sum of squares of both runs, in units of the error's variance, columns and searched
-            constants paid for, over how much the best member misfits the later run.
-        shown: (M, k) standard errors by which the later run shows each.
-
+        costs: (M, k) residual sum of squares of both runs, in units of the error's variance, plus the price of columns
+            and searched constants, over the misfit of the best member in the later run.
+        shown: (M, k) standard errors by which the later run shows each member.
     """
 
     costs: FloatArray
@@ -36,7 +35,7 @@ class Apart:
 
     @property
     def behind(self) -> FloatArray:
-        """(M, k) standard errors by which each falls behind the best."""
+        """(M, k) standard errors by which each member is worse than the best."""
         return np.asarray(np.sqrt(np.maximum(self.costs - self.costs.min(0), 0.0)))
 
 
@@ -47,7 +46,6 @@ class Comparison:
     Attributes:
         both: the runs.
         question: the question.
-
     """
 
     both: Together
@@ -55,21 +53,23 @@ class Comparison:
 
     @cached_property
     def rest(self) -> FloatArray:
-        """(S n, r) columns that stay beside every member: of the other effects, and what the later run has again."""
+        """(S n, r) columns that are fitted with every member: those of other effects, and of the later run's own
+        parameters.
+        """
         return np.column_stack([self.both.columns_of(self.question.rest), nuisance(self.both, self.question)])
 
     @cached_property
     def own(self) -> tuple[FloatArray, ...]:
-        """For each member (S n, q) its columns."""
+        """Columns (S n, q) of each member."""
         return tuple(self.both.columns_of(member.terms) for member in self.question.members)
 
     @cached_property
     def models(self) -> tuple[FloatArray, ...]:
-        """For each member (S n, q + r) its columns and the rest."""
+        """Columns (S n, q + r) of each member, with the common ones."""
         return tuple(np.column_stack([own, self.rest]) for own in self.own)
 
     def apart(self, outputs: FloatArray) -> Apart:
-        """Of outputs (S n, k), weighed and with the declared model taken out, as `Together.outputs`."""
+        """Statistics of outputs (S n, k), weighted and with the declared model removed, as `Together.outputs`."""
         fresh = np.tile(self.both.fresh, len(self.both.sensors))
         costs, misfits, shown = [], [], []
         for member, own, basis, gone, df in zip(
@@ -91,7 +91,7 @@ class Comparison:
 
     @cached_property
     def _gone(self) -> tuple[FloatArray, ...]:
-        """Bases of each member being in the first run only."""
+        """Bases of each member's existence in the first run only."""
         first = ~self.both.fresh
         return tuple(
             orthonormal(np.column_stack([self.both.columns_in(member.terms, first), self.rest]))
@@ -100,21 +100,21 @@ class Comparison:
 
     @cached_property
     def _free(self) -> tuple[float, ...]:
-        """Degrees of freedom that each member leaves the later run."""
+        """Degrees of freedom of the later run for each member."""
         fresh = np.tile(self.both.fresh, len(self.both.sensors))
         taken = self.both.leverage(self.both.fresh)
         return tuple(float(fresh.sum() - np.sum(basis[fresh] ** 2) - taken) for basis in self._bases)
 
 
 def nuisance(both: Together, question: Question) -> FloatArray:
-    """(S n, q) the declared model again in the later run, where no member is of time or temperature.
+    """(S n, q) the declared model again in the later run, if no member is of time or temperature.
 
-    What goes on from one night to the next, undeclared, then says nothing about causes that do not.
+    Then undeclared effects that continue between runs have no influence on causes that do not.
     """
     lasting = all(member.terms[0].effect.source not in CARRIED_ON for member in question.members)
     return both.again if lasting and not both.realigned else np.zeros((both.outputs.size, 0))
 
 
 def searched(member: Hypothesis) -> bool:
-    """Whether a constant in its columns was searched, and is paid for."""
+    """Whether a constant in its columns was searched, and has a price."""
     return bool(getattr(member.terms[0].effect, "searched", False))

@@ -1,4 +1,4 @@
-"""Judging the explanations of an effect on a run that had no part in naming it."""
+"""Judgement of the explanations of an effect by a run that was not used to name it."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from fitter.quantiles import DISTINGUISHED, f_tail, t_limit
 ROUNDS = 3
 STANDS_OUT, MOST_OUTLIERS = 6.0, 0.02
 MISFIT = 1.5
-"""Mean square of what is left over the error's, from which a model that certainly leaves more does not fit."""
+"""Mean square of residuals relative to the error's above which a model does not fit, if the excess is significant."""
 CHANGED = 1e-3
-"""Probability below which an explanation does not hold: its size in the later run is not that in the first."""
+"""Probability below which an explanation fails: its sizes in the two runs differ."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,8 +34,7 @@ class SensorError:
         after: with the effects found in it.
         sigma: scatter of one reading, which no model goes below.
         slope: output per unit of what is inferred: V/g, or mV/psi.
-        residual_before: (m,) of the readings of the later run, by the declared model.
-        residual_after: (m,) with the effects.
+        residual_after: (m,) of the readings of the later run, with the effects.
 
     """
 
@@ -43,7 +42,6 @@ class SensorError:
     after: float
     sigma: float
     slope: float
-    residual_before: FloatArray
     residual_after: FloatArray
 
 
@@ -53,22 +51,21 @@ class Member:
 
     Attributes:
         effect: name in the catalogue.
-        sigmas: standard errors by which it falls behind the best, both runs together.
+        sigmas: standard errors by which it is worse than the best, both runs together.
         p_changed: probability of such a difference between its sizes in the two runs if it is the cause.
         shown: standard errors by which the later run shows it.
-        p_shown: probability of `shown` or more by chance if there is nothing of it in the later run; an upper bound.
-        limit: standard errors that part two explanations, and one from nothing: three, or more where the error itself
-            is known with few degrees of freedom.
-        fits: whether it leaves of the later run no more than error.
+        p_shown: probability of `shown` or more by chance without it in the later run; an upper bound.
+        limit: standard errors that separate two explanations, and one from none: three, or more if the error is known
+            with few degrees of freedom only.
+        fits: whether its residuals in the later run are no more than error.
         terms: names of its terms.
-        coefficients: of the terms, from the later run alone: they owe nothing to the selection.
+        coefficients: of the terms, from the later run alone, so without selection bias.
         intervals: 95 % intervals of them.
         together: coefficients from both runs.
         intervals_together: 95 % intervals of these.
-        sizes: of the cause in the later run alone, in physical terms, by sensor; with a single term with its interval:
-            "5.0e-4 deg/g (4.1e-4 deg/g to 5.9e-4 deg/g)". Empty where that run does not tell.
-        against: field of the data that its residual is best looked at against.
-
+        sizes: sizes of the cause by the later run alone, in physical terms, by sensor; with its interval for a single
+            term: "5.0e-4 deg/g (4.1e-4 deg/g to 5.9e-4 deg/g)". Empty if that run does not determine them.
+        against: field of the data for a plot of its residual.
     """
 
     effect: str
@@ -88,32 +85,31 @@ class Member:
 
     @property
     def zero(self) -> tuple[str, ...]:
-        """Names of the terms whose interval by the later run alone holds zero, or that this run does not tell."""
+        """Names of the terms whose interval by the later run alone contains zero, or is undetermined."""
         return tuple(
             name for name, (low, high) in zip(self.terms, self.intervals, strict=True) if not (low > 0 or high < 0)
         )
 
     @property
     def seen(self) -> bool:
-        """Whether the later run tells it from nothing, and both runs together give it a size that is not zero."""
+        """Whether the later run distinguishes it from zero, and both runs together give a size other than zero."""
         return self.shown >= self.limit and any(low > 0 or high < 0 for low, high in self.intervals_together)
 
     @property
     def holds(self) -> bool:
-        """Whether nothing speaks against it: not behind another, of one size in both runs, and it fits."""
+        """Whether it is not rejected: not worse than another, the same size in both runs, and a good fit."""
         return self.sigmas <= self.limit and self.p_changed >= CHANGED and self.fits
 
 
 @dataclass(frozen=True, eq=False)
 class Confirmation:
-    """What became of one question.
+    """Result for one question.
 
     Attributes:
-        effect: that the trace had named.
+        effect: effect named by the trace.
         members: its explanations, the best first.
-        outliers: readings of the later run that stand out whichever explanation is true, and were left out, by their
+        outliers: readings of the later run that are outliers under every explanation and were left out, by their
             position in that run.
-
     """
 
     effect: str
@@ -122,14 +118,14 @@ class Confirmation:
 
     @property
     def holding(self) -> tuple[str, ...]:
-        """Explanations that nothing speaks against."""
+        """Explanations that are not rejected."""
         return tuple(member.effect for member in self.members if member.holds)
 
     @property
     def verdict(self) -> str:
         """One of "confirmed", "replaced" by another member, "undecided" between several, "not shown", "none holds".
 
-        Not shown: one holds, but the later run does not tell it from nothing.
+        Not shown: one explanation holds, but the later run does not distinguish it from zero.
         """
         if not self.holding:
             return "none holds"
@@ -142,17 +138,16 @@ class Confirmation:
 
 @dataclass(frozen=True, eq=False)
 class Confirmed:
-    """What became of all questions.
+    """Results for all questions.
 
     Attributes:
-        answers: to each.
-        errors: of predicting the later run without and with the effects, those that hold in the place of those named,
-            by sensor.
-        adds: (m,) what each answer's effect adds to the readings of the later run, by its name and sensor.
-        kept: (m,) which readings of the later run these are, outliers left out.
-        realigned: whether the later run was predicted with offset and sensitive axes of its own, because the package
-            was mounted again or the first run does not determine them; else the first run's stand.
-
+        answers: one per question.
+        errors: of predicting the later run without and with the effects (the confirmed ones in place of the named
+            ones), by sensor.
+        adds: (m,) contribution of each answer's effect to the readings of the later run, by its name and sensor.
+        kept: (m,) positions of these readings in the later run, without outliers.
+        realigned: whether the later run was predicted with its own offsets and sensitive axes, because the package was
+            mounted again or the first run does not determine them; otherwise with those of the first run.
     """
 
     answers: tuple[Confirmation, ...]
@@ -163,9 +158,9 @@ class Confirmed:
 
 
 def confirm_all(both: Together, questions: Sequence[Question]) -> Confirmed:
-    """Judge all questions, each beside the explanations that hold of the others.
+    """Judge all questions, each with the confirmed explanations of the others in the model.
 
-    Where another explanation takes the place of the one named, the others are judged again beside it.
+    If another explanation replaces the named one, the others are judged again with it.
     """
     holders = {q.effect: q.terms for q in questions}
     answers: tuple[Confirmation, ...] = ()
@@ -190,14 +185,14 @@ def confirm_all(both: Together, questions: Sequence[Question]) -> Confirmed:
 
 
 def _holder(question: Question, answer: Confirmation) -> tuple[Any, ...]:
-    """Terms of what holds: as named, unless another is clearly it."""
+    """Terms of the confirmed explanation: as named, unless another is clearly better."""
     if answer.verdict != "replaced":
         return question.terms
     return next(m.terms for m in question.members if m.effect == answer.holding[0])
 
 
 def confirm(both: Together, question: Question) -> Confirmation:
-    """Judge the members of one question on both runs together, and on the later by itself."""
+    """Judge the members of one question by both runs together, and by the later one alone."""
     standing_out = _outliers(both, question)
     aside = tuple((standing_out - int(np.flatnonzero(both.fresh)[0])).tolist())
     if aside:
@@ -215,7 +210,7 @@ def confirm(both: Together, question: Question) -> Confirmation:
 
 
 def _misfit(both: Together, model: FloatArray) -> tuple[float, float]:
-    """Mean square of what a model leaves of the later run, over the error's, and its degrees of freedom."""
+    """Mean square of a model's residuals in the later run over the error's, and its degrees of freedom."""
     fresh = np.tile(both.fresh, len(both.sensors))
     rest = left(model, both.outputs)[fresh]
     df = rest.size - float(np.sum(orthonormal(model)[fresh] ** 2)) - both.leverage(both.fresh)
@@ -223,10 +218,10 @@ def _misfit(both: Together, model: FloatArray) -> tuple[float, float]:
 
 
 def _outliers(both: Together, question: Question) -> NDArray[np.int64]:
-    """Rows of the later run whose residual is beyond `STANDS_OUT` in some sensor, whichever member is true.
+    """Rows of the later run whose residual exceeds `STANDS_OUT` in a sensor under every member.
 
-    One after the other, the worst first, since it draws the fit away from the rest. More than `MOST_OUTLIERS` of them
-    are no outliers but something that no member explains.
+    They are removed one by one, the worst first, since it affects the fit of the rest. More than `MOST_OUTLIERS` of
+    them are not outliers, but an effect that no member explains.
     """
     most = max(int(MOST_OUTLIERS * np.sum(both.fresh)), 2)
     whole, rows = both.fresh.size, np.arange(both.fresh.size)
@@ -240,7 +235,7 @@ def _outliers(both: Together, question: Question) -> NDArray[np.int64]:
 
 
 def _standing(both: Together, question: Question, terms: Candidates) -> FloatArray:
-    """(n,) largest residual of any sensor beside these effects, in standard deviations."""
+    """(n,) largest residual over all sensors with these effects, in standard deviations."""
     model = np.column_stack([both.columns_of([*terms, *question.rest]), nuisance(both, question)])
     return np.asarray(np.max(np.abs(left(model, both.outputs).reshape(len(both.sensors), -1)), axis=0))
 
@@ -280,12 +275,12 @@ def _member(comparison: Comparison, j: int, sigmas: float, shown: float) -> Memb
 
 
 def _around(values: FloatArray, errors: FloatArray, t: float) -> tuple[tuple[float, float], ...]:
-    """95 % intervals of coefficients; ends that are not known are NaN."""
+    """95 % intervals of coefficients; unknown ends are NaN."""
     return tuple((float(v - t * e), float(v + t * e)) for v, e in zip(values, errors, strict=True))
 
 
 def _errors_of(model: FloatArray) -> FloatArray:
-    """(q,) standard errors of coefficients of columns (n, q) in units of the error; NaN for a column that is zero."""
+    """(q,) standard errors of coefficients of columns (n, q) in units of the error; NaN for a zero column."""
     length = np.linalg.norm(model, axis=0)
     scale = np.where(length > 0, length, 1.0)
     errors = np.linalg.norm(np.linalg.pinv(model / scale, rcond=1e-8) / scale[:, None], axis=1)
@@ -293,7 +288,7 @@ def _errors_of(model: FloatArray) -> FloatArray:
 
 
 def _limits(both: Together, model: FloatArray) -> tuple[float, bool]:
-    """Standard errors that part two explanations, and whether a model fits the later run."""
+    """Standard errors that separate two explanations, and whether a model fits the later run."""
     misfit, df = _misfit(both, model)
     return t_limit(DISTINGUISHED, both.df), misfit < MISFIT or f_tail(misfit, df, both.df) > CHANGED
 
@@ -301,14 +296,14 @@ def _limits(both: Together, model: FloatArray) -> tuple[float, bool]:
 def _sizes(
     both: Together, member: Hypothesis, alone: FloatArray, intervals: tuple[tuple[float, float], ...]
 ) -> dict[str, str]:
-    """What a member amounts to in each sensor, by the later run alone; its 95 % interval in brackets."""
+    """Size of a member in each sensor, by the later run alone; with its 95 % interval in brackets."""
     out = {}
     for sensor, slope in zip(both.sensors, both.slope.tolist(), strict=True):
         mine = [k for k, term in enumerate(member.terms) if term.sensor in (None, sensor)]
         if not mine or not np.all(np.isfinite(alone[mine])):
             continue
         effect = member.terms[0].effect
-        size = arcsec if len(mine) == 1 and effect.size is amplitude else effect.size  # one phase has a sign
+        size = arcsec if len(mine) == 1 and effect.size is amplitude else effect.size  # a single phase has a sign
         names = [member.terms[k].term.name for k in mine]
         values = dict(zip(names, alone[mine].tolist(), strict=True))
         halves = {name: 0.5 * (intervals[k][1] - intervals[k][0]) for name, k in zip(names, mine, strict=True)}
@@ -318,7 +313,7 @@ def _sizes(
 
 
 def _alone(both: Together, member: Hypothesis, rest: Candidates) -> tuple[FloatArray, FloatArray]:
-    """(q,) coefficients of a member from the later run by itself, and their standard errors."""
+    """(q,) coefficients of a member from the later run alone, and their standard errors."""
     later = both.only(both.fresh)
     own, others = later.columns_of(member.terms), later.columns_of(rest)
     model = np.column_stack([own, others])
@@ -333,9 +328,9 @@ def _alone(both: Together, member: Hypothesis, rest: Candidates) -> tuple[FloatA
 def _errors(
     both: Together, effects: Mapping[str, Candidates]
 ) -> tuple[dict[str, SensorError], dict[tuple[str, str], FloatArray]]:
-    """Error of predicting the later run by what the first alone gives, without and with effects, and what each adds.
+    """Error of predicting the later run from the first alone, without and with effects, and the contribution of each.
 
-    What is the later run's own (`Together.loose`) is taken out for both.
+    The later run's own parameters (`Together.loose`) are removed for both.
     """
     first, terms = both.only(~both.fresh), [term for own in effects.values() for term in own]
     gamma = solve(first.columns_of(terms), first.outputs)
@@ -352,7 +347,7 @@ def _errors(
         free = outputs[i][at].size - lost
         before, after = (float(np.sqrt(np.sum(r**2) / free)) if free > 0 else float("nan") for r in rests)
         sigma = float(np.sqrt(np.mean(both.sigma[i][at] ** 2)))
-        errors[sensor] = SensorError(before, after, sigma, float(both.slope[i]), *rests)
+        errors[sensor] = SensorError(before, after, sigma, float(both.slope[i]), rests[1])
         start = 0
         for name, mine in effects.items():
             part = slice(start, start + len(mine))

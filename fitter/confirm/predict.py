@@ -1,8 +1,8 @@
-"""What a run would tell before it is made: how far the explanations of an effect would fall apart.
+"""Expected result of a planned run: separation of the explanations of an effect.
 
-Many further runs are drawn as they could come about, given all that the first one read, and the figures that the judge
-would print of each are computed by the judge's own code. So the forecast knows what the judge does: which parameters it
-takes again from the further run, what columns cost, what replications and whole plots have of their own.
+Many further runs are simulated, given the readings of the first one, and judged by the judge's own code. So the
+forecast includes the parameters estimated again from the further run, the price of columns, and the own errors of
+replications and whole plots.
 """
 
 from __future__ import annotations
@@ -10,36 +10,174 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+from scipy import special
 
 from fitter.arrays import FloatArray
-from fitter.confirm.compare import Apart, Comparison
-from fitter.confirm.draws import Could
+from fitter.confirm.compare import Apart, Comparison, searched
 from fitter.confirm.question import Question
-from fitter.confirm.together import Together
+from fitter.confirm.together import Candidates, Together, left
 from fitter.quantiles import DISTINGUISHED, t_limit
+from fitter.trace.aliases import PER_COLUMN
+
+SELECTED = 3.5e-4
+"""Probability at which a trace takes up one candidate: 3.5 % of a run, over the hundred or so that it tries."""
+MORE = 20
+"""Sizes drawn for each that is kept when those are weighed by how easily a trace would have found them."""
+RANK = 1e-8
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Coefficients of columns that may not all be determined.
+
+    Attributes:
+        estimate: (q,) or (q, k) the shortest that fit best, columns being of length one.
+        spread: (q, r) times r independent standard errors: what they are uncertain by.
+
+    """
+
+    estimate: FloatArray
+    spread: FloatArray
+
+    @classmethod
+    def of(cls, columns: FloatArray, outputs: FloatArray) -> Fit:
+        """Least squares of columns (n, q) to outputs (n,) or, for as many estimates side by side, (n, k)."""
+        length = np.linalg.norm(columns, axis=0)
+        length = np.where(length > 0, length, 1.0)
+        u, s, vt = np.linalg.svd(columns / length, full_matrices=False)
+        kept = s > RANK * s.max(initial=0.0)
+        spread = (vt[kept].T / s[kept]) / length[:, None]
+        return cls(spread @ (u[:, kept].T @ outputs), spread)
+
+
+@dataclass(frozen=True, eq=False)
+class Could:
+    """Both runs as they could be: the first as it was read, the later one drawn.
+
+    Each time: how large the error is, which is known with few degrees of freedom only; the sizes of the effects and
+    the declared model's parameters, as the first run leaves them uncertain; what each replication or whole plot has of
+    its own; the errors of readings. Sizes are weighed by what it took to be found: of effects just large enough for
+    that, those are seen of which chance made more (Yekutieli, J. R. Statist. Soc. B 74, 2012).
+
+    Attributes:
+        both: the first run and a planned one.
+        question: whose members are the explanations.
+
+    """
+
+    both: Together
+    question: Question
+
+    @cached_property
+    def likely(self) -> FloatArray:
+        """(M,) probability of each member by the first run alone."""
+        costs = []
+        for member in self.question.members:
+            columns = self._first.columns_of([*member.terms, *self.question.rest])
+            rss = float(np.sum(left(columns, self._first.outputs) ** 2))
+            costs.append(rss + PER_COLUMN * (len(member.terms) + searched(member)))
+        weights = np.exp(-0.5 * (np.array(costs) - min(costs)))
+        return np.asarray(weights / weights.sum())
+
+    def outputs(self, member: int, draws: int) -> FloatArray:
+        """(S n, draws) both runs if one member is true; weighed, the declared model taken out."""
+        rng, both = np.random.default_rng([draws, member]), self.both
+        error = np.sqrt(both.df / rng.chisquare(both.df, draws))
+        terms = [*self.question.members[member].terms, *self.question.rest]
+        sizes = self._sizes(terms, error, rng)
+        raw = both.raw(terms)
+        return np.concatenate([self._of_sensor(i, raw[i], sizes, error, rng) for i in range(len(both.sensors))])
+
+    @cached_property
+    def _first(self) -> Together:
+        return self.both.only(~self.both.fresh)
+
+    def _sizes(self, terms: Candidates, error: FloatArray, rng: np.random.Generator) -> FloatArray:
+        """(q, draws) coefficients of effects."""
+        fit = Fit.of(self._first.columns_of(terms), self._first.outputs)
+        many = rng.standard_normal((fit.spread.shape[1], MORE * error.size)) * np.repeat(error, MORE)
+        sizes = fit.estimate[:, None] + fit.spread @ many
+        weights = np.ones(sizes.shape[1])
+        for group in _groups(terms):
+            weights /= _found(sizes[group], fit.spread[group])
+        of_error = weights.reshape(error.size, MORE)
+        reached = np.cumsum(of_error, axis=1)
+        chosen = np.argmax(reached >= rng.random((error.size, 1)) * reached[:, -1:], axis=1)
+        return np.asarray(sizes[:, np.arange(error.size) * MORE + chosen])
+
+    def _of_sensor(
+        self, i: int, effects: FloatArray, sizes: FloatArray, error: FloatArray, rng: np.random.Generator
+    ) -> FloatArray:
+        """(n, draws) of one sensor."""
+        both, fresh = self.both, self.both.fresh
+        declared, effects = both.weigh(i, both.declared[i]), both.weigh(i, effects)
+        read = both.weigh(i, both.raw_outputs[i][:, None])
+        first = Fit.of(declared[~fresh], (read - effects @ sizes)[~fresh])
+        parameters = first.estimate + first.spread @ (rng.standard_normal((first.spread.shape[1], error.size)) * error)
+        errors = rng.standard_normal((fresh.size, error.size)) * error
+        self._own(i, declared, errors, error, rng)
+        drawn = np.where(fresh[:, None], declared @ parameters + effects @ sizes + errors, read)
+        return both.without_declared(i, drawn)
+
+    def _own(
+        self, i: int, declared: FloatArray, errors: FloatArray, error: FloatArray, rng: np.random.Generator
+    ) -> None:
+        """Give each replication or whole plot its own, of a variance that the first run knows from a few of them."""
+        groups = [own for own in self.both.own[i] if not self.both.fresh[own.rows[0]]]
+        if not groups:
+            return
+        means = np.array([declared[own.rows].mean(0) for own in groups])
+        df = max(len(groups) - int(np.linalg.matrix_rank(means, tol=1e-6 * np.abs(means).max())), 1)
+        more = np.sqrt(df / rng.chisquare(df, error.size))
+        for own in self.both.own[i]:
+            if self.both.fresh[own.rows[0]]:
+                part = own.basis.T @ errors[own.rows] / error
+                sd = np.where(own.kept[:, None] < 1.0, np.maximum(more, own.kept[:, None] * error), error)
+                errors[own.rows] += own.basis @ (part * (sd - error))
+
+
+def _groups(terms: Candidates) -> list[list[int]]:
+    """Terms that were found together: those of one effect on one sensor."""
+    groups: dict[tuple[str, str | None], list[int]] = {}
+    for k, term in enumerate(terms):
+        groups.setdefault((term.effect.name, term.sensor), []).append(k)
+    return list(groups.values())
+
+
+def _found(sizes: FloatArray, spread: FloatArray) -> FloatArray:
+    """(draws,) probability that a trace finds an effect of these sizes (q, draws)."""
+    _, s, vt = np.linalg.svd(spread.T, full_matrices=False)
+    kept = s > RANK * s.max(initial=0.0)
+    if not kept.any():
+        return np.ones(sizes.shape[1])
+    strength = np.linalg.norm((vt[kept] @ sizes) / s[kept][:, None], axis=0)
+    limit = np.sqrt(special.chdtri(int(kept.sum()), SELECTED))
+    return np.asarray(special.ndtr(strength - limit) + special.ndtr(-strength - limit))
+
 
 NOTHING = "nothing"
 DRAWS = 200
 INTERVAL = 0.05, 0.95
 LEAST_OF_A_PAIR = 20
-"""So many draws at least are made of each member, however unlikely the first run makes it."""
+"""Minimum number of draws for each member, however unlikely it is by the first run."""
 
 Pair = tuple[str, str]
 
 
 @dataclass(frozen=True)
 class Separation:
-    """Of the explanations of one effect. The member `NOTHING`: what was found in the first run is not in the later one.
+    """Expected separation of the explanations of one effect. The member `NOTHING` means: the effect of the first run is
+    absent in the later one.
 
     Attributes:
-        effect: the one that was named.
-        sigmas: for each pair of members the median of the standard errors by which the one falls behind, the other
-            being true; which of them is true is as likely as the first run makes it.
-        intervals: within which it will be with a probability of 90 %.
-        chances: probability that the later run excludes the one that is not true, or shows the one that is.
-
+        effect: the named one.
+        sigmas: for each pair of members the median of the standard errors between them if one of them is true; each is
+            true with its probability by the first run.
+        intervals: 90 % intervals of these.
+        chances: probability that the later run excludes the false one, or shows the true one.
     """
 
     effect: str
@@ -49,17 +187,16 @@ class Separation:
 
     @property
     def least(self) -> float:
-        """Of the pair that would be nearest."""
+        """Those of the nearest pair."""
         return min(self.sigmas.values())
 
 
 def separation(both: Together | Sequence[Together], questions: Sequence[Question]) -> tuple[Separation, ...]:
-    """Expected of a planned run, whose outputs do not matter.
+    """Expectations for a planned run; its outputs are not used.
 
     Args:
-        both: the first run and the planned one; or several ways, as likely, in which that one may go.
-        questions: what is open.
-
+        both: the first run and the planned one; or several equally probable courses of the planned one.
+        questions: open questions.
     """
     ways = [both] if isinstance(both, Together) else list(both)
     return tuple(_separation(ways, question) for question in questions)
@@ -89,13 +226,13 @@ def _separation(ways: Sequence[Together], question: Question) -> Separation:
 
 
 def _drawn(ways: Sequence[Together], question: Question, member: int, count: int) -> Apart:
-    """What the judge would print of so many runs of each way, if a member is true."""
+    """Results of the judge for this many runs of each course, if a member is true."""
     told = [Comparison(both, question).apart(Could(both, question).outputs(member, count)) for both in ways]
     return Apart(np.hstack([one.costs for one in told]), np.hstack([one.shown for one in told]))
 
 
 def _fallen(apart: Apart, true: int, false: int, limit: float) -> tuple[FloatArray, FloatArray]:
-    """(k,) standard errors between a member that is true and one that is not, and whether that one only is excluded."""
+    """(k,) standard errors between a true and a false member, and whether only the false one is excluded."""
     between = np.sqrt(np.abs(apart.costs[false] - apart.costs[true]))
     behind = apart.behind
     return between, (behind[false] > limit) & (behind[true] <= limit)

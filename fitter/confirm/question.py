@@ -1,4 +1,4 @@
-"""What a trace leaves open: for every effect it found, the explanations its data could not tell apart."""
+"""Open questions of a trace: for every effect found, the explanations that its data cannot distinguish."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from fitter.trace.found import Explanation, Found
 
 
 class Judged(Protocol):
-    """What was found in one sensor."""
+    """Findings of a trace in one sensor."""
 
     @property
     def effects(self) -> Sequence[Found]:
@@ -18,7 +18,7 @@ class Judged(Protocol):
 
 
 class Traced(Protocol):
-    """What was found in a run of any kind."""
+    """Findings of a trace of any kind of run."""
 
     @property
     def sensors(self) -> Mapping[str, Judged]:
@@ -30,18 +30,17 @@ class Traced(Protocol):
 
     @property
     def explanations(self) -> Mapping[str, Sequence[Explanation]]:
-        """All of them for each effect found."""
+        """All explanations of each effect found."""
 
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """One member of a class.
+    """One member of a class of explanations.
 
     Attributes:
         effect: name in the catalogue.
         terms: its terms, on the sensors they concern.
-        sigmas: standard errors by which it falls behind the best in the run that was traced.
-
+        sigmas: standard errors by which it is worse than the best in the traced run.
     """
 
     effect: str
@@ -51,13 +50,12 @@ class Hypothesis:
 
 @dataclass(frozen=True, eq=False)
 class Question:
-    """An effect that was found, and what else it may be.
+    """An effect that was found, and its alternatives.
 
     Attributes:
-        members: explanations the data of the run cannot tell apart, the one it named first.
-        terms: of the effect as it was named, in the model of the run.
+        members: explanations that the run's data cannot distinguish, the named one first.
+        terms: of the named effect, in the model of the run.
         rest: terms of the other effects found; they stay in the model.
-
     """
 
     members: tuple[Hypothesis, ...]
@@ -66,12 +64,12 @@ class Question:
 
     @property
     def effect(self) -> str:
-        """The one that was named."""
+        """The named explanation."""
         return self.members[0].effect
 
 
 def questions_of(found: Traced) -> tuple[Question, ...]:
-    """One for every effect that was found, in the order of its size."""
+    """One question for every effect found, in order of size."""
     shares: dict[str, float] = {}
     for sensor in found.sensors.values():
         for effect in sensor.effects:

@@ -1,4 +1,4 @@
-"""Observations of two runs behind one another."""
+"""Concatenated observations of two runs."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from fitter.errors import FitError
 
 
 class Observations(Protocol):
-    """Observations of any kind, a dataclass of arrays as long as one another."""
+    """Observations of any kind, a dataclass of arrays of equal length."""
 
     __dataclass_fields__: ClassVar[dict[str, Any]]
 
@@ -29,17 +29,16 @@ _APART = ("outputs", "axes", "mounting")
 
 
 def join(first: Data, later: Data, after_s: float, **more: Any) -> Data:
-    """The observations of both runs, those of the first in front.
+    """The observations of both runs, those of the first run first.
 
     Args:
-        first: the run that was traced.
-        later: the one made to confirm it; with the same sensors.
-        after_s: how long after the first run's zero of elapsed time the later one's is.
-        more: attributes that are not simply put behind one another.
+        first: the traced run.
+        later: the confirming run; with the same sensors.
+        after_s: time from the first run's zero of elapsed time to the later one's, seconds.
+        more: attributes that are not simply concatenated.
 
     Raises:
         FitError: the later run lacks a sensor of the first.
-
     """
     missing = [name for name in first.outputs if name not in later.outputs]
     if missing:

@@ -1,1 +1,1 @@
-"""What an entry of a catalogue of effects is, whatever the kind of calibration. The catalogues are with the kinds."""
+"""Entries of catalogues of effects, for all kinds of calibration. The catalogues are in the kinds."""

@@ -1,4 +1,4 @@
-"""What every catalogue says of an effect: its physical cause, where it varies, its size, its known aliases."""
+"""Common properties of effects in all catalogues: physical cause, stratum, size, known aliases."""
 
 from __future__ import annotations
 
@@ -38,8 +38,7 @@ class Alias:
 
     Attributes:
         when: on which designs, in which sensors.
-        separate_by: the measurement that would tell the two apart.
-
+        separate_by: the measurement that would separate the two.
     """
 
     when: str
@@ -48,15 +47,13 @@ class Alias:
 
 @dataclass(frozen=True)
 class Signed:
-    """The sign that physics leaves the coefficients of an effect.
+    """The physically possible sign of the coefficients of an effect.
 
     Attributes:
-        quantity: what would have to be negative: "compliance", "backlash".
-        where: for each term that has one, by name, the sign of its coefficient where the quantity is positive; a term
-            that is not named may have either. A number holds for all terms.
-        otherwise: what a negative value would take, for who reads that it was refused; "" if
-            nothing is known that does it.
-
+        quantity: quantity that would have to be negative: "compliance", "backlash".
+        where: sign of the coefficient for a positive quantity, for each term by name; other terms may have either sign.
+            A number holds for all terms.
+        otherwise: what a negative value would require, for readers of a refusal; "" if nothing is known.
     """
 
     quantity: str
@@ -64,19 +61,18 @@ class Signed:
     otherwise: str
 
     def of(self, term: str) -> int:
-        """+1 or -1, or 0 where either is possible."""
+        """+1 or -1, or 0 if both are possible."""
         return self.where if isinstance(self.where, int) else self.where.get(term, 0)
 
 
 @dataclass(frozen=True)
 class Largest:
-    """The most that a coefficient of an effect can plausibly be; what needs more has another cause.
+    """The largest plausible coefficient of an effect; a larger one has another cause.
 
     Attributes:
-        value: in the unit of the terms; of the sensitivity where `relative`.
+        value: in the unit of the terms; of the sensitivity if `relative`.
         text: the same for people: "1 deg".
-        relative: whether it is a part of the sensor's sensitivity.
-
+        relative: whether it is relative to the sensor's sensitivity.
     """
 
     value: float
@@ -84,33 +80,31 @@ class Largest:
     relative: bool = False
 
     def of(self, sensitivity: float) -> float:
-        """In the unit of the terms, for a sensor."""
+        """In the unit of the terms, for one sensor."""
         return self.value * abs(sensitivity) if self.relative else self.value
 
 
 @dataclass(frozen=True)
 class Entry:
-    """What every catalogue says of an effect, whatever kind of run it is looked for in.
+    """Common properties of an effect, for any kind of run.
 
     Attributes:
         name: as reported.
-        cause: what happens physically.
-        source: what it comes from; effects of different sources are told apart by changing one of them.
-        scope: "package", "line" or "voltmeter" if one cause moves all sensors together (one coefficient for all),
+        cause: the physical mechanism.
+        source: its physical source; effects of different sources are separated by changing one of them.
+        scope: "package", "line" or "voltmeter" if one cause affects all sensors together (one coefficient for all),
             "sensor" if each sensor has its own coefficient.
-        stratum: where it varies when the order of the run is balanced. Pitch-roll: between the points of the design,
-            or point by replication, that is with time, temperature or direction. Whole plots: from one whole plot to
-            the next, or within them.
+        stratum: stratum of its variation in a balanced run. Pitch-roll: between the points of the design, or point by
+            replication, that is with time, temperature or direction. Whole plots: between whole plots, or within them.
         unit: of the reported coefficients.
-        size: the same in the terms of who works on the bench.
-        against: the field of the data its residual is best looked at against.
-        separate_by: the measurement that would confirm it, or tell it from what is not among the known aliases.
-        usual_size: what instruments of this kind show.
+        size: the size in the terms of people at the bench.
+        against: field of the data for a plot of its residual.
+        separate_by: the measurement that would confirm it, or separate it from effects that are not known aliases.
+        usual_size: usual size for instruments of this kind.
         known_aliases: effects that are confounded with it on common designs.
-        own: whether a laboratory added it: of what it looks like only its own entry knows.
-        signed: the sign that its coefficients have physically; None where either is possible.
-        largest: size beyond which it is no explanation; None where none is known.
-
+        own: whether a laboratory added it: only its own entry knows its aliases.
+        signed: the physical sign of its coefficients; None if both are possible.
+        largest: size beyond which it is not an explanation; None if unknown.
     """
 
     name: str
@@ -129,5 +123,5 @@ class Entry:
     largest: Largest | None = field(default=None, kw_only=True)
 
     def sign(self, term: str) -> int:
-        """Sign of a term's coefficient, +1 or -1; 0 where either is possible."""
+        """Sign of a term's coefficient, +1 or -1; 0 if both are possible."""
         return 0 if self.signed is None else self.signed.of(term)

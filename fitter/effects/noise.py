@@ -1,8 +1,8 @@
-"""What is found of the noise, by names that every kind of run shares: stratum "noise", no column of the model."""
+"""Names of findings about noise in every kind of run: stratum "noise", no column of the model."""
 
 NOISE_GROWS = "noise-grows"
-"""The scatter of readings changes with something recorded; what it is, is in the finding's cause and terms."""
+"""The scatter of readings depends on a recorded quantity, named in the finding's cause and terms."""
 AUTOCORRELATION = "autocorrelation"
-"""Errors of successive readings are alike, up to a random walk."""
+"""Errors of successive readings are correlated, up to a random walk."""
 OUTLIERS = "outliers"
 """Single readings that the scatter of the others does not explain."""

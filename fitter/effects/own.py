@@ -1,4 +1,4 @@
-"""A laboratory's own effects, written as formulas in a TOML text; they join the catalogues without touching them.
+"""A laboratory's own effects, written as formulas in a TOML text; they extend the catalogues without changing them.
 
     [[effect]]
     name = "draught"
@@ -10,8 +10,8 @@
     separate_by = "close the door"
     usual_size = "1e-5 V"
 
-The stratum says which kind of calibration the effect is of. Each kind says which strata and scopes its effects have,
-and what a column may be computed from, in a `Grammar`; the arithmetic is that of `fitter.arithmetic`.
+The stratum determines the kind of calibration of the effect. Each kind defines its strata, its scopes and the variables
+of columns in a `Grammar`; the arithmetic is that of `fitter.arithmetic`.
 """
 
 from __future__ import annotations
@@ -31,14 +31,13 @@ _WORDS = ("name", "cause", "scope", "stratum", "unit", "columns", "separate_by",
 
 @dataclass(frozen=True)
 class Grammar:
-    """How effects of one kind of calibration are written.
+    """Grammar of effects of one kind of calibration.
 
     Attributes:
-        strata: where they may vary; no other kind has the same.
-        scopes: what one coefficient may be of.
-        names: what a column may be computed from.
-        make: the entry, from its fields and its columns.
-
+        strata: possible strata; no other kind has the same.
+        scopes: possible scopes of one coefficient.
+        names: variables of columns.
+        make: makes the entry from its fields and its columns.
     """
 
     strata: tuple[str, ...]
@@ -51,8 +50,7 @@ def own_effects(text: str, grammars: Sequence[Grammar]) -> tuple[Entry, ...]:
     """Effects written in TOML, of any of the kinds whose grammars are given.
 
     Raises:
-        FitError: it is no TOML, a field is missing or unknown, or a column is no formula; the message says which.
-
+        FitError: it is not TOML, a field is missing or unknown, or a column is not a formula; the message names it.
     """
     try:
         tables = tomllib.loads(text)

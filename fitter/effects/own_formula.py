@@ -13,7 +13,7 @@ from fitter.arrays import FloatArray
 from fitter.errors import FitError
 
 LONGEST = 500
-"""Characters of a formula; longer ones are no one's physics."""
+"""Maximum length of a formula, characters."""
 
 
 @dataclass(frozen=True)
@@ -21,9 +21,8 @@ class OwnFormula:
     """One column of an effect.
 
     Attributes:
-        text: as written.
-        expression: what it means.
-
+        text: its text.
+        expression: the parsed text.
     """
 
     text: str
@@ -34,8 +33,7 @@ class OwnFormula:
         """Check a text: arithmetic on `names`.
 
         Raises:
-            FitError: naming the effect and what is not understood.
-
+            FitError: with the effect and the place of the error.
         """
         if not isinstance(text, str) or not 0 < len(text) <= LONGEST:
             raise FitError(f"effect {effect}: a column is a text of up to {LONGEST} characters, not {text!r:.40}")
@@ -57,7 +55,7 @@ class OwnFormula:
         return frozenset(self.expression.names)
 
     def column(self, value_of: Callable[[str], FloatArray], n: int) -> FloatArray:
-        """(n,) its values, given those of the names."""
+        """(n,) its values, from those of the names."""
         values = np.broadcast_to(self.expression.value({name: value_of(name) for name in self.used}), (n,))
         if not np.all(np.isfinite(values)):
             raise FitError(f"an effect's column {self.text!r} is not a finite number at every observation")

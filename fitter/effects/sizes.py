@@ -1,4 +1,4 @@
-"""The size of an effect as people who work on the bench know it: arc seconds, ppm, micro-g."""
+"""The size of an effect in the terms of people at the bench: arc seconds, ppm, micro-g."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from collections.abc import Callable, Mapping
 from math import hypot
 
 Size = Callable[[Mapping[str, float], float], str]
-"""From an effect's coefficients by name of the term, in the terms' own units, and the sensor's S_V, to a text."""
+"""A function from an effect's coefficients by term, in the terms' units, and the sensor's S_V, to a text."""
 
 _ARCSEC_PER_DEG = 3600.0
 
 
 def each(per: str) -> Size:
-    """Every coefficient as it is, in `per`, small numbers with an exponent."""
+    """Every coefficient unchanged, in `per`, small numbers with an exponent."""
     return lambda values, _S_V: _list(values, lambda value: f"{_exponent(value)} {per}")
 
 
@@ -37,25 +37,24 @@ def amplitude(values: Mapping[str, float], _S_V: float) -> str:
 
 
 def between(low: str, high: str) -> str:
-    """Two sizes as a range, the unit once."""
+    """Two sizes as a range, with the unit once."""
     unit = low.partition(" ")[2]
     same = unit == high.partition(" ")[2]
     return f"{low.removesuffix(unit).strip() if same else low} to {high.strip()}"
 
 
 def size_95(size: Size, values: Mapping[str, float], halves: Mapping[str, float], sensitivity: float) -> str:
-    """95 % interval of an effect's size, in the words of the catalogue: "1.49e-3 to 1.51e-3 deg/g".
+    """95 % interval of an effect's size, as a text in the form of the catalogue: "1.49e-3 to 1.51e-3 deg/g".
 
     Args:
-        size: the catalogue's words for it.
+        size: the catalogue's function for its text.
         values: coefficients by name of the term, in the terms' own units.
         halves: half-widths of their 95 % intervals.
-        sensitivity: of the sensor, as `size` takes it.
+        sensitivity: of the sensor, for `size`.
 
-    Of an effect with several sizes an interval each, in the order of `size`.
-
+    An effect with several sizes has one interval each, in the order of `size`.
     """
-    if size is amplitude and len(values) > 1:  # of sine and cosine together, whose errors hardly correlate
+    if size is amplitude and len(values) > 1:  # sine and cosine together, whose errors are nearly uncorrelated
         total = hypot(*values.values())
         part = hypot(*(value * halves[name] for name, value in values.items())) / total**2
         scaled = ({name: value * max(scale, 0.0) for name, value in values.items()} for scale in (1 - part, 1 + part))
@@ -68,7 +67,7 @@ def size_95(size: Size, values: Mapping[str, float], halves: Mapping[str, float]
 
 
 def _list(values: Mapping[str, float], text: Callable[[float], str]) -> str:
-    """Texts of all terms, each with its term's name where there are several."""
+    """Texts of all terms, with the term's name if there are several."""
     if len(values) == 1:
         return text(*values.values())
     return ", ".join(f"{text(value)} ({name})" for name, value in values.items())

@@ -1,4 +1,4 @@
-"""Gross errors: readings that no scatter of the others explains. Found by one method in every kind of data."""
+"""Gross errors: readings that the scatter of the others does not explain. One method for all kinds of data."""
 
 from fitter.gross.search import LEVEL, GrossErrors, gross_errors
 

@@ -1,9 +1,9 @@
-"""A linear model with a level for each group, as the search for gross errors needs it.
+"""A linear model with a level for each group, for the search for gross errors.
 
-What leaving rows O out of a least-squares fit does is known from the fit of all rows: with the residuals e and the
-residual maker M of all, the left-out rows are off the prediction of the others by M_OO^-1 e_O, with covariance
-sigma^2 M_OO^-1, and the residual sum of squares falls by e_O' M_OO^-1 e_O (Cook and Weisberg, Residuals and Influence
-in Regression, 1982, section 2.2). So no fit is made twice.
+The fit without rows O is known from the fit of all rows: with the residuals e and the residual maker M of all, the
+left-out rows deviate from the prediction of the others by M_OO^-1 e_O, with covariance sigma^2 M_OO^-1, and the
+residual sum of squares falls by e_O' M_OO^-1 e_O (Cook and Weisberg, Residuals and Influence in Regression, 1982,
+section 2.2). So no second fit is needed.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from fitter.arrays import FloatArray, IntArray
 from fitter.linear import orthonormal
 
 NO_GROUP = -1
-"""Group of a row that shares a level with no other."""
+"""Group of a row without a common level."""
 ENOUGH = 1e-11
-"""Part of the largest singular value of the scaled products up to which one counts as none."""
+"""Relative size of singular values of the scaled products that count as zero."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,8 +30,7 @@ class Rows:
         columns: (n, k) weighted columns.
         y: (n,) weighted response.
         weight: (n,) one over the standard deviation, up to a factor.
-        group: (n,) from 0; rows of one group share a level of their own. `NO_GROUP` where a row has none.
-
+        group: (n,) from 0; rows of one group share a level. `NO_GROUP` for a row without.
     """
 
     columns: FloatArray
@@ -45,7 +44,7 @@ class Rows:
         return int(self.group.max(initial=NO_GROUP)) + 1
 
     def within(self, values: FloatArray, kept: FloatArray | None = None) -> FloatArray:
-        """(n, m) `values` less their groups' levels, estimated with weights `kept` (n,) or all alike."""
+        """(n, m) `values` minus their groups' levels, estimated with weights `kept` (n,) or equal ones."""
         if self.groups == 0:
             return values
         v = self.weight if kept is None else self.weight * kept
@@ -66,18 +65,18 @@ class Rows:
 
     @cached_property
     def df(self) -> int:
-        """Degrees of freedom left for error by a fit of all rows."""
+        """Degrees of freedom for error in a fit of all rows."""
         return int(self.y.size - self.groups - self.basis.shape[1])
 
     @cached_property
     def residual(self) -> FloatArray:
-        """(n,) of the fit of all rows, weighted."""
+        """(n,) residuals of the fit of all rows, weighted."""
         left = self.within(self.y[:, None])[:, 0]
         return np.asarray(left - self.basis @ (self.basis.T @ left))
 
     @cached_property
     def kept(self) -> FloatArray:
-        """(n,) share of a row's variance that the fit of all leaves in its residual."""
+        """(n,) share of a row's variance in its residual of the fit of all rows."""
         share: FloatArray = 1.0 - np.sum(self.basis**2, axis=1)
         inside = self.group >= 0
         norms = np.bincount(self.group[inside], self.weight[inside] ** 2, minlength=self.groups)
@@ -97,7 +96,7 @@ class Rows:
         return made
 
     def residual_of(self, kept: FloatArray) -> FloatArray:
-        """(n,) residuals of all rows from a fit with these weights (n,), good enough to begin with."""
+        """(n,) residuals of all rows from a fit with these weights (n,), as a start."""
         both = self.within(np.column_stack([self.columns, self.y]), kept)
         columns, y = both[:, :-1], both[:, -1]
         products = columns.T @ (kept[:, None] * both)

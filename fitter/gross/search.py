@@ -1,14 +1,14 @@
-"""The search for gross errors: a robust start, then rows taken back one by one, each judged by the rows before it.
+"""The search for gross errors: a robust start, then rows added one by one, each judged by the rows before it.
 
-Several gross errors can hide one another: together they move the fit and raise the standard deviation that each is
-measured by. So the search does not begin with the fit of all rows.
+Several gross errors can mask one another: together they move the fit and increase the standard deviation. So the search
+does not begin with the fit of all rows.
 
-1. The start is the subset that fits best when up to a third of the rows is left out (least trimmed squares;
-   Rousseeuw and Van Driessen, Data Min. Knowl. Disc. 12 (2006) 29), found from several starts by concentration steps.
+1. The start is the subset that fits best when up to a third of the rows is left out (least trimmed squares; Rousseeuw
+and Van Driessen, Data Min. Knowl. Disc. 12 (2006) 29), found from several starts by concentration steps.
 2. The rows left out are taken back one by one, the nearest to the fit of those inside first (forward search; Atkinson
-   and Riani, Robust Diagnostic Regression Analysis, 2000). Each is judged by its deletion residual.
+and Riani, Robust Diagnostic Regression Analysis, 2000). Each is judged by its deletion residual.
 3. Of the limits that are passed the one with the most rows outside counts, as in the generalised extreme Studentized
-   deviate test (Rosner, Technometrics 25 (1983) 165), so that a row hidden by another is found with it.
+deviate test (Rosner, Technometrics 25 (1983) 165), so that a row hidden by another is found with it.
 
 The limit holds for all rows and all responses of a table together: a clean table has a gross error with a probability
 of about `LEVEL` (measured: docs/gross_errors.md).
@@ -29,41 +29,40 @@ from fitter.resolution import least_sd, robust_sd
 from fitter.trace.growing_noise import growth_of
 
 LEVEL = 0.005
-"""Probability that a clean table has any row named, were the sd of its rows known to be in proportion."""
+"""Probability that a clean table has a row named, for known relative standard deviations of its rows."""
 SHARE, MOST = 0.35, 100
-"""Of the rows that can be gross errors at most, and their number: more are no gross errors but another model."""
+"""Maximum share of rows that can be gross errors, and their maximum number: more mean another model."""
 OF_GROUP = 0.5
-"""Of a group's rows at most: when most of a group is off, its level is."""
+"""Maximum share of a group's rows: if most of a group deviates, its level does."""
 FEWEST_DF = 8
-"""Degrees of freedom that must be left for error without the rows left out."""
+"""Minimum degrees of freedom for error without the left-out rows."""
 LONE = 1e-6
-"""A row of which no larger share than this is left has nothing to be compared with."""
+"""A row with no larger share in its residual cannot be checked."""
 CLEAR = 0.85
-"""Of the limit: where no row of a design is so far off a robust fit, no subset need be looked for."""
+"""Share of the limit: if no row of a design is so far from a robust fit, no subset is searched."""
 SUBSETS, STEPS, FINAL = 100, 2, 30
-"""Random starts, concentration steps of each, and of the best few to the end."""
+"""Random starts, concentration steps of each, and number of the best that are continued."""
 BEST, LEAST_ABSOLUTE = 5, 12
 AFFORDABLE = 4_000_000
-"""Numbers that random starts may look at, all together."""
+"""Maximum number of values for all random starts together."""
 SEED = 20260115
 ROUNDING = 1e3
-"""Times the rounding errors of the response that a standard deviation is at least."""
+"""Minimum standard deviation as a multiple of the response's rounding errors."""
 
 
 @dataclass(frozen=True, eq=False)
 class GrossErrors:
-    """Rows that stand off from the model, and by how much.
+    """Rows that deviate from the model, and by how much.
 
     Attributes:
         rows: (m,) indices, the farthest first.
         distance_sd: (m,) difference between the reading and the prediction of a fit without these rows, over the
             standard deviation of that difference.
         off: (m,) the difference itself, in units of the response.
-        p: probability that a clean table has a row named for so much; 1 where none is.
+        p: probability that a clean table has a row with such a deviation; 1 if none is named.
         sd: (n,) standard deviation of a reading by the fit without these rows, in units of the response.
-        alone: indices of rows that nothing can be compared with.
-        not_looked: why no search could be made; empty where one was.
-
+        alone: indices of rows that cannot be checked.
+        not_looked: reason for no search; empty if there was one.
     """
 
     rows: IntArray
@@ -80,21 +79,19 @@ def gross_errors(
     columns: FloatArray,
     *,
     group: IntArray | None = None,
-    spread: FloatArray | None = None,
     step: float = 0.0,
     responses: int = 1,
     drivers: Mapping[str, FloatArray] | None = None,
     designed: bool = False,
     level: float = LEVEL,
 ) -> GrossErrors:
-    """Which rows stand off from a linear model.
+    """Rows that deviate from a linear model.
 
     Args:
         y: (n,) response.
         columns: (n, k) of the model; they may be collinear.
         group: (n,) from 0: rows of a group share a level of their own, such as a whole plot's error; -1 for a row that
             shares none.
-        spread: (n,) relative standard deviations of the rows; None for all alike.
         step: that the response was rounded to.
         responses: of the table; the limit holds for all together.
         drivers: (n,) what the standard deviation may grow with, by name; where the rows that are not off show that it
@@ -104,8 +101,8 @@ def gross_errors(
 
     """
     asked = _Asked(y, columns, group, step, responses, designed, level)
-    found = _search(asked, spread)
-    if drivers and spread is None and not found.not_looked:
+    found = _search(asked, None)
+    if drivers and not found.not_looked:
         grown = _growth(asked, np.setdiff1d(np.arange(len(y)), found.rows), drivers)
         if grown is not None:
             found = _search(asked, grown)
@@ -128,7 +125,7 @@ class _Asked:
 
 
 def _growth(asked: _Asked, inside: IntArray, drivers: Mapping[str, FloatArray]) -> FloatArray | None:
-    """(n,) standard deviation where these rows show that it grows with one of the drivers; None where not."""
+    """(n,) standard deviation if these rows show that it grows with a driver; otherwise None."""
     every = asked.rows(np.ones(len(asked.y)))
     group = every.group[inside]
     known = group >= 0
@@ -174,7 +171,7 @@ class _Found:
 
 
 def _judged(rows: Rows, out: IntArray, floor: float, asked: _Asked) -> _Found:
-    """The rows that are off, of those outside a robust fit."""
+    """The deviating rows, among those outside a robust fit."""
     n, rss, left = len(rows.y), float(rows.residual @ rows.residual), rows.df
     none = np.zeros(0)
     sigma = max(np.sqrt(rss / left), floor)
@@ -194,7 +191,7 @@ def _judged(rows: Rows, out: IntArray, floor: float, asked: _Asked) -> _Found:
         if p < asked.level and not best.out.size:
             ahead = np.argsort(-np.abs(distance))
             best = _Found(out[inside][ahead], distance[ahead], off[ahead], p, sigma)
-        # taking a row back in: the inverse of the smaller block, by the matrix inversion lemma
+        # adding a row: the inverse of the smaller block, by the matrix inversion lemma
         row = inverse[inside[back]]
         inverse = inverse - np.outer(row, row) / row[inside[back]]
         inside = np.delete(inside, back)
@@ -220,7 +217,7 @@ def _trimmed(rows: Rows, most: int, *, designed: bool) -> IntArray:
 
 
 def _clear(rows: Rows, left: FloatArray) -> bool:
-    """Whether no row is so far from a robust fit (n,) that it could be judged off."""
+    """Whether no row is far enough from a robust fit (n,) to be named."""
     usable = rows.kept > LONE
     alone = left[usable] / np.sqrt(rows.kept[usable])
     limit = -float(special.stdtrit(rows.df, 0.5 * LEVEL / len(left)))
@@ -250,7 +247,7 @@ def _starts(rows: Rows, *, designed: bool) -> Iterator[FloatArray]:
 
 
 def _allowed(rows: Rows) -> IntArray:
-    """(n,) how many rows of a row's group may be left out."""
+    """(n,) maximum number of rows of a row's group that may be left out."""
     if rows.groups == 0:
         return np.full(len(rows.y), len(rows.y))
     inside = rows.group >= 0
@@ -261,7 +258,7 @@ def _allowed(rows: Rows) -> IntArray:
 
 
 def _outside(rows: Rows, left: FloatArray, most: int, allowed: IntArray) -> IntArray:
-    """The `most` rows farthest off, no more of a group than may be."""
+    """The `most` farthest rows, within the limit of each group."""
     size = np.where(rows.kept > LONE, np.abs(left), -1.0)
     ahead = np.argsort(-size, kind="stable")
     ahead = ahead[size[ahead] >= 0]
@@ -275,7 +272,9 @@ def _outside(rows: Rows, left: FloatArray, most: int, allowed: IntArray) -> IntA
 
 
 def _without(rows: Rows, out: IntArray) -> tuple[FloatArray, float]:
-    """(n,) residuals of all rows without `out` in the fit, and its sum of squares; infinite if there is none."""
+    """(n,) residuals of all rows with `out` left out of the fit, and its sum of squares; infinite if there is
+    no fit.
+    """
     e = rows.residual
     if not out.size:
         return e, float(e @ e)
@@ -291,7 +290,7 @@ def _without(rows: Rows, out: IntArray) -> tuple[FloatArray, float]:
 
 
 def _concentrated(rows: Rows, left: FloatArray, most: int, allowed: IntArray, steps: int) -> tuple[IntArray, float]:
-    """Rows outside and residual sum of squares after so many concentration steps from these residuals."""
+    """Rows outside and residual sum of squares after this many concentration steps from these residuals."""
     best: tuple[IntArray, float] = np.zeros(0, np.int64), float("inf")
     for _ in range(steps):
         out = _outside(rows, left, most, allowed)

@@ -1,8 +1,8 @@
-"""Several calibrations of one sensor over time: is it drifting, and until when does the last one hold?
+"""Several calibrations of one sensor over time: its drift, and the validity of the last one.
 
 series = Series(years, values, variance, df)     one parameter, its within-calibration variance
 homogeneity(series), trend(series), step(series), limits(series)
-error_bound(list_of_series, rows, years_ahead)   of the last calibration as it ages
+error_bound(list_of_series, rows, years_ahead)   of the last calibration over its age
 """
 
 from fitter.history.chart import Chart, QuantityChart, chart

@@ -1,4 +1,4 @@
-"""All that is said of one sensor over its calibrations."""
+"""All statistics of one sensor over its calibrations."""
 
 from __future__ import annotations
 
@@ -24,12 +24,11 @@ class QuantityChart:
     Attributes:
         name: with its unit.
         series: its values.
-        homogeneity: do the calibrations differ by more than their own error?
-        trend: does it drift? None below three calibrations.
-        step: did it jump? None below four.
+        homogeneity: test of differences between calibrations beyond their own error.
+        trend: test of drift; None below three calibrations.
+        step: test of a step; None below four.
         limits: of the chart; None below three.
-        adjusted: p of each test ("homogeneity", "trend", "step"), allowing for the other parameters of the sensor.
-
+        adjusted: p of each test ("homogeneity", "trend", "step"), adjusted for the other parameters of the sensor.
     """
 
     name: str
@@ -41,17 +40,17 @@ class QuantityChart:
     adjusted: dict[str, float]
 
     def significant(self, test: str) -> bool:
-        """Whether a test says at 5 %, over all parameters of the sensor, that there is something."""
+        """Whether a test is significant at 5 %, over all parameters of the sensor."""
         return self.adjusted.get(test, 1.0) < LEVEL
 
     @property
     def steady(self) -> bool:
-        """Whether it drifts more steadily than a parameter that wanders."""
+        """Whether it drifts more steadily than a random walk."""
         return self.significant("trend") and self.trend is not None and self.trend.p_walk < LEVEL
 
     @property
     def stepped(self) -> bool:
-        """Whether a step is there, and explains more than a steady drift does."""
+        """Whether there is a step that explains more than a steady drift does."""
         if not self.significant("step") or self.step is None or self.trend is None:
             return False
         return not self.significant("trend") or self.step.explained > self.trend.explained
@@ -63,8 +62,7 @@ class Chart:
 
     Attributes:
         quantities: by parameter.
-        bound: on the error of the last calibration as it ages; None below three calibrations.
-
+        bound: on the error of the last calibration over its age; None below three calibrations.
     """
 
     quantities: tuple[QuantityChart, ...]
@@ -81,8 +79,7 @@ def chart(charted: Charted, rows: FloatArray) -> Chart:
 
     Args:
         charted: q parameters of a sensor.
-        rows: (H, q) what a unit of each adds to the output, at H places of the range of use.
-
+        rows: (H, q) derivative of the output by each parameter, at H places of the range of use.
     """
     series = charted.series
     tests = [(homogeneity(s), trend(s), step(s)) for s in series]
@@ -103,7 +100,7 @@ def chart(charted: Charted, rows: FloatArray) -> Chart:
 
 
 def holm(p: Sequence[float]) -> list[float]:
-    """Probabilities that allow for there being several tests (Holm, Scand. J. Statist. 6, 65, 1979)."""
+    """Probabilities adjusted for several tests (Holm, Scand. J. Statist. 6, 65, 1979)."""
     adjusted, largest = [0.0] * len(p), 0.0
     for rank, i in enumerate(sorted(range(len(p)), key=lambda i: p[i])):
         largest = max(largest, min(1.0, (len(p) - rank) * p[i]))

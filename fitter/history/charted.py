@@ -1,4 +1,4 @@
-"""What is charted of one sensor, whatever kind it is."""
+"""Charted parameters of one sensor of any kind."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ class Charted:
 
     Attributes:
         names: of q charted parameters, each linear in the coefficients of the model, with their units.
-        series: one each.
+        series: one per parameter.
         shown: names of p parameters for people.
         parameters: (m, p) their values.
         stderr: (m, p) their standard errors within a calibration.
         sensitivity: mean of the sensor, V/g or mV/psi.
-        replicated: whether errors within a calibration come from something that was repeated in it.
-        variance_of: (m,) variance within, and its degrees of freedom, of the parameters weighed by (q,) numbers.
-
+        replicated: whether errors within a calibration come from repeated measurements.
+        variance_of: (m,) variance within calibrations, and its degrees of freedom, of a linear combination (q,) of the
+            parameters.
     """
 
     names: tuple[str, ...]
@@ -37,6 +37,6 @@ class Charted:
     variance_of: Callable[[FloatArray], tuple[FloatArray, float]]
 
     def combined(self, weights: FloatArray) -> Series:
-        """The sum of the charted parameters weighed by (q,) numbers, over the calibrations: an output, say."""
+        """A linear combination (q,) of the charted parameters over the calibrations, for example an output."""
         values = np.column_stack([s.values for s in self.series]) @ weights
         return Series(self.series[0].years, values, *self.variance_of(weights))

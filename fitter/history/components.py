@@ -1,10 +1,10 @@
 """Variation between calibrations beyond their own error, and least squares that allows for it.
 
-The values of a parameter are y = X b + u + e: e is the error within a calibration, with known variances W (diagonal),
-u is what else changes from one calibration to the next, psi K. K says how:
+The values of a parameter are y = X b + u + e: e is the error within a calibration, with known variances W (diagonal), u
+is the variation between calibrations, with covariance psi K. K is one of:
 
-    scatter   K = 1: every calibration draws again (mounting, temperature of the night)
-    walk      K_ij = min(t_i, t_j): the parameter wanders, with independent steps that add up
+    scatter   K = 1: independent between calibrations (mounting, temperature)
+    walk      K_ij = min(t_i, t_j): random walk, with independent steps that add up
 
 psi is estimated by the method of Paule and Mandel (J. Res. NBS 87, 377, 1982): the generalised residual sum of squares
 
@@ -26,7 +26,7 @@ from fitter.history.series import Series
 
 
 class Between(Enum):
-    """How a parameter varies between calibrations."""
+    """Kind of variation of a parameter between calibrations."""
 
     SCATTER = "scatter"
     WALK = "walk"
@@ -63,7 +63,7 @@ class Profile:
 
     @classmethod
     def of(cls, series: Series, columns: FloatArray, between: Between) -> Profile:
-        """Of a series about (m, p) `columns`."""
+        """Q of a series about (m, p) `columns`."""
         free = null_space(columns.T)
         lower = np.linalg.cholesky(free.T @ (series.variance[:, None] * free))
         whitened = np.linalg.solve(lower, free.T)
@@ -76,10 +76,10 @@ class Profile:
         return len(self.squares)
 
     def psi(self, target: FloatArray, factor: FloatArray) -> FloatArray:
-        """(n,) psi at which Q is (n,) `target`, for (n,) factors; zero where it is less at psi = 0 already.
+        """(n,) psi at which Q is (n,) `target`, for (n,) factors; zero if Q is smaller already at psi = 0.
 
-        1/Q is concave in psi, and a straight line where all roots are alike: Newton's method on it comes from below
-        and takes a few steps.
+        1/Q is concave in psi, and a straight line if all roots are equal: Newton's method on it converges from below in
+        a few steps.
         """
         psi = np.zeros_like(target)
         for _ in range(100):
@@ -122,8 +122,8 @@ def fit(series: Series, columns: FloatArray, between: Between) -> Fit:
     """Fit (m, p) columns, p < m.
 
     The covariance is scaled by Q(psi) / (m - p), to be used with Student's t on m - p degrees of freedom (Knapp and
-    Hartung, Statistics in Medicine 22, 2693, 2003). Where all calibrations are alike this is ordinary least squares
-    and its t is exact, whatever the variances are.
+    Hartung, Statistics in Medicine 22, 2693, 2003). If all calibrations have equal variances this is ordinary least
+    squares and its t is exact.
     """
     psi = Profile.of(series, columns, between).paule_mandel()
     v = np.diag(series.variance) + psi * between.among(series.years)

@@ -1,9 +1,9 @@
-"""What the data leave open about the variances: many possible pairs, and a straight line fitted under each.
+"""Uncertainty of the variances: many possible pairs, and a straight line fitted for each.
 
-Neither psi nor the size of the variances within is known. Q(psi) is chi squared on m - p degrees of freedom whatever
-psi is, so a value of chi squared is solved for psi; and the variances within are known from `df` degrees of freedom
+Neither psi nor the size of the variances within is known. Q(psi) is chi squared with m - p degrees of freedom for any
+psi, so a value of chi squared is solved for psi; and the variances within are known with `df` degrees of freedom
 (generalised inference: Weerahandi, Exact Statistical Methods for Data Analysis, 1995). Without errors within, a mean
-over these draws is Student's t on m - p degrees of freedom, exactly; with them it errs on the side of caution.
+over these draws is exactly Student's t on m - p degrees of freedom; with them it is conservative.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class Draws:
 
 
 def draw(series: Series, between: Between, nodes: int = NODES) -> Draws:
-    """Fit a line to a series of at least three calibrations under each of `nodes` draws; always the same ones."""
+    """Fit a line to a series of at least three calibrations for each of `nodes` draws, which are always the same."""
     factor, target = _variances(nodes, len(series) - 2, series.df)
     psi = Profile.of(series, series.line, between).psi(target, factor)
     v = factor[:, None, None] * np.diag(series.variance) + psi[:, None, None] * between.among(series.years)

@@ -1,13 +1,13 @@
-"""How wrong the last calibration becomes as it ages.
+"""Error of the last calibration over its age.
 
-Of one parameter, given the variances, the value at a later time has a normal distribution: the best linear unbiased
-prediction from a straight line and the variation between calibrations (universal kriging), less the value that the
-last calibration found. The variances are drawn from what the data leave open about them (`fitter.history.draws`).
+Given the variances, the value of one parameter at a later time has a normal distribution: the best linear unbiased
+prediction from a straight line and the variation between calibrations (universal kriging), minus the value of the last
+calibration. The variances are drawn from their uncertainty (`fitter.history.draws`).
 
 The errors of all parameters give the error of the output, and its largest value over the range of use. Parameters may
-move each on its own or all together, by one cause. Drawn each on its own they give the first bound. For the second, the
-output itself is predicted where parameters that move together add up most: however they go together is in its values.
-The larger bound counts.
+move independently, or together by one cause. Independent draws give the first bound. For the second, the output itself
+is predicted at places where parameters that move together have the largest effect; its values contain their
+correlation. The larger bound counts.
 """
 
 from __future__ import annotations
@@ -37,19 +37,18 @@ class ErrorBound:
     """Bound on the error of the last calibration's output over its age.
 
     Attributes:
-        years: (T,) age of the last calibration, from 0; no further than the history of calibrations reaches back.
-        bounds: (T,) by kind of variation, in the unit of the output: with the probability asked for the error stays
+        years: (T,) age of the last calibration, from 0; at most the length of the history.
+        bounds: (T,) by kind of variation, in the unit of the output: with the requested probability the error stays
             below it everywhere in the range of use.
-
     """
 
     years: FloatArray
     bounds: Mapping[Between, FloatArray]
 
     def holds_for(self, tolerance: float, between: Between | None = None) -> float | None:
-        """Years until a bound first exceeds `tolerance`: the earlier of all kinds, or of one; None if it does at once.
+        """Years until a bound first exceeds `tolerance`: the earliest of all kinds, or of one; None if it does at once.
 
-        The last of `years` where it never does: nothing is said about times beyond.
+        The last of `years` if it never does: later times are not forecast.
         """
         if between is None:
             each = [self.holds_for(tolerance, kind) for kind in self.bounds]
@@ -75,16 +74,15 @@ class Prediction:
     """Error of the last calibration in one parameter.
 
     Attributes:
-        mean: (n, T) value at that age less the value that the last calibration found, for n draws of the variances.
+        mean: (n, T) value at that age minus the value of the last calibration, for n draws of the variances.
         sd: (n, T).
-
     """
 
     mean: FloatArray
     sd: FloatArray
 
     def bound(self, level: float) -> FloatArray:
-        """(T,) what the error is below, to either side, with this probability."""
+        """(T,) two-sided limit of the error with this probability."""
         low, high = np.zeros(self.mean.shape[1]), np.max(np.abs(self.mean) + 10.0 * self.sd, axis=0)
         sd = np.maximum(self.sd, np.finfo(float).tiny)
         for _ in range(24):
@@ -108,17 +106,16 @@ def error_bound(
 
     Args:
         charted: q parameters of the sensor.
-        rows: (H, q) what a unit of each adds to the output, at H places of the range of use.
+        rows: (H, q) derivative of the output by each parameter, at H places of the range of use.
         level: probability that the bound holds, everywhere at once.
-        times: how many ages.
-        draws: of the errors; the bound has a standard error of half a percent.
-        nodes: draws of the variances of each parameter.
-
+        times: number of ages.
+        draws: number of draws of the errors; the bound has a standard error of half a percent.
+        nodes: number of draws of the variances of each parameter.
     """
     years = charted.series[0].years
     if len(years) < FEWEST:
         return None
-    ages = (years[-1] - years[0]) * np.linspace(0.0, 1.0, times) ** 2  # dense where bounds bend
+    ages = (years[-1] - years[0]) * np.linspace(0.0, 1.0, times) ** 2  # dense where bounds are curved
     outputs = [charted.combined(row) for row in _worst_together(charted, rows)]
     node, normal = _dice(len(charted.series), draws, nodes)
     bounds = {}
@@ -136,7 +133,7 @@ def error_bound(
 
 
 def _worst_together(charted: Charted, rows: FloatArray) -> FloatArray:
-    """(h, q) those rows where parameters that move together, each by what it varied and to any side, add up most."""
+    """(h, q) the rows with the largest effect of parameters that move together, in any combination of signs."""
     reach = np.array([np.sqrt(np.var(s.values) + np.mean(s.variance)) for s in charted.series])
     sides = np.array([(1.0, *rest) for rest in product((1.0, -1.0), repeat=len(reach) - 1)])
     return np.asarray(rows[np.unique(np.argmax(np.abs((rows * reach) @ sides.T), axis=0))])
@@ -162,7 +159,9 @@ def predict(series: Series, between: Between, ages: FloatArray, nodes: int = NOD
 
 @lru_cache(maxsize=8)
 def _dice(parameters: int, draws: int, nodes: int) -> tuple[IntArray, FloatArray]:
-    """(q, draws) which draw of the variances and (q, draws) standard normal numbers, evenly spread; always the same."""
+    """(q, draws) index of the draw of variances and (q, draws) standard normal numbers, evenly spread; always
+    the same.
+    """
     rng = np.random.default_rng(_SEED)
     node = np.stack([rng.permutation(np.arange(draws) % nodes) for _ in range(parameters)])
     normal = special.ndtri((np.arange(draws) + 0.5) / draws)

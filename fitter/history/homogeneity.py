@@ -1,4 +1,4 @@
-"""Do calibrations differ by more than their own error?"""
+"""Test of differences between calibrations beyond their own error."""
 
 from __future__ import annotations
 
@@ -13,15 +13,14 @@ from fitter.quantiles import f_limit, f_tail
 
 @dataclass(frozen=True)
 class Homogeneity:
-    """The F test of one-way analysis of variance, calibrations against what is within them.
+    """The F test of one-way analysis of variance, between against within calibrations.
 
     Attributes:
-        F: mean square between calibrations over its expectation if they differed by their own error only.
+        F: mean square between calibrations over its expectation by their own error.
         df: degrees of freedom above and below.
-        limit_95: F stays below with 95 % probability if nothing changed.
-        p: probability of a larger F if nothing changed.
+        limit_95: 95 % limit of F without change.
+        p: probability of a larger F without change.
         between_sd: standard deviation between calibrations beyond their own error (Paule and Mandel).
-
     """
 
     F: float
@@ -32,7 +31,7 @@ class Homogeneity:
 
 
 def homogeneity(series: Series) -> Homogeneity:
-    """Test that the parameter is the same in all calibrations; exact where all are of one design."""
+    """Test that the parameter is the same in all calibrations; exact if all have one design."""
     profile = Profile.of(series, series.constant, Between.SCATTER)
     df = profile.df, float(series.df)
     value = float(np.sum(profile.squares)) / profile.df

@@ -22,15 +22,12 @@ class Limits:
 
     Attributes:
         centre: weighted mean of all calibrations.
-        centre_stderr: its standard error.
         warning: (m,) half-width that a calibration exceeds with 5 % probability if nothing changed.
         action: (m,) the same with 0.3 %.
-        deviation: (m,) value less centre.
-
+        deviation: (m,) value minus centre.
     """
 
     centre: float
-    centre_stderr: float
     warning: FloatArray
     action: FloatArray
     deviation: FloatArray
@@ -49,10 +46,10 @@ class Limits:
 def limits(series: Series) -> Limits | None:
     """Chart a series; None for fewer than three calibrations.
 
-    A calibration is judged by its distance from the mean of the others, in Student's t on m - 2 degrees of freedom
-    with the variance, within and between, that the others show. On the chart, whose centre has the calibration
-    itself in it, this is Thompson's limit, t sqrt(m - 1) / sqrt(m - 2 + t^2) standard deviations of the residual.
-    Where the calibrations lie closer together than their own error, by luck, it is that error that counts.
+    A calibration is judged by its distance from the mean of the others, in Student's t on m - 2 degrees of freedom with
+    the variance within and between the others. On the chart, whose centre includes the calibration itself, this is
+    Thompson's limit, t sqrt(m - 1) / sqrt(m - 2 + t^2) standard deviations of the residual. If the calibrations differ
+    by less than their own error, by chance, that error counts.
     """
     m = len(series)
     if m < FEWEST:
@@ -67,7 +64,7 @@ def limits(series: Series) -> Limits | None:
         np.maximum(sd * _thompson(level, m), own * t_limit(level, series.df)) for level in (WARNING, ACTION)
     )
     deviation = series.values - found.coefficients[0]
-    return Limits(float(found.coefficients[0]), float(np.sqrt(found.covariance[0, 0])), warning, action, deviation)
+    return Limits(float(found.coefficients[0]), warning, action, deviation)
 
 
 def _thompson(level: float, m: int) -> float:

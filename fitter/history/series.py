@@ -16,14 +16,13 @@ class Series:
     """Values of one parameter, in order of time.
 
     Attributes:
-        years: (m,) when, in years of 365.25 days since the first.
+        years: (m,) times, in years of 365.25 days since the first.
         values: (m,) in the parameter's unit.
         variance: (m,) of each value's error within its calibration, squared unit.
         df: degrees of freedom of `variance`, which all calibrations share.
 
     Raises:
         FitError: fewer than two calibrations, times that do not ascend, or a variance that is not positive.
-
     """
 
     years: FloatArray

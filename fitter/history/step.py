@@ -1,4 +1,4 @@
-"""Did a parameter jump, at a date nobody told?"""
+"""Test of a step of a parameter at an unknown date."""
 
 from __future__ import annotations
 
@@ -21,12 +21,11 @@ class Step:
     """The step that explains most.
 
     Attributes:
-        before: how many calibrations lie before it.
-        size: value after less value before.
-        stderr: its standard error, the date taken as known.
-        p: probability of a step as clear as this at any date if there was none.
-        explained: share of the sum of squares about the mean that it takes away.
-
+        before: number of calibrations before it.
+        size: value after minus value before.
+        stderr: its standard error, for a known date.
+        p: probability of such a clear step at any date without a step.
+        explained: its share of the sum of squares about the mean.
     """
 
     before: int
@@ -39,8 +38,8 @@ class Step:
 def step(series: Series) -> Step | None:
     """Look for one step between calibrations; None for fewer than four of them.
 
-    The statistic is the largest of the m - 1 two-sample F. Its distribution, look-elsewhere included, is that of
-    as many independent values of the same variances (simulated once, seeded): exact where all are alike.
+    The statistic is the largest of the m - 1 two-sample F. Its distribution, with the choice of the date, is that of
+    the same number of independent values with the same variances (simulated once, seeded): exact for equal variances.
     """
     if len(series) < FEWEST:
         return None
@@ -66,7 +65,7 @@ def step(series: Series) -> Step | None:
 
 
 def _gains(values: FloatArray, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(n, m - 1) sum of squares that a step after each calibration takes away, and (n,) the total, of (n, m) values."""
+    """(n, m - 1) sum of squares explained by a step after each calibration, and (n,) the total, for (n, m) values."""
     centred = values - (values @ weights)[:, None]
     below = np.cumsum(weights)[:-1]
     sums = np.cumsum(centred * weights, axis=1)[:, :-1]
@@ -75,7 +74,7 @@ def _gains(values: FloatArray, weights: FloatArray) -> tuple[FloatArray, FloatAr
 
 @lru_cache(maxsize=64)
 def _null(weights: tuple[float, ...]) -> FloatArray:
-    """(draws,) largest share that a step takes away where there is none."""
+    """(draws,) largest share explained by a step without a step."""
     w = np.array(weights)
     values = np.random.default_rng(_SEED).standard_normal((_DRAWS, len(w))) / np.sqrt(w)
     gain, total = _gains(values, w)

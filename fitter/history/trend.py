@@ -1,4 +1,4 @@
-"""Does a parameter drift steadily?"""
+"""Test of a steady drift of a parameter."""
 
 from __future__ import annotations
 
@@ -17,18 +17,16 @@ FEWEST = 3
 
 @dataclass(frozen=True)
 class Trend:
-    """A straight line in time, with variation between calibrations beside it.
+    """A straight line in time, with variation between calibrations.
 
     Attributes:
         per_year: slope, in the parameter's unit.
-        stderr: its standard error, with the scatter between calibrations in it.
+        stderr: its standard error, with the scatter between calibrations.
         df: degrees of freedom, m - 2.
-        p: probability of such a slope or a steeper one if calibrations only scattered. Exact where all are alike.
-        p_walk: the same if the parameter wandered, as a sum of independent steps: small where the movement is too
-            steady for that, and so will go on.
-        explained: share of the sum of squares about the mean that the line takes away, weighted as for `step`.
-        favoured: which kind of variation beside the line the data are likelier under.
-
+        p: probability of such a slope or a steeper one for calibrations that only scatter. Exact for equal variances.
+        p_walk: the same for a random walk: small if the movement is too steady for one, and so will continue.
+        explained: share of the sum of squares about the mean explained by the line, weighted as for `step`.
+        favoured: kind of variation with the higher likelihood.
     """
 
     per_year: float
@@ -41,7 +39,7 @@ class Trend:
 
     @property
     def half_width_95(self) -> float:
-        """Of the 95 % interval of the slope."""
+        """Half-width of the 95 % interval of the slope."""
         return t_limit(0.95, self.df) * self.stderr
 
 
@@ -70,7 +68,7 @@ def _p_walk(series: Series) -> float:
 
 
 def _explained(series: Series) -> float:
-    """Squared correlation with time; weights as for `step`, so that the two can be compared."""
+    """Squared correlation with time; weights as for `step`, for comparison."""
     weights = 1.0 / (series.variance + fit(series, series.constant, Between.SCATTER).psi)
     y, t = (v - np.average(v, weights=weights) for v in (series.values, series.years))
     total = float(np.sum(weights * y**2) * np.sum(weights * t**2))

@@ -3,12 +3,11 @@
     fit = fit_split_plot(columns, y, whole_plot, names)
     fit.coefficients, fit.kenward_roger().stderr, fit.df, fit.sigma_wholeplot
 
-Where many responses share one design, or one is fitted often, decompose it once: `SplitPlotDesign(...).fit(y)`,
-`.fit_many(ys)`.
+If many responses share one design, decompose it once: `SplitPlotDesign(...).fit(y)`, `.fit_many(ys)`.
 """
 
 from fitter.split_plot.batch import SplitPlotBatch
-from fitter.split_plot.design import SplitPlotDesign, fit_many, fit_split_plot, plan_precision
+from fitter.split_plot.design import SplitPlotDesign, fit_split_plot, plan_precision
 from fitter.split_plot.fit import SplitPlotFit
 from fitter.split_plot.kenward_roger import KenwardRoger, ScaledF
 from fitter.split_plot.plan import Precision
@@ -22,7 +21,6 @@ __all__ = [
     "SplitPlotDesign",
     "SplitPlotFit",
     "Variances",
-    "fit_many",
     "fit_split_plot",
     "plan_precision",
 ]

@@ -14,7 +14,7 @@ from fitter.split_plot.spectrum import Spectrum
 
 @dataclass(frozen=True, eq=False)
 class SplitPlotBatch:
-    """REML fits of m responses, one row each, meaning what the same names mean in `SplitPlotFit`.
+    """REML fits of m responses, one row each; attributes have the same meaning as in `SplitPlotFit`.
 
     Attributes:
         coefficients: (m, k).
@@ -22,7 +22,6 @@ class SplitPlotBatch:
         ratio: (m,) whole-plot variance over subplot variance; zero at the boundary.
         reml_loglik: (m,).
         spectrum: of the design.
-
     """
 
     coefficients: FloatArray
@@ -33,12 +32,12 @@ class SplitPlotBatch:
 
     @property
     def sigma_subplot(self) -> FloatArray:
-        """(m,) in units of y."""
+        """(m,) standard deviation of the subplot error, in units of y."""
         return np.asarray(np.sqrt(self.variance_subplot))
 
     @property
     def sigma_wholeplot(self) -> FloatArray:
-        """(m,) in units of y."""
+        """(m,) standard deviation of the whole-plot error, in units of y."""
         return np.asarray(np.sqrt(self.ratio * self.variance_subplot))
 
     @property
@@ -48,7 +47,7 @@ class SplitPlotBatch:
 
     @cached_property
     def stderr(self) -> FloatArray:
-        """(m, k) standard errors, taking the estimated variances as known."""
+        """(m, k) standard errors for known variances."""
         unit, *_ = self._units(np.eye(self.coefficients.shape[1]))
         return np.asarray(np.sqrt(unit * self.variance_subplot[:, None]))
 
@@ -60,7 +59,7 @@ class SplitPlotBatch:
         return np.asarray(total * self.variance_subplot[:, None])
 
     def df(self, columns: FloatArray, *, new_whole_plot: bool = False, new_readings: float = 0.0) -> FloatArray:
-        """(m, c) their degrees of freedom."""
+        """(m, c) degrees of freedom of these variances."""
         _, by_subplot, by_wholeplot = self._units(np.atleast_2d(columns))
         by_subplot = by_subplot + new_readings
         by_wholeplot = by_wholeplot + float(new_whole_plot)
@@ -79,7 +78,7 @@ class SplitPlotBatch:
 
     @cached_property
     def _shrinkage(self) -> FloatArray:
-        """(m, W)."""
+        """(m, W) predicted errors of the whole plots."""
         return np.asarray(1.0 / (1.0 + np.outer(self.ratio, self.spectrum.all_xi)))
 
     def _units(self, columns: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -92,7 +91,7 @@ class SplitPlotBatch:
 
     @cached_property
     def _spread(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """(m,) variances and covariance of the estimated variances, subplot variance one: ee, ew, ww."""
+        """(m,) variances and covariance of the estimated variances, at subplot variance one: ee, ew, ww."""
         xi, d2 = self.spectrum.xi, self._shrinkage[:, : len(self.spectrum.xi)] ** 2
         ee, ew, ww = 0.5 * (d2.sum(axis=1) + self.spectrum.rest_df), 0.5 * d2 @ xi, 0.5 * d2 @ xi**2
         determinant = ee * ww - ew**2
@@ -104,7 +103,7 @@ class SplitPlotBatch:
         )
 
     def _bias(self, columns: FloatArray) -> FloatArray:
-        """(m, c) Kenward and Roger's addition to the variance, subplot variance one."""
+        """(m, c) Kenward and Roger's addition to the variance, at subplot variance one."""
         r = len(self.spectrum.xi)
         loading = ((columns @ self.spectrum.loading[:, :r]) ** 2).T
         ee, ew, ww = self._spread

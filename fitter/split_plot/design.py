@@ -1,4 +1,4 @@
-"""A split-plot design: checked and decomposed once, then fitted to as many responses as there are."""
+"""A split-plot design: checked and decomposed once, then fitted to any number of responses."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from fitter.split_plot.structure import Nesting, Variances
 EPS = float(np.finfo(float).eps)
 
 BATCH = 2048
-"""Responses worked on at a time: as many as stay in the cache."""
+"""Number of responses processed together, by the size of the cache."""
 
 
 class SplitPlotDesign:
@@ -30,9 +30,8 @@ class SplitPlotDesign:
 
     Attributes:
         whole_plots: (W,) identities, ascending.
-        replicates: (R,) identities, ascending; None where there are no replications.
-        nesting: the columns, and who shares what.
-
+        replicates: (R,) identities, ascending; None without replications.
+        nesting: the columns, and the grouping of readings.
     """
 
     def __init__(
@@ -49,13 +48,12 @@ class SplitPlotDesign:
             columns: (n, k).
             whole_plot: (n,) identity of each reading's whole plot: any integers, in any order.
             names: of the k columns, used in results and messages.
-            replicate: (n,) identity of each reading's replication, for whole plots nested in replications that have
-                an error of their own.
+            replicate: (n,) identity of each reading's replication, for whole plots nested in replications with their
+                own error.
 
         Raises:
             RankError: the columns are not independent.
             ValueError: shapes differ, a value is not finite or not whole, or a whole plot lies in two replications.
-
         """
         matrix = _finite("columns", columns, 2)
         n, k = matrix.shape
@@ -143,12 +141,11 @@ class SplitPlotDesign:
     def precision(
         self, sigma_wholeplot: float, sigma_subplot: float, sigma_replicate: float | None = None
     ) -> Precision:
-        """Standard errors and degrees of freedom that the design promises at these standard deviations.
+        """Standard errors and degrees of freedom of the design for these standard deviations.
 
         Raises:
             ValueError: a standard deviation is negative or not finite, that of the subplot error is zero, or one is
                 given for replications and there are none.
-
         """
         given = [sigma_wholeplot, sigma_subplot, sigma_replicate or 0.0]
         if not np.all(np.isfinite(given)) or min(given) < 0.0 or sigma_subplot == 0.0:
@@ -189,7 +186,7 @@ class SplitPlotDesign:
 
     @cached_property
     def _not_estimable(self) -> str | None:
-        """Why the errors cannot be told apart, if so."""
+        """Reason why the errors cannot be separated, if any."""
         fixed, spectrum = self.nesting.fixed, self.nesting.wholeplot_spectrum
         k, count = len(fixed.names), len(self.whole_plots)
         if fixed.df <= 0:
@@ -206,7 +203,7 @@ class SplitPlotDesign:
 
     @cached_property
     def _replicates_not_estimable(self) -> str | None:
-        """The same of the error between replications."""
+        """The same for the error between replications."""
         if self.replicates is None:
             return None
         between = len(self.nesting.replicate_spectrum.xi)
@@ -227,11 +224,6 @@ def fit_split_plot(
 ) -> SplitPlotFit:
     """Fit y = X b + whole-plot error + subplot error by REML; see `SplitPlotDesign` and its `fit`."""
     return SplitPlotDesign(columns, whole_plot, names, replicate=replicate).fit(y)
-
-
-def fit_many(columns: ArrayLike, ys: ArrayLike, whole_plot: ArrayLike, names: Sequence[str]) -> SplitPlotBatch:
-    """Fit each column of (n, m) `ys`; see `SplitPlotDesign.fit_many`."""
-    return SplitPlotDesign(columns, whole_plot, names).fit_many(ys)
 
 
 def plan_precision(
@@ -257,7 +249,7 @@ def _log_likelihood(spectrum: Spectrum, ratio: FloatArray, subplot: FloatArray) 
 
 
 def _finite(name: str, values: ArrayLike, dimensions: int) -> FloatArray:
-    array = np.array(values, np.float64)  # a copy: results refer to it
+    array = np.array(values, np.float64)  # a copy, because results refer to it
     if array.ndim != dimensions:
         raise ValueError(f"{name}: {dimensions} dimensions are needed, not {array.ndim}")
     if not np.isfinite(array).all():

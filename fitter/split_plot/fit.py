@@ -1,4 +1,4 @@
-"""What a split-plot fit returns."""
+"""Result of a split-plot fit."""
 
 from __future__ import annotations
 
@@ -19,22 +19,21 @@ from fitter.split_plot.structure import Nesting, Structure, Variances
 class SplitPlotFit:
     """y = X b + whole-plot error (+ replication error) + subplot error, by restricted maximum likelihood (REML).
 
-    An error whose variance is estimated at zero is left out of everything that follows from the fit: standard errors
-    and degrees of freedom are those of the model without it, residual degrees of freedom n - k if none is left.
+    An error with estimated variance zero is left out of all results of the fit: standard errors and degrees of freedom
+    are those of the model without it, residual degrees of freedom n - k if none is left.
 
     Attributes:
         names: of the k coefficients.
         coefficients: (k,) generalised least squares at the estimated variances.
         variances: the REML estimates, squared units of y.
-        reml_loglik: restricted log-likelihood, -[(n - k) log(2 pi) + log|V| + log|X'V^-1 X| + r'V^-1 r] / 2 with
-            r = y - X b: as lme4 and nlme define it. It depends on the units and coding of the columns.
-        notes: what a reader should know, such as a variance at zero; empty when there is nothing.
+        reml_loglik: restricted log-likelihood, -[(n - k) log(2 pi) + log|V| + log|X'V^-1 X| + r'V^-1 r] / 2 with r = y
+            - X b: as lme4 and nlme define it. It depends on the units and coding of the columns.
+        notes: notes for readers, such as a variance at zero; empty if there are none.
         whole_plots: (W,) identities, ascending.
-        replicates: (R,) identities, ascending; None where there are no replications.
+        replicates: (R,) identities, ascending; None without replications.
         y: (n,) the response.
-        nesting: which readings share a whole plot and a replication, and the columns.
+        nesting: whole plot and replication of each reading, and the columns.
         structure: the errors in spectral form.
-
     """
 
     names: tuple[str, ...]
@@ -60,12 +59,12 @@ class SplitPlotFit:
 
     @property
     def sigma_wholeplot(self) -> float:
-        """Standard deviation of the error that readings of one whole plot share."""
+        """Standard deviation of the error common to the readings of one whole plot."""
         return float(np.sqrt(self.variances.wholeplot))
 
     @property
     def sigma_replicate(self) -> float | None:
-        """Standard deviation of the error that whole plots of one replication share; None where there are none."""
+        """Standard deviation of the error common to the whole plots of one replication; None without replications."""
         return None if self.variances.replicate is None else float(np.sqrt(self.variances.replicate))
 
     @property
@@ -80,24 +79,24 @@ class SplitPlotFit:
 
     @property
     def covariance(self) -> FloatArray:
-        """(k, k) covariance of the coefficients, taking the estimated variances as known."""
+        """(k, k) covariance of the coefficients for known variances."""
         return self.moments.covariance
 
     @cached_property
     def stderr(self) -> FloatArray:
-        """(k,) standard errors, taking the estimated variances as known."""
+        """(k,) standard errors for known variances."""
         return np.asarray(np.sqrt(np.diag(self.covariance)))
 
     @cached_property
     def conditional_residuals(self) -> FloatArray:
-        """(n,) y less the fixed part and the predicted errors of whole plot and replication."""
+        """(n,) y minus the fixed part and the predicted errors of whole plot and replication."""
         spectrum = self.structure.spectrum
         _, in_z, rest = spectrum.parts(self.y)
         return np.asarray(rest + spectrum.left @ (in_z / (1.0 + self.structure.ratio * spectrum.xi)))
 
     @property
     def marginal_residuals(self) -> FloatArray:
-        """(n,) y less the fixed part."""
+        """(n,) y minus the fixed part."""
         return np.asarray(self.y - self.nesting.fixed.columns @ self.coefficients)
 
     @property
@@ -107,7 +106,7 @@ class SplitPlotFit:
 
     @property
     def blup_replicate(self) -> FloatArray | None:
-        """(R,) predicted errors of the replications; None where there are none."""
+        """(R,) predicted errors of the replications; None without replications."""
         if self.nesting.replicate_of is None:
             return None
         return self._predicted(self.nesting.replicate_of[self.nesting.whole_plot], self.variances.replicate or 0.0)
@@ -122,12 +121,12 @@ class SplitPlotFit:
         return self.moments.df(np.atleast_2d(contrasts), spread)
 
     def kenward_roger(self) -> KenwardRoger:
-        """Covariance, degrees of freedom and F tests that allow for the variances being estimates."""
+        """Covariance, degrees of freedom and F tests that allow for the uncertainty of the variances."""
         return KenwardRoger(self.names, self.coefficients, self.moments)
 
     @property
     def df_method(self) -> str:
-        """Where `df` comes from: "kenward-roger", or "residual" where no variance above the subplot's is left."""
+        """Source of `df`: "kenward-roger", or "residual" if no variance above the subplot's remains."""
         return "kenward-roger" if len(self.structure.variances) > 1 else "residual"
 
     @cached_property
@@ -148,10 +147,9 @@ class SplitPlotFit:
 
         Args:
             columns: (m, k).
-            new_whole_plot: add the error of a whole plot (and of a replication) not seen yet.
-            new_readings: add so many times the variance of one reading: 1 for a reading to come, 1 + 1/r for its
+            new_whole_plot: add the error of a new whole plot (and of a new replication).
+            new_readings: multiple of the variance of one reading to add: 1 for a future reading, 1 + 1/r for its
                 difference from the mean of r others in its whole plot (then `columns` are differences too).
-
         """
         columns, extra = np.atleast_2d(columns), self._extra(new_whole_plot, new_readings)
         seen = columns @ self.structure.spectrum.fixed.root
@@ -177,7 +175,7 @@ class SplitPlotFit:
 
     @cached_property
     def _in_basis(self) -> KenwardRoger:
-        """That of the orthonormal basis: powers of settings far from zero lose the digits of their variances."""
+        """That of the orthonormal basis: powers of settings far from zero lose digits of their variances."""
         root = self.structure.spectrum.fixed.root
         return KenwardRoger(self.names, np.asarray(np.linalg.solve(root, self.coefficients)), self.moments.in_basis())
 

@@ -1,4 +1,4 @@
-"""Inference on coefficients that allows for the variances being estimates.
+"""Inference on coefficients that allows for the uncertainty of the variances.
 
 Kenward and Roger, "Small sample inference for fixed effects from restricted maximum likelihood", Biometrics 53 (1997)
 983-997, as pbkrtest computes it. For one contrast its degrees of freedom are Satterthwaite's with the expected
@@ -18,7 +18,7 @@ from fitter.quantiles import f_tail
 from fitter.split_plot.precision import Moments
 
 NO_MEAN = 0.01
-"""So close to two degrees of freedom, where F has no mean to be scaled to, pbkrtest leaves it unscaled."""
+"""Distance from two degrees of freedom within which F has no mean for scaling; pbkrtest leaves it unscaled."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class KenwardRoger:
         return np.asarray(np.sqrt(np.diag(self.covariance)))
 
     def df(self, contrasts: FloatArray) -> FloatArray:
-        """(m,) degrees of freedom of each of (m, k) `contrasts` alone."""
+        """(m,) degrees of freedom of each of (m, k) `contrasts` separately."""
         return self.moments.df(np.atleast_2d(contrasts), self.moments.inverse_information)
 
     def f_test(self, contrasts: FloatArray, value: FloatArray | float = 0.0) -> ScaledF:
@@ -100,11 +100,10 @@ class KenwardRoger:
 
 
 def selection(names: Sequence[str], terms: Sequence[str]) -> FloatArray:
-    """(q, k) contrasts that pick `terms` out of `names`.
+    """(q, k) contrasts that select `terms` from `names`.
 
     Raises:
         ValueError: a term is not among the names.
-
     """
     unknown = [term for term in terms if term not in names]
     if unknown or not terms:

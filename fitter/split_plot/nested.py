@@ -1,9 +1,9 @@
 """Two variance ratios: whole plots nested in replications.
 
 A response's coordinates u in the whole-plot spectrum have covariance diag(1 + w xi) + r F F' in units of the subplot
-variance, with w and r the ratios and F the replications seen in that spectrum. The restricted likelihood is searched
-on a grid of both ratios, climbed by Newton steps in their logarithms from every summit of the grid, and compared with
-the maxima on the edges where one ratio, or both, are zero; those are scalar searches.
+variance, with w and r the ratios and F the replications seen in that spectrum. The restricted likelihood is searched on
+a grid of both ratios, maximised by Newton steps in their logarithms from every local maximum of the grid, and compared
+with the maxima on the boundaries where one ratio, or both, are zero; those are scalar searches.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ from fitter.split_plot.profile import Profile
 from fitter.split_plot.spectrum import Spectrum
 
 GRID = np.geomspace(1e-3, 1e9, 49)
-"""Ratios times the largest eigenvalue of their own error; neighbours differ by a factor of 1.78."""
+"""Grid of ratios times the largest eigenvalue of their own error; neighbours differ by a factor of 1.78."""
 
 NOTHING = 1e-9
 """A ratio times its largest eigenvalue that counts as zero."""
 
 CLOSE = 1e-9
-"""After a Newton step this small, in the logarithms, the next would be rounding."""
+"""Size of a Newton step, in the logarithms, after which the next would be rounding."""
 
 FLAT = 1e-9
-"""A gain in -2 log L that says nothing."""
+"""A gain in -2 log L that is negligible."""
 
 LONGEST_STEP = 2.0
 MOST_STEPS = 100
@@ -38,10 +38,9 @@ class NestedProfile:
     """Restricted likelihood as a function of the two ratios.
 
     Attributes:
-        wholeplot: spectrum of one effect a whole plot.
-        replicate: spectrum of one effect a replication.
+        wholeplot: spectrum with one effect per whole plot.
+        replicate: spectrum with one effect per replication.
         seen: (r, R) F, the replications' indicators in the whole plots' spectrum.
-
     """
 
     wholeplot: Spectrum
@@ -56,7 +55,7 @@ class NestedProfile:
         inside = [self._climb(np.log(start), u, rest_ss) for start in self._summits(u, rest_ss)]
 
         def deviance(ratios: tuple[float, float]) -> float:
-            # a climb towards an edge ends on flat ground before it; the edge itself is meant then
+            # a search towards a boundary ends on a flat region before it; the boundary itself is then the maximum
             return self._at(np.array(ratios), u, rest_ss).deviance + (FLAT if min(ratios) > 0.0 else 0.0)
 
         return min([*edges, *(ratios for ratios in inside if ratios is not None)], key=deviance)
@@ -96,7 +95,7 @@ class NestedProfile:
         return [(float(w[i]), float(r[j])) for i, j in np.argwhere(deviance <= around)]
 
     def _climb(self, x: FloatArray, u: FloatArray, rest: float) -> tuple[float, float] | None:
-        """The maximum uphill of logarithms x, or None where the climb ends at an edge."""
+        """The maximum from logarithms x, or None if the search ends at a boundary."""
         here = self._at(np.exp(x), u, rest)
         for _ in range(MOST_STEPS):
             if np.any(np.exp(x) * self._scale < NOTHING):
@@ -136,7 +135,7 @@ class NestedProfile:
 
 @dataclass(frozen=True, eq=False)
 class _Height:
-    """-2 log L but for constants, and the first and second derivatives of log L by the logarithms of the ratios."""
+    """-2 log L except for constants, and the first and second derivatives of log L by the logarithms of the ratios."""
 
     deviance: float
     slope: FloatArray

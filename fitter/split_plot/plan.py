@@ -1,4 +1,4 @@
-"""What a design will determine, before any data."""
+"""Precision of a design, before any data."""
 
 from __future__ import annotations
 
@@ -13,14 +13,13 @@ from fitter.split_plot.structure import Nesting, Variances
 
 @dataclass(frozen=True, eq=False)
 class Precision:
-    """Precision that a design promises for each term, should the errors be what was expected.
+    """Expected precision of each term of a design, for assumed errors.
 
     Attributes:
         names: of the k coefficients.
         covariance: (k, k) of generalised least squares at the expected variances.
-        df: (k,) degrees of freedom each standard error will have once the variances are estimated; NaN where the
-            design leaves nothing to estimate one of them from.
-
+        df: (k,) degrees of freedom of each standard error with estimated variances; NaN if the design does not
+            determine one of them.
     """
 
     names: tuple[str, ...]
@@ -34,7 +33,7 @@ class Precision:
 
 
 def forecast(nesting: Nesting, variances: Variances, *, estimable: bool) -> Precision:
-    """Precision of the coefficients at these variances; `estimable`: whether data could tell the errors apart."""
+    """Precision of the coefficients at these variances; `estimable`: whether data could separate the errors."""
     moments, k = Moments(nesting.structure(variances)), len(nesting.fixed.names)
     df = moments.df(np.eye(k), moments.inverse_information) if estimable else np.full(k, np.nan)
     return Precision(nesting.fixed.names, moments.covariance, df)

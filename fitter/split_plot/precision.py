@@ -1,7 +1,7 @@
-"""How well generalised least squares determines the coefficients at given variances, and how well those are known.
+"""Precision of the coefficients by generalised least squares at given variances, and precision of the variances.
 
-With H = (X'V^-1 X)^-1 X'V^-1 and V = sum theta_i V_i the derivatives of the covariance C = H V H' by the variances
-are H V_i H', so that C, its derivatives and everything below are sums without cancellation in the spectral form.
+With H = (X'V^-1 X)^-1 X'V^-1 and V = sum theta_i V_i the derivatives of the covariance C = H V H' by the variances are
+H V_i H', so that C, its derivatives and everything below are sums without cancellation in the spectral form.
 """
 
 from __future__ import annotations
@@ -63,10 +63,10 @@ class Moments:
 
     @cached_property
     def small_sample_bias(self) -> FloatArray:
-        """(k, k) what C falls short of the covariance by, because the variances are estimates.
+        """(k, k) difference between the covariance and C, because the variances are estimates.
 
-        Kenward and Roger (1997): 2 C [sum W_ij (Q_ij - P_i C P_j)] C with W the inverse information, equal to
-        2 sum W_ij H V_i P V_j H'; their third term is zero where V is linear in its parameters.
+        Kenward and Roger (1997): 2 C [sum W_ij (Q_ij - P_i C P_j)] C with W the inverse information, equal to 2 sum
+        W_ij H V_i P V_j H'; their third term is zero where V is linear in its parameters.
         """
         spectrum, ratio = self.structure.spectrum, self.structure.ratio
         r, s, d = len(spectrum.xi), spectrum.singular[:, None], self._shrinkage
@@ -76,7 +76,7 @@ class Moments:
         return np.asarray(2.0 * np.einsum("ij,iak,jal->kl", self.inverse_information, cross, cross))
 
     def in_basis(self) -> Moments:
-        """The same of the coefficients of the orthonormal basis; with the columns' root T the above is T (.) T'."""
+        """The same for the coefficients of the orthonormal basis; with the columns' root T the above is T (.) T'."""
         spectrum = self.structure.spectrum
         root = spectrum.fixed.root
         fixed = replace(spectrum.fixed, root=np.eye(len(root)))
@@ -94,8 +94,7 @@ class Moments:
         Args:
             contrasts: (m, k).
             spread: (c, c) covariance of the variances.
-            extra: (c,) how often each variance counts in v besides; for a new reading, say.
-
+            extra: (c,) additional multiples of each variance in v; for example for a new reading.
         """
         extra = np.zeros(len(self.structure.variances)) if extra is None else extra
         gradient = np.einsum("mk,ikl,ml->mi", contrasts, self.derivatives, contrasts) + extra
@@ -121,6 +120,6 @@ class Moments:
 
 
 def inverse_of(information: FloatArray) -> FloatArray:
-    """(c, c) inverse of an information matrix, whose rows may have very different units."""
+    """(c, c) inverse of an information matrix whose rows may have very different units."""
     unit = np.sqrt(np.diag(information))
     return np.asarray(np.linalg.inv(information / np.outer(unit, unit)) / np.outer(unit, unit))

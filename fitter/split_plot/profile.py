@@ -18,12 +18,12 @@ import numpy as np
 from fitter.arrays import FloatArray, IntArray
 
 GRID = np.concatenate([[0.0], np.geomspace(1e-3, 1e12, 64)])
-"""Ratios times the largest eigenvalue xi_1."""
+"""Grid of ratios times the largest eigenvalue xi_1."""
 
 X_GRID = np.log1p(GRID)
 
 CLOSE = 1e-7
-"""After a Newton step this small the error, of the size of its square, is rounding."""
+"""Size of a Newton step after which the error, of the size of its square, is rounding."""
 
 MOST_STEPS = 100
 
@@ -72,11 +72,11 @@ class Profile:
             worst_first = np.argsort(-self.deviance(ratio, squares[:, response], rest[response]), kind="stable")
             ratio, response = ratio[worst_first], response[worst_first]
         best = np.empty(len(rest))
-        best[response] = ratio  # of a response's several maxima the highest comes last
+        best[response] = ratio  # of several maxima of a response the highest is last
         return best
 
     def deviance(self, ratio: FloatArray, squares: FloatArray, rest: FloatArray) -> FloatArray:
-        """(m,) or () nu log(q / nu) + sum log(1 + ratio xi): -2 log L but for what does not depend on the ratio."""
+        """(m,) or () nu log(q / nu) + sum log(1 + ratio xi): -2 log L except for terms independent of the ratio."""
         grown = 1.0 + np.multiply.outer(self.xi, ratio)
         q = rest + np.sum(squares / grown, axis=0)
         return np.asarray(self.df * np.log(q / self.df) + np.sum(np.log(grown), axis=0))
@@ -107,9 +107,9 @@ class Profile:
         return np.asarray(self._slopes @ squares / (rest + self._shrinkage @ squares) - traces)
 
     def _root(self, interval: int, ends: FloatArray, squares: FloatArray, rest: float) -> float:
-        """Ratio at which the score falls through zero in an `interval` of the grid; `ends`: the scores at its ends.
+        """Zero of the score in an `interval` of the grid, from positive to negative; `ends`: the scores at its ends.
 
-        Newton steps in x = log(1 + ratio xi_1), halving the bracket where one would leave it.
+        Newton steps in x = log(1 + ratio xi_1), with bisection for steps that would leave the bracket.
         """
         if interval + 1 < len(GRID):
             low, high = X_GRID[interval : interval + 2].tolist()
@@ -145,7 +145,7 @@ class Profile:
         return np.asarray(np.expm1(x) / self.xi[0])
 
     def _last_x(self, squares: FloatArray, rest: FloatArray | float) -> FloatArray:
-        """Where the score is negative for certain, beyond the end of the grid."""
+        """Ratio beyond the end of the grid at which the score is certainly negative."""
         bound = self.df * self.xi[0] / self.xi[-1] * np.max(squares, axis=0) / rest
         return np.asarray(np.log1p(2.0 * np.maximum(bound, GRID[-1])))
 

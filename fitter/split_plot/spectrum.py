@@ -48,7 +48,7 @@ class FixedPart:
             RankError: they are not independent.
 
         """
-        least_squares(columns, np.zeros(len(columns)), names)  # names the columns that cannot be told apart
+        least_squares(columns, np.zeros(len(columns)), names)  # names the dependent columns
         length = np.linalg.norm(columns, axis=0)
         basis, triangle = np.linalg.qr(columns / length)
         root = np.triu(dtrtri(triangle)[0]) / length[:, None]
@@ -61,7 +61,7 @@ class FixedPart:
         return len(self.columns) - len(self.names)
 
     def off(self, columns: FloatArray) -> FloatArray:
-        """(n, m) what of (n, m) `columns` lies outside X; projected twice, so that nothing of X is left in it."""
+        """(n, m) part of (n, m) `columns` outside X; projected twice, so that nothing of X remains."""
         for _ in range(2):
             columns = columns - self.basis @ (self.basis.T @ columns)
         return columns
@@ -103,7 +103,7 @@ class Spectrum:
 
     @property
     def rest_df(self) -> int:
-        """Degrees of freedom of what neither X nor Z explains: the subplot error alone."""
+        """Degrees of freedom outside X and Z: the subplot error alone."""
         return self.fixed.df - len(self.xi)
 
     @property
@@ -117,7 +117,7 @@ class Spectrum:
         return np.eye(len(self.right))[None]
 
     def parts(self, y: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Coordinates of (n,) or (n, m) `y` in X (k, .) and in Z beyond X (r, .), and what is left of it (n, .)."""
+        """Coordinates of (n,) or (n, m) `y` in X (k, .) and in Z beyond X (r, .), and the remainder (n, .)."""
         coordinates = self.basis.T @ y
         k = len(self.fixed.names)
         return coordinates[:k], coordinates[k:], y - self.basis @ coordinates

@@ -1,4 +1,4 @@
-"""Which readings share which errors, and the random columns that given variances make of it."""
+"""Grouping of readings with common errors, and the resulting random columns for given variances."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from fitter.split_plot.spectrum import FixedPart, Spectrum
 
 @dataclass(frozen=True)
 class Variances:
-    """Variances of the three errors, in squared units of y; `replicate` is None where there are no replications."""
+    """Variances of the three errors, in squared units of y; `replicate` is None without replications."""
 
     subplot: float
     wholeplot: float
@@ -22,15 +22,14 @@ class Variances:
 
 @dataclass(frozen=True, eq=False)
 class Structure:
-    """The errors of a fit in spectral form. Errors whose variance is zero are not in it.
+    """The errors of a fit in spectral form. Errors with variance zero are left out.
 
     Attributes:
         spectrum: of random columns whose effects are independent with one variance.
         variances: (c,) that of the subplot error first, then those of the errors above it that are not zero.
         ratio: variance of the spectrum's effects over that of the subplot error.
-        shapes: (c - 1, W, W) covariance of the spectrum's effects that each error above contributes at variance one,
-            in the basis of the spectrum's right vectors.
-
+        shapes: (c - 1, W, W) contribution of each error above to the covariance of the spectrum's effects at variance
+            one, in the basis of the spectrum's right vectors.
     """
 
     spectrum: Spectrum
@@ -56,17 +55,17 @@ class Nesting:
 
     @property
     def whole_plots(self) -> int:
-        """How many whole plots."""
+        """Number of whole plots."""
         return int(self.whole_plot.max()) + 1
 
     @cached_property
     def wholeplot_spectrum(self) -> Spectrum:
-        """One effect a whole plot."""
+        """One effect per whole plot."""
         return Spectrum.of(self.fixed, np.eye(self.whole_plots)[self.whole_plot])
 
     @cached_property
     def replicate_spectrum(self) -> Spectrum:
-        """One effect a replication."""
+        """One effect per replication."""
         return Spectrum.of(self.fixed, self.replicate_indicators)
 
     def structure(self, variances: Variances) -> Structure:
@@ -81,8 +80,8 @@ class Nesting:
     def _both(self, subplot: float, wholeplot: float, replicate: float) -> Structure:
         """Effects of whole plots and replications as one set L d, d independent: L L' = I + rho N N'.
 
-        N says which whole plot is in which replication. Per replication of c whole plots I + rho 1 1' has the
-        eigenvalue 1 + rho c once and 1 otherwise, so L and its inverse are closed forms.
+        N is the indicator matrix of replications. For a replication of c whole plots I + rho 1 1' has the eigenvalue 1
+        + rho c once and 1 otherwise, so L and its inverse are closed forms.
         """
         n, rho = self._membership, replicate / wholeplot
         size = n.sum(axis=0)

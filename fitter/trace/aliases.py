@@ -1,8 +1,8 @@
-"""Which other causes explain the data equally well.
+"""Other causes that explain the data equally well.
 
-An alias class is every set of candidates which, put in place of an effect and refitted together with all the rest,
-comes within `DELTA` of the best residual sum of squares. It is not a threshold on correlations: more data, another
-sensor or another order of running separate what a correlation only compares.
+An alias class contains every set of candidates which, in place of an effect and refitted with all the rest, comes
+within `DELTA` of the best residual sum of squares. There is no threshold on correlations: more data, another sensor or
+another order of running separate causes that a correlation only compares.
 """
 
 from __future__ import annotations
@@ -21,14 +21,15 @@ from fitter.trace.whitened import Whitened
 
 DELTA = 9.0
 """Units of the error's variance; three standard errors. Calibrated: in 120 runs of 13 x 13 points the true cause lost
-its place to a luckier one with more columns 4 times at 6 and once at 9 (python -m benchmarks.bench_fit delta)."""
+its place to a luckier one with more columns 4 times at 6 and once at 9: python -m proving.statistics attitude width."""
 PER_COLUMN = 2.0
-"""Price of a column in the same units, so that a cause with more columns is not better for having them. A constant that
-is searched costs as much as a column."""
+"""Price of a column in the same units, so that more columns are no advantage of a cause. A searched constant has the
+price of a column.
+"""
 
 
 NOTHING_LEFT = 1e-3
-"""A candidate of which less than this share is left beside the others at a level cannot be judged there."""
+"""A candidate with a smaller remaining share beside the others at a level cannot be judged there."""
 
 
 class Named(Protocol):
@@ -36,11 +37,11 @@ class Named(Protocol):
 
     @property
     def effect(self) -> Entry:
-        """The catalogue's entry it is a term of."""
+        """Catalogue entry of the term."""
 
     @property
     def sensor(self) -> str | None:
-        """The sensor it concerns."""
+        """Its sensor."""
 
 
 @dataclass(frozen=True)
@@ -50,10 +51,9 @@ class Rival:
     Attributes:
         effect: its name.
         terms: indices of the candidates that make it up.
-        sigmas: how far behind the best explanation it is, in standard errors.
+        sigmas: standard errors by which it is worse than the best explanation.
         searched: whether a constant in its columns was searched.
-        refused: terms that would need the sign that physics does not leave them; such a rival is no explanation.
-
+        refused: terms that would need a physically impossible sign; such a rival is not an explanation.
     """
 
     effect: str
@@ -64,7 +64,7 @@ class Rival:
 
     @property
     def alias(self) -> bool:
-        """Whether the data cannot tell it from the best, and physics allows it."""
+        """Whether the data cannot distinguish it from the best, and it is physically possible."""
         return not self.refused and self.sigmas**2 <= DELTA
 
 
@@ -77,17 +77,16 @@ def rivals(
     units: Sequence[tuple[int, ...]] = (),
     searched: AbstractSet[str] = frozenset(),
 ) -> tuple[Rival, ...]:
-    """All explanations of what the candidates `group`, the terms of one effect, explain, itself included, best first.
+    """All explanations for the candidates `group`, the terms of one effect, including itself, best first.
 
     Args:
         candidates: of the run.
-        products: of their columns and the outputs beside `rest`, where residual sums of squares are to be compared.
+        products: of their columns and the outputs beside `rest`, for the comparison of residual sums of squares.
         group: indices of the terms to be replaced.
         rest: indices of the other candidates in the model.
-        sensors: those that `group` concerns; candidates of others cannot explain it.
-        units: candidates that come and go together; left out: each by itself.
-        searched: effects of whose units one at a time can explain something, because they are values of one constant.
-
+        sensors: sensors of `group`; candidates of others cannot explain it.
+        units: candidates that enter and leave together; by default each separately.
+        searched: effects of which only one unit at a time is possible, because their units are values of one constant.
     """
     effect, where = candidates[group[0]].effect.name, {None, *sensors}
     units = units or [(j,) for j in range(len(candidates))]
@@ -125,26 +124,25 @@ def _rival(
 
 
 def separation(explanations: Sequence[Rival], name: str) -> dict[str, float]:
-    """Standard errors by which every other explanation falls behind the one of this name, by effect."""
+    """Standard errors by which every other explanation is worse than the one of this name, by effect."""
     best = next(rival.sigmas for rival in explanations if rival.effect == name)
     others = [rival for rival in explanations if rival.effect != name and not rival.refused]
     return {rival.effect: round(max(rival.sigmas - best, 0.0), 2) for rival in others}
 
 
 def simplest(candidates: Iterable[Rival]) -> Rival:
-    """Of the explanations the data cannot tell apart the one with fewest columns, then first in the catalogue."""
+    """Of the indistinguishable explanations the one with the fewest columns, then the first in the catalogue."""
     return min((r for r in candidates if r.alias), key=lambda r: (len(r.terms) + r.searched, min(r.terms)))
 
 
 @dataclass(frozen=True, eq=False)
 class Products:
-    """All that refits need.
+    """Data for refits.
 
     Attributes:
         columns: (J, J) products of the candidates' columns.
         outputs: (J,) of these and the outputs.
-        signs: (J,) that coefficients have physically, 0 for either; None where none is asked.
-
+        signs: (J,) physical signs of coefficients, 0 for either; None without a check.
     """
 
     columns: FloatArray
@@ -152,32 +150,31 @@ class Products:
     signs: FloatArray | None = None
 
     def signed(self, units: Iterable[tuple[int, ...]]) -> bool:
-        """Whether any of these candidates has a sign."""
+        """Whether any of these candidates has a physical sign."""
         return self.signs is not None and any(self.signs[j] for unit in units for j in unit)
 
     def impossible(self, terms: tuple[int, ...]) -> tuple[Impossible, ...]:
-        """Those of `terms`, fitted together, that have the wrong sign for certain."""
+        """Those of `terms`, fitted together, whose sign is certainly wrong."""
         return () if self.signs is None else impossible(self.columns, self.outputs, terms, self.signs)
 
     @classmethod
     def of(cls, white: Whitened) -> Products:
-        """Of outputs and columns over all sensors together."""
+        """Products of outputs and columns over all sensors together."""
         flat = white.columns.reshape(-1, white.columns.shape[2])
         return cls(flat.T @ flat, flat.T @ white.outputs.reshape(-1))
 
     def without(self, length2: FloatArray) -> Products:
-        """The same in which a column explains nothing if next to nothing is left of it: that is rounding.
+        """The same, without columns of which next to nothing remains: that is rounding.
 
         Args:
-            length2: (J,) squared length of each column before anything was taken out.
-
+            length2: (J,) squared length of each column before removing others.
         """
         gone = np.diag(self.columns) <= NOTHING_LEFT**2 * length2
         kept = np.where(gone, 0.0, 1.0)
         return replace(self, columns=self.columns * np.outer(kept, kept), outputs=self.outputs * kept)
 
     def price(self, terms: tuple[int, ...]) -> float:
-        """Residual sum of squares with `terms` fitted, less that without them, plus the price of the columns."""
+        """Residual sum of squares with `terms` fitted, minus that without them, plus the price of the columns."""
         picked = list(terms)
         if len(picked) == 1:
             (j,) = picked
@@ -191,7 +188,7 @@ class Products:
 def _path(
     products: Products, units: Sequence[tuple[int, ...]], *, searched: bool = False
 ) -> dict[tuple[int, ...], float]:
-    """Price of the best unit, of the best two, and so on, taken one after the other while the price falls."""
+    """Price of the best unit, of the best two, and so on, added one by one while the price falls."""
     path: dict[tuple[int, ...], float] = {}
     taken: tuple[int, ...] = ()
     price = np.inf
@@ -211,7 +208,7 @@ def _path(
 
 
 def _smallest(path: dict[tuple[int, ...], float], best: float) -> tuple[tuple[int, ...], float]:
-    """The fewest terms of one cause that come within `DELTA` of the best explanation; else its cheapest."""
+    """The fewest terms of one cause within `DELTA` of the best explanation; otherwise its cheapest."""
     for terms, price in path.items():
         if price - best <= DELTA:
             return terms, price

@@ -1,4 +1,4 @@
-"""How often chance does as well as the best of all candidates: the share of false alarms, and how p are adjusted."""
+"""Probability that chance looks as good as the best candidate: rate of false alarms, and adjustment of p."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ ALPHA = 0.035
 
 
 COUNTED = 1 / 7
-"""Share of ALPHA kept for tests that are counted one by one."""
+"""Share of ALPHA for tests that are counted one by one."""
 
 
 DRAWS = 20_000
@@ -21,12 +21,11 @@ DRAWS = 20_000
 
 @dataclass(frozen=True, eq=False)
 class Family:
-    """What chance does.
+    """Distribution of the family's smallest p by chance.
 
     Attributes:
-        smallest_p: smallest of all p in `DRAWS` runs in which nothing is missing, ascending.
-        between: independent tests that those between replications amount to, by whether a constant is searched.
-
+        smallest_p: smallest p in `DRAWS` simulated runs without missing effects, ascending.
+        between: effective number of independent tests between replications, without and with a searched constant.
     """
 
     smallest_p: FloatArray
@@ -34,12 +33,12 @@ class Family:
 
     @property
     def least(self) -> float:
-        """What `adjust` gives for p smaller than all simulated: a bound, the value is at most that."""
+        """Result of `adjust` for p below all simulated ones: an upper bound."""
         return float(self.adjust(0.0))
 
     @cached_property
     def critical(self) -> float:
-        """The largest p that is significant; anything above it need not be looked at again."""
+        """The largest significant p; larger ones need no further test."""
         return float(self.smallest_p[np.searchsorted(self.adjust(self.smallest_p), ALPHA, side="right") - 1])
 
     def adjust(self, p: FloatArray | float) -> FloatArray:

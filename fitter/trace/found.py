@@ -1,4 +1,4 @@
-"""What a trace says of any kind of run: an effect found, what is left without a name, the verdict."""
+"""Results of a trace of any kind of run: effects found, remainder without a name, verdict."""
 
 from __future__ import annotations
 
@@ -11,32 +11,32 @@ from fitter.trace.aliases import Rival
 from fitter.trace.outcome import Finding, Parameter, WithError
 
 CONFIRMED = 0.8
-"""Left-out error after over before, above which the effects found do not carry over to what was not fitted."""
+"""Left-out error after over before, above which the effects do not generalise to left-out data."""
 
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """An effect as it shows in one sensor, whatever kind of run it was found in.
+    """An effect in one sensor, in any kind of run.
 
     Attributes:
         effect: name in the catalogue.
-        cause: what happens physically.
+        cause: the physical mechanism.
         stratum: where it was found.
-        terms: its terms as formulas, without those that do not show in this sensor.
+        terms: its terms as formulas, without those that have no effect on this sensor.
         coefficients: of the formulas, in `unit`.
         stderr: of the coefficients; conditional on the effect having been selected on the same data.
         unit: of the coefficients.
         size: of the cause, in physical terms: "1.50e-3 deg/g", "45 ppm/degC", "1.2 arcsec".
-        p_adjusted: probability of finding the like by chance, over all candidates, sensors and steps of the run.
-        p_adjusted_is_bound: the null was not simulated often enough to say how much smaller than `p_adjusted` it is.
-        share: of the sensor's whole error beyond scatter, how much it explains; those of all effects add up to one at
-            most (`fitter.trace.shares`).
-        aliases: other effects the data cannot tell from it.
-        separation: standard errors by which every other explanation falls behind, by effect.
-        separate_by: the measurement that would tell it from its aliases, with the size it would show.
-        against: field of the data to plot it against.
-        doubtful: why its name should not be believed yet; None where nothing speaks against it.
-
+        p_adjusted: probability of such a finding by chance, over all candidates, sensors and steps of the run.
+        p_adjusted_is_bound: whether the probability is only known to be at most `p_adjusted`, by the number of
+            simulations.
+        share: its share of the sensor's whole error beyond scatter; the sum over all effects is at most one
+            (`fitter.trace.shares`).
+        aliases: other effects that the data cannot distinguish from it.
+        separation: standard errors by which every other explanation is worse, by effect.
+        separate_by: the measurement that would separate it from its aliases, with the expected size.
+        against: field of the data for a plot.
+        doubtful: why its name should not be believed yet; None where nothing is against it.
     """
 
     effect: str
@@ -73,7 +73,7 @@ class Found:
     ) -> Self:
         """A finding about the noise: no column of the model, so no share, alias or standard errors.
 
-        Arguments are the attributes of these names, and what a kind of run has `more` of.
+        Arguments are the attributes of these names; `more` has those of one kind of run.
         """
         return cls(
             effect=effect,
@@ -96,7 +96,7 @@ class Found:
 
     @property
     def own_keys(self) -> dict[str, JsonValue]:
-        """Keys of JSON that only this kind of run has."""
+        """Keys of JSON for this kind of run only."""
         return {}
 
     @property
@@ -131,16 +131,15 @@ class Found:
 
 @dataclass(frozen=True)
 class Unnamed:
-    """What no effect of the catalogue explains: where it lives, and its share of what is left.
+    """The remainder that no effect of the catalogue explains: its place, and its share.
 
-    In a finished trace the share is of the whole error beyond scatter, beside the shares of the effects.
+    In a finished trace the share is of the whole error beyond scatter, like the shares of the effects.
 
     Attributes:
-        where: it lives.
+        where: its place.
         share: see above.
         added: whether a smooth term without a cause was added for it.
-        stratum: "noise" where what remains is noise that wanders; else "unnamed".
-
+        stratum: "noise" if it is a random walk; otherwise "unnamed".
     """
 
     where: str
@@ -150,7 +149,7 @@ class Unnamed:
 
     @property
     def own_keys(self) -> dict[str, JsonValue]:
-        """Keys of JSON that only this kind of run has."""
+        """Keys of JSON for this kind of run only."""
         return {}
 
     def finding(self) -> Finding:
@@ -162,10 +161,10 @@ class Unnamed:
 def verdict(*, found: bool, fell: bool, rest: Iterable[Unnamed], doubtful: bool = False) -> str:
     """One word or two for a sensor, by one rule in every kind of run.
 
-    Findings about the noise are no effects: they explain nothing, and leave nothing to be added to the model.
+    Findings about the noise are not effects: they explain nothing, and nothing is added to the model for them.
 
     Args:
-        found: whether effects were, findings about the noise apart.
+        found: whether effects were found, without findings about the noise.
         fell: whether the error is smaller with them.
         rest: what is left.
         doubtful: whether any name of an effect is.
@@ -179,14 +178,13 @@ def verdict(*, found: bool, fell: bool, rest: Iterable[Unnamed], doubtful: bool 
 
 @dataclass(frozen=True)
 class Explanation:
-    """One explanation of something that was found.
+    """One explanation of a finding.
 
     Attributes:
         effect: name in the catalogue.
-        terms: candidates of the effect that it takes, of the kind of run.
-        sigmas: standard errors by which it falls behind the best explanation.
-        alias: whether the data cannot tell it from the best.
-
+        terms: used candidates of the effect.
+        sigmas: standard errors by which it is worse than the best explanation.
+        alias: whether the data cannot distinguish it from the best.
     """
 
     effect: str

@@ -1,4 +1,4 @@
-"""Noise that grows with the reading or anything else recorded: found beside the effects, and used as weights."""
+"""Noise that grows with the reading or another recorded quantity: detected beside the effects, and used for weights."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from fitter.arrays import FloatArray
 from fitter.trace.chance import ALPHA, COUNTED
 
 STEEPEST = 1e3
-"""Growth per unit of the driver over the noise at zero beyond which it makes no difference."""
+"""Growth per unit of the driver relative to the noise at zero below which it is negligible."""
 
 
 @dataclass(frozen=True)
@@ -23,10 +23,9 @@ class Noise:
     Attributes:
         at_zero: a.
         per_unit: a c.
-        stderr: of both, from the curvature of the likelihood; some 20 % too small, as residuals are tied. NaN where the
-            rows cannot tell them apart.
-        p: probability of so clear a relation between squared residual and driver where there is none.
-
+        stderr: of both, from the curvature of the likelihood; about 20 % too small, because residuals are dependent.
+            NaN if the rows do not determine them.
+        p: probability of such a relation between squared residual and driver by chance.
     """
 
     at_zero: float
@@ -43,13 +42,12 @@ def noise_of(residual: FloatArray, left: FloatArray, driver: FloatArray) -> Nois
     """Estimate how noise grows with a driver.
 
     The test regresses squared residuals on the driver and studentises by their own scatter (Koenker, J. Econometrics 17
-    (1981) 107), so that long tails do not pass for growth. The size maximises the normal likelihood.
+    (1981) 107), so that long tails are not taken for growth. The size maximises the normal likelihood.
 
     Args:
         residual: (n,) of one response.
-        left: (n,) share of a reading's variance that the fit left in its residual.
-        driver: (n,) what it may grow with.
-
+        left: (n,) share of a reading's variance in its residual.
+        driver: (n,) variable on which it may depend.
     """
     squares = residual**2 / np.maximum(left, 0.1)
     n, p = squares.size, driver - driver.mean()
@@ -65,7 +63,7 @@ def noise_of(residual: FloatArray, left: FloatArray, driver: FloatArray) -> Nois
         shape = 1.0 + slope * driver
         return float(np.log(share @ (squares / shape**2)) + 2.0 * share @ np.log(shape))
 
-    # by the logarithm of what the noise at the highest value is over that at zero
+    # by the logarithm of the ratio of the noise at the highest value to that at zero
     best = minimize_scalar(
         lambda u: deviance(np.expm1(u) / highest), bounds=(-2.0, np.log1p(STEEPEST)), method="bounded"
     )
@@ -75,26 +73,25 @@ def noise_of(residual: FloatArray, left: FloatArray, driver: FloatArray) -> Nois
     design = np.column_stack([np.ones(n), driver]) / sd[:, None]
     try:
         spread = np.diag(np.linalg.inv(2.0 * design.T @ (design * left[:, None])))
-    except np.linalg.LinAlgError:  # all of the noise is at one value of the driver
+    except np.linalg.LinAlgError:  # all noise is at one value of the driver
         spread = np.full(2, np.nan)
     return Noise(at_zero, at_zero * slope, (float(np.sqrt(spread[0])), float(np.sqrt(spread[1]))), chance)
 
 
 FEWEST = 20
 FACTOR = 1.3
-"""Between the quietest row and the loudest; less is not worth weights."""
+"""Minimum ratio of the largest to the smallest standard deviation for weights."""
 
 
 @dataclass(frozen=True)
 class Growth:
-    """How the standard deviation of a row depends on something.
+    """Dependence of a row's standard deviation on a variable.
 
     Attributes:
-        driver: on what; "fitted" for the size of the fitted response.
+        driver: the variable; "fitted" for the size of the fitted response.
         span: values of the driver between which it was estimated.
         noise: sd as a line over the driver from 0 to 1 over its span, units of the response.
         p: family-wise, over all drivers.
-
     """
 
     driver: str
@@ -109,13 +106,12 @@ class Growth:
 
 
 def growth_of(left: FloatArray, kept: FloatArray, drivers: Mapping[str, FloatArray]) -> Growth | None:
-    """The driver that the noise depends on most clearly; None if on none.
+    """The driver with the most significant relation to the noise; None if there is none.
 
     Args:
-        left: (n,) residual beside the effects, units of the response, weights not applied.
-        kept: (n,) share of a row's variance that the fit left in its residual.
-        drivers: (n,) what it may depend on.
-
+        left: (n,) residual with the effects, units of the response, unweighted.
+        kept: (n,) share of a row's variance in its residual.
+        drivers: (n,) variables on which it may depend.
     """
     usable = {name: v for name, v in drivers.items() if np.ptp(v) > 1e-9 * np.max(np.abs(v))}
     if len(left) < FEWEST or not usable or not np.any(left):

@@ -1,7 +1,7 @@
-"""What stays of what was found, by one rule in every kind of run.
+"""Selection of the effects to keep, by one rule in every kind of run.
 
-An effect stays only if, refitted with all others at the end, it is significant and lowers the error that is declared.
-What is not kept is named, with the reason.
+An effect is kept only if, refitted with all others at the end, it is significant and reduces the declared error.
+Effects that are not kept are named, with the reason.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ Groups = dict[tuple[str, str | None], tuple[int, ...]]
 
 
 def groups_of(judge: Judge, chosen: Iterable[int]) -> Groups:
-    """The `chosen` candidates by effect and sensor: what is kept, or not, together."""
+    """The `chosen` candidates by effect and sensor, kept or removed together."""
     groups: Groups = {}
     for j in chosen:
         candidate = judge.candidates[j]
@@ -32,15 +32,14 @@ def kept(
     error: str,
     level: float = ALPHA,
 ) -> tuple[tuple[int, ...], tuple[NotKept, ...]]:
-    """Those of the `chosen` candidates that stay, and the others that stood out but do not help.
+    """The kept ones of the `chosen` candidates, and the significant others that do not help.
 
     Args:
-        judge: that ended the search.
+        judge: the judge at the end of the search.
         chosen: candidates found.
         helps: whether the declared error is smaller with some of the chosen (the second argument) than without them.
-        error: what that error is, in words.
+        error: name of that error.
         level: largest p that is significant.
-
     """
     left: list[NotKept] = []
     while chosen := prune(judge, chosen, level):

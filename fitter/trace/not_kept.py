@@ -1,4 +1,4 @@
-"""Candidates that are left out and named: combinations of others, too large to be computed with, of no help."""
+"""Candidates that are left out and named: combinations of others, too large for computation, or of no help."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import numpy as np
 from fitter.arrays import FloatArray
 
 DEPENDENT = 1e-6
-"""Share of a column's length that the columns before it have to leave; less is a combination of them and rounding."""
+"""Minimum share of a column's length outside the columns before it; less is a combination of them and rounding."""
 LARGEST = 1e75
-"""Values beyond this have squares and products that a double cannot hold."""
+"""Values beyond this have squares and products beyond the range of a double."""
 
 
 Why = Literal["error", "dependent", "overflow"]
@@ -30,12 +30,11 @@ class NotKept:
 
     Attributes:
         effect: its name.
-        sensor: that it concerns; None for all.
-        why: "error" if the declared error is no smaller with it, "dependent" if its column is a combination of others,
-            "overflow" if that is too large for a double.
-        p: family-wise, beside the others; one where it was not judged.
-        error: what is no smaller with it, in words; "" where that plays no part.
-
+        sensor: its sensor; None for all.
+        why: "error" if the declared error is not smaller with it, "dependent" if its column is a combination of others,
+            "overflow" if its values are too large for a double.
+        p: family-wise, beside the others; one if it was not judged.
+        error: name of the error that is not smaller with it; "" if not relevant.
     """
 
     effect: str
@@ -46,17 +45,17 @@ class NotKept:
 
     @property
     def sentence(self) -> str:
-        """What is said of it."""
+        """A sentence about it."""
         return f"{self.effect} was left out: {_WHY[self.why].format(p=self.p, error=self.error)}"
 
 
 def for_others(effect: str) -> str:
-    """What is said of an effect of several sensors in one whose error is no smaller with it."""
+    """A sentence about an effect of several sensors that does not reduce the error of one of them."""
     return f"{effect} is kept because other sensors show it; the error of this one is no smaller with it"
 
 
 def independent(columns: FloatArray) -> list[int]:
-    """Which of (n, q) columns are no combinations of those before them, ascending."""
+    """Indices of (n, q) columns that are not combinations of those before them, ascending."""
     basis, kept = np.zeros((len(columns), 0)), list[int]()
     for j, column in enumerate(columns.T):
         length = float(np.linalg.norm(column))
@@ -70,5 +69,5 @@ def independent(columns: FloatArray) -> list[int]:
 
 
 def overflows(values: FloatArray) -> bool:
-    """Whether values are too large to be squared and summed, or are no numbers."""
+    """Whether values are too large to be squared and summed, or are NaN."""
     return not bool(np.all(np.abs(values) <= LARGEST))

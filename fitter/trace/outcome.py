@@ -1,8 +1,7 @@
-"""What a trace says of one sensor, whatever kind of run it was made in: one form to print, to plot and to hand on.
+"""Result of a trace for one sensor of any kind of run: one form to print, to plot and to export.
 
-The judges of the kinds differ, because their statistics do. What they say has the same parts everywhere: a verdict,
-findings, numbers before and after, coefficients, notes. JSON is made here and nowhere else; keys that a kind has for
-itself stand in `more`.
+The judges of the kinds differ, because their statistics differ. Their results have the same parts: a verdict, findings,
+numbers before and after, coefficients, notes. JSON is made only here; keys of one kind are in `more`.
 """
 
 from __future__ import annotations
@@ -20,20 +19,19 @@ Kind = Literal["effect", "noise", "unnamed"]
 
 @dataclass(frozen=True)
 class Row:
-    """One value of a sensor, before the effects are taken out or after.
+    """One value of a sensor, before and after the effects are removed.
 
     Attributes:
         name: its key in JSON.
-        value: None where it does not exist; a mapping where there is one for each of several settings.
+        value: None if it does not exist; a mapping if there is one for each of several settings.
         unit: of the value; "" for a plain number.
-        limit: 95 % limit that the value is held against; None where it is no test.
-        meaning: what it says, for a person.
-        label: what a person calls it, with the unit it is shown in, and "{}" for the setting where there are several;
-            "" for what stands in JSON alone.
-        scale: the value times this is shown.
-        digits: that are shown.
-        where_known: no table shows it where it exists neither before nor after; else there is a dash.
-
+        limit: 95 % limit of the value; None if it is not a test.
+        meaning: explanation for a person.
+        label: name for a person, with the displayed unit, and "{}" for the setting if there are several; "" for values
+            in JSON only.
+        scale: factor for display.
+        digits: displayed digits.
+        where_known: whether tables omit it if it exists neither before nor after; otherwise they show a dash.
     """
 
     name: str
@@ -48,11 +46,11 @@ class Row:
 
 
 OF_REPLICATIONS = ("sigma_E", "sigma_bias", "sigma_prec", "T_bias", "F_bias_95", "T_b", "T_S", "F_bS_95")
-"""Keys that only a run with an analysis of variance over replications fills in."""
+"""Keys for runs with an analysis of variance over replications only."""
 
 
 def absent(names: Iterable[str]) -> tuple[Row, ...]:
-    """Rows of other kinds of runs: their keys are null in JSON, and no table shows them."""
+    """Rows of other kinds of runs: their keys are null in JSON, and tables omit them."""
     return tuple(Row(name) for name in names)
 
 
@@ -61,11 +59,10 @@ class WithError:
     """A value with its error.
 
     Attributes:
-        value: the estimate; None where there is none.
-        stderr: its standard error; None where it is not known.
-        df: degrees of freedom of the standard error; None where they are not told.
-        interval_95: both ends; None where there is none.
-
+        value: the estimate; None if there is none.
+        stderr: its standard error; None if unknown.
+        df: degrees of freedom of the standard error; None if not given.
+        interval_95: both ends; None if there is none.
     """
 
     value: float | None
@@ -87,11 +84,10 @@ class Parameter:
     Attributes:
         name: its key in JSON.
         after: with the effects.
-        before: with the declared model; None where only `after` is told.
-        unit: of both; None where it is not told.
-        label: what a person calls it; the name if "".
-        digits: of the estimate that are shown.
-
+        before: with the declared model; None if only `after` is given.
+        unit: of both; None if not given.
+        label: name for a person; the key if "".
+        digits: displayed digits of the estimate.
     """
 
     name: str
@@ -102,7 +98,7 @@ class Parameter:
     digits: int = 6
 
     def to_json(self) -> dict[str, JsonValue]:
-        """After, with the keys that there are values for."""
+        """After the effects, with the keys of existing values."""
         one = self.after
         table: dict[str, JsonValue] = {"estimate": one.value, "stderr": one.stderr}
         if one.df is not None:
@@ -116,15 +112,15 @@ class Parameter:
 
 @dataclass(frozen=True, eq=False)
 class Figure:
-    """What a finding looks like over the variable that it is of, as data.
+    """Data for a plot of a finding over its variable.
 
     Attributes:
         x: (n,) the variable.
         label: of the variable, with its unit.
-        left: (n,) residual with all that was found.
-        adds: (n,) what the finding adds beyond what the declared model takes up; None for a finding about the noise.
+        left: (n,) residual with all findings.
+        adds: (n,) contribution of the finding beyond the part absorbed by the declared model; None for a finding about
+            the noise.
         unit: of `left` and `adds`.
-
     """
 
     x: FloatArray
@@ -136,31 +132,30 @@ class Figure:
 
 @dataclass(frozen=True, eq=False)
 class Finding:
-    """An effect, a finding about the noise, or what remains without a name.
+    """An effect, a finding about the noise, or the remainder without a name.
 
     Attributes:
-        kind: which of the three.
-        cause: what happens physically; where it lives, for what has no name.
+        kind: one of the three.
+        cause: the physical mechanism; for the remainder its place.
         stratum: where it was found.
-        share: of the sensor's whole error beyond scatter, how much it explains.
-        effect: name in the catalogue; "" for what has none.
+        share: its share of the sensor's whole error beyond scatter.
+        effect: name in the catalogue; "" for the remainder.
         terms: as formulas.
         coefficients: of the terms.
-        stderr: of the coefficients, conditional on the selection; not finite where there is none.
-        unit: of the coefficients, or one each with commas between.
+        stderr: of the coefficients, conditional on the selection; not finite if there is none.
+        unit: of the coefficients, or one for each, separated by commas.
         size: in physical terms.
-        p_adjusted: family-wise probability of finding the like by chance; None for what has no name.
+        p_adjusted: family-wise probability of such a finding by chance; None for the remainder.
         p_adjusted_is_bound: the probability is at most this.
-        aliases: other effects that the data cannot tell from it.
-        separation: standard errors by which every other explanation falls behind, by effect.
-        separate_by: the measurement that would tell it from its aliases, or confirm it.
-        doubtful: why its name should not be believed yet, one sentence; None where nothing speaks against it.
-        added: a smooth term without a cause was added for what has no name.
-        interval_95: of each coefficient, None for one that has none; None as long as nobody worked them out.
-        size_95: 95 % interval of the size in words; None where there is none.
-        sentence: about it, that stands alone; "" as long as it is not worded.
-        more: keys of JSON that only one kind of run has.
-
+        aliases: other effects that the data cannot distinguish from it.
+        separation: standard errors by which every other explanation is worse, by effect.
+        separate_by: the measurement that would separate it from its aliases, or confirm it.
+        doubtful: reason to doubt its name, one sentence; None if there is none.
+        added: whether a smooth term without a cause was added for the remainder.
+        interval_95: of each coefficient, None for one without; None before they are computed.
+        size_95: 95 % interval of the size in words; None if there is none.
+        sentence: a self-contained sentence about it; "" before it is written.
+        more: keys of JSON of one kind of run only.
     """
 
     kind: Kind
@@ -186,7 +181,7 @@ class Finding:
     more: Mapping[str, JsonValue] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:
-        """As `rig trace --json` prints it."""
+        """JSON values for `rig trace --json`."""
         if self.kind == "unnamed":
             told = {"where": self.cause, "share": self.share, "added": self.added, "stratum": self.stratum}
             return {**told, **self.more}
@@ -217,24 +212,23 @@ class Finding:
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """What a trace says of one sensor.
+    """Result of a trace for one sensor.
 
     Attributes:
         sensor: column name of its output.
         declared: the declared model.
         verdict: "explained", "nothing to add", "partly explained" or "unexplained".
-        findings: effects, largest share first, then findings about the noise, then what remains without a name.
+        findings: effects, largest share first, then findings about the noise, then the remainder.
         before: rows with the declared model.
-        after: the same rows with the effects taken out.
+        after: the same rows with the effects removed.
         fitted: coefficients of the declared model and of the effects, fitted together.
-        notes: sentences that stand beside the numbers.
-        refused: causes that would fit but for their sign or size, as JSON has them; None where none is ever refused.
+        notes: sentences shown with the numbers.
+        refused: causes that would fit except for their sign or size, as JSON values; None for kinds without refusals.
         parameters: of the calibration, for people; () where they are the coefficients.
-        sentence: what was found, in brief; "" as long as it is not worded.
-        certificate: the paragraph for a certificate; "" as long as it is not worded.
-        figures: what each effect and finding about the noise looks like, by its name.
-        more: keys of JSON that only one kind of run has.
-
+        sentence: summary of the findings; "" before it is written.
+        certificate: the paragraph for a certificate; "" before it is written.
+        figures: plot data of each effect and finding about the noise, by its name.
+        more: keys of JSON of one kind of run only.
     """
 
     sensor: str
@@ -259,11 +253,11 @@ class Outcome:
 
     @property
     def unnamed(self) -> tuple[Finding, ...]:
-        """What remains without a name."""
+        """The remainder without a name."""
         return tuple(one for one in self.findings if one.kind == "unnamed")
 
     def to_json(self) -> dict[str, Any]:
-        """As `rig trace --json` prints it; numbers that do not exist are None."""
+        """JSON values for `rig trace --json`; missing numbers are None."""
         table: dict[str, Any] = {
             "declared": self.declared,
             "verdict": self.verdict,
@@ -285,9 +279,8 @@ def run_json(data: Mapping[str, Any], outcomes: Iterable[Outcome], **more: Any) 
     """The object `rig trace --json` prints.
 
     Args:
-        data: file, points and kind, and what is known of the run.
-        outcomes: one a sensor.
+        data: file, points and kind, and provenance of the run.
+        outcomes: one per sensor.
         more: keys beside "data" and "sensors".
-
     """
     return {"data": dict(data), **more, "sensors": {one.sensor: one.to_json() for one in outcomes}}

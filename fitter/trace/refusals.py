@@ -1,4 +1,4 @@
-"""Causes that the data ask for and physics forbids: they are named, and refused."""
+"""Causes that the data suggest but physics forbids: they are named, and refused."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from fitter.trace.signs import Impossible, Refused, refused
 
 
 class SignedJudge(Protocol):
-    """What is asked of a judge, whatever its strata are."""
+    """Requirements on a judge, for any strata."""
 
     @property
     def problem(self) -> Any:
-        """The run: it has `sensors`."""
+        """The run, with its `sensors`."""
 
     @property
     def candidates(self) -> Sequence[Named]:
-        """All there are."""
+        """All candidates."""
 
     def alone(self, chosen: tuple[int, ...]) -> Sequence[Impossible]:
-        """Candidates that stand out beside those `chosen`, but for the sign that they would need."""
+        """Candidates that are significant beside those `chosen`, except for their required sign."""
 
 
 def refusals(
@@ -30,15 +30,14 @@ def refusals(
     classes: Mapping[str, Sequence[Rival]],
     slopes: Mapping[str, float],
 ) -> tuple[Refused, ...]:
-    """Every cause that was refused for its sign, each once a sensor or set of sensors: first those for which another
-    was named, then those that still stand out beside what was found.
+    """Every cause refused for its sign, once per sensor or set of sensors: first those replaced by another, then those
+    still significant beside the findings.
 
     Args:
         judge: after the search.
-        chosen: what was found.
+        chosen: the findings.
         classes: all explanations of each effect found, by its name.
-        slopes: output of each sensor per unit of what is measured, as sizes are told with it: V/g, mV/psi.
-
+        slopes: output of each sensor per unit of the measured quantity, for sizes: V/g, mV/psi.
     """
     out: dict[tuple[str, tuple[str, ...]], Refused] = {}
     for instead_of, found in _wrong(judge, chosen, classes):
@@ -57,5 +56,5 @@ def _wrong(
             yield from ((name, found) for found in rival.refused)
     named = {judge.candidates[j].effect.name for j in chosen}
     for found in judge.alone(chosen):
-        if judge.candidates[found.candidate].effect.name not in named:  # else another value of its constant
+        if judge.candidates[found.candidate].effect.name not in named:  # otherwise another value of its constant
             yield "", found

@@ -1,4 +1,6 @@
-"""Forward and backward search: add the best, refit all, drop what is no longer needed, until nothing stands out."""
+"""Forward and backward search: add the best candidate, refit all, drop insignificant ones, until none is
+significant.
+"""
 
 from __future__ import annotations
 
@@ -11,35 +13,37 @@ from fitter.trace.aliases import Named, Rival, simplest
 from fitter.trace.chance import ALPHA
 
 MOST = 16
-"""Terms after which a search is given up: the declared model is not a model of these data."""
+"""Maximum number of terms: beyond it the declared model is not a model of these data."""
 ROUNDS = 3
 
 
 class Searched(Protocol):
-    """What a search asks of a run, whatever its strata are. Candidates are known by index."""
+    """Requirements of a search on a run, for any strata. Candidates are known by index."""
 
     def unit(self, j: int) -> tuple[int, ...]:
-        """Candidates that come and go together, `j` among them: sine and cosine of one frequency."""
+        """Candidates that enter and leave together, `j` among them: sine and cosine of one frequency."""
 
     def best(self, chosen: tuple[int, ...]) -> tuple[int, ...]:
-        """The unit that removes most beside those `chosen`, of those that stand out; empty if none does."""
+        """The unit that reduces the residual most beside those `chosen`, among the significant ones; empty if there are
+        none.
+        """
 
     def p_adjusted(self, chosen: tuple[int, ...], j: int) -> float:
         """Probability that the best of the family looks as good as `j`'s unit beside the other `chosen` by chance."""
 
     def refined(self: S, chosen: tuple[int, ...]) -> S:
-        """The judge with the searched constants of what is `chosen` placed more closely."""
+        """The judge with refined values of the searched constants of `chosen`."""
 
 
 class Judge(Searched, Protocol):
-    """What it takes to name what a search found."""
+    """Requirements for naming the findings of a search."""
 
     @property
     def candidates(self) -> Sequence[Named]:
-        """All there are, in catalogue order."""
+        """All candidates, in catalogue order."""
 
     def rivals(self, chosen: tuple[int, ...], effect: str) -> tuple[Rival, ...]:
-        """All explanations of what the terms of `effect` among `chosen` explain, best first."""
+        """All explanations for the terms of `effect` among `chosen`, best first."""
 
 
 S = TypeVar("S", bound=Searched)
@@ -47,7 +51,7 @@ J = TypeVar("J", bound=Judge)
 
 
 def search(judge: S, start: tuple[int, ...] = ()) -> tuple[S, tuple[int, ...]]:
-    """Indices of the candidates that belong in the model, in the order found, from `start` on."""
+    """Indices of the candidates that belong in the model, in the order found, starting with `start`."""
     chosen, seen = start, {frozenset(start)}
     while len(chosen) < MOST:
         best = judge.best(chosen)
@@ -76,9 +80,9 @@ def prune(judge: Searched, chosen: tuple[int, ...], level: float = ALPHA) -> tup
 def search_and_name(
     judge: J, chosen: tuple[int, ...] = (), lead: Callable[[Sequence[Rival]], Rival] = simplest
 ) -> tuple[J, tuple[int, ...]]:
-    """Search, then put the `lead` of each alias class in the place of what was found first, until nothing moves.
+    """Search, then replace each finding by the `lead` of its alias class, until there is no change.
 
-    The lead, the simplest if not told otherwise, has to stand out by itself too.
+    The lead, by default the simplest, must be significant by itself too.
     """
     for _ in range(ROUNDS):
         judge, chosen = search(judge, chosen)

@@ -1,9 +1,9 @@
-"""What each effect explains of the whole error beyond scatter: shares that add up, in every kind of run.
+"""Share of each effect in the whole error beyond scatter: additive shares, in every kind of run.
 
-What two effects could both explain is divided: the share is Shapley's value of the fall of the residual sum of squares
-over all orders in which effects can enter the model (Lindeman, Merenda and Gold, 1980; Groemping, J. Stat. Softw. 17
-(2006) 1). It does not depend on the order of the search, is never negative, and all shares together are the part of the
-whole that is explained.
+The part that two effects could both explain is divided: the share is Shapley's value of the fall of the residual sum of
+squares over all orders in which effects can enter the model (Lindeman, Merenda and Gold, 1980; Groemping, J. Stat.
+Softw. 17 (2006) 1). It does not depend on the order of the search, is never negative, and all shares together are the
+part of the whole that is explained.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from fitter.arrays import FloatArray
 from fitter.trace.found import Unnamed
 
 SAME = 1e-12
-"""Of a squared length: what is left of it beside others, if not more, is rounding."""
+"""Relative squared length below which the remainder beside others is rounding."""
 
 U = TypeVar("U", bound=Unnamed)
 
@@ -28,10 +28,9 @@ def shares(parts: Sequence[FloatArray], residual: FloatArray, scatter: float) ->
     """Share of each of q effects in the error beyond scatter, each in 0 to 1 and at most 1 together.
 
     Args:
-        parts: (n,) what each effect adds, beyond what the declared model takes up.
-        residual: (n,) what the declared model leaves; any unit, that of `parts`.
-        scatter: sum of squares that scatter alone would leave, in the square of that unit.
-
+        parts: (n,) contribution of each effect, beyond the part absorbed by the declared model.
+        residual: (n,) residual of the declared model, in the unit of `parts`.
+        scatter: sum of squares of scatter alone, in the square of that unit.
     """
     if not parts:
         return np.zeros(0)
@@ -41,18 +40,18 @@ def shares(parts: Sequence[FloatArray], residual: FloatArray, scatter: float) ->
 
 
 def of_rest(found: FloatArray, rest: Sequence[U]) -> tuple[U, ...]:
-    """What has no name, its shares of what is left turned into shares of the whole, beside those that were `found`."""
+    """The remainder, with its shares converted to shares of the whole, together with those `found`."""
     whole = max(1.0 - float(np.sum(found)), 0.0) / max(sum(one.share for one in rest), 1.0)
     return tuple(replace(one, share=one.share * whole) for one in rest)
 
 
 def unnamed_part(rest: Sequence[Unnamed]) -> float:
-    """Part of what is left that is no scatter but has no name, one at most."""
+    """Part of the residual that is neither scatter nor explained, at most one."""
     return min(sum(one.share for one in rest), 1.0)
 
 
 def _divided(columns: FloatArray, residual: FloatArray) -> FloatArray:
-    """(q,) fall of the residual's sum of squares by each of (n, q) columns, on average over all orders of adding."""
+    """(q,) reduction of the residual's sum of squares by each of (n, q) columns, averaged over all orders of adding."""
     q = columns.shape[1]
     rss = _left(columns, residual)
     subset = np.arange(rss.size)

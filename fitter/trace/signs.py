@@ -1,4 +1,4 @@
-"""Signs that physics leaves coefficients: what would need the other one, significantly, is no explanation."""
+"""Physical signs of coefficients: a cause that significantly needs the other sign is not an explanation."""
 
 from __future__ import annotations
 
@@ -16,13 +16,12 @@ SURE = 3.0
 
 @dataclass(frozen=True)
 class Impossible:
-    """A term whose coefficient has the sign that its cause cannot give it.
+    """A term whose coefficient has a physically impossible sign.
 
     Attributes:
         candidate: index of the term.
         value: its coefficient, in the term's unit.
-        stderr: standard error of that.
-
+        stderr: its standard error.
     """
 
     candidate: int
@@ -32,19 +31,18 @@ class Impossible:
 
 @dataclass(frozen=True)
 class Refused:
-    """A cause that fits, but for the sign that it would need.
+    """A cause that fits, except for its required sign.
 
     Attributes:
         effect: its name in the catalogue.
-        instead_of: the effect that was named in its place; "" where nothing was.
-        sensors: in which it would stand.
-        quantity: what would be negative.
+        instead_of: the effect named in its place; "" if there is none.
+        sensors: its sensors.
+        quantity: name of the quantity that would be negative.
         value: of the quantity, below zero, in the unit of the term.
         stderr: standard error of that.
-        size: value and standard error in the terms of who works on the bench.
-        otherwise: what a negative value would take; "" if nothing is known that does it.
-        largest: what it can reach at most, where it is refused for its size and not for its sign; "" else.
-
+        size: value and standard error in the terms of people at the bench.
+        otherwise: what a negative value would require; "" if nothing is known.
+        largest: its largest plausible size, if it is refused for its size; otherwise "".
     """
 
     effect: str
@@ -69,7 +67,7 @@ class Refused:
         return f"{self.effect} would need negative {self.quantity} ({self.size}): refused{other}"
 
     def to_json(self) -> dict[str, Any]:
-        """As `rig trace --json` prints it."""
+        """JSON values for `rig trace --json`."""
         return {
             "effect": self.effect,
             "in_place_of": self.instead_of or None,
@@ -82,14 +80,13 @@ class Refused:
 
 
 def impossible(gram: FloatArray, dot: FloatArray, terms: tuple[int, ...], signs: FloatArray) -> tuple[Impossible, ...]:
-    """Terms whose coefficients, fitted together, have the wrong sign for certain.
+    """Terms whose coefficients, fitted together, certainly have the wrong sign.
 
     Args:
         gram: (J, J) products of the candidates' columns, in units of the error.
         dot: (J,) of these and the outputs.
-        terms: those that are fitted.
-        signs: (J,) of their coefficients; 0 where either is possible.
-
+        terms: the fitted ones.
+        signs: (J,) of their coefficients; 0 if both are possible.
     """
     picked = list(terms)
     if not np.any(signs[picked]):
@@ -108,15 +105,14 @@ def impossible(gram: FloatArray, dot: FloatArray, terms: tuple[int, ...], signs:
 def refused(
     term: Any, found: Impossible, instead_of: str, slopes: Mapping[str, float], concerned: tuple[str, ...]
 ) -> Refused:
-    """What is reported of a term that would need the wrong sign.
+    """Report of a term that would need the wrong sign.
 
     Args:
         term: the candidate; it has `effect`, `term` and `sensor`.
         found: its coefficient.
-        instead_of: what was named in its place; "" for nothing.
-        slopes: output per unit of what is measured, of every sensor, as `Entry.size` wants it.
-        concerned: sensors that it concerns.
-
+        instead_of: the effect named in its place; "" for none.
+        slopes: output per unit of the measured quantity, of every sensor, for `Entry.size`.
+        concerned: its sensors.
     """
     signed, name = term.effect.signed, term.term.name
     sign = signed.of(name)

@@ -1,4 +1,4 @@
-"""Outputs and candidate columns at one level of a run, in units of each sensor's error there."""
+"""Outputs and candidate columns at one level of a run, in units of each sensor's error."""
 
 from __future__ import annotations
 
@@ -10,24 +10,22 @@ from fitter.linear import orthonormal
 
 @dataclass(frozen=True, eq=False)
 class Whitened:
-    """What the model leaves of outputs and columns, over each sensor's own error.
+    """Residuals of outputs and columns after the model, over each sensor's own error.
 
     Attributes:
         outputs: (S, n).
         columns: (S, n, J).
-
     """
 
     outputs: FloatArray
     columns: FloatArray
 
     def beside(self, taken: FloatArray, length: FloatArray) -> Whitened:
-        """What is left of both beside other columns, fitted to all sensors together.
+        """Residuals of both after fitting other columns to all sensors together.
 
         Args:
             taken: (S, n, q) columns in the model.
-            length: (q,) what each of them is measured by, over all sensors.
-
+            length: (q,) reference length of each, over all sensors.
         """
         count, n, j = self.columns.shape
         basis = orthonormal(taken.reshape(count * n, -1), length, 1e-6)

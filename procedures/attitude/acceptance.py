@@ -9,7 +9,7 @@ from procedures.table import Table
 
 
 def judge(procedure: PitchRollProcedure, table: Table) -> list[Verdict]:
-    """Every sensor's standard error against its limit; [] without one."""
+    """Every sensor's standard error compared with its limit; [] without one."""
     limit = procedure.acceptance.sigma_E_deg
     if limit is None:
         return []

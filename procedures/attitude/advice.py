@@ -1,7 +1,7 @@
-"""The recommendations of NASA/TP-1999-209835, section 10, held against a procedure: advice with numbers, no refusals.
+"""The recommendations of NASA/TP-1999-209835, section 10, applied to a procedure: advice with numbers, no refusals.
 
-Every sentence is computed from the design at hand. What the paper recommends in general may be wrong for one bench, so
-the numbers say by how much, and nobody is stopped.
+Every sentence is computed from the design. The paper's general recommendations may not suit one bench, so the numbers
+give the consequences, and no procedure is refused.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from procedures.attitude.merit import (
     worst_variance,
 )
 from procedures.attitude.model import attitude_columns, fit_columns
-from procedures.attitude.package_advice import Package, advise_package
+from procedures.attitude.package_advice import Package, advise_package, not_for
 from procedures.attitude.settings import PitchRollProcedure
 
 RANGE_RATIO = 1.5
-"""Calibrated pitch range over usage range, recommendation 1."""
+"""Ratio of calibrated to used pitch range, recommendation 1."""
 REPLICATIONS = 6
-"""At least, recommendation 6; preferably ten."""
+"""Minimum number, recommendation 6; preferably ten."""
 PAPERS_PADS_DEG = 4e-4
 """Size of the pad deflections the paper found in its own sensors (figures 24, 44, 47)."""
 
@@ -38,16 +38,15 @@ PAPERS_PADS_DEG = 4e-4
 def advise(
     procedure: PitchRollProcedure, usage: Usage | None = None, package: Package | None = None
 ) -> tuple[Advice, ...]:
-    """The paper's ten recommendations in its order, then what the design could show of the effect the paper found.
+    """The paper's ten recommendations in order, then the visibility of the paper's effect in the design.
 
     Args:
-        procedure: what will be run.
-        usage: attitudes the calibrated sensor will be used at; without it two thirds of the calibrated pitch range.
-        package: the sensors and what is wanted of them; without it recommendations 8 to 10 do not apply.
+        procedure: the procedure.
+        usage: attitudes of use of the calibrated sensor; by default two thirds of the calibrated pitch range.
+        package: the sensors and their requirements; without it recommendations 8 to 10 do not apply.
 
     Raises:
         fitter.linear.RankError: the design does not determine a sensor.
-
     """
     design, points = procedure.design.build(), design_points(procedure)
     fit_columns(points.columns(), np.zeros(points.points))
@@ -58,15 +57,15 @@ def advise(
 
 
 def usage_of(procedure: PitchRollProcedure, pitch_deg: float | None = None) -> Usage | None:
-    """The usage range a procedure tells, or one of pitch from minus to plus `pitch_deg`; None where neither is told."""
+    """The range of use in a procedure, or pitch from minus to plus `pitch_deg`; None if neither is given."""
     half, roll = procedure.usage.pitch_deg if pitch_deg is None else pitch_deg, procedure.usage.roll_deg
     return None if half is None else Usage((-half, half), (-roll, roll))
 
 
 def package_of(procedure: PitchRollProcedure, axes: Sequence[str]) -> Package | None:
-    """The package that sensors along these axes make, and what the procedure wants of it.
+    """The package of sensors along these axes, and the procedure's requirements.
 
-    None for sensors that are no package with an x sensor: several along one axis, or none along x.
+    None if they are not a package with an x sensor: several along one axis, or none along x.
     """
     if "x" not in axes or len(set(axes)) < len(axes):
         return None
@@ -81,7 +80,7 @@ def package_of(procedure: PitchRollProcedure, axes: Sequence[str]) -> Package | 
 
 
 def design_points(procedure: PitchRollProcedure) -> DesignPoints:
-    """What a procedure visits, as the fitter's figures of merit take it; visits up and back count twice."""
+    """The points of a procedure for the figures of merit; visits up and back count twice."""
     design = procedure.design.build()
     times = 2 if procedure.order.type == "up-and-down" else 1
     return _points(procedure.name, design, procedure.replications, times)
@@ -101,15 +100,15 @@ class _Case:
         return self.procedure.expect.sigma_deg
 
     def like(self, design: Design) -> DesignPoints:
-        """Another design, run the same way: for a sensor of the same model."""
+        """Another design with the same execution: for a sensor of the same model."""
         times = self.points.points // len(self.design)
         return replace(_points(design.name, design, self.points.replications, times), roll=self.points.roll)
 
     def better(self, other: DesignPoints) -> tuple[float, float]:
         """Mean and worst standard deviation of `other` over those of this design, in the usage range.
 
-        Per observation: designs of different size are compared as if each had as many. Infinite where the other does
-        not determine a sensor.
+        Per observation: designs of different size are compared at equal numbers of observations. Infinite if the other
+        does not determine a sensor.
         """
         size = float(np.sqrt(other.observations / self.points.observations))
         try:
@@ -120,7 +119,7 @@ class _Case:
         return size * float(mean), size * float(worst)
 
     def stretched(self, low_deg: float, high_deg: float) -> tuple[float, float]:
-        """The same, of the same points with their pitch stretched to another range."""
+        """The same for the same points with their pitch scaled to another range."""
         pitch = self.points.pitch_deg
         share = (pitch - pitch.min()) / np.ptp(pitch)
         return self.better(replace(self.points, pitch_deg=low_deg + (high_deg - low_deg) * share))
@@ -131,9 +130,9 @@ def _pitch_range(case: _Case) -> Advice:
     low, high = float(case.points.pitch_deg.min()), float(case.points.pitch_deg.max())
     half, used = (high - low) / 2.0, case.usage.pitch_half_deg
     if case.tumble:
-        return _not_for(1, said, "a tumble is about as precise at every pitch")
+        return not_for(1, said, "a tumble is about as precise at every pitch")
     if not case.told:
-        return _not_for(1, said, f"no usage range was told; calibrated {_span(low, high)}, it suits {case.usage}")
+        return not_for(1, said, f"no usage range was told; calibrated {_span(low, high)}, it suits {case.usage}")
     wanted, centre = min(RANGE_RATIO * used, 180.0), sum(case.usage.pitch_deg) / 2.0
     ideal = (centre - wanted, centre + wanted)
     covered = case.points.covers(case.usage)
@@ -156,9 +155,9 @@ def _roll_range(case: _Case) -> Advice:
     if not case.points.roll:
         error = np.degrees(np.sin(np.radians(1.0)) * np.radians(1.0))
         sentence = f"each degree of roll in use costs up to {error:.3f} deg of pitch at 1 deg of coning"
-        return _not_for(2, said, f"calibrated without roll: {sentence}")
+        return not_for(2, said, f"calibrated without roll: {sentence}")
     if case.tumble:
-        return _not_for(2, said, "a tumble turns the package over in pitch")
+        return not_for(2, said, "a tumble turns the package over in pitch")
     angles = np.unique(np.mod(case.points.roll_deg, 360.0))
     gap = float(np.max(np.diff([*angles, angles[0] + 360.0])))
     if gap <= 1.5 * float(np.median(np.diff(angles))):
@@ -173,7 +172,7 @@ def _roll_range(case: _Case) -> Advice:
 def _uniform(case: _Case) -> Advice:
     said = "points are uniformly spaced in pitch and in roll"
     if case.tumble:
-        return _not_for(3, said, "a tumble has cardinal angles only")
+        return not_for(3, said, "a tumble has cardinal angles only")
     uneven = [
         f"{what} in steps of {min(steps):g} to {max(steps):g} deg"
         for what, values in (("pitch", case.design.pitch_deg), ("roll", case.design.roll_deg))
@@ -209,20 +208,20 @@ def _up_and_back(case: _Case) -> Advice:
 def _fraction(case: _Case) -> Advice:
     said = "a fraction of the grid is enough where that has been established by experiment"
     if case.tumble:
-        return _not_for(5, said, "a tumble is no grid")
+        return not_for(5, said, "a tumble is no grid")
     whole = grid(case.design.name, case.design.pitch_deg, case.design.roll_deg)
     full, rows, columns = case.like(whole), len(whole.pitch_deg), len(whole.roll_deg)
     if case.procedure.design.fraction is None:
         every = [next((k for k in (2, 3, 5, 7) if n > k and (n - 1) % k == 0), 0) for n in (rows, columns)]
         if not all(every):
-            return _not_for(5, said, f"all of the grid is run; {rows} x {columns} has no interior to thin evenly")
+            return not_for(5, said, f"all of the grid is run; {rows} x {columns} has no interior to thin evenly")
         part = case.like(fraction(whole, pitch_every=every[0], roll_every=every[1]))
         keys = f"fraction = {{ pitch_every = {every[0]}, roll_every = {every[1]} }}"
         try:
             cost = f"{part.points} of {full.points} points a replication and be {_less_precise(part, full, case.usage)}"
         except RankError:
-            return _not_for(5, said, f"all of the grid is run; {keys} would not determine a sensor")
-        return _not_for(5, said, f"all of the grid is run; {keys} would take {cost}")
+            return not_for(5, said, f"all of the grid is run; {keys} would not determine a sensor")
+        return not_for(5, said, f"all of the grid is run; {keys} would take {cost}")
     taken = case.points
     merits = [figure_of_merit(d, case.usage) for d in (taken, full)]
     lof = taken.points - taken.parameters
@@ -299,10 +298,6 @@ def _advice(number: int, said: str, holds: bool, sentence: str) -> Advice:
     return Advice(number, said, bool(holds), sentence)
 
 
-def _not_for(number: int, said: str, sentence: str) -> Advice:
-    return Advice(number, said, True, sentence, applies=False)
-
-
 def _points(name: str, design: Design, replications: int, times: int) -> DesignPoints:
     pitch, roll = np.tile(np.array(design.points_deg()).T, times)
     return DesignPoints(name, pitch, roll, roll=bool(np.ptp(roll)), replications=replications)
@@ -315,7 +310,7 @@ def _two_thirds(points: DesignPoints) -> Usage:
 
 
 def _is_tumble(points: DesignPoints) -> bool:
-    """Whether there are cardinal angles only: however many points, they are six attitudes at most."""
+    """Whether there are only cardinal angles: at most six different attitudes."""
     angles = np.concatenate([points.pitch_deg, points.roll_deg])
     return bool(np.all(np.mod(angles, 90.0) == 0.0))
 
@@ -337,7 +332,7 @@ def _percent(share: float) -> str:
 
 
 def _would(found: tuple[float, float]) -> str:
-    """In words, what ratios of standard deviations mean, on average and at worst."""
+    """Ratios of standard deviations in words, on average and at worst."""
     if not np.all(np.isfinite(found)):
         return "would not determine a sensor"
     return "would be {} on average, {} at worst".format(*(_change(ratio) for ratio in found))

@@ -1,7 +1,7 @@
 """Sine and cosine of angles in degrees, exact at multiples of 90 deg.
 
-In radians sin(180 deg) comes out as 1.2e-16. A design that only visits such angles would leave a column of rounding
-errors where there is nothing, and a fit would take it for a measurement.
+In radians sin(180 deg) is 1.2e-16. A design with only such angles would have a column of rounding errors in place of
+zeros, and a fit would use it as a measurement.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from fitter.arrays import FloatArray
 
 
 def sin_cos(angle_deg: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Sine and cosine of `angle_deg`, each of its shape."""
+    """Sine and cosine of `angle_deg`, arrays of its shape."""
     angle = np.asarray(angle_deg, np.float64)
     quarter = np.rint(angle / 90.0)
     rest = np.radians(angle - 90.0 * quarter)

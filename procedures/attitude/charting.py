@@ -1,4 +1,4 @@
-"""Control charts of attitude sensors: offset, sensitivity, and how the sensitive axis turns."""
+"""Control charts of attitude sensors: offset, sensitivity, and direction of the sensitive axis."""
 
 from __future__ import annotations
 
@@ -11,22 +11,23 @@ from fitter.arrays import FloatArray
 from fitter.errors import FitError
 from fitter.quantiles import t_limit
 from procedures.attitude.evaluate import with_temperature
-from procedures.attitude.history import AttitudeCharted, Calibrated, attitude_charted, calibrated
-from procedures.attitude.history_of_files import calibrated_from
+from procedures.attitude.history import AttitudeCharted, Calibrated, attitude_charted, calibrated, calibrated_from
 from procedures.attitude.infer.calibrate import OFFSET, SENSITIVITY
 from procedures.attitude.table import attitude_data
-from procedures.charting import Calibrations, Shown, View
+from procedures.charting import Calibrations, Charting, Shown, View
 from procedures.errors import DataError
 from procedures.table import Table
 
 _NO_ROLL = "attitude-no-roll"
 _PITCHES, _ROLLS = 5, 12
-"""Attitudes that the error of the output is bounded at: its extremes lie on this grid or close by."""
+"""Attitudes for the bound of the output's error: its extremes are on this grid or close to it."""
 _TURNED_DEG = 45.0
-"""Between the sensitive axes of one sensor: no misalignment is as large, a remounted or exchanged sensor is."""
+"""Limit of the angle between the sensitive axes of one sensor: a misalignment is smaller, a remounted or exchanged
+sensor exceeds it.
+"""
 
 
-class AttitudeCharting:
+class AttitudeCharting(Charting):
     """See `procedures.charting.Charting`."""
 
     at_one_temperature = True
@@ -71,7 +72,7 @@ class AttitudeCharting:
         return sensor.model
 
     def apart(self, first: Calibrated, later: Calibrated, between: str) -> str:
-        """Where the sensitive axis was turned by more than any misalignment."""
+        """Refuse a sensitive axis that was turned by more than a misalignment."""
         a, b = first.coefficients[1:], later.coefficients[1:]
         turned = np.degrees(np.arccos(np.clip(a @ b / (np.linalg.norm(a) * np.linalg.norm(b)), -1.0, 1.0)))
         if turned <= _TURNED_DEG:
@@ -81,16 +82,12 @@ class AttitudeCharting:
             f"sensor; chart them apart"
         )
 
-    def same(self, first: Calibrated, later: Calibrated) -> bool:
-        """By their coefficients."""
-        return np.array_equal(first.coefficients, later.coefficients)
-
     def at(self, sensor: Calibrated, degC: float) -> Calibrated:
         """See `Charting`."""
         return sensor.at(degC)
 
     def view(self, every: Sequence[Calibrated], years: FloatArray, usage: float | None) -> View:
-        """Used within +- `usage` deg of pitch."""
+        """With use within +- `usage` deg of pitch."""
         charted, last = attitude_charted(every, years), every[-1]
         (low, high), remarks = last.pitch_range_deg, []
         used = (low, high) if usage is None else (-usage, usage)
@@ -137,7 +134,7 @@ def _shown(charted: AttitudeCharted) -> dict[str, Shown]:
 
 
 def _interval_deg(last: Calibrated, charted: AttitudeCharted, rows: FloatArray) -> float:
-    """Half-width of the 95 % prediction interval of one reading by the last calibration, at its widest (eq. 73)."""
+    """Half-width of the 95 % prediction interval of one reading by the last calibration, its maximum (eq. 73)."""
     rows = rows @ charted.directions
     widest = float(np.einsum("hk,kl,hl->h", rows, last.shape, rows).max())
     one = np.degrees(1.0 / charted.sensitivity) ** 2

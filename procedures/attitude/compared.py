@@ -58,7 +58,7 @@ class DesignsCompared:
             yield Line(f"  [bold]recommended: {escape(self.best.name)}[/]; {escape(self.best.why)}")
 
     def draw(self, file: IO[bytes]) -> None:
-        """Standard deviation over pitch, as the paper's figures 1 to 5."""
+        """Standard deviation over pitch, as in the paper's figures 1 to 5."""
         from procedures.pictures import side_by_side  # noqa: PLC0415 - plots take a second to import
 
         figure, (axis,) = side_by_side(3.6, 1, width=7.0)
@@ -90,7 +90,7 @@ def compare_designs(
 
 
 def _seen_by(row: Comparison, across: Sequence[str]) -> Comparison:
-    """A design without roll determines no sensor across the pitch plane, whatever it does for one along x."""
+    """A design without roll determines no sensor across the pitch plane, only one along x."""
     if row.roll or row.undetermined or not across:
         return row
     sensors = " and ".join(across)

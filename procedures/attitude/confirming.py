@@ -1,4 +1,4 @@
-"""An attitude run that was traced, as the first of two. See `procedures.confirming.Confirming`."""
+"""A traced attitude run as the first of two. See `procedures.confirming.Confirming`."""
 
 from __future__ import annotations
 
@@ -20,23 +20,22 @@ from procedures.attitude.parameters import SCALE, UNIT
 from procedures.attitude.settings import PitchRollProcedure
 from procedures.attitude.table import attitude_data
 from procedures.attitude.together import AttitudeTogether
-from procedures.attitude.trace import Trace
-from procedures.confirming import SETTLED
+from procedures.confirming import SETTLED, Confirming
 from procedures.errors import DataError
 from procedures.further_runs import Variation
 from procedures.run_list import RunList
 from procedures.table import Table
 
 PACKAGE_S = 1200.0
-"""Time constant with which a package follows its enclosure: a run begins before the last of a change is through."""
+"""Time constant of a package behind its enclosure, seconds: a run begins before a change has decayed."""
 TRAVEL_S_PER_DEG = 0.2
-"""What a longer way between points costs; a head at 5 deg/s."""
+"""Additional time for longer motion between points; a head at 5 deg/s."""
 GOES_ON = 0.0, 0.5, 1.0
-"""How much of the first run's trend in temperature may go on until the further run: nobody knows the next night."""
+"""Share of the first run's temperature trend that may continue until the further run."""
 
 
 @dataclass(frozen=True, eq=False)
-class AttitudeConfirming:
+class AttitudeConfirming(Confirming):
     """See `procedures.confirming.Confirming`."""
 
     traced: AttitudeTraced
@@ -45,17 +44,6 @@ class AttitudeConfirming:
     output_unit = "V"
     per_slope = float(np.degrees(1.0))
     drawn = UNIT, SCALE
-    caution = ""
-
-    @property
-    def found(self) -> Trace:
-        """What was found."""
-        return self.traced.trace
-
-    @property
-    def data(self) -> AttitudeData:
-        """Of the run."""
-        return self.traced.data
 
     def own_words(self, *, realigned: bool) -> str:
         """See `Confirming`."""
@@ -72,7 +60,9 @@ class AttitudeConfirming:
     def ways(
         self, variation: Variation, run_list: RunList, questions: Sequence[Question], later_s: float
     ) -> list[AttitudeTogether]:
-        """With temperatures that come back, or go on falling; one way where nothing open is of time or temperature."""
+        """With temperatures that repeat, or continue to fall; one course if no open question is of time or
+        temperature.
+        """
         later = self._planned(variation, run_list)
         both = [self.beside(later, later_s)]
         sources = {member.terms[0].effect.source for question in questions for member in question.members}
@@ -118,7 +108,7 @@ class AttitudeConfirming:
         record: dict[str, Any],
         options: FitOptions,
     ) -> AttitudeFitted:
-        """Where several causes are left, intervals cover those; where nothing is settled, all of the class."""
+        """If several causes remain, intervals cover those; if nothing is settled, the whole class."""
         if options.at_degC is not None or options.points is not None:
             raise DataError(
                 "--confirmed-by keeps a calibration at the run's mean temperature: leave --at-degC and --points away"
@@ -129,7 +119,7 @@ class AttitudeConfirming:
         )
         kept = result["calibration"]
         kept["notes"] = [*kept["notes"], *(effect["used"] for effect in record["effects"])]
-        return AttitudeFitted(self.traced.table, result | {"confirmed_by": record})
+        return AttitudeFitted(result | {"confirmed_by": record}, self.traced.table)
 
     def _planned(self, variation: Variation, run_list: RunList) -> AttitudeData:
         data, procedure = self.data, variation.procedure
@@ -161,7 +151,7 @@ class AttitudeConfirming:
 
 
 def _trend(data: AttitudeData) -> float:
-    """Of the temperature through a run, degC/s."""
+    """Trend of the temperature through a run, degC/s."""
     if data.temperatures is None:
         return 0.0
     elapsed, degC = data.temperatures
@@ -169,7 +159,7 @@ def _trend(data: AttitudeData) -> float:
 
 
 def _point_s(data: AttitudeData, run_list: RunList) -> float:
-    """Seconds a point will take: as in the first run, and what the way is longer."""
+    """Expected duration of a point, seconds: as in the first run, plus longer motion."""
     executed = np.argsort(data.order)
     seconds = float(np.median(np.diff(data.elapsed_s[executed])))
     usual = _travel(np.column_stack([data.pitch_deg, data.roll_deg])[executed])
@@ -177,5 +167,5 @@ def _point_s(data: AttitudeData, run_list: RunList) -> float:
 
 
 def _travel(angles: FloatArray) -> float:
-    """Mean way between points of the axis that has further to go, degrees."""
+    """Mean motion between points of the axis with the longer way, degrees."""
     return float(np.mean(np.max(np.abs(np.diff(angles, axis=0)), axis=1))) if len(angles) > 1 else 0.0

@@ -1,4 +1,4 @@
-"""What was captured, as arrays: the only thing the fitter ever reads."""
+"""Data of a run as arrays: the only input of the fitter."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from fitter.errors import FitError
 from procedures.attitude.angles import sin_cos
 
 SAME_ANGLE_DEG = 0.02
-"""Angles closer than this are one setting of the head: well above readback noise, well below any design's step."""
+"""Angles closer than this are one setting of the head: far above readback noise, far below a design's step."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,29 +24,29 @@ class AttitudeData:
     """Observations of a pitch-roll calibration, one row each, in any order.
 
     Attributes:
-        replicate: (n,) which pass over the design.
-        order: (n,) executed position over the whole run; no two alike.
+        replicate: (n,) number of the pass over the design.
+        order: (n,) executed position over the whole run, unique.
         elapsed_s: (n,) seconds since the start of the run.
         pitch_deg: (n,) angles of the head.
         roll_deg: (n,) zero throughout for a calibration without roll.
-        sensor_temperature_degC: (n,), or None where it was not recorded; temperature effects then cannot be tested.
+        sensor_temperature_degC: (n,), or None if it was not recorded; temperature effects then cannot be tested.
         outputs: volts by column name.
-        pitch_side: (n,) +1 arrived moving up, -1 moving down, 0 unknown. Left out: from the executed order.
+        pitch_side: (n,) +1 arrived upwards, -1 downwards, 0 unknown. Default: from the executed order.
         roll_side: (n,) the same for roll.
-        previous_pitch_deg: (n,) angles at the observation executed before; at the first one its own. Left out: from the
-            executed order.
+        previous_pitch_deg: (n,) angles at the previous observation in executed order; at the first one its own.
+            Default: from the executed order.
         previous_roll_deg: (n,) the same for roll.
-        block: (n,) counts up where an interruption or a replaced instrument may have left a step. Left out: one block.
-        axes: "x", "y" or "z" by column name, the nominal axis a sensor is mounted along. For outputs not in it: the
-            first letter of the name ("x_V"), else the axis it is most sensitive to.
-        mounting: (n, 3, 3) rotation from the axes of the head's table to those of the package, where the package was
-            mounted turned on purpose; None where the two are the same. The declared model is in axes of the table,
+        block: (n,) number that increases where an interruption or a replaced instrument may cause a step. Default: one
+            block.
+        axes: "x", "y" or "z" by column name, the nominal axis a sensor is mounted along. For other outputs: the first
+            letter of the name ("x_V"), or the axis of the largest sensitivity.
+        mounting: (n, 3, 3) rotation from the axes of the head's table to those of the package, if the package was
+            mounted with another orientation; None if the two are the same. The declared model is in axes of the table,
             whatever the mounting; effects of package and sensors are in those of the package.
 
     Raises:
         ValueError: lengths differ, a value is not finite, an order is used twice, there is nothing to fit, or an axis
-            is none of x, y, z or is that of an output there is not.
-
+            is none of x, y, z or belongs to a missing output.
     """
 
     replicate: IntArray
@@ -64,7 +64,7 @@ class AttitudeData:
     axes: Mapping[str, str] | None = None
     mounting: FloatArray | None = None
     temperatures: tuple[FloatArray, FloatArray] | None = field(init=False, default=None)
-    """Seconds, ascending, and degC of the whole run, also where these rows are part of one: what a lag remembers."""
+    """Seconds, ascending, and degC of the whole run, also for a subset of rows: input of a lag."""
 
     def __post_init__(self) -> None:
         count = np.size(self.order)
@@ -123,12 +123,12 @@ class AttitudeData:
 
     @cached_property
     def has_roll(self) -> bool:
-        """Whether more than one roll angle was visited (+180 and -180 deg are one)."""
+        """Whether there was more than one roll angle (+180 and -180 deg are one)."""
         return np.unique(settings(_wrap(self.roll_deg))).size > 1
 
     @cached_property
     def turned(self) -> FloatArray | None:
-        """(n, 3, 3) `mounting` and, where roll stood still at another angle than zero, that roll; None for neither."""
+        """(n, 3, 3) `mounting` and a constant roll other than zero; None for neither."""
         roll = float(self.roll_deg[0])
         if self.has_roll or abs(roll) <= SAME_ANGLE_DEG:
             return self.mounting
@@ -144,10 +144,10 @@ class AttitudeData:
 
     @cached_property
     def point(self) -> IntArray:
-        """(n,) which point of the design each row is, from 0.
+        """(n,) index of each row's point of the design, from 0.
 
-        A point is a pair of head angles and, where one replication visits the pair more than once, which visit it
-        is: a pass up and back has 2 N - 1 or 2 N points for N angles, as Table 2 of NASA/TP-1999-209835 counts.
+        A point is a pair of head angles and, if one replication visits the pair more than once, the number of the
+        visit: a pass up and back has 2 N - 1 or 2 N points for N angles, as in Table 2 of NASA/TP-1999-209835.
         """
         pair = settings(self.pitch_deg) * (1 + len(self)) + settings(self.roll_deg)
         executed = np.lexsort((self.order, pair, self.replicate_index))
@@ -160,10 +160,10 @@ class AttitudeData:
 
     @cached_property
     def attitude(self) -> IntArray:
-        """(n,) which attitude each row is, from 0; several pairs of head angles can lead to one attitude.
+        """(n,) index of each row's attitude, from 0; several pairs of head angles can give one attitude.
 
-        (a, R) and (180 - a, R + 180) are one attitude, +180 and -180 deg are one angle, and at a = +-90 deg roll
-        turns the package about gravity and changes nothing.
+        (a, R) and (180 - a, R + 180) are one attitude, +180 and -180 deg are one angle, and at a = +-90 deg roll turns
+        the package about gravity and changes nothing.
         """
         a, r = _wrap(self.pitch_deg), self.roll_deg
         over = np.abs(a) > 90.0 + SAME_ANGLE_DEG
@@ -173,7 +173,9 @@ class AttitudeData:
         return _number(pair)
 
     def take(self, rows: IntArray) -> AttitudeData:
-        """The observations at `rows` (indices or a mask); sides, blocks, what went before: as in the whole."""
+        """The observations at `rows` (indices or a mask); sides, blocks and previous angles are those of the
+        whole run.
+        """
         given = {f.name: getattr(self, f.name) for f in fields(self) if f.init}
         picked: dict[str, Any] = {name: v[rows] if isinstance(v, np.ndarray) else v for name, v in given.items()}
         picked["outputs"] = {name: v[rows] for name, v in self.outputs.items()}
@@ -212,13 +214,13 @@ def _number(code: IntArray) -> IntArray:
 
 
 def _wrap(angle_deg: FloatArray) -> FloatArray:
-    """To [-180, 180), with what is within the tolerance of +180 deg joined to -180 deg."""
+    """Angles in [-180, 180), with those within the tolerance of +180 deg set to -180 deg."""
     wrapped = np.mod(angle_deg + 180.0, 360.0) - 180.0
     return np.where(wrapped > 180.0 - SAME_ANGLE_DEG, wrapped - 360.0, wrapped)
 
 
 def settings(angle_deg: FloatArray) -> IntArray:
-    """(n,) settings of an axis, numbered from 0: sorted angles are split wherever they are further apart than noise."""
+    """(n,) settings of an axis, numbered from 0: sorted angles are split at gaps larger than noise."""
     by_angle = np.argsort(angle_deg, kind="stable")
     setting = np.empty(angle_deg.size, np.int64)
     setting[by_angle] = np.cumsum(np.diff(angle_deg[by_angle], prepend=angle_deg[by_angle[0]]) > SAME_ANGLE_DEG)

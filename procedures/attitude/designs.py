@@ -1,7 +1,7 @@
 """Pitch-roll experimental designs of NASA/TP-1999-209835, sections 4.1 and 7.
 
-A design is a grid of pitch rows and roll columns of which some cells are kept; which order they are visited in is
-decided elsewhere (`procedures.attitude.orders`).
+A design is a grid of pitch rows and roll columns of which some cells are kept; the order of visits is in
+`procedures.attitude.orders`.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ from typing import overload
 
 
 class Cells(Sequence[tuple[int, int]]):
-    """(row, column) of cells of a grid, row by row, packed: a full grid takes nothing, a part of it a few bytes a cell.
+    """(row, column) of cells of a grid, row by row, packed: a full grid takes no memory, a part of it a few bytes per
+    cell.
 
     Args:
         columns: of the grid.
-        numbers: of the cells kept, counted row by row from 0.
-
+        numbers: of the kept cells, counted row by row from 0.
     """
 
     def __init__(self, columns: int, numbers: range | Iterable[int]) -> None:
@@ -59,8 +59,7 @@ class Design:
         name: the paper's name for it: D, D0, D1, T6, T4.
         pitch_deg: the pitch rows, ascending.
         roll_deg: the roll columns, ascending.
-        cells: (row, column) of each point kept, row by row.
-
+        cells: (row, column) of each kept point, row by row.
     """
 
     name: str
@@ -77,7 +76,7 @@ class Design:
 
 
 def uniform(low: float, high: float, count: int) -> tuple[float, ...]:
-    """`count` equally spaced values from `low` to `high`, both included, free of accumulated rounding."""
+    """`count` equally spaced values from `low` to `high`, both included, without accumulated rounding."""
     if count < 1:
         raise ValueError(f"a design needs at least one value, not {count}")
     if count == 1:
@@ -92,9 +91,8 @@ def roll_circle(count: int, *, repeat_180: bool) -> tuple[float, ...]:
 
     Args:
         count: number of angles, the repeated one included.
-        repeat_180: let the last angle be +180 deg, the attitude of -180 deg again (the paper's figure 5: easier
-            to run and insignificantly different).
-
+        repeat_180: whether the last angle is +180 deg, the same attitude as -180 deg (the paper's figure 5: easier to
+            run and insignificantly different).
     """
     if repeat_180:
         return uniform(-180.0, 180.0, count)
@@ -105,8 +103,7 @@ def grid(name: str, pitch_deg: Sequence[float], roll_deg: Sequence[float]) -> De
     """Full design: every pitch with every roll (eq. 11).
 
     Raises:
-        ValueError: an angle stands twice in one list; +180 and -180 deg count as two commands.
-
+        ValueError: an angle occurs twice in one list; +180 and -180 deg count as two commands.
     """
     for what, values in (("pitch", pitch_deg), ("roll", roll_deg)):
         if len(set(values)) != len(values):
@@ -127,7 +124,7 @@ def tumble(*, roll: bool) -> Design:
 
 
 def fraction(full: Design, *, pitch_every: int, roll_every: int) -> Design:
-    """Decimate the interior of a full grid (eq. 109, figure 21): boundaries and every k-th line stay whole.
+    """Decimate the interior of a full grid (eq. 109, figure 21): boundaries and every k-th line are complete.
 
     Args:
         full: an N x M grid.
@@ -136,7 +133,6 @@ def fraction(full: Design, *, pitch_every: int, roll_every: int) -> Design:
 
     Returns:
         The N((M-1)/K_R + 1) + (M-1)(1 - 1/K_R)((N-1)/K_alpha + 1) points of eq. (109).
-
     """
     n, m = len(full.pitch_deg), len(full.roll_deg)
     if len(full) != n * m:

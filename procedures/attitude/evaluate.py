@@ -32,7 +32,7 @@ from procedures.certificate import Change, Errors, certified, with_words
 from procedures.effects_shown import show_confirmed
 from procedures.errors import DataError
 from procedures.left_out import FitSummary, LeaveOut, Searched, kept_with, search
-from procedures.results import Page
+from procedures.results import Page, PlainFitted
 from procedures.table import Table
 from procedures.unused import unused_in_fit
 from procedures.words import noise_of, part, verdict
@@ -51,23 +51,22 @@ def fit_attitude_table(
     allowed: Mapping[str, Sequence[str]] = MappingProxyType({}),
     own: Sequence[Entry] = (),
 ) -> dict[str, Any]:
-    """Fit the declared model to every sensor of a pitch-roll table; JSON-ready.
+    """Fit the declared model to every sensor of a pitch-roll table; returns JSON values.
 
     Args:
         table: of kind pitch-roll.
-        traced: have the effects that a trace finds in the calibration that is kept.
-        temperature: whether offset and sensitivity follow the sensor temperature in the declared model; as the table's
-            procedure has it if None.
+        traced: whether the stored calibration includes the effects found by a trace.
+        temperature: whether offset and sensitivity depend on the sensor temperature in the declared model; None for the
+            setting of the table's procedure.
         at_degC: sensor temperature at which parameters are given; the run's mean if None.
-        leave_out: "gross" for the rows that the search for gross errors names, or row numbers of the file.
-        found: what a trace of the table found, where it was made already.
-        allowed: members that a follow-up run leaves of an effect's class, by the name the trace gave it; the first is
-            kept and the others widen its intervals. All members of a class that is not in it.
-        own: effects of the laboratory, beside the catalogue.
+        leave_out: "gross" for the rows named by the search for gross errors, or row numbers of the file.
+        found: result of a trace of the table, if it exists.
+        allowed: members of an effect's class that a follow-up run has left, by the effect's name in the trace; the
+            first is used and the others widen its intervals. By default all members of a class.
+        own: effects of the laboratory, in addition to the catalogue.
 
     Raises:
-        DataError: the table lacks something, or its rows do not determine the model.
-
+        DataError: columns or values are missing, or the rows do not determine the model.
     """
     every, warm = attitude_data(table), with_temperature(table, temperature)
     asked = LeaveOut.of(leave_out, table)
@@ -80,7 +79,7 @@ def fit_attitude_table(
         if traced and found is None:
             found = trace(
                 data, with_own(CATALOGUE, own, Effect), temperature=warm, validate=False
-            )  # no left-out error is told
+            )  # the left-out error is not reported
         effects, others = ({}, []) if found is None else _effects(found, allowed)
         calibration = calibrate_traced(data, effects, others, temperature=warm)
     except FitError as error:
@@ -106,29 +105,23 @@ def _gross(
     data: AttitudeData, searched: Searched, fit: AttitudeFit, others: Mapping[str, AttitudeFit] | str | None
 ) -> dict[str, Any]:
     """A sensor's gross errors for JSON; `data` are all rows of the table."""
-    fits: tuple[FitSummary, FitSummary | str] | None = None
-    if isinstance(others, str):
-        fits = _summary(fit), others
-    elif others is not None:
-        own, other = _summary(fit), _summary(others[fit.sensor])
-        fits = (other, own) if searched.left_out.gross else (own, other)
+    other = _summary(others[fit.sensor]) if isinstance(others, Mapping) else others
 
     def where(row: int) -> str:
         return f"order {data.order[row]} at pitch {data.pitch_deg[row]:g} deg, roll {data.roll_deg[row]:g} deg"
 
-    return searched.of_sensor(fit.sensor, "V", where, fits)
+    return searched.of_sensor(fit.sensor, "V", where, _summary(fit), other)
 
 
 def _summary(fit: AttitudeFit) -> FitSummary:
     linear = fit.linear
-    values = zip(linear.coefficients.tolist(), linear.stderr.tolist(), strict=True)
-    return FitSummary({"sigma_E": linear.sigma}, "V", dict(zip(linear.names, values, strict=True)))
+    return FitSummary.of({"sigma_E": linear.sigma}, "V", linear.names, linear.coefficients, linear.stderr)
 
 
 def _kept(
     calibration: AttitudeCalibration, name: str, effects: Mapping[str, Mapping[str, FloatArray]], fit: AttitudeFit
 ) -> dict[str, Any]:
-    """A sensor as the calibration has it, where that is not what the declared model alone gives."""
+    """A sensor in the stored calibration, if it differs from the declared model alone."""
     parameters, misfit = covering_parameters(calibration, name), calibration.misfits[name]
     return {
         "effects": [effect for effect, by in effects.items() if name in by],
@@ -140,7 +133,7 @@ def _kept(
 
 
 def _check_at(at_degC: float | None, source: str, *, warm: bool, traced: bool) -> None:
-    """Refuse a temperature that parameters cannot be brought to."""
+    """Refuse a temperature to which parameters cannot be converted."""
     if at_degC is None:
         return
     if not warm:
@@ -158,7 +151,7 @@ def _check_at(at_degC: float | None, source: str, *, warm: bool, traced: bool) -
 
 
 def with_temperature(table: Table, asked: bool | None) -> bool:
-    """Whether the declared model has temperature in it: as asked, else as the table's procedure says, else not."""
+    """Whether the declared model has temperature: as requested, or by the table's procedure, or not."""
     return bool(table.declared.get("temperature", False)) if asked is None else asked
 
 
@@ -166,9 +159,9 @@ Others = list[tuple[str, str, Volts]]
 
 
 def _effects(found: Trace, allowed: Mapping[str, Sequence[str]]) -> tuple[Volts, Others]:
-    """Volts that each effect adds to the observations, by effect and sensor; and those of every alternative.
+    """Contribution of each effect to the observations, volts, by effect and sensor; and of every alternative.
 
-    An effect stands in the sensors in which it is reported; what it does to others is too little to name.
+    An effect occurs in the sensors in which it is reported; its contribution to others is negligible.
     """
     named: dict[str, dict[str, FloatArray]] = {}
     for sensor in found.sensors.values():
@@ -179,7 +172,7 @@ def _effects(found: Trace, allowed: Mapping[str, Sequence[str]]) -> tuple[Volts,
         (other.named, other.member): {
             e: {s: v for s, v in by.items() if s in shown}
             for e, by in other.effects.items()
-            if e in named or e == other.member  # not the smooth terms without a cause
+            if e in named or e == other.member  # without smooth terms that have no cause
         }
         for other in found.alternatives
         if other.named in named
@@ -199,21 +192,20 @@ def _effects(found: Trace, allowed: Mapping[str, Sequence[str]]) -> tuple[Volts,
 
 
 def _members(name: str, others: Sequence[str], allowed: Mapping[str, Sequence[str]]) -> list[str]:
-    """Members of an effect's class that are left, the one that is kept first: that which was named, if it is left."""
+    """Remaining members of an effect's class, the used one first: the named one, if it remains."""
     every = [name, *others]
     return [member for member in every if member in allowed.get(name, every)] or every
 
 
 @dataclass(frozen=True, eq=False)
 class AttitudeTraced:
-    """A table and what was traced in it.
+    """A table and its trace.
 
     Attributes:
-        table: where the data come from.
+        table: source of the data.
         data: the same as arrays.
-        trace: what was found, by sensor.
-        temperature: whether the declared model has temperature in it.
-
+        trace: findings, by sensor.
+        temperature: whether the declared model has temperature.
     """
 
     table: Table
@@ -222,7 +214,7 @@ class AttitudeTraced:
     temperature: bool = False
 
     def at_words(self, sensor: str) -> str:
-        """At which temperature a sensor's parameters hold, in words."""
+        """Reference temperature of a sensor's parameters, in words."""
         return self.declared[sensor].at_words
 
     @cached_property
@@ -231,7 +223,7 @@ class AttitudeTraced:
         return {s: fit_attitude(self.data, s, temperature=self.temperature) for s in self.trace.sensors}
 
     def to_json(self) -> dict[str, Any]:
-        """What `rig trace --json` prints."""
+        """JSON values for `rig trace --json`."""
         data = {**self.trace.about, "simulated": self.table.simulated, **self.table.provenance}
         data["file"] = self.table.source
         unused = unused_in_fit(self.table, KNOWN, UNIT).to_json()
@@ -239,7 +231,7 @@ class AttitudeTraced:
 
     @cached_property
     def outcomes(self) -> tuple[Outcome, ...]:
-        """What is said of each sensor."""
+        """Outcome of each sensor."""
         return tuple(self._outcome(name) for name in self.trace.sensors)
 
     def _outcome(self, name: str) -> Outcome:
@@ -259,13 +251,13 @@ class AttitudeTraced:
         )
 
     def blocks(self) -> Iterator[Block]:
-        """What a person reads of it."""
+        """Blocks for people."""
         from procedures.attitude.shown import show_attitude_trace  # noqa: PLC0415 - which needs this class
 
         return show_attitude_trace(self)
 
     def summary(self) -> Iterator[Block]:
-        """All of it: sensors are few."""
+        """All of it: there are few sensors."""
         return self.blocks()
 
     def page(self) -> Page:
@@ -275,7 +267,7 @@ class AttitudeTraced:
         return trace_page(self)
 
     def depends_on(self, sensor: str) -> tuple[str, ...]:
-        """Sentences about the parameters of a sensor whose value depends on which of several causes holds."""
+        """Sentences about parameters whose value depends on the choice among several causes."""
         if not any(e.aliases for e in self.trace.sensors[sensor].effects):
             return ()
         table = covering_parameters(self.calibration, sensor)
@@ -283,17 +275,16 @@ class AttitudeTraced:
 
     @cached_property
     def calibration(self) -> AttitudeCalibration:
-        """What `rig fit --traced` keeps of the same table.
+        """Calibration of `rig fit --traced` from the same table.
 
         Raises:
             fitter.linear.RankError: the points do not determine the model with the effects found.
-
         """
         return calibrate_traced(self.data, *_effects(self.trace, {}), temperature=self.temperature)
 
 
 def _worded(found: Trace, sensor: SensorTrace, effect: Finding) -> Finding:
-    """An effect or a finding about the noise with intervals and a sentence."""
+    """An effect or a finding about noise with intervals and a sentence."""
     if effect.kind == "unnamed":
         return effect
     of = next((e for e in sensor.effects if e.effect == effect.effect), None)
@@ -334,14 +325,16 @@ def _size(found: Trace, sensor: SensorTrace, effect: FoundEffect, t: float) -> s
                 halves[candidate.term.name] = t * known[formula] / abs(factor)
     if not halves:
         return ""
-    widest = max(halves.values())  # a term that hardly shows in this sensor has no error of its own here
+    widest = max(halves.values())  # a term with hardly any effect in this sensor has no separate error
     return size_95(of.size, values, {n: halves.get(n, widest) for n in values}, sensor.S_V)
 
 
 def trace_attitude_table(
     table: Table, *, temperature: bool | None = None, unnamed: bool = False, own: Sequence[Entry] = ()
 ) -> AttitudeTraced:
-    """Trace what the declared model lacks in a pitch-roll table; arguments and errors as for `fit_attitude_table`."""
+    """Find effects missing in the declared model of a pitch-roll table; arguments and errors as for
+    `fit_attitude_table`.
+    """
     data, warm = attitude_data(table), with_temperature(table, temperature)
     try:
         found = trace(data, with_own(CATALOGUE, own, Effect), temperature=warm, unnamed=unnamed)
@@ -357,7 +350,7 @@ def trace_attitude_table(
 
 
 def attitude_sentence(name: str, found: SensorTrace) -> str:
-    """What was found in one sensor, in brief."""
+    """Summary of the findings in one sensor."""
     before, after = (_degrees(side.sigma_E, found.S_V) for side in (found.before, found.after))
     noise = [finding.cause for finding in found.noise]
     if not found.effects:
@@ -381,24 +374,16 @@ def _degrees(volts: float, sensitivity: float) -> str:
 
 
 @dataclass(frozen=True)
-class AttitudeFitted:
+class AttitudeFitted(PlainFitted):
     """A table and the calibration fitted to it, ready for JSON."""
 
     table: Table
-    result: dict[str, Any]
-
-    def to_json(self) -> dict[str, Any]:
-        """What `rig fit --json` prints."""
-        return self.result
 
     def blocks(self) -> Iterator[Block]:
-        """What a person reads of it."""
+        """Blocks for people."""
         from procedures.attitude.shown import show_attitude_fit  # noqa: PLC0415 - which needs this module
 
         yield headline(PurePath(self.table.source).name, self.table)
         yield from show_attitude_fit(self.result)
         if "confirmed_by" in self.result:
             yield from show_confirmed(self.result["confirmed_by"])
-
-    def page(self) -> None:
-        """It has no report but its trace's."""

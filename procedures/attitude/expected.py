@@ -1,4 +1,4 @@
-"""What attitude sensors should read on a bench: by an earlier calibration, or as the declared model has it."""
+"""Expected readings of attitude sensors on a bench: by an earlier calibration, or by the declared model."""
 
 from __future__ import annotations
 
@@ -38,10 +38,11 @@ def expected(calibration: AttitudeCalibration, columns: Columns, mounting: Mappi
 
 
 def model_columns(columns: Columns, *, temperature: bool) -> FloatArray | None:
-    """(n, k) columns of the declared model; None where pitch and roll are not known.
+    """(n, k) columns of the declared model; None if pitch and roll are unknown.
 
-    A turned mounting changes the coefficients, not what the columns span, so residuals need not know of it. With
-    `temperature` offset and sensitivity follow the sensors' temperature: every column stands once more, times it.
+    A turned mounting changes the coefficients, not the span of the columns, so residuals do not depend on it. With
+    `temperature` offset and sensitivity depend on the sensors' temperature: every column is repeated, times
+    temperature.
     """
     if PITCH not in columns or ROLL not in columns:
         return None

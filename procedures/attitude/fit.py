@@ -10,7 +10,7 @@ import numpy as np
 from fitter import LinearFit
 from fitter.arrays import FloatArray, IntArray
 from fitter.errors import FitError
-from fitter.json_values import JsonValue
+from fitter.json_values import JsonValue, if_finite
 from fitter.misfit import covered, lacks_fit, reach_of_misfit
 from fitter.quantiles import t_limit
 from fitter.replication import Replication, analyse, between_replications
@@ -40,17 +40,16 @@ class AttitudeFit:
         sensor: column name of its output.
         model: "attitude-x", "attitude-y", "attitude-z" or "attitude-no-roll".
         linear: the least-squares fit of `procedures.attitude.model.COLUMNS`, in volts.
-        parameters: the paper's parameters of it. Where replications drift (`drifts`) with the errors that these show,
-            else with those of the residuals.
+        parameters: the paper's parameters. If replications drift (`drifts`), with errors from the replications,
+            otherwise from the residuals.
         parameters_df: degrees of freedom of these errors.
         replication: Table 2.
-        temperature: what temperature adds, where the declared model has it; the rest is then at its reference.
-        degC: lowest, mean and highest sensor temperature of the run; None where it was not recorded.
-        model_error: by parameter, how far a model error as large as the lack of fit can move it; None where lack of fit
+        temperature: the temperature terms, if the declared model has them; the rest is then at their reference.
+        degC: lowest, mean and highest sensor temperature of the run; None if it was not recorded.
+        model_error: by parameter, its possible change by a model error as large as the lack of fit; None if lack of fit
             is not significant or cannot be tested.
         pitch_range_deg: lowest and highest pitch calibrated; outside it predictions are extrapolations.
         roll_range_deg: the same for roll.
-
     """
 
     sensor: str
@@ -67,14 +66,14 @@ class AttitudeFit:
 
     @property
     def at_degC(self) -> float | None:  # noqa: N802 - units in names
-        """Sensor temperature at which the parameters hold: as asked, else the mean; None where none was recorded."""
+        """Reference temperature of the parameters: as requested, or the mean; None if none was recorded."""
         if self.temperature is not None:
             return self.temperature.reference_degC
         return None if self.degC is None else self.degC[1]
 
     @property
     def at_words(self) -> str:
-        """At which temperature the parameters hold, in words."""
+        """Reference temperature of the parameters, in words."""
         if self.degC is None:
             return "parameters hold at the sensor temperature of the run, which was not recorded"
         low, mean, high = self.degC
@@ -89,7 +88,7 @@ class AttitudeFit:
 
     @property
     def drifts(self) -> bool:
-        """Whether the parameters vary between replications by more than chance (T_drift, 5 %)."""
+        """Whether the parameters vary significantly between replications (T_drift, 5 %)."""
         return drifting(self.replication)
 
     @property
@@ -99,7 +98,7 @@ class AttitudeFit:
 
     @property
     def has_roll(self) -> bool:
-        """Whether the model has roll in it."""
+        """Whether the model has roll."""
         return isinstance(self.parameters, AttitudeParameters)
 
     @property
@@ -122,14 +121,16 @@ class AttitudeFit:
         return self.temperature.columns(self.columns(data.pitch_deg, data.roll_deg), data)
 
     def refitted(self, data: AttitudeData, output: FloatArray) -> tuple[LinearFit, Temperature | None]:
-        """The declared model fitted to another output (n,) V of the same observations, such as one with effects out."""
+        """The declared model fitted to another output (n,) V of the same observations, such as one with effects
+        removed.
+        """
         h = self.columns(data.pitch_deg, data.roll_deg)
         if self.temperature is None:
             return fit_columns(h, output), None
         return self.temperature.fitted(h, data, output, self.linear.names)
 
     def to_dict(self) -> dict[str, JsonValue]:
-        """For JSON: numbers that do not exist are None, never NaN."""
+        """JSON values; missing numbers are None, never NaN."""
         return {
             "model": self.declared,
             "points": self.linear.n,
@@ -155,19 +156,18 @@ class AttitudeFit:
 def fit_attitude(
     data: AttitudeData, sensor: str, *, temperature: bool = False, at_degC: float | None = None
 ) -> AttitudeFit:
-    """Calibrate one sensor: eq. (2), (4) or (5) by its nominal axis (`data.axes`), eq. (1) where there was no roll.
+    """Calibrate one sensor: eq. (2), (4) or (5) by its nominal axis (`data.axes`), eq. (1) without roll.
 
     Args:
         data: the run.
         sensor: name of the output.
-        temperature: whether offset and sensitivity follow the sensor's temperature in the declared model.
-        at_degC: sensor temperature at which the parameters are given, with `temperature`; None for the mean of the run.
+        temperature: whether offset and sensitivity depend on the sensor's temperature in the declared model.
+        at_degC: reference temperature of the parameters, with `temperature`; None for the mean of the run.
 
     Raises:
         KeyError: `data` has no such output.
-        fitter.linear.RankError: the points visited do not determine the model.
+        fitter.linear.RankError: the points do not determine the model.
         FitError: the output never changes, or there is no temperature to fit.
-
     """
     output = data.outputs[sensor]
     if np.ptp(output) == 0:
@@ -185,7 +185,7 @@ def fit_attitude(
         output = output - own.volts(columns, data)
     table = analyse(linear, columns, output, data.point, data.replicate_index, beside, beside.shape[1], data.order)
     covariance, df = errors_of(linear, columns, output, data.replicate_index, table)
-    if own is not None and df != linear.df:  # replications show no error of the temperature coefficients
+    if own is not None and df != linear.df:  # replications have no error of the temperature coefficients
         covariance = covariance + carried @ own.covariance @ carried.T
     parameters: AttitudeParameters | NoRollParameters
     if data.has_roll:
@@ -216,7 +216,7 @@ def _temperatures(data: AttitudeData) -> tuple[float, float, float] | None:
 
 
 def at_temperature(table: Mapping[str, JsonValue], degC: float | None) -> dict[str, JsonValue]:
-    """A parameter table that says of every parameter at which sensor temperature it holds."""
+    """A parameter table with the reference temperature of every parameter."""
     return {name: {**row, "at_degC": degC} if isinstance(row, dict) else row for name, row in table.items()}
 
 
@@ -227,7 +227,9 @@ def _model_error(
     point: IntArray,
     table: Replication,
 ) -> dict[str, float] | None:
-    """How far a model error as large as the lack of fit can move parameters; None without significant lack of fit."""
+    """Possible changes of parameters by a model error as large as the lack of fit; None without significant lack of
+    fit.
+    """
     if not lacks_fit(table):
         return None
     reach = reach_of_misfit(columns, point, table.sigma_bias)
@@ -239,7 +241,7 @@ def _model_error(
 
 
 def moved_by(reach: AttitudeParameters | NoRollParameters) -> dict[str, float]:
-    """How far a model error can move each parameter, from parameters whose covariance is its reach."""
+    """Possible change of each parameter by a model error, from parameters with that covariance."""
     names = ("b_V", "S_V", "phi_deg") if isinstance(reach, NoRollParameters) else ("b_V", "S_V", "Omega_deg", "A_deg")
     moved = dict(zip(names, reach.stderr.tolist(), strict=True))
     if isinstance(reach, AttitudeParameters):
@@ -256,40 +258,39 @@ def drifting(table: Replication) -> bool:
 def errors_of(
     fit: LinearFit, columns: FloatArray, output: FloatArray, replicate: IntArray, table: Replication
 ) -> tuple[FloatArray, int]:
-    """Covariance of the coefficients and its degrees of freedom: from the replications where they drift.
+    """Covariance of the coefficients and its degrees of freedom: from the replications if they drift.
 
     Args:
         fit: the model, (k,) coefficients.
         columns: (n, k) its rows.
-        output: (n,) volts, free of what else is fitted.
+        output: (n,) volts, without other fitted effects.
         replicate: (n,) replication, from 0.
         table: Table 2 of the fit.
-
     """
     between = between_replications(columns, output, replicate, fit) if drifting(table) else None
     return between or (fit.covariance, fit.df)
 
 
 def table_2(r: Replication, S_V: float) -> dict[str, JsonValue]:
-    """The columns of Table 2 for JSON: sigmas in volts, and in degrees (`_deg`) as the paper prints them."""
+    """The columns of Table 2 as JSON values: sigmas in volts, and in degrees (`_deg`) as in the paper."""
     sigmas = {name: getattr(r, name) for name in (*_SIGMAS, "sigma_pr")}
-    table: dict[str, JsonValue] = {name: _known(value) for name, value in sigmas.items()}
-    table |= {f"{name}_deg": _known(sigma_deg(value, S_V)) for name, value in sigmas.items()}
+    table: dict[str, JsonValue] = {name: if_finite(value) for name, value in sigmas.items()}
+    table |= {f"{name}_deg": if_finite(sigma_deg(value, S_V)) for name, value in sigmas.items()}
     table |= {
-        "T_bias": _known(r.bias.value),
-        "F_bias_95": _known(r.bias.limit_95),
-        "p_bias": _known(r.bias.p),
+        "T_bias": if_finite(r.bias.value),
+        "F_bias_95": if_finite(r.bias.limit_95),
+        "p_bias": if_finite(r.bias.p),
         "T_bias_blind": None if r.blind is None else r.blind.sentence,
         "df_bias": [r.bias.df_above, r.bias.df_below],
-        "T_b": _known(r.drift_b.value),
-        "T_S": _known(r.drift_S.value),
-        "F_bS_95": _known(r.drift_b.limit_95),
-        "p_b": _known(r.drift_b.p),
-        "p_S": _known(r.drift_S.p),
+        "T_b": if_finite(r.drift_b.value),
+        "T_S": if_finite(r.drift_S.value),
+        "F_bS_95": if_finite(r.drift_b.limit_95),
+        "p_b": if_finite(r.drift_b.p),
+        "p_S": if_finite(r.drift_S.p),
         "df_bS": [r.drift_b.df_above, r.drift_b.df_below],
-        "T_drift": _known(r.drift.value),
-        "F_drift_95": _known(r.drift.limit_95),
-        "p_drift": _known(r.drift.p),
+        "T_drift": if_finite(r.drift.value),
+        "F_drift_95": if_finite(r.drift.limit_95),
+        "p_drift": if_finite(r.drift.p),
         "df_drift": [r.drift.df_above, r.drift.df_below],
     }
     return table
@@ -298,8 +299,8 @@ def table_2(r: Replication, S_V: float) -> dict[str, JsonValue]:
 def parameter_table(p: AttitudeParameters | NoRollParameters, df: float) -> dict[str, JsonValue]:
     """Estimate, standard error, degrees of freedom and 95 % interval of every parameter, by name.
 
-    A coning angle within `DIRECTION_KNOWN` standard deviations of none has no errors around it, nor has its azimuth.
-    The sensitive axis (mx_V, my_V, mz_V, volts per g in package axes) has them always.
+    A coning angle within `DIRECTION_KNOWN` standard deviations of zero has no errors, nor has its azimuth. The
+    sensitive axis (mx_V, my_V, mz_V, volts per g in package axes) always has errors.
     """
     if isinstance(p, NoRollParameters):
         return _rows(("b_V", "S_V", "phi_deg"), (p.b_V, p.S_V, p.phi_deg), p.stderr, p.intervals(df), df)
@@ -312,7 +313,7 @@ def parameter_table(p: AttitudeParameters | NoRollParameters, df: float) -> dict
 
 
 def temperature_table(temperature: Temperature | None, S_V: float, df: int) -> dict[str, JsonValue]:
-    """The same of what temperature adds, for each degC above the reference; {} without."""
+    """The same for the temperature terms, per degC above the reference; {} without."""
     if temperature is None:
         return {}
     unit = 1e6 * np.array([1.0, 1.0 / S_V])
@@ -331,10 +332,10 @@ def _rows(
 ) -> dict[str, JsonValue]:
     return {
         name: {
-            "estimate": _known(value),
-            "stderr": None if interval is None else _known(error),
+            "estimate": if_finite(value),
+            "stderr": None if interval is None else if_finite(error),
             "df": df,
-            "interval95": None if interval is None else [_known(end) for end in interval],
+            "interval95": None if interval is None else [if_finite(end) for end in interval],
         }
         for name, value, error, interval in zip(names, values, errors, intervals, strict=True)
     }
@@ -343,7 +344,7 @@ def _rows(
 def coefficient_table(fit: LinearFit) -> dict[str, JsonValue]:
     """Estimate, standard error and degrees of freedom of every coefficient, by column name."""
     return {
-        name: {"estimate": float(value), "stderr": _known(float(error)), "df": fit.df}
+        name: {"estimate": float(value), "stderr": if_finite(float(error)), "df": fit.df}
         for name, value, error in zip(fit.names, fit.coefficients, fit.stderr, strict=True)
     }
 
@@ -353,7 +354,3 @@ def fit_all(
 ) -> Mapping[str, AttitudeFit]:
     """`fit_attitude` for every output."""
     return {s: fit_attitude(data, s, temperature=temperature, at_degC=at_degC) for s in data.sensors}
-
-
-def _known(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None

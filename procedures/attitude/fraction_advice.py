@@ -1,4 +1,4 @@
-"""What a fraction of a run would have cost and kept, in words that can go into a plan."""
+"""Cost and information of a fraction of a run, in sentences for a plan."""
 
 from __future__ import annotations
 
@@ -10,29 +10,32 @@ import numpy as np
 from procedures.words import significant
 
 _AS_GOOD = 1.02
-"""Standard error of all data under a fraction's coefficients over that under their own; the paper has 1.002 to 1.01."""
+"""Limit of the ratio of standard errors of all data, with a fraction's and with their own coefficients; the paper has
+1.002 to 1.01.
+"""
 
 _TOO_FEW_INSIDE = 0.9
-"""Share of the readings within 95 % intervals that is worth a word."""
+"""Share of the readings within 95 % intervals below which there is a remark."""
 
 _MUCH = 3.0
-"""Standard errors between a coefficient of the fraction and of the whole run that are worth a word: too small ones."""
+"""Differences between a coefficient of the fraction and of the whole run, in standard errors, above which there is a
+remark.
+"""
 
 _FINDINGS = {"T_bias": "lack of fit", "T_b": "offset drift", "T_S": "sensitivity drift"}
 _P = {"T_bias": "p_bias", "T_b": "p_b", "T_S": "p_S"}
 _ALPHA = 0.05
-"""Probability that chance alone, over all tests of all sensors, is taken for something a fraction has to find."""
+"""Probability of a false positive over all tests of all sensors, for effects that a fraction must find."""
 
 
 def advised(full: Mapping[str, Any], fractions: Sequence[Mapping[str, Any]]) -> tuple[Mapping[str, Any], str]:
-    """The smallest fraction that fits all data and finds what the whole run finds, and why it is that one.
+    """The smallest fraction that fits all data and finds the effects of the whole run, with the reason.
 
     If none finds the drift too, the smallest that finds every lack of fit; if none does, the largest.
 
     Args:
-        full: the whole run, as `compare_fractions` gives it.
-        fractions: the same of each fraction.
-
+        full: the whole run, from `compare_fractions`.
+        fractions: the same for each fraction.
     """
     for tests, what in ((tuple(_FINDINGS), "what"), (("T_bias",), "every lack of fit that")):
         good = [part for part in fractions if _as_good(full, part, tests)]
@@ -54,7 +57,7 @@ def _as_good(full: Mapping[str, Any], part: Mapping[str, Any], tests: Sequence[s
 
 
 def sentence(full: Mapping[str, Any], part: Mapping[str, Any]) -> str:
-    """What these points instead of all would have cost, kept and lost."""
+    """Costs and losses of these points in place of all."""
     sensors = part["sensors"]
     ratios = [s["interval_ratio"] for s in sensors.values() if s["interval_ratio"] is not None]
     said = [f"calibration interval {_span(ratios)} times as wide" if ratios else "no calibration interval at all"]
@@ -102,7 +105,7 @@ def _span(values: Sequence[float]) -> str:
 
 
 def settings(part: Mapping[str, Any]) -> str:
-    """The lines of a procedure's [design] that command this fraction."""
+    """The lines of a procedure's [design] for this fraction."""
     pitch, roll = part["pitch_deg"], part["roll_deg"]
     if part["name"] in ("T4", "T6"):
         return f'type = "{part["name"]}"'

@@ -1,8 +1,7 @@
-"""What a part of a measured run would have told: NASA/TP-1999-209835, sections 9.2.2, 9.3.3 and 9.3.4.
+"""Information in a part of a measured run: NASA/TP-1999-209835, sections 9.2.2, 9.3.3 and 9.3.4.
 
-A full pitch-roll calibration holds every fraction of its grid. Fitting such a part alone says what the run would have
-cost and shown with fewer points; the whole run's residuals under the part's coefficients (figures 36, 52 and 54) say
-whether it would have been right.
+A full pitch-roll calibration contains every fraction of its grid. A fit of such a part gives the result of a run with
+fewer points. The whole run's residuals under the part's coefficients (figures 36, 52 and 54) show its errors.
 """
 
 from __future__ import annotations
@@ -22,21 +21,22 @@ from procedures.attitude.fit import AttitudeFit, fit_attitude
 Cell = tuple[int, int]
 NAN = float("nan")
 _MESH = 61
-"""Angles each way at which the widest interval is looked for; the variance function is smooth over 6 deg."""
+"""Number of angles in each direction for the search of the widest interval; the variance function is smooth
+over 6 deg.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class MeasuredGrid:
-    """The full grid of settings that a calibration went over, found from its angles.
+    """The full grid of settings of a calibration, found from its angles.
 
     Attributes:
         pitch_deg: (N,) rows, ascending.
-        roll_deg: (M,) columns, ascending; +180 and -180 deg are two, as they were commanded.
+        roll_deg: (M,) columns, ascending; +180 and -180 deg are two, as commanded.
         row: (n,) row of each observation.
         column: (n,) column of each observation.
-        visits: (N, M) how often one replication visits each cell: twice where it goes up and back.
-        replications: how many.
-
+        visits: (N, M) number of visits of one replication to each cell: two for a pass up and back.
+        replications: number of replications.
     """
 
     pitch_deg: FloatArray
@@ -51,8 +51,7 @@ class MeasuredGrid:
         """Find the grid.
 
         Raises:
-            FitError: some pitch was not measured at some roll in any replication.
-
+            FitError: a combination of pitch and roll is missing in all replications.
         """
         row, column = settings(data.pitch_deg), settings(data.roll_deg)
         shape = (int(row.max()) + 1, int(column.max()) + 1)
@@ -70,20 +69,20 @@ class MeasuredGrid:
 
     @property
     def points(self) -> int:
-        """K, visits in one replication."""
+        """K, number of visits in one replication."""
         return int(self.visits.sum())
 
     @property
     def missing(self) -> int:
-        """Visits that some replications lack."""
+        """Number of visits missing in some replications."""
         return self.points * self.replications - len(self.row)
 
     def points_of(self, cells: Collection[Cell]) -> int:
-        """Visits to these cells in one replication."""
+        """Number of visits to these cells in one replication."""
         return int(self.visits[self._mask(cells)].sum())
 
     def rows_of(self, cells: Collection[Cell]) -> NDArray[np.bool_]:
-        """(n,) which observations were made at these cells."""
+        """(n,) whether each observation was made at these cells."""
         return np.asarray(self._mask(cells)[self.row, self.column])
 
     def _mask(self, cells: Collection[Cell]) -> NDArray[np.bool_]:
@@ -94,17 +93,16 @@ class MeasuredGrid:
 
 @dataclass(frozen=True, eq=False)
 class PartFit:
-    """One sensor calibrated with a part of a run, held against the whole.
+    """One sensor calibrated with a part of a run, compared with the whole.
 
     Attributes:
         fit: of the part alone.
-        points: K, of one replication.
-        observations: rows that were used.
-        interval95_V: widest 95 % calibration interval, half-width, over the range that the whole run calibrated.
-        residual_V: standard error of the whole run's residuals under the part's coefficients, on the degrees of
-            freedom of the whole run's own fit; that fit itself has the least.
+        points: K, points of one replication.
+        observations: number of used rows.
+        interval95_V: widest 95 % calibration interval, half-width, over the range of the whole run.
+        residual_V: standard error of the whole run's residuals under the part's coefficients, with the degrees of
+            freedom of the whole run's own fit, which has the smallest.
         coverage95: share of the whole run's readings within the part's own 95 % prediction intervals.
-
     """
 
     fit: AttitudeFit
@@ -115,7 +113,7 @@ class PartFit:
     coverage95: float
 
     def shift(self, whole: AttitudeFit) -> FloatArray:
-        """(k,) its coefficients less those of the whole run's fit, in its own standard errors.
+        """(k,) its coefficients minus those of the whole run's fit, in its own standard errors.
 
         Coefficients of a model with temperature are compared at the whole run's reference temperature.
         """
@@ -136,13 +134,12 @@ def fit_part(
     Args:
         data: the whole run.
         sensor: name of the output.
-        rows: (n,) which observations the part has; None: all.
-        temperature: whether offset and sensitivity follow the sensor's temperature in the declared model.
+        rows: (n,) mask of the part's observations; None for all.
+        temperature: whether offset and sensitivity depend on the sensor's temperature in the declared model.
 
     Raises:
         fitter.linear.RankError: the part does not determine the model.
         FitError: the output never changes, or there is no temperature to fit.
-
     """
     part = data if rows is None else data.take(np.flatnonzero(rows))
     if part.has_roll != data.has_roll:
@@ -170,5 +167,5 @@ def _range(data: AttitudeData) -> list[tuple[Any, Any]]:
 
 
 def _typical(angle_deg: FloatArray, setting: IntArray) -> FloatArray:
-    """(m,) mean angle of each setting, rid of the rounding that a mean adds."""
+    """(m,) mean angle of each setting, without the rounding errors of a mean."""
     return np.round(np.bincount(setting, angle_deg) / np.bincount(setting), 9)

@@ -1,6 +1,6 @@
-"""Fractions of a measured run: what fewer points would have cost in precision, in JSON and in words.
+"""Fractions of a measured run: loss of precision with fewer points, in JSON and in words.
 
-The paper's fractions are a coarser grid of which interior rows and columns are decimated (NASA/TP-1999-209835, eq. 109,
+The paper's fractions are a coarser grid with decimated interior rows and columns (NASA/TP-1999-209835, eq. 109,
 sections 9.2.2 and 9.3.4): 13 x 25 points become 5 x 13 and, by 2 and 2, 53; 37 x 13 become 13 x 7 and 73.
 """
 
@@ -15,6 +15,7 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.errors import FitError
+from fitter.json_values import if_finite
 from procedures.attitude.data import SAME_ANGLE_DEG, AttitudeData
 from procedures.attitude.designs import Design, fraction, grid, tumble
 from procedures.attitude.evaluate import with_temperature
@@ -24,6 +25,7 @@ from procedures.attitude.model import sigma_deg
 from procedures.attitude.table import KNOWN, UNIT, attitude_data
 from procedures.blocks import Block
 from procedures.errors import DataError
+from procedures.results import PlainFitted
 from procedures.table import Table
 from procedures.unused import unused_in_fit
 
@@ -31,11 +33,13 @@ FAMILY, TUMBLE = "fraction", "tumble"
 _DESIGN_T = ("T", "T6", "T4")
 
 _FEWEST_ROWS, _FEWEST_COLUMNS = 5, 7
-"""The coarsest of the paper's grids: 5 x 13 and 13 x 7. Coarser ones show no pattern with two periods of pitch."""
+"""The coarsest of the paper's grids: 5 x 13 and 13 x 7. Coarser ones do not show a pattern with two periods
+of pitch.
+"""
 _DECIMATIONS = ((1, 1), *((a, r) for a in (2, 3, 4) for r in (2, 3, 4)))
 _OF_THE_PAPER, _OF_FIGURE_21 = (2, 2), (3, 4)
 _THINNER = 1.3
-"""A fraction is listed where it has fewer points than the one before it by at least this factor."""
+"""Minimum ratio of numbers of points of successive listed fractions."""
 
 
 @dataclass(frozen=True)
@@ -44,11 +48,10 @@ class Part:
 
     Attributes:
         name: "13 x 7 (2, 2)": the coarser grid's rows and columns, and K_a and K_R of eq. (109).
-        design: the angles, as a procedure would command them.
+        design: the angles, as in a procedure.
         cells: (row, column) of each in the measured grid.
         every: K_a and K_R.
-        points: visits in one replication.
-
+        points: number of visits in one replication.
     """
 
     name: str
@@ -64,19 +67,18 @@ class Part:
 
 
 def compare_fractions(table: Table, which: str, *, temperature: bool | None = None) -> dict[str, Any]:
-    """Fit fractions of a full pitch-roll run and hold each against the whole; JSON-ready.
+    """Fit fractions of a full pitch-roll run and compare each with the whole; returns JSON values.
 
     Args:
         table: of kind pitch-roll.
-        which: "fraction" for a family of them, a number for the one with about so many points, "tumble" for the six
-            (four without roll) points of design T.
-        temperature: whether offset and sensitivity follow the sensor temperature in the declared model; as the table's
-            procedure has it if None.
+        which: "fraction" for a family of them, a number for the one with about that number of points, "tumble" for the
+            six (four without roll) points of design T.
+        temperature: whether offset and sensitivity depend on the sensor temperature in the declared model; None for the
+            setting of the table's procedure.
 
     Raises:
-        DataError: the data are no full grid, it is too small, its angles have no tumble in them, or `which` is none
-            of these.
-
+        DataError: the data are not a full grid, it is too small, its angles do not contain the tumble, or `which` is
+            invalid.
     """
     data, warm = attitude_data(table), with_temperature(table, temperature)
     try:
@@ -143,7 +145,6 @@ def family(measured: MeasuredGrid) -> list[Part]:
 
     Raises:
         FitError: the grid is too small for a fraction.
-
     """
     every = _candidates(measured)
     paper = [
@@ -159,11 +160,11 @@ def family(measured: MeasuredGrid) -> list[Part]:
 
 
 def nearest(measured: MeasuredGrid, points: int) -> Part:
-    """The fraction with about so many points; of equals one decimated by 2 and 2, then the one with finest pitch.
+    """The fraction with about this number of points; among equals one decimated by 2 and 2, then the one with the
+    finest pitch.
 
     Raises:
         FitError: the grid is too small for a fraction.
-
     """
     return min(
         _candidates(measured),
@@ -172,11 +173,10 @@ def nearest(measured: MeasuredGrid, points: int) -> Part:
 
 
 def tumble_of(measured: MeasuredGrid, *, roll: bool) -> Part:
-    """Design T6, or T4 without roll, where its angles were visited.
+    """Design T6, or T4 without roll, if its angles were measured.
 
     Raises:
-        FitError: they were not; the message names those that are missing.
-
+        FitError: angles are missing; the message names them.
     """
     design = tumble(roll=roll)
     rows = {angle: _index(measured.pitch_deg, angle) for angle in design.pitch_deg}
@@ -191,7 +191,7 @@ def tumble_of(measured: MeasuredGrid, *, roll: bool) -> Part:
 
 
 def _candidates(measured: MeasuredGrid) -> list[Part]:
-    """Every coarser grid with both its ends, whole and decimated."""
+    """Every coarser grid with both its ends, complete and decimated."""
     n, m = measured.visits.shape
     found = [
         part
@@ -209,7 +209,7 @@ def _candidates(measured: MeasuredGrid) -> list[Part]:
 
 
 def _steps(lines: int, fewest: int) -> Iterator[int]:
-    """One line in how many may be kept so that both ends are, and enough of them."""
+    """Possible steps between kept lines that keep both ends, and enough lines."""
     for every in range(1, max(lines, 2)):
         if (lines - 1) % every == 0 and (lines - 1) // every + 1 >= min(fewest, lines):
             yield every
@@ -230,7 +230,7 @@ def _decimated(measured: MeasuredGrid, by_row: int, by_column: int) -> Iterator[
 
 
 def _index(angles_deg: FloatArray, wanted_deg: float) -> int | None:
-    """Which angle it is; +180 and -180 deg are one, the one that was named being preferred."""
+    """Index of the angle; +180 and -180 deg are one, and the named one is preferred."""
     away = np.abs(np.mod(angles_deg - wanted_deg + 180.0, 360.0) - 180.0)
     alike = np.flatnonzero(away <= SAME_ANGLE_DEG)
     return int(min(alike, key=lambda i: abs(angles_deg[i] - wanted_deg))) if alike.size else None
@@ -256,40 +256,28 @@ def _judged(
 
 
 def _sensor(part: PartFit, whole: PartFit) -> dict[str, Any]:
-    """Table 2 and the parameters of a part, and what it means for the whole; degrees by the whole run's sensitivity."""
+    """Table 2 and the parameters of a part, and its errors for the whole; degrees by the whole run's sensitivity."""
     S_V = whole.fit.parameters.S_V
     shift = part.shift(whole.fit)
     return {
         **part.fit.to_dict(),
-        "interval95_deg": _known(sigma_deg(part.interval95_V, S_V)),
-        "interval_ratio": _known(part.interval95_V / whole.interval95_V) if whole.interval95_V > 0 else None,
-        "residual_deg": _known(sigma_deg(part.residual_V, S_V)),
-        "coverage95": _known(part.coverage95),
-        "shift": {name: _known(value) for name, value in zip(part.fit.linear.names, shift, strict=True)},
+        "interval95_deg": if_finite(sigma_deg(part.interval95_V, S_V)),
+        "interval_ratio": if_finite(part.interval95_V / whole.interval95_V) if whole.interval95_V > 0 else None,
+        "residual_deg": if_finite(sigma_deg(part.residual_V, S_V)),
+        "coverage95": if_finite(part.coverage95),
+        "shift": {name: if_finite(value) for name, value in zip(part.fit.linear.names, shift, strict=True)},
     }
 
 
-def _known(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
-
-
 @dataclass(frozen=True)
-class FractionsCompared:
+class FractionsCompared(PlainFitted):
     """A run and what fewer points would have cost, ready for JSON."""
 
     table: Table
     which: str
-    result: dict[str, Any]
-
-    def to_json(self) -> dict[str, Any]:
-        """What `rig fit --points --json` prints."""
-        return self.result
 
     def blocks(self) -> Iterator[Block]:
-        """What a person reads of it."""
+        """Blocks for people."""
         from procedures.attitude.fractions_shown import show_fractions  # noqa: PLC0415 - which needs this module
 
         return show_fractions(PurePath(self.table.source).name, self.table, self.result, self.which)
-
-    def page(self) -> None:
-        """It has no report."""

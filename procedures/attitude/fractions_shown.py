@@ -1,4 +1,4 @@
-"""How the command line shows fractions of a run: `rig fit RUN --points fraction`."""
+"""Display of fractions of a run on the command line: `rig fit RUN --points fraction`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from procedures.words import TESTS, significant
 
 
 def show_fractions(name: str, table: Table, result: Mapping[str, Any], which: str) -> Iterator[Block]:
-    """Table 2 and precision of every fraction beside the whole run; of a single one, its parameters too."""
+    """Table 2 and precision of every fraction and the whole run; for a single one also its parameters."""
     yield headline(name, table)
     full = result["full"]
     if full["missing"]:
@@ -42,7 +42,7 @@ def show_fractions(name: str, table: Table, result: Mapping[str, Any], which: st
 
 
 def _table(*headings: str, apart: int = 1) -> Grid:
-    """A table that fits 80 columns, `apart` more than one space between its own."""
+    """A table for 80 columns, with `apart` extra spaces between its columns."""
     return Grid(headings, frame="rule", apart=apart)
 
 
@@ -68,7 +68,7 @@ def _tests(sensor: str, rows: Sequence[Mapping[str, Any]]) -> Grid:
 
 
 def _precision(sensor: str, rows: Sequence[Mapping[str, Any]]) -> Grid:
-    """What each gives for its time, and whether it would have been right."""
+    """Precision per time of each, and its errors for the whole run."""
     table = _table("design", "time", "interval", "times", "all data", "in 95 %", "shift of the coefficients")
     for row in rows:
         s = row["sensors"][sensor]
@@ -92,7 +92,7 @@ def _shifts(sensor: Mapping[str, Any]) -> list[float]:
 
 
 def _parameters(sensor: str, full: Mapping[str, Any], part: Mapping[str, Any]) -> Grid:
-    """The paper's parameters of the whole run and of the fraction, beside each other."""
+    """The paper's parameters of the whole run and of the fraction, side by side."""
     names = (full["name"], part["name"])
     headings = [text for name in names for text in (escape(name), "standard error")]
     table = _table("parameter", *headings)

@@ -13,7 +13,7 @@ from procedures.attitude.settings import DesignSettings, MountingSettings, Pitch
 from procedures.further_runs import Limits, Variation
 
 LEAST_PITCH, LEAST_ROLL = 9, 5
-"""Angles that a thinned design keeps: fewer show no shape."""
+"""Minimum number of angles of a thinned design: fewer do not show a shape."""
 
 
 WARMER_DEGC = 3.0
@@ -32,7 +32,7 @@ _TURNS = (
 
 
 def further_runs(first: PitchRollProcedure, limits: Limits, *, chamber: bool) -> Iterator[Variation]:
-    """Runs to follow `first`, as `procedures.further_runs.possible` takes them."""
+    """Runs after `first`, for `procedures.further_runs.possible`."""
     design, pitches = first.design, _pitches(first.design)
     yield from _sizes("the same again", first)
     if first.order.type != "random":
@@ -78,7 +78,7 @@ def _sizes(what: str, whole: PitchRollProcedure, **more: Any) -> Iterator[Variat
 
 
 def _thinned(design: DesignSettings) -> Iterator[DesignSettings]:
-    """The design, and every second or fourth of its angles, ends kept, where they lie on a uniform grid."""
+    """The design, and every second or fourth of its angles with both ends, if they are on a uniform grid."""
     for every in (1, 2, 4):
         pitch, roll = _pitches(design)[::every], _rolls(design)
         if every > 1 and len(pitch) < LEAST_PITCH:
@@ -106,25 +106,25 @@ def _rolls(design: DesignSettings) -> int:
 
 
 def _turned(mounting: MountingSettings, axis: str, turn: float) -> MountingSettings:
-    """The mounting after one more turn about the package's own axis, as it then stands."""
+    """The mounting after one more rotation about the package's present axis."""
     before = mounting_matrix(mounting.x_deg, mounting.y_deg, mounting.z_deg)
     m = mounting_matrix(*(turn if axis == own else 0.0 for own in "xyz")) @ before
     y = np.arcsin(np.clip(m[2, 0], -1.0, 1.0))
     if abs(m[2, 0]) < 1.0 - 1e-9:
         x, z = np.arctan2(-m[2, 1], m[2, 2]), np.arctan2(-m[1, 0], m[0, 0])
-    else:  # x and z turn about one axis: all of it is put into z
+    else:  # x and z rotate about the same axis: the whole rotation is assigned to z
         x, z = 0.0, np.arctan2(m[0, 1], m[1, 1])
     x_deg, y_deg, z_deg = (_half_turn(float(np.degrees(angle))) for angle in (x, y, z))
     return MountingSettings(x_deg=x_deg, y_deg=y_deg, z_deg=z_deg)
 
 
 def _half_turn(angle: float) -> float:
-    """In (-180, 180], free of rounding."""
+    """Angle in (-180, 180], without rounding errors."""
     rounded = round(angle, 6) + 0.0
     return 180.0 if rounded <= -180.0 else rounded
 
 
 def _named(name: str, what: str) -> str:
-    """A name that fits a procedure's 80 characters, the first run's shortened if need be."""
+    """A name within a procedure's 80 characters, with the first run's shortened if necessary."""
     room = 80 - len(what) - 2
     return f"{name[:room]}: {what}" if room > 0 else what[:80]

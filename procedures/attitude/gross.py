@@ -1,7 +1,7 @@
 """Gross errors of a pitch-roll calibration.
 
-Readings of one point are compared over replications, with a model for each replication. What a point has in common
-(pads, head errors) and what a replication has (drift) is no gross error.
+Readings of one point are compared over replications, with a model for each replication. So effects common to a point
+(pads, head errors) or to a replication (drift) are not gross errors.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from procedures.attitude.data import AttitudeData
 from procedures.attitude.model import attitude_columns, fit_columns
 
 REPEATS = 3
-"""Readings of one point from which they are compared with one another rather than with the model."""
+"""Minimum readings of one point for a comparison with one another instead of with the model."""
 
 
 STEP_DEG = 0.1

@@ -1,13 +1,18 @@
-"""Calibrations of an attitude sensor as values to chart.
+"""Calibrations of an attitude sensor as charted values.
 
-The error within a calibration is not that of its pooled fit but what its replications show
+The error within a calibration is not that of its pooled fit but that from its replications
 (`fitter.replication.between_replications`).
+
+Of what was kept, the JSON of `fit_attitude` and `calibrate_package`, replications one by one are not known, but the
+mean squares between them of offset and sensitivity (sigma_b, sigma_S) and of all parameters together; the last stands
+for how the sensitive axis turns.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -17,6 +22,7 @@ from fitter.history import Charted, Series
 from fitter.replication import between_replications
 from procedures.attitude.data import AttitudeData
 from procedures.attitude.fit import fit_attitude
+from procedures.attitude.infer import AttitudeCalibration, SensorModel
 from procedures.attitude.model import (
     AXES,
     COLUMNS,
@@ -37,13 +43,12 @@ class Calibrated:
         shape: (k, k) covariance of the coefficients for readings of unit variance, (X'X)^-1.
         covariance: (k, k) of the coefficients from the variation between replications, V^2.
         df: its degrees of freedom.
-        replicated: whether it is that; without replications it is that of the residuals.
+        replicated: whether the covariance is from replications; without replications it is from the residuals.
         sigma_V: standard error of one reading.
         df_sigma: its degrees of freedom.
         pitch_range_deg: lowest and highest pitch calibrated.
-        warmth: how the coefficients follow the sensor temperature, where the declared model has it; they are those at
-            its reference.
-
+        warmth: temperature dependence of the coefficients, if the declared model has it; they are those at its
+            reference.
     """
 
     model: str
@@ -58,7 +63,7 @@ class Calibrated:
     warmth: Warmth | None = None
 
     def at(self, degC: float) -> Calibrated:
-        """The same at another sensor temperature; unchanged where the declared model has no temperature."""
+        """The same at another sensor temperature; unchanged if the declared model has no temperature."""
         if self.warmth is None:
             return self
         by = degC - self.warmth.reference_degC
@@ -72,13 +77,12 @@ class Calibrated:
 
 @dataclass(frozen=True, eq=False)
 class Warmth:
-    """How coefficients follow the sensor temperature.
+    """Temperature dependence of coefficients.
 
     Attributes:
-        reference_degC: temperature they are stated at.
+        reference_degC: reference temperature.
         per_degC: (k,) V/degC.
         covariance: (k, k) of it.
-
     """
 
     reference_degC: float
@@ -92,13 +96,12 @@ def calibrated(data: AttitudeData, sensor: str, *, temperature: bool = False) ->
     Args:
         data: the run.
         sensor: name of the output.
-        temperature: whether offset and sensitivity follow the sensor's temperature in the declared model.
+        temperature: whether offset and sensitivity depend on the sensor's temperature in the declared model.
 
     Raises:
         KeyError: `data` has no such output.
-        fitter.linear.RankError: the points visited do not determine the model.
-        FitError: the output never changes, nothing is left to estimate an error from, or there is no temperature.
-
+        fitter.linear.RankError: the points do not determine the model.
+        FitError: the output never changes, there are no degrees of freedom for error, or there is no temperature.
     """
     fit = fit_attitude(data, sensor, temperature=temperature)
     shape = fit.linear.root @ fit.linear.root.T
@@ -129,19 +132,18 @@ def calibrated(data: AttitudeData, sensor: str, *, temperature: bool = False) ->
 
 @dataclass(frozen=True, eq=False)
 class AttitudeCharted(Charted):
-    """Offset, sensitivity along the mean sensitive axis, and how that axis turns.
+    """Offset, sensitivity along the mean sensitive axis, and rotation of that axis.
 
     Attributes:
-        directions: (q, k) each charted parameter over the coefficients, but for a constant.
-        axis: (3, q) what a unit of each adds to the sensitive axis times sensitivity, V/g.
-
+        directions: (q, k) derivatives of the charted parameters by the coefficients.
+        axis: (3, q) derivatives of the sensitive axis times sensitivity by them, V/g.
     """
 
     directions: FloatArray
     axis: FloatArray
 
     def output_rows(self, pitch_deg: FloatArray, roll_deg: FloatArray) -> FloatArray:
-        """(H, q) degrees of output that a unit of each quantity adds at (H,) attitudes."""
+        """(H, q) derivative of the output, degrees, by each quantity at (H,) attitudes."""
         h = attitude_columns(pitch_deg, roll_deg)
         gravity = np.column_stack([h[:, 1], -h[:, 2], -h[:, 3]])
         volts = gravity @ self.axis
@@ -150,10 +152,10 @@ class AttitudeCharted(Charted):
 
 
 def attitude_charted(calibrations: Sequence[Calibrated], years: FloatArray) -> AttitudeCharted:
-    """What is charted of one sensor.
+    """Charted parameters of one sensor.
 
-    Where the sensitive axis points to is charted as Omega cos A and Omega sin A: linear, and regular where Omega is
-    zero and A has no meaning. Variances within are pooled over calibrations, in proportion to (X'X)^-1.
+    The direction of the sensitive axis is charted as Omega cos A and Omega sin A: linear, and regular at Omega = 0,
+    where A is undefined. Variances within are pooled over calibrations, in proportion to (X'X)^-1.
 
     Args:
         calibrations: m of them, in order of time.
@@ -161,7 +163,6 @@ def attitude_charted(calibrations: Sequence[Calibrated], years: FloatArray) -> A
 
     Raises:
         FitError: the calibrations are of different models, or fewer than two.
-
     """
     models = sorted({c.model for c in calibrations})
     if len(models) > 1:
@@ -198,7 +199,7 @@ def attitude_charted(calibrations: Sequence[Calibrated], years: FloatArray) -> A
 def _within(calibrations: Sequence[Calibrated], directions: Sequence[FloatArray]) -> tuple[FloatArray, float]:
     """(m,) variance within of `directions` @ coefficients, one each, and its degrees of freedom, pooled.
 
-    Where some calibrations have replications, those say what all of them vary by.
+    If some calibrations have replications, their variance is used for all.
     """
     replicated = any(c.replicated for c in calibrations)
     unit = np.array([d @ c.shape @ d for c, d in zip(calibrations, directions, strict=True)])
@@ -219,7 +220,7 @@ def _basis(model: str, along: FloatArray) -> FloatArray:
 
 
 def _turns(model: str, mean: FloatArray) -> list[tuple[str, float]]:
-    """Name of each turn of the sensitive axis, and its value at the mean."""
+    """Name of each rotation of the sensitive axis, and its value at the mean."""
     if model == "attitude-no-roll":
         return [("phi_deg", float(np.degrees(np.arctan2(mean[2], mean[0]))))]
     i = AXES[model[-1]]
@@ -255,3 +256,79 @@ def _gradients(model: str, axis: FloatArray, to_axis: FloatArray) -> list[FloatA
     by_azimuth = np.cross(np.eye(3)[i], outward)
     to_A = np.degrees(by_azimuth @ to_axis / (S * across)) if across > 0 else np.full(len(COLUMNS), np.nan)
     return [first, along @ to_axis, np.degrees(by_omega @ to_axis / S), to_A]
+
+
+def calibrated_from(content: Mapping[str, Any]) -> dict[str, Calibrated]:
+    """Every sensor of a calibration file, by output column.
+
+    Args:
+        content: with "sensors", each as `AttitudeFit.to_dict`, and "calibration", as `AttitudeCalibration.to_dict`.
+
+    Raises:
+        FitError: the content is not that, or leaves no error to chart against.
+
+    """
+    package = AttitudeCalibration.from_dict(content["calibration"])
+    keep = list(range(len(COLUMNS))) if package.roll else [0, 1, 3]
+    found, start = {}, 0
+    for sensor in package.sensors:
+        size, at = sensor.coefficients.size, start
+        block = package.covariance[start : start + size, start : start + size][np.ix_(keep, keep)]
+        start += size
+        try:
+            fitted = content["sensors"][sensor.name]
+            replications = fitted["df_bS"][0]
+            shape = block / sensor.sigma_V**2
+            replicated = replications > 0 and None not in (fitted["sigma_b"], fitted["sigma_S"], fitted["T_drift"])
+            axis = sensor.coefficients[keep][1:]
+            covariance = _between(fitted, shape, axis) if replicated else block
+            found[sensor.name] = Calibrated(
+                model=f"attitude-{sensor.axis}" if package.roll else "attitude-no-roll",
+                coefficients=sensor.coefficients[keep],
+                shape=shape,
+                covariance=covariance,
+                df=float(replications if replicated else sensor.df),
+                replicated=replicated,
+                sigma_V=sensor.sigma_V,
+                df_sigma=sensor.df,
+                pitch_range_deg=package.pitch_range_deg,
+                warmth=_warmth(sensor, package.reference_degC, package.covariance[at:start, at:start], keep),
+            )
+        except (KeyError, TypeError, IndexError) as problem:
+            raise FitError(f"{sensor.name} lacks or garbles {problem} of its analysis of variance") from problem
+    return found
+
+
+def _warmth(
+    sensor: SensorModel, reference_degC: float | None, covariance: FloatArray, keep: list[int]
+) -> Warmth | None:
+    """From the terms of offset and sensitivity over temperature, if the sensor has them."""
+    linear = {powers: row for row, powers in enumerate(((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)))}
+    turn = np.zeros((len(COLUMNS), len(sensor.terms)))
+    for j, term in enumerate(sensor.terms):
+        if term.degC == 1 and term.powers in linear:
+            row = linear[term.powers]
+            turn[row, j] = 1.0 if row < 2 else -1.0  # g_y and g_z are minus their columns
+    if reference_degC is None or not np.any(turn):
+        return None
+    own = covariance[len(COLUMNS) :, len(COLUMNS) :]
+    per_degC = turn @ sensor.coefficients[len(COLUMNS) :]
+    return Warmth(reference_degC, per_degC[keep], (turn @ own @ turn.T)[np.ix_(keep, keep)])
+
+
+def _between(fitted: Mapping[str, Any], shape: FloatArray, sensitivity: FloatArray) -> FloatArray:
+    """(k, k) covariance from the variation between replications, of mean squares in place of one variance.
+
+    Args:
+        fitted: analysis of variance.
+        shape: (k, k) (X'X)^-1.
+        sensitivity: (k - 1,) coefficients after the offset.
+
+    """
+    k = len(shape)
+    turn = np.eye(k)  # rows: offset, along the sensitivity, square to it
+    turn[1:, 1:] = np.linalg.qr(np.column_stack([sensitivity, np.eye(k - 1)]))[0].T
+    rest = fitted["T_drift"] * fitted["sigma_pr"] ** 2
+    scale = np.sqrt(np.array([fitted["sigma_b"] ** 2, fitted["sigma_S"] ** 2, *[rest] * (k - 2)]))
+    turned = scale[:, None] * (turn @ shape @ turn.T) * scale
+    return np.asarray(turn.T @ turned @ turn)

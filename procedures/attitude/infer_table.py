@@ -12,10 +12,8 @@ from numpy.typing import NDArray
 from fitter.errors import FitError
 from procedures.attitude.infer import AttitudeCalibration, InferredAttitude, infer_attitude
 from procedures.errors import DataError
-from procedures.inference import Inference
-from procedures.missing import empty_rows, incomplete_rows
+from procedures.inference import Inference, empty_rows, free_name, no_column, unused_beside
 from procedures.table import Reader, Table
-from procedures.unused import Unused, other_unit, why_unused
 
 _TEMPERATURE = "sensor_temperature_degC"
 
@@ -29,19 +27,18 @@ def infer_attitudes(
     near_deg: tuple[float, float] | None,
     sensors: Sequence[str] | None,
 ) -> Inference:
-    """Infer pitch, and roll where it was not measured, from every row of a CSV table.
+    """Infer pitch, and roll if it was not measured, from every row of a CSV table.
 
     Args:
         calibration: of the package.
         data: the table, with a column for every sensor.
-        measured_roll: column of roll that was measured otherwise, in degrees; None to infer it.
+        measured_roll: column of independently measured roll, in degrees; None to infer it.
         roll_sd_deg: its standard deviation.
-        near_deg: pitch and roll on the side where the package is; level if None.
-        sensors: those to infer from; all of the calibration if None.
+        near_deg: pitch and roll near the package's attitude; level if None.
+        sensors: the used sensors; all of the calibration if None.
 
     Raises:
-        DataError: a column is missing, or the sensors cannot tell what is asked.
-
+        DataError: a column is missing, or the sensors do not determine the requested angles.
     """
     if roll_sd_deg and measured_roll is None:
         raise DataError("--roll-sd is of a roll that was measured: name its column with --roll")
@@ -80,8 +77,8 @@ def infer_attitudes(
         angles = (found.roll_deg, found.roll_sd_deg, found.roll_lo95_deg, found.roll_hi95_deg)
         added |= _columns(table, "roll_deg", *angles)
     if found.assumed.any():
-        added["assumed" if "assumed" not in {*table.columns, *table.text} else "inferred_assumed"] = found.assumed * 1
-    added["flag" if "flag" not in table.columns and "flag" not in table.text else "inferred_flag"] = found.flag
+        added[free_name("assumed", table)] = found.assumed * 1
+    added[free_name("flag", table)] = found.flag
     notes = list(calibration.notes)
     if found.assumed.any():
         side = (
@@ -93,29 +90,24 @@ def infer_attitudes(
         )
     if measured_roll is not None and roll_sd_deg == 0:
         notes.append("the measured roll is taken as exact: --roll-sd tells its standard deviation")
-    columns: dict[str, Any] = {**table.columns, **table.text, **added}
-    spare = {name: why_unused(name, needed) for name in table.names if name not in {*needed, "simulated"}}
-    rows = [(row, name, "no value: the result of the row is empty") for row, name in incomplete_rows(table, inputs)]
     return Inference(
-        columns,
+        {**table.columns, **table.text, **added},
         tuple(added),
         tuple(notes),
         int(np.sum(found.flag != "")),
         quantities=tuple(name.removesuffix("_sd") for name in added if name.endswith("_sd")),
-        unused=Unused(spare, rows),
+        unused=unused_beside(table, needed, inputs),
     )
 
 
 def _check_columns(table: Table, needed: Sequence[str], calibration: AttitudeCalibration) -> None:
-    """Raises `DataError` if a column is missing, with what to do about it."""
+    """Raise `DataError` if a column is missing, with the next step."""
     for name in needed:
         if name in table.columns:
             continue
-        like = next((other for other in table.names if other_unit(other, [name])), None)
-        hint = f"; {like}: {why_unused(like, [name])}" if like else ""
-        if name in calibration.names and len(calibration.names) > 1:
-            hint += f"; to infer from fewer sensors name them: --sensors {calibration.names[0]},..."
-        raise DataError(f"{table.source}: there is no column {name!r}; it has {', '.join(table.names)}{hint}")
+        fewer = name in calibration.names and len(calibration.names) > 1
+        hint = f"; to infer from fewer sensors name them: --sensors {calibration.names[0]},..."
+        raise no_column(table, name, hint if fewer else "")
 
 
 def _in_all_rows(answer: InferredAttitude, complete: NDArray[np.bool_]) -> InferredAttitude:
@@ -130,6 +122,6 @@ def _in_all_rows(answer: InferredAttitude, complete: NDArray[np.bool_]) -> Infer
 
 
 def _columns(table: Table, name: str, value: Any, sd: Any, low: Any, high: Any) -> dict[str, Any]:
-    """Columns of one quantity; nothing of the input is overwritten."""
-    name = f"inferred_{name}" if name in table.columns or name in table.text else name
+    """Columns of one quantity."""
+    name = free_name(name, table)
     return {name: value, f"{name}_sd": np.where(np.isfinite(sd), sd, np.nan), f"{name}_lo95": low, f"{name}_hi95": high}

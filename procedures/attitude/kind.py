@@ -1,4 +1,4 @@
-"""What the program asks of the kind "pitch-roll"."""
+"""The kind "pitch-roll"."""
 
 from __future__ import annotations
 
@@ -57,13 +57,13 @@ class AttitudeKind(Kind):
         return GRAMMAR
 
     def recognises(self, columns: Collection[str]) -> bool:
-        """By columns that no other kind has."""
+        """By columns of this kind only."""
         return bool({"pitch_deg", "roll_deg"} & set(columns))
 
     def fit(
         self, source: Source, options: FitOptions, *, leave_out: Sequence[str], own: Sequence[Entry], keep: bool
     ) -> Fitted:
-        """Every sensor, or with `points` fractions of the run beside all of it."""
+        """Every sensor, or with `points` fractions of the run in addition to the whole."""
         if options.points is not None:
             return self._fractions(source, options, leave_out, keep=keep)
         from procedures.attitude.evaluate import AttitudeFitted, fit_attitude_table  # noqa: PLC0415
@@ -76,7 +76,7 @@ class AttitudeKind(Kind):
             leave_out=leave_out,
             own=own,
         )
-        return AttitudeFitted(source.table, result)
+        return AttitudeFitted(result, source.table)
 
     def _fractions(self, source: Source, options: FitOptions, leave_out: Sequence[str], *, keep: bool) -> Fitted:
         from procedures.attitude.fractions_compared import FractionsCompared, compare_fractions  # noqa: PLC0415
@@ -89,7 +89,7 @@ class AttitudeKind(Kind):
                     f"--points holds fractions against the whole run and keeps nothing; leave {option} away"
                 )
         result = compare_fractions(source.table, options.points, temperature=options.temperature)
-        return FractionsCompared(source.table, options.points, result)
+        return FractionsCompared(result, source.table, options.points)
 
     def trace(self, source: Source, options: TraceOptions, *, own: Sequence[Entry]) -> Traced:
         """See `Kind`."""
@@ -150,13 +150,13 @@ class AttitudeKind(Kind):
         return unused_in_fit(table, KNOWN, UNIT)
 
     def precision(self, procedure: PitchRollProcedure, run_list: RunList) -> Precision:
-        """Of a sensor's calibrated output at a few pitch angles."""
+        """Precision of a sensor's calibrated output at a few pitch angles."""
         from procedures.attitude.precision import precision  # noqa: PLC0415
 
         return precision(procedure, run_list)
 
     def advice(self, procedure: PitchRollProcedure, axes: Sequence[str], usage_deg: float | None) -> Sequence[Advice]:
-        """What NASA/TP-1999-209835 recommends."""
+        """Recommendations of NASA/TP-1999-209835."""
         from procedures.attitude.advice import advise, package_of, usage_of  # noqa: PLC0415
 
         found = advise(procedure, usage_of(procedure, usage_deg), package_of(procedure, axes))

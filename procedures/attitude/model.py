@@ -1,12 +1,12 @@
-"""The attitude models of NASA/TP-1999-209835, eqs. (1), (2), (4), (5), as the linear models they are.
+"""The attitude models of NASA/TP-1999-209835, eqs. (1), (2), (4), (5), in linear form.
 
-Every sensor measures v = b + m . g_M: offset, plus gravity in package axes projected on its sensitive axis times
-its sensitivity. Least squares for (b, m) is one linear solve, and S, Omega and A follow from m by an exact change
-of variables: along and across the nominal axis i of a sensor
+Every sensor measures v = b + m . g_M: offset, plus gravity in package axes projected on its sensitive axis times its
+sensitivity. Least squares for (b, m) is linear, and S, Omega and A follow from m by an exact change of variables: along
+and across the nominal axis i of a sensor
 
     m_i = S cos Omega,   m_j = S sin Omega cos A,   m_k = S sin Omega sin A,   (i, j, k) cyclic in x, y, z.
 
-At Omega = 0 azimuth has no meaning while the linear form stays regular.
+At Omega = 0 the azimuth is undefined, but the linear form stays regular.
 """
 
 from __future__ import annotations
@@ -25,9 +25,11 @@ COLUMNS = ("1", "sin(pitch)", "cos(pitch)*sin(roll)", "cos(pitch)*cos(roll)")
 COLUMNS_NO_ROLL = ("1", "sin(pitch)", "cos(pitch)")
 AXES = {"x": 0, "y": 1, "z": 2}
 LEAST = 3e-4
-"""Root mean square below which one of the columns above is not there: 0.02 deg, closer than two settings of a head."""
+"""Root mean square below which one of the columns above counts as zero: 0.02 deg, closer than two settings of
+a head.
+"""
 DIRECTION_KNOWN = 5.0
-"""Coning angles of more standard deviations than this have an azimuth that can be told, and intervals that hold."""
+"""Minimum coning angle, in its standard deviations, for a determined azimuth and valid intervals."""
 _GRAVITY_SIGN = np.array([1.0, -1.0, -1.0])
 
 
@@ -49,13 +51,12 @@ def attitude_columns(pitch_deg: FloatArray, roll_deg: FloatArray, *, roll: bool 
 
 
 def mounting_matrix(x_deg: float, y_deg: float, z_deg: float) -> FloatArray:
-    """(3, 3) rotation from axes of the head's table to those of a package mounted turned.
+    """(3, 3) rotation from axes of the head's table to those of a turned package.
 
     Args:
-        x_deg: turn about the package's x axis, first; adds to roll as seen by the package.
+        x_deg: rotation about the package's x axis, first; adds to the roll of the package.
         y_deg: about its y axis, second; at zero roll it adds to pitch.
         z_deg: about its z axis, last; 180 deg is end for end.
-
     """
     (sx, cx), (sy, cy), (sz, cz) = (np.ravel(sin_cos(np.array([angle]))) for angle in (x_deg, y_deg, z_deg))
     about_x = np.array([[1.0, 0.0, 0.0], [0.0, cx, sx], [0.0, -sx, cx]])
@@ -67,15 +68,15 @@ def mounting_matrix(x_deg: float, y_deg: float, z_deg: float) -> FloatArray:
 def variance_function(design: FloatArray, at: FloatArray) -> FloatArray:
     """(m,) variance of a predicted output over the variance of one observation, h' (H'H)^-1 h.
 
-    It depends on where one measured and where one predicts, and on nothing else (Theorems I to III).
+    It depends only on the measured and the predicted points (Theorems I to III).
 
     Args:
-        design: (n, k) rows h of every observation that will be made, replications included.
-        at: (m, k) rows h where outputs are predicted.
+        design: (n, k) rows h of every planned observation, with replications.
+        at: (m, k) rows h of predictions.
 
     Raises:
-        fitter.linear.RankError: the design does not determine the model; the message names what it leaves open.
-
+        fitter.linear.RankError: the design does not determine the model; the message names the undetermined
+            coefficients.
     """
     return fit_columns(design, np.zeros(len(design))).variance_function(at)
 
@@ -85,18 +86,17 @@ Interval = tuple[float, float]
 
 @dataclass(frozen=True)
 class AttitudeParameters:
-    """The paper's parameters of a sensor with roll, and the sensitive axis they are made of.
+    """The paper's parameters of a sensor with roll, and its sensitive axis.
 
     Attributes:
         b_V: offset.
         S_V: sensitivity, volts per g, positive.
-        Omega_deg: coning angle, in [0, 180); above 90 deg the sensor looks backwards.
+        Omega_deg: coning angle, in [0, 180); above 90 deg the sensor is mounted backwards.
         A_deg: azimuth, in (-180, 180]; NaN at Omega = 0.
         covariance: (4, 4) of (b_V, S_V, Omega_deg, A_deg); NaN in the row and column of an undefined azimuth.
         axis: nominal axis of the sensor, 0, 1, 2 for x, y, z.
         m_V: (3,) sensitive axis times sensitivity, V/g in package axes.
         m_covariance: (3, 3) of it.
-
     """
 
     b_V: float
@@ -115,18 +115,16 @@ class AttitudeParameters:
 
     @property
     def direction_known(self) -> bool:
-        """Whether the coning angle (or what it lacks of 180 deg) exceeds `DIRECTION_KNOWN` standard deviations.
-
-        Else the sensitive axis is too near its nominal one to say where it leans. Omega and A are then no estimates
-        with errors around them; the axis itself, `m_V`, still is.
+        """Whether the coning angle (or its difference from 180 deg) exceeds `DIRECTION_KNOWN` standard deviations.
+        Otherwise the sensitive axis is too near its nominal axis to determine its direction. Omega and A then have no
+        valid errors; the axis itself, `m_V`, has.
         """
         return bool(min(self.Omega_deg, 180.0 - self.Omega_deg) > DIRECTION_KNOWN * self.stderr[2])
 
     def intervals(self, df: float, level: float = 0.95) -> tuple[Interval, Interval, Interval | None, Interval | None]:
-        """Confidence intervals of b_V, S_V, Omega_deg and A_deg; None for the last two where no direction is known.
-
-        That of A is Fieller's: all azimuths across which the sensitive axis does not lean significantly. It is exact
-        where the transverse components are normal, and its ends may lie beyond +-180 deg.
+        """Confidence intervals of b_V, S_V, Omega_deg and A_deg; None for the last two if the direction is
+        undetermined. That of A is Fieller's interval. It is exact for normal transverse components, and its ends may be
+        beyond +-180 deg.
         """
         t = t_limit(level, df)
         b, S, Omega = _around((self.b_V, self.S_V, self.Omega_deg), self.stderr[:3], t)
@@ -139,7 +137,7 @@ class AttitudeParameters:
             return b, S, None, None
         half = float(np.degrees(np.arctan(np.sqrt(-values[0] / values[1]))))
         lean = vectors[:, 1] * np.sign(vectors[:, 1] @ m)
-        # the set is symmetric about its own axis, which is not quite the estimate's where the errors are unequal
+        # the set is symmetric about its own axis, which differs slightly from the estimate's if the errors are unequal
         middle = np.degrees(np.arctan2(lean[1], lean[0]))
         middle = self.A_deg + (middle - self.A_deg + 180.0) % 360.0 - 180.0
         return b, S, Omega, (float(middle - half), float(middle + half))
@@ -243,14 +241,13 @@ def no_roll_parameters(coefficients: FloatArray, covariance: FloatArray) -> NoRo
 
 
 def nominal_axis(sensor: str, coefficients: FloatArray, axes: Mapping[str, str] | None = None) -> int:
-    """Axis 0, 1, 2 a sensor is mounted along.
+    """Nominal axis of a sensor, 0, 1, 2.
 
     Args:
         sensor: column name of its output.
         coefficients: of the declared model.
-        axes: "x", "y" or "z" by column name, where it is known. Else the first letter of the name tells, and if that
-            is none of these the axis the sensor is most sensitive to.
-
+        axes: "x", "y" or "z" by column name, if known. Otherwise the first letter of the name, and for another letter
+            the axis of the largest sensitivity.
     """
     if axes is not None and sensor in axes:
         return AXES[axes[sensor]]

@@ -1,4 +1,4 @@
-"""Options of commands that only attitude calibrations have."""
+"""Options of commands for attitude calibrations only."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _AS_RUN = "as the run's procedure has it under [model], else not"
 
 
 class FitOptions(Options):
-    """Of `rig fit`."""
+    """Options of `rig fit`."""
 
     traced: bool = Field(False, description="keep a calibration with the effects that a trace finds")
     temperature: bool | None = Field(None, description=_TEMPERATURE, json_schema_extra={"default": _AS_RUN})
@@ -28,14 +28,14 @@ class FitOptions(Options):
 
 
 class TraceOptions(Options):
-    """Of `rig trace`."""
+    """Options of `rig trace`."""
 
     temperature: bool | None = Field(None, description=_TEMPERATURE, json_schema_extra={"default": _AS_RUN})
     unnamed: bool = Field(False, description="let smooth terms without a cause take up what no effect explains")
 
 
 class InferOptions(Options):
-    """Of `rig infer`."""
+    """Options of `rig infer`."""
 
     roll: str | None = Field(None, description="column of roll measured otherwise, in degrees")
     roll_sd: float = Field(0.0, ge=0, description="standard deviation of the measured roll, deg")

@@ -1,9 +1,9 @@
-"""In which order a design is visited, and from which side each angle is approached.
+"""Order of the points of a design, and direction of approach to each angle.
 
-What a night can tell apart depends on the order. With the same path in every replication, time and direction are
-functions of the point and hide in the lack of fit; so the path is walked forwards and backwards in the pattern
-A B B A, which balances both against the replications. A random order breaks every such tie, but only if the side
-of approach is random too and controlled, not left to wherever the axis came from.
+The order determines the separable effects. With the same path in every replication, time and direction are functions of
+the point and are confounded with lack of fit. So the path is walked forwards and backwards in the pattern A B B A,
+which balances both against the replications. A random order removes all such confounding, but only if the direction of
+approach is random too and controlled, instead of given by the previous point.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from procedures.attitude.designs import Design
 
 @dataclass(frozen=True, slots=True)
 class Visit:
-    """One stop of a pass over a design: the cell, and the side each axis is to arrive from (+1 upwards)."""
+    """One visit of a pass over a design: the cell, and the direction of approach of each axis (+1 upwards)."""
 
     row: int
     column: int
@@ -27,13 +27,12 @@ class Visit:
 
 
 def reversed_pass(replication: int, pattern: str) -> bool:
-    """Whether replication 1, 2, 3, ... walks the path backwards.
+    """Whether a replication follows the path backwards.
 
     Args:
         replication: from 1.
-        pattern: "abba" (forwards, backwards, backwards, forwards, and again), "alternate" (a, b, a, b) or
-            "same" (never).
-
+        pattern: "abba" (forwards, backwards, backwards, forwards, and again), "alternate" (a, b, a, b) or "same"
+            (never).
     """
     if pattern == "same":
         return False
@@ -44,21 +43,15 @@ def reversed_pass(replication: int, pattern: str) -> bool:
     raise ValueError(f"unknown pattern {pattern!r}: use abba, alternate or same")
 
 
-def serpentine(design: Design, *, backwards: bool, up_and_down: bool) -> list[Visit]:
+def walk(design: Design, *, backwards: bool, up_and_down: bool) -> Iterator[Visit]:
     """Boustrophedon pass: pitch row after row, roll to and fro (recommendation 4 of the paper).
 
     Args:
-        design: what to visit.
-        backwards: walk the same path from its end, every axis then arriving from the other side.
-        up_and_down: return to the first row, visiting every point a second time, each on its own side; without
-            it one pass goes up and the reversed replications bring it down. Walked backwards it is the same path.
-
+        design: the points.
+        backwards: the same path from its end, with every axis arriving from the other side.
+        up_and_down: return to the first row, with a second visit to every point from its other side; otherwise one pass
+            goes up and reversed replications go down. Backwards it is the same path.
     """
-    return list(walk(design, backwards=backwards, up_and_down=up_and_down))
-
-
-def walk(design: Design, *, backwards: bool, up_and_down: bool) -> Iterator[Visit]:
-    """The visits of a `serpentine` one by one."""
     if up_and_down or not backwards:
         yield from _sweep(design, 1)
     if up_and_down or backwards:
@@ -83,7 +76,7 @@ def _sweep(design: Design, way: int) -> Iterator[Visit]:
 
 
 def random_order(design: Design, rng: random.Random) -> Iterator[Visit]:
-    """Every point once in random order, each axis approached from a random side, as many from one as the other."""
+    """Every point once in random order, each axis approached from a random side, with equal numbers of both sides."""
     cells = array("L", range(len(design)))
     rng.shuffle(cells)
     pitch_sides, roll_sides = (array("b", (1 if i % 2 else -1 for i in range(len(cells)))) for _ in range(2))

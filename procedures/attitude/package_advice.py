@@ -1,4 +1,4 @@
-"""Recommendations 8 to 10 of NASA/TP-1999-209835: what a package of one, two or three sensors is suitable for."""
+"""Recommendations 8 to 10 of NASA/TP-1999-209835: suitable uses of a package of one, two or three sensors."""
 
 from __future__ import annotations
 
@@ -12,22 +12,21 @@ from procedures.advice import Advice
 from procedures.attitude.merit import Usage
 
 RATIO = 10.0
-"""Uncertainty of roll over that wanted of pitch, and of y and z sensors over that of x, which is still good enough."""
+"""Acceptable ratio of uncertainty of roll to that required of pitch, and of y and z sensors to that of x."""
 
 
 @dataclass(frozen=True)
 class Package:
-    """The sensors that will measure together, and what is asked of them.
+    """The sensors of a package, and their requirements.
 
     Attributes:
         sigma_deg: standard error of one output by axis, "x", "y", "z", as degrees of angle.
-        roll_sd_deg: standard deviation of a roll measured by other means; None where there is none.
-        wanted_pitch_sd_deg: the pitch uncertainty wanted; without it that of the x sensor.
+        roll_sd_deg: standard deviation of an independently measured roll; None if there is none.
+        wanted_pitch_sd_deg: the required pitch uncertainty; by default that of the x sensor.
         coning_deg: largest coning angle Omega of the sensors.
 
     Raises:
         ValueError: an unknown axis, no x sensor, or a sigma that is not positive.
-
     """
 
     sigma_deg: Mapping[str, float]
@@ -49,7 +48,7 @@ class Package:
 
     @property
     def axes(self) -> str:
-        """Of its sensors, in order: "x", "xy", "xz" or "xyz"."""
+        """Axes of its sensors, in order: "x", "xy", "xz" or "xyz"."""
         return "".join(sorted(self.sigma_deg))
 
 
@@ -57,14 +56,13 @@ def inferred_sd(package: Package, pitch_deg: FloatArray, roll_deg: FloatArray) -
     """Standard deviations of inferred pitch and roll, deg, by weighted least squares on well-aligned sensors.
 
     The inverse of F' W F with the derivatives of (sin a, -sin R cos a, -cos R cos a); infinite at singular attitudes.
-    For equal y and z sensors the roll is eq. (108)'s. Its pitch is that of equal weights; with weights it is
-    1 / (cos^2 a / sigma_x^2 + sin^2 a / sigma_y^2), never more. A single axis takes its roll as measured, eq. (82).
+    For equal y and z sensors the roll is eq. (108)'s. Its pitch is that of equal weights; with weights it is 1 / (cos^2
+    a / sigma_x^2 + sin^2 a / sigma_y^2), never more. A single axis uses measured roll, eq. (82).
 
     Args:
-        package: which sensors.
+        package: the sensors.
         pitch_deg: (n,).
         roll_deg: (n,).
-
     """
     a, r = np.radians(pitch_deg), np.radians(roll_deg)
     by_pitch = {"x": np.cos(a), "y": np.sin(r) * np.sin(a), "z": np.cos(r) * np.sin(a)}
@@ -89,13 +87,12 @@ def inferred_sd(package: Package, pitch_deg: FloatArray, roll_deg: FloatArray) -
 
 
 def advise_package(package: Package | None, usage: Usage, *, roll: bool = True) -> tuple[Advice, Advice, Advice]:
-    """Recommendations 8, 9 and 10, of which at most one applies.
+    """Recommendations 8, 9 and 10; at most one applies.
 
     Args:
-        package: the sensors; None where nothing was told about them.
-        usage: attitudes they will be used at.
-        roll: whether they will be calibrated with roll.
-
+        package: the sensors; None if unknown.
+        usage: attitudes of use.
+        roll: whether they are calibrated with roll.
     """
     if package is not None and not roll and package.axes != "x":
         why = (
@@ -113,7 +110,7 @@ def _single(package: Package | None, usage: Usage) -> Advice:
         why = (
             f"a roll known to {RATIO:g} times the pitch adds {_percent(np.hypot(1, RATIO * share) - 1)} at 1 deg coning"
         )
-        return _not_for(8, said, f"{_has(package)}; {why}" if package is None else _has(package))
+        return not_for(8, said, f"{_has(package)}; {why}" if package is None else _has(package))
     wanted = package.wanted_pitch_sd_deg or package.sigma_deg["x"]
     pitch = _worst(package, usage)[0]
     end = f"were roll known exactly, pitch within {usage} {_known(pitch)}"
@@ -131,7 +128,7 @@ def _single(package: Package | None, usage: Usage) -> Advice:
 def _three(package: Package | None, usage: Usage) -> Advice:
     said = "a three-axis package measures everywhere but roll near +-90 deg of pitch; y and z within 10 times x"
     if package is None or package.axes != "xyz":
-        return _not_for(9, said, _has(package))
+        return not_for(9, said, _has(package))
     pitch, roll = _worst(package, usage)
     ratio = max(package.sigma_deg["y"], package.sigma_deg["z"]) / package.sigma_deg["x"]
     best = min(package.sigma_deg["y"], package.sigma_deg["z"])
@@ -142,7 +139,7 @@ def _three(package: Package | None, usage: Usage) -> Advice:
 def _x_y(package: Package | None, usage: Usage) -> Advice:
     said = "an x-y package measures only away from +-90 deg of pitch and of roll; y within 10 times x"
     if package is None or package.axes != "xy":
-        return _not_for(10, said, _has(package))
+        return not_for(10, said, _has(package))
     pitch, roll = _worst(package, usage)
     ratio = package.sigma_deg["y"] / package.sigma_deg["x"]
     sentence = f"y has {ratio:.3g} times the uncertainty of x; within {usage} pitch {_known(pitch)}"
@@ -152,14 +149,14 @@ def _x_y(package: Package | None, usage: Usage) -> Advice:
 
 
 def _worst(package: Package, usage: Usage) -> tuple[float, float]:
-    """Largest standard deviations of pitch and roll over the usage range, singular attitudes in it included."""
+    """Largest standard deviations of pitch and roll over the range of use, including singular attitudes."""
     pitch, roll = (_angles(*span) for span in (usage.pitch_deg, usage.roll_deg))
     found = inferred_sd(package, *(g.ravel() for g in np.meshgrid(pitch, roll)))
     return float(found[0].max()), float(found[1].max())
 
 
 def _angles(low: float, high: float) -> FloatArray:
-    """Of a range: 91 from end to end, and the singular ones inside."""
+    """Angles of a range: 91 from end to end, and the singular ones inside."""
     odd = 90.0 + 180.0 * np.arange(np.ceil((low - 90.0) / 180.0), np.floor((high - 90.0) / 180.0) + 1)
     return np.concatenate([np.linspace(low, high, 91), odd])
 
@@ -168,7 +165,8 @@ def _has(package: Package | None) -> str:
     return "no sensors were told" if package is None else f"the package has {', '.join(package.axes)}"
 
 
-def _not_for(number: int, said: str, sentence: str) -> Advice:
+def not_for(number: int, said: str, sentence: str) -> Advice:
+    """A recommendation that does not concern the procedure."""
     return Advice(number, said, True, sentence, applies=False)
 
 

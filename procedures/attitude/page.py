@@ -1,23 +1,112 @@
-"""The report of an attitude calibration: what was found, error before and after, residuals, provenance."""
+"""The report of an attitude calibration: findings, error before and after, residuals, provenance."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from fitter.trace.outcome import Outcome, WithError
-from procedures.attitude.parameters import NO_DIRECTION
-from procedures.attitude.plots import Picture, residual_map, residuals_against
+from procedures.attitude.parameters import NO_DIRECTION, SCALE, UNIT
 from procedures.attitude.words import little_help
 from procedures.effect_plots import drawn
 from procedures.effects_page import effects_part
 from procedures.numbers import with_error
+from procedures.pictures import BEFORE_AFTER, colour_scale, dress, legend_below, side_by_side
 from procedures.results import Page
 from procedures.words import TESTS, significant
 
 if TYPE_CHECKING:
     from procedures.attitude.evaluate import AttitudeTraced
+
+Array = np.ndarray[Any, np.dtype[np.float64]]
+
+_MARKS = "osD^v<>ph*"
+
+
+@dataclass(frozen=True)
+class Picture:
+    """What is plotted of one sensor.
+
+    Attributes:
+        pitch_deg: (n,) setpoints.
+        roll_deg: (n,) setpoints.
+        elapsed_h: (n,) hours since the start of the run.
+        temperature_degC: (n,) at the sensor, None where it was not recorded.
+        replicate: (n,) which pass over the design.
+        before_deg: (n,) residual of the declared model.
+        after_deg: (n,) residual with the effects that were found.
+        interval_deg: half-width of the 95 % prediction interval before and after, one number each.
+
+    """
+
+    pitch_deg: Array
+    roll_deg: Array
+    elapsed_h: Array
+    temperature_degC: Array | None
+    replicate: np.ndarray[Any, np.dtype[np.int64]]
+    before_deg: Array
+    after_deg: Array
+    interval_deg: tuple[float, float]
+
+
+def residuals_against(picture: Picture, x: Array, label: str, *, legend: bool) -> Figure:
+    """Residuals before and after over one variable, a colour for each replication, a legend if asked."""
+    figure, axes = side_by_side(3.2)
+    sides = picture.before_deg, picture.after_deg
+    for axis, residual, half, title in zip(axes, sides, picture.interval_deg, BEFORE_AFTER, strict=True):
+        _by_replication(axis, x, residual, picture.replicate)
+        for side in (-half, half):
+            axis.axhline(side * SCALE, color="0.35", linewidth=0.9, linestyle="-.")
+        dress(axis, title, label)
+    axes[0].set_ylabel(f"residual / {UNIT}", fontsize=9)
+    if legend:
+        handles, labels = axes[0].get_legend_handles_labels()
+        legend_below(figure, handles, labels, 10, markerscale=2)
+    bound = 1.15 * SCALE * float(np.percentile(np.abs(picture.before_deg), 99.8))
+    axes[0].set_ylim(-bound, bound)
+    return figure
+
+
+def _by_replication(axis: Axes, x: Array, residual: Array, replicate: np.ndarray[Any, np.dtype[np.int64]]) -> None:
+    for i, r in enumerate(np.unique(replicate)):
+        rows = replicate == r
+        axis.plot(
+            x[rows],
+            residual[rows] * SCALE,
+            _MARKS[i % len(_MARKS)],
+            markersize=2.2,
+            alpha=0.55,
+            label=f"replication {r}",
+        )
+
+
+def residual_map(picture: Picture) -> Figure:
+    """Mean residual over pitch and roll, before and after, on one colour scale."""
+    figure, axes = side_by_side(2.9)
+    pitch, i = np.unique(np.round(picture.pitch_deg, 3), return_inverse=True)
+    roll, j = np.unique(np.round(picture.roll_deg, 3), return_inverse=True)
+    shape = (len(roll), len(pitch))
+    cell = j * len(pitch) + i
+    count = np.bincount(cell, minlength=shape[0] * shape[1])
+    means = []
+    for residual in (picture.before_deg, picture.after_deg):
+        total = np.bincount(cell, residual, minlength=shape[0] * shape[1])
+        with np.errstate(invalid="ignore"):
+            means.append((SCALE * total / np.where(count, count, np.nan)).reshape(shape))
+    bound = float(np.nanmax(np.abs(means[0])))
+    for axis, mean, title in zip(axes, means, ("before", "after"), strict=True):
+        mesh = axis.pcolormesh(pitch, roll, mean, vmin=-bound, vmax=bound, cmap="RdBu_r", shading="nearest")
+        axis.set_title(f"mean residual, {title}", fontsize=9)
+        axis.set_xlabel("pitch / deg", fontsize=9)
+        axis.tick_params(labelsize=8)
+    axes[0].set_ylabel("roll / deg", fontsize=9)
+    colour_scale(figure, mesh, UNIT)
+    return figure
+
 
 _ROWS = (
     ("sigma_E_deg", "sigma_E / 1e-4 deg", 1e4, "standard error of one observation"),

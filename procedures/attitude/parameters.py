@@ -1,4 +1,4 @@
-"""What parameters of attitude sensors are called where people read them, and which are shown."""
+"""Names of the parameters of attitude sensors for people, and selection for display."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ LABELS = {
     "my_V": "m_y / (V/g)",
     "mz_V": "m_z / (V/g)",
 }
-"""What the parameters of `procedures.attitude.fit.parameter_table` are called where people read them."""
+"""Names of the parameters of `procedures.attitude.fit.parameter_table` for people."""
 
 
 SCALE, UNIT = 1e4, "1e-4 deg"
-"""Errors of angles are shown in the unit of Table 2."""
+"""Errors of angles are displayed in the unit of Table 2."""
 
 
 NO_DIRECTION = "the sensitive axis leans too little to say where to: Omega and A have no intervals, its components m do"
 
 
 def shown(table: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """Which parameters to show: the sensitive axis only where Omega and A are no estimates with errors around them."""
+    """Parameters to display: the sensitive axis only if Omega and A have no valid errors."""
     known = "Omega_deg" not in table or table["Omega_deg"]["interval95"] is not None
     return [name for name in table if not (known and name.startswith("m"))]

@@ -1,4 +1,4 @@
-"""How precise an attitude calibration will be."""
+"""Expected precision of an attitude calibration."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from procedures.precision import Precision
 from procedures.run_list import RunList
 
 AT_DEG = (0.0, 10.0, 30.0, 60.0, 90.0)
-"""Pitch angles at which the precision of an attitude sensor is said; those inside the design are shown."""
+"""Pitch angles for the precision of an attitude sensor; those inside the design are shown."""
 
 
 def precision(procedure: PitchRollProcedure, run_list: RunList) -> Precision:
-    """Of a sensor's calibrated output at a few pitch angles (eqs. 52 and 72), roll 0."""
+    """Precision of a sensor's calibrated output at a few pitch angles (eqs. 52 and 72), roll 0."""
     setpoints = np.array([p.setpoints for p in run_list.points])
     roll = bool(np.ptp(setpoints[:, 1]))
     angles = [a for a in AT_DEG if a <= np.abs(setpoints[:, 0]).max()]

@@ -1,4 +1,4 @@
-"""Attitude sensors: the calibration's parameters before and after the effects, and what each effect looks like."""
+"""Attitude sensors: the calibration's parameters before and after the effects, and plots of each effect."""
 
 from __future__ import annotations
 
@@ -26,25 +26,24 @@ _VARIABLES = {
     "elapsed_s": ("bench time / h", 1 / 3600.0),
     "sensor_temperature_degC": ("sensor temperature / degC", 1.0),
 }
-"""Label and scale of the fields of the data that effects are looked at against."""
+"""Label and scale of the fields of the data for plots of effects."""
 
 
 def parameter_rows(
     declared: AttitudeFit, found: SensorTrace, calibration: Callable[[], AttitudeCalibration]
 ) -> tuple[Parameter, ...]:
-    """Every parameter of one sensor, of the declared model alone and beside the effects found.
+    """Every parameter of one sensor, with the declared model alone and with the effects found.
 
-    Those beside the effects are those of the calibration that `rig fit --traced` keeps. Where the points do not
-    determine the model with the effects they have no standard errors.
+    Those with the effects are those of the calibration of `rig fit --traced`. If the points do not determine the model
+    with the effects they have no standard errors.
 
     Args:
         declared: fit of the declared model alone.
-        found: what was found in the sensor.
-        calibration: with the effects; asked only where there are any.
-
+        found: findings in the sensor.
+        calibration: with the effects; called only if there are any.
     """
     alone = _table(declared.parameters, declared.parameters_df, declared.temperature, declared.linear.df)
-    beside = alone  # what other sensors' effects do to this one is too little to name
+    beside = alone  # the influence of other sensors' effects on this one is negligible
     if found.effects:
         warm = temperature_table(found.temperature, declared.parameters.S_V, found.fit.df)
         try:
@@ -76,14 +75,13 @@ def _table(
 def effect_figures(
     data: AttitudeData, declared: AttitudeFit, found: SensorTrace, outliers: Iterable[int]
 ) -> dict[str, Figure]:
-    """What every effect and finding about the noise of one sensor looks like, by its name.
+    """Plot data of every effect and finding about noise of one sensor, by its name.
 
     Args:
         data: the run.
         declared: fit of the declared model alone.
-        found: what was found in the sensor.
-        outliers: rows that were left out of the search; only the finding about them shows them.
-
+        found: findings in the sensor.
+        outliers: rows left out of the search; shown only in the finding about them.
     """
     to_unit = np.degrees(1.0 / found.S_V) * SCALE
     residual = found.residual_after_V * to_unit
@@ -102,6 +100,6 @@ def effect_figures(
 
 
 def _variable(against: str) -> tuple[str, tuple[str, float]]:
-    """Field of the data to look at an effect against, with label and scale; the time for one that has no label here."""
+    """Field of the data for a plot of an effect, with label and scale; time for an effect without a label here."""
     name = against if against in _VARIABLES else "elapsed_s"
     return name, _VARIABLES[name]

@@ -1,6 +1,6 @@
 """The pitch-roll procedure: `procedure.toml` with `kind = "pitch-roll"`, checked and expanded to a run list.
 
-Field by field this is also the reference of the file format: `docs/files.md` is made from it.
+It is also the reference of the file format: `docs/files.md` is generated from it.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from procedures.run_list import Factor, Point, RunList, Settle
 from procedures.settings import Acceptance, Name, Positive, Strict, WarningSettings
 
 _PASS_KEPT = 10_000
-"""A pass over a larger design than this is not kept for the next replication, but made again."""
+"""Size above which a pass over a design is generated again for each replication instead of stored."""
 
 MOST_POINTS = 1_000_000
-"""Of a run; at half a minute each it takes a year."""
+"""Maximum number of points of a run; at half a minute each it takes a year."""
 Side = Annotated[list[float], Field(min_length=1, max_length=10_000)]
 
 
@@ -35,10 +35,10 @@ class FractionSettings(Strict):
 
 
 class DesignSettings(Strict):
-    """Which angles to visit.
+    """Angles of the design.
 
-    D1: `pitch_max_deg` and `pitch_count`, uniform and symmetric; roll uniform over the circle.
-    D0: any `pitch_deg` list; roll uniform over the circle. D: lists of both. T6, T4: nothing more.
+    D1: `pitch_max_deg` and `pitch_count`, uniform and symmetric; roll uniform over the circle. D0: any `pitch_deg`
+    list; roll uniform over the circle. D: lists of both. T6, T4: no further keys.
     """
 
     type: Literal["D", "D0", "D1", "T6", "T4"]
@@ -70,7 +70,7 @@ class DesignSettings(Strict):
         return self
 
     def build(self) -> Design:
-        """The design these settings describe. Raises ValueError where they cannot be built."""
+        """The design of these settings. Raises ValueError if it cannot be built."""
         if self.type in ("T6", "T4"):
             return tumble(roll=self.type == "T6")
         if self.type == "D1":
@@ -95,7 +95,7 @@ class DesignSettings(Strict):
 
 
 class OrderSettings(Strict):
-    """In which order the points are visited."""
+    """Order of the points."""
 
     type: Literal["serpentine", "up-and-down", "random"] = Field(
         "serpentine",
@@ -108,13 +108,13 @@ class OrderSettings(Strict):
 
 
 class ApproachSettings(Strict):
-    """How an axis is brought to the side it is to arrive from."""
+    """Approach of an axis from its planned side."""
 
     overtravel_deg: Positive = Field(2.0, le=45, description="beyond backlash and hysteresis together")
 
 
 class SettleSettings(Strict):
-    """When an angle counts as reached."""
+    """Criterion for reaching an angle."""
 
     band_deg: Positive = Field(0.0005, le=1, description="readback within this of the setpoint")
     dwell_s: float = Field(3.0, ge=0, le=1e6, description="for this long")
@@ -123,12 +123,12 @@ class SettleSettings(Strict):
     timeout_s: Positive = Field(120.0, description="then the settling has failed")
 
     def judged(self) -> Settle:
-        """What the sequencer needs of these settings."""
+        """The same for the sequencer."""
         return Settle(self.band_deg, self.dwell_s, self.drift_deg_per_s, self.timeout_s)
 
 
 class MeasureSettings(Strict):
-    """What is read at a point."""
+    """Measurement at a point."""
 
     readings: int = Field(10, ge=1, le=50_000, description="sweeps over all channels; their mean is the observation")
     max_sd_V: Positive | None = Field(None, description="noisier than this: read again")
@@ -136,14 +136,14 @@ class MeasureSettings(Strict):
 
 
 class RecoverySettings(Strict):
-    """What an interruption costs."""
+    """Handling of interruptions."""
 
     max_gap_s: Positive = Field(1800.0, description="after a longer gap the environment is settled again")
     hold_max_s: Positive = Field(12 * 3600.0, description="a hold nobody releases ends the session after this")
 
 
 class ExpectSettings(Strict):
-    """What is expected of the sensors; used by `rig plan` and never by a fit."""
+    """Expected properties of the sensors; used by `rig plan` and never by a fit."""
 
     sigma_deg: Positive = Field(2e-4, description="standard error of one observation")
     sigma_y_deg: Positive | None = Field(None, description="that of a y sensor, where it is another")
@@ -152,7 +152,7 @@ class ExpectSettings(Strict):
 
 
 class UsageSettings(Strict):
-    """How the calibrated package will be used; `rig plan` advises and compares by it."""
+    """Use of the calibrated package; `rig plan` advises and compares by it."""
 
     pitch_deg: Positive | None = Field(None, le=180, description="pitch from minus to plus this")
     roll_deg: Positive = Field(180.0, le=180, description="roll from minus to plus this")
@@ -163,10 +163,10 @@ class UsageSettings(Strict):
 
 
 class MountingSettings(Strict):
-    """How the package is turned on the head's table against its usual mounting; a person turns it before the run.
+    """Rotation of the package on the head's table from its usual mounting; a person turns it before the run.
 
-    Turned first about its own x axis, then about its y axis, then about its z axis. Errors of the head stay with the
-    head, those of package and sensors turn along: that is what tells them apart (`rig confirm`).
+    The rotation is first about its own x axis, then about its y axis, then about its z axis. Errors of the head stay
+    with the head, those of package and sensors rotate with the package: so the two are separable (`rig confirm`).
     """
 
     x_deg: float = Field(0.0, gt=-180, le=180, description="about its x axis: the package sees this much more roll")
@@ -182,19 +182,19 @@ class MountingSettings(Strict):
 
 
 class ModelSettings(Strict):
-    """What the declared model has beside attitude; `rig fit` and `rig trace` take it from the run file."""
+    """Terms of the declared model in addition to attitude; `rig fit` and `rig trace` take them from the run file."""
 
     temperature: bool = Field(False, description="offset and sensitivity follow the sensor temperature")
 
 
 class AcceptanceSettings(Acceptance):
-    """When a finished calibration is fit for use; outside it `rig run` ends with exit code 3."""
+    """Acceptance limits of a finished calibration; outside them `rig run` ends with exit code 3."""
 
     sigma_E_deg: Positive | None = Field(None, description="largest standard error of the fit")
 
 
 def gravity(given: Mapping[str, float]) -> tuple[float, ...]:
-    """One, and gravity along the package's axes, at "pitch_deg" and "roll_deg"."""
+    """One, and gravity along the package's axes, from "pitch_deg" and "roll_deg"."""
     pitch, roll = math.radians(given["pitch_deg"]), math.radians(given["roll_deg"])
     return (1.0, math.sin(pitch), math.cos(pitch) * math.sin(roll), math.cos(pitch) * math.cos(roll))
 
@@ -232,7 +232,7 @@ class PitchRollProcedure(Strict):
 
     @property
     def conduct(self) -> Conduct:
-        """How the run is carried out."""
+        """Execution of the run."""
         return Conduct(
             settle=self.settle.judged(),
             poll_s=self.settle.poll_s,
@@ -272,7 +272,7 @@ class PitchRollProcedure(Strict):
     def _visits(
         self, design: Design, replication: int, rng: random.Random, passes: dict[bool, list[Visit]]
     ) -> Iterable[Visit]:
-        """One pass over the design; `passes` keeps those that are walked more than once, by direction."""
+        """One pass over the design; `passes` caches those that are used more than once, by direction."""
         if self.order.type == "random":
             return random_order(design, rng)
         backwards = reversed_pass(replication, self.order.replications)

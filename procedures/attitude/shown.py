@@ -1,4 +1,4 @@
-"""How the command line shows attitude calibrations and their traces."""
+"""Display of attitude calibrations and their traces on the command line."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from procedures.words import TESTS, significant, unnamed, verdict_of
 
 
 def show_attitude_fit(result: Mapping[str, Any]) -> Iterator[Block]:
-    """A table of parameters a sensor, and its analysis of variance."""
+    """A table of parameters per sensor, and its analysis of variance."""
     yield from show_left_out(result["data"])
     for name, sensor in result["sensors"].items():
         yield from _show_sensor(name, sensor)
@@ -43,7 +43,7 @@ def show_attitude_fit(result: Mapping[str, Any]) -> Iterator[Block]:
 
 
 def _lacks(result: Mapping[str, Any], name: str) -> bool:
-    """Whether a test of a sensor is significant that the effects kept beside the model do not settle."""
+    """Whether a sensor has a significant test that the kept effects do not explain."""
     kept, sensor = result["kept"].get(name), result["sensors"][name]
     if kept is None:
         return any(significant(sensor, test) for test in TESTS)
@@ -87,15 +87,7 @@ def _show_sensor(name: str, sensor: Mapping[str, Any]) -> Iterator[Block]:
 
 
 def _show_parameters_of(heading: str, parameters: Mapping[str, Any]) -> Iterator[Block]:
-    table = Grid(
-        (
-            "parameter",
-            "estimate",
-            "standard error",
-            "95 % interval",
-        ),
-        title=heading,
-    )
+    table = Grid(("parameter", "estimate", "standard error", "95 % interval"), title=heading)
     for parameter in (rows := shown(parameters)):
         table.add_row(LABELS[parameter], *with_interval(parameters[parameter]))
     yield table
@@ -115,18 +107,12 @@ _BEFORE_AFTER = (
 
 
 def show_attitude_trace(traced: AttitudeTraced) -> Iterator[Block]:
-    """A short table a sensor: error before and after, and the effects found."""
+    """A short table per sensor: error before and after, and the effects found."""
     result, outcomes = traced.to_json(), {one.sensor: one for one in traced.outcomes}
     yield headline(result["data"]["file"], traced.table)
     for name, sensor in result["sensors"].items():
         yield Line(f"\n[bold]{name}[/] ({sensor['declared']}): [bold]{escape(verdict_of(sensor))}[/]", wrapped=True)
-        table = Grid(
-            (
-                "",
-                "before",
-                "after",
-            )
-        )
+        table = Grid(("", "before", "after"))
         for key, label, scale in _BEFORE_AFTER:
             table.add_row(label, *(_cell(sensor[side], key, scale) for side in ("before", "after")))
         yield table
@@ -151,15 +137,7 @@ def _cell(side: Mapping[str, Any], key: str, scale: float) -> str:
 
 
 def _show_parameters(outcome: Outcome) -> Iterator[Block]:
-    table = Grid(
-        (
-            "parameter",
-            "before",
-            "standard error",
-            "after",
-            "standard error",
-        )
-    )
+    table = Grid(("parameter", "before", "standard error", "after", "standard error"))
     for one in outcome.parameters:
         sides = (one.before or one.after, one.after)
         table.add_row(one.label, *(text for side in sides for text in with_error(side.value, side.stderr)))
@@ -168,5 +146,5 @@ def _show_parameters(outcome: Outcome) -> Iterator[Block]:
 
 
 def degrees(value: float | None) -> str:
-    """A standard error in degrees, as the paper prints it."""
+    """A standard error in degrees, as printed in the paper."""
     return "unknown" if value is None else f"{value * 1e4:.3g}e-4 deg"

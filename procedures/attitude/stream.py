@@ -1,7 +1,7 @@
-"""Attitude calibrations of any length in the memory of one block: rows come in, a triangle of five columns stays.
+"""Attitude calibrations of any length with the memory of one block: rows are added, a triangle of five columns is kept.
 
-What is kept grows with the number of sensors, not of rows; the answer is that of all rows at once, to rounding. Table 2
-is not part of it: to tell scatter from lack of fit, readings at one point have to be met again.
+Memory grows with the number of sensors, not of rows; the result is that of all rows at once, except for rounding. Table
+2 is not included: the separation of scatter from lack of fit needs the readings of each point together.
 """
 
 from __future__ import annotations
@@ -31,18 +31,17 @@ Block = tuple[ArrayLike, ArrayLike, Mapping[str, ArrayLike]]
 """(m,) pitch and (m,) roll in degrees, and (m,) volts by output; m may differ from block to block."""
 
 _ROWS = 8192
-"""Rows that are taken in at a time, whatever the blocks: they fit a processor's cache."""
+"""Number of rows processed together, for any size of blocks: they fit a processor's cache."""
 
 
 @dataclass(frozen=True, eq=False)
 class StreamFit:
-    """One sensor, calibrated without its rows having been kept.
+    """One sensor, calibrated without stored rows.
 
     Attributes:
         sensor: name of the output.
         linear: least squares of `procedures.attitude.model.COLUMNS`, or `COLUMNS_NO_ROLL`, in volts.
         parameters: the paper's parameters of it.
-
     """
 
     sensor: str
@@ -58,14 +57,13 @@ def fit_stream(
         fit_stream(((pitch, roll, {"x_V": volts}) for pitch, roll, volts in reader))
 
     Args:
-        blocks: rows, a block at a time; read once.
-        roll: whether there is roll to calibrate with.
-        axes: "x", "y" or "z" by output, where the first letter of a name does not tell.
+        blocks: rows in blocks; read once.
+        roll: whether the calibration has roll.
+        axes: "x", "y" or "z" by output, if the first letter of a name does not give it.
 
     Raises:
         fitter.linear.RankError: the rows do not determine the model.
         FitError: there are no rows, a value is not finite, or a block has other outputs or other lengths.
-
     """
     names: tuple[str, ...] | None = None
     triangle = Triangle(COLUMNS if roll else COLUMNS_NO_ROLL)

@@ -1,4 +1,4 @@
-"""A table as the data of a pitch-roll calibration."""
+"""Conversion of a table to the data of a pitch-roll calibration."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from procedures.table import Table
 from procedures.table_checks import check_order, check_units, integers
 
 PITCH_ROLL = ("replicate", "order", "elapsed_s", "pitch_deg", "roll_deg", "sensor_temperature_degC")
-"""Columns every pitch-roll table has, besides one `NAME_V` for each sensor."""
+"""Columns of every pitch-roll table, in addition to one `NAME_V` for each sensor."""
 
 
 MOUNTING = ("mounting_x_deg", "mounting_y_deg", "mounting_z_deg")
-"""Columns of a pitch-roll table whose package was mounted turned: about x, then y, then z."""
+"""Columns of a pitch-roll table of a turned package: about x, then y, then z."""
 
 
 _OPTIONAL = ("pitch_side", "roll_side", "block")
 KNOWN = (*PITCH_ROLL, *_OPTIONAL, *MOUNTING)
-"""Columns that play a part, besides the outputs in `UNIT`."""
+"""Used columns, in addition to the outputs in `UNIT`."""
 UNIT = "V"
 
 
 def attitude_data(table: Table) -> AttitudeData:
-    """A table as pitch-roll data. Raises `DataError` naming what is missing or of another unit."""
+    """A table as pitch-roll data. Raises `DataError` with missing columns or wrong units."""
     check_units(table)
     optional = {"sensor_temperature_degC"} if "run_id" in table.provenance else set()
     missing = [name for name in PITCH_ROLL if name not in table.columns and name not in optional]
@@ -63,7 +63,7 @@ def attitude_data(table: Table) -> AttitudeData:
 
 
 def _mounting(table: Table) -> np.ndarray[Any, np.dtype[np.float64]] | None:
-    """(n, 3, 3) how the package was turned against its usual mounting; None where it was not."""
+    """(n, 3, 3) rotation of the package from its usual mounting; None without a rotation."""
     for name in table.columns:
         if name.lower().startswith("mounting") and name not in MOUNTING:
             raise DataError(f"{table.source}: column {name} is no mounting; the three are {', '.join(MOUNTING)}")

@@ -1,11 +1,11 @@
-"""Offset and sensitivity that follow the sensor's temperature, as part of the declared model.
+"""Temperature dependence of offset and sensitivity, as part of the declared model.
 
 The temperature correction of NASA/TP-1999-209835, section 9, which takes row 28(a) of Table 2 to row 28(b):
 
     v = b + b' (T - T_0) + S (1 + S'/S (T - T_0)) (sensitive axis . g_M)
 
-Along a given sensitive axis this is linear in b' and S'; the axis is that of the fit itself, found in a few rounds from
-that of the model without temperature. T_0 is the mean temperature of the calibration, so b and S are those at T_0.
+Along a given sensitive axis this is linear in b' and S'; the axis comes from the fit, by a few iterations from that of
+the model without temperature. T_0 is the mean temperature of the calibration, so b and S are those at T_0.
 """
 
 from __future__ import annotations
@@ -24,19 +24,18 @@ from procedures.attitude.data import AttitudeData
 TERMS = ("temperature", "temperature*gravity")
 ROUNDS, SETTLED = 8, 1e-10
 CHANGES_degC = 1e-3
-"""Temperatures that vary by less than this say nothing of what a sensor makes of temperature."""
+"""Minimum variation of temperature for an estimate of its influence."""
 
 
 @dataclass(frozen=True, eq=False)
 class Temperature:
-    """What a sensor's output adds for each degC above the reference.
+    """Temperature terms of a sensor's output, per degC above the reference.
 
     Attributes:
         reference_degC: temperature T_0 of the other parameters.
         direction: (k - 1,) sensitive axis as a unit vector, over the columns of the model beside the offset.
         coefficients: (2,) b' in V/degC and S' in V/g/degC.
         covariance: (2, 2) of them.
-
     """
 
     reference_degC: float
@@ -46,7 +45,7 @@ class Temperature:
 
     @classmethod
     def of(cls, data: AttitudeData, h: FloatArray, output: FloatArray, plain: LinearFit) -> Self:
-        """About the data's mean temperature, along the sensitive axis that the output has there; fitted to it.
+        """Temperature terms about the data's mean temperature, along the sensitive axis of the output; fitted to it.
 
         Args:
             data: the run.
@@ -57,7 +56,6 @@ class Temperature:
         Raises:
             fitter.linear.RankError: the observations do not determine every coefficient.
             FitError: no sensor temperature was recorded, or it never changed.
-
         """
         degC = data.sensor_temperature_degC
         if degC is None:
@@ -75,8 +73,8 @@ class Temperature:
         return own
 
     def moved(self, degC: float) -> FloatArray:
-        """(k, 2) what a degC of another reference adds to the model's coefficients, by those of temperature, times
-        how far that reference is from this one.
+        """(k, 2) derivative of the model's coefficients by those of temperature, for a change of reference, times that
+        change in degC.
         """
         away = degC - self.reference_degC
         return away * np.column_stack([np.eye(1, self.direction.size + 1)[0], np.r_[0.0, self.direction]])
@@ -98,13 +96,13 @@ class Temperature:
         return np.column_stack([warmth, warmth * (h[:, 1:] @ self.direction)])
 
     def volts(self, h: FloatArray, data: AttitudeData) -> FloatArray:
-        """(n,) what temperature adds to the outputs; arguments and errors as for `columns`."""
+        """(n,) contribution of temperature to the outputs; arguments and errors as for `columns`."""
         return np.asarray(self.columns(h, data) @ self.coefficients)
 
     def fitted(
         self, h: FloatArray, data: AttitudeData, output: FloatArray, names: Sequence[str]
     ) -> tuple[LinearFit, Self]:
-        """The model and its temperature fitted together: the model's coefficients, and this with its own.
+        """Fit the model and its temperature terms together; returns the model's fit, and these terms with coefficients.
 
         Args:
             h: (n, k) rows of the model without temperature.
@@ -114,7 +112,6 @@ class Temperature:
 
         Raises:
             fitter.linear.RankError: the observations do not determine every coefficient.
-
         """
         k = h.shape[1]
         joint = least_squares(np.column_stack([h, self.columns(h, data)]), output, (*names, *TERMS))

@@ -1,4 +1,4 @@
-"""Two pitch-roll runs as one problem: the declared model again for every mounting, replications that drift."""
+"""Two pitch-roll runs as one problem: the declared model again for every mounting, drift between replications."""
 
 from __future__ import annotations
 
@@ -24,14 +24,13 @@ from procedures.attitude.trace.problem import raw_columns
 
 @dataclass(frozen=True, eq=False)
 class SensorNoise:
-    """How readings and replications of one sensor scatter beside the effects found.
+    """Scatter of readings and replications of one sensor, with the effects found.
 
     Attributes:
         sigma_V: standard deviation of one reading.
-        df: degrees of freedom it is known with.
-        spread: (k,) variance of a replication's own parameters, each over `sigma_V`^2; zero where they do not drift.
-        temperature: what temperature adds in the declared model; None where that has none.
-
+        df: its degrees of freedom.
+        spread: (k,) variance of a replication's own parameters, each over `sigma_V`^2; zero without drift.
+        temperature: temperature terms of the declared model; None without.
     """
 
     sigma_V: float
@@ -41,10 +40,10 @@ class SensorNoise:
 
     @classmethod
     def of(cls, sensor: SensorTrace, data: AttitudeData, kept: IntArray) -> SensorNoise:
-        """From the run that was traced, without outliers.
+        """From the traced run, without outliers.
 
-        The variance of a replication's own parameters is what their scatter is beyond that of readings. It is no
-        better known than a variance on a few degrees of freedom; zero with a single replication.
+        The variance of a replication's own parameters is their scatter beyond that of readings. It is known with a few
+        degrees of freedom only; zero for a single replication.
         """
         table = sensor.after
         known = np.isfinite(table.sigma_pr)
@@ -80,11 +79,10 @@ class AttitudeTogether(Together):
 
     @classmethod
     def of(cls, found: Trace, first: AttitudeData, later: AttitudeData, after_s: float) -> Self:
-        """A run, what was traced in it, and a later run, `after_s` after the first's zero of elapsed time.
+        """A run, its trace, and a later run, `after_s` after the first's zero of elapsed time.
 
         Raises:
             FitError: the later run lacks a sensor of the first.
-
         """
         kept = np.setdiff1d(np.arange(len(first)), found.outliers)
         runs = first.take(kept), later
@@ -99,18 +97,13 @@ class AttitudeTogether(Together):
         return self.scene.data
 
     @property
-    def sensors(self) -> tuple[str, ...]:
-        """See `Together`."""
-        return self.data.sensors
-
-    @property
     def df(self) -> int:
         """See `Together`."""
         return min(noise.df for noise in self.noise.values())
 
     @cached_property
     def realigned(self) -> bool:
-        """Whether the package was mounted again, or the first run had no roll and the later has."""
+        """Whether the package was mounted again, or only the later run has roll."""
         turned = mountings(self.data)
         if not np.allclose(turned[self.fresh], turned[~self.fresh][0], atol=1e-9):
             return True
@@ -118,13 +111,8 @@ class AttitudeTogether(Together):
 
     @property
     def loose(self) -> FloatArray:
-        """(n, 0) or, where the package sits again, (n, 4) its offset and axes."""
+        """(n, 0) or, if the package was mounted again, (n, 4) its offset and axes."""
         return self._h if self.realigned else np.empty((len(self.data), 0))
-
-    @property
-    def raw_outputs(self) -> FloatArray:
-        """(S, n) V."""
-        return np.stack([self.data.outputs[s] for s in self.sensors])
 
     @property
     def sigma(self) -> FloatArray:
@@ -133,7 +121,7 @@ class AttitudeTogether(Together):
 
     @property
     def slope(self) -> FloatArray:
-        """(S,) V/g; of a sensor that the first run, without roll, hardly saw, by the later one."""
+        """(S,) V/g; for a sensor that the first run, without roll, hardly determines, by the later one."""
         out = []
         for name, volts in zip(self.sensors, self.raw_outputs, strict=True):
             later = np.linalg.lstsq(self._h[self.fresh], volts[self.fresh], rcond=1e-6)[0][1:]
@@ -142,7 +130,7 @@ class AttitudeTogether(Together):
 
     @cached_property
     def declared(self) -> tuple[FloatArray, ...]:
-        """For each sensor (n, d) the declared model: again for every mounting, since a package sits as it sits."""
+        """(n, d) columns of the declared model for each sensor: again for every mounting."""
         h, turned = self._h, np.round(mountings(self.data).reshape(len(self.data), 9), 9)
         which = np.ravel(np.unique(turned, axis=0, return_inverse=True)[1])
         columns = np.column_stack([np.where((which == k)[:, None], h, 0.0) for k in range(int(which.max()) + 1)])
@@ -155,7 +143,7 @@ class AttitudeTogether(Together):
 
     @cached_property
     def own(self) -> tuple[tuple[Own, ...], ...]:
-        """For each sensor and replication its own parameters, where replications drift."""
+        """Own parameters of each replication for each sensor, if replications drift."""
         replications = [np.flatnonzero(self.data.replicate_index == k) for k in range(self.data.replicates.size)]
         out = []
         for sensor in self.sensors:
@@ -178,10 +166,10 @@ class AttitudeTogether(Together):
 
 
 def mountings(data: AttitudeData) -> FloatArray:
-    """(n, 3, 3) from table to package, the usual mounting written out."""
+    """(n, 3, 3) from table to package, with the usual mounting as identity."""
     return np.broadcast_to(np.eye(3), (len(data), 3, 3)) if data.mounting is None else data.mounting
 
 
 def _narrow(h: FloatArray, width: int) -> FloatArray:
-    """(n, width) rows `h` for what was fitted without roll, where the later run has some."""
+    """(n, width) rows `h` for a model fitted without roll, if the later run has roll."""
     return h if h.shape[1] == width else h[:, [0, 1, 3]]

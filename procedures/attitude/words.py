@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from typing import Any
 
 _CARRIES_OVER = 0.8
-"""Left-out error after over before; above this the effects found are of little use to data not seen."""
+"""Ratio of left-out errors after and before; above this the effects found are of little use for new data."""
 
 
 def misfit_in_words(sensor: Mapping[str, Any]) -> str:
-    """How far a model error as large as the significant lack of fit can move each parameter of a sensor."""
+    """Possible change of each parameter of a sensor by a model error as large as the significant lack of fit."""
     moves = [
         f"{name.partition('_')[0]} by up to {value:.2g} {name.partition('_')[2]}"
         for name, value in sensor["model_error"].items()
@@ -22,7 +22,7 @@ def misfit_in_words(sensor: Mapping[str, Any]) -> str:
 
 
 def little_help(sensor: Mapping[str, Any]) -> str:
-    """Warns where effects were found that hardly help at replications the fit has not seen."""
+    """A warning if the effects found hardly help for left-out replications."""
     before, after = sensor["before"]["cv_rms_deg"], sensor["after"]["cv_rms_deg"]
     if not sensor["effects"] or not before or after is None or after <= _CARRIES_OVER * before:
         return ""

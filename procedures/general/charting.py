@@ -1,29 +1,122 @@
-"""Control charts of a column of tables of any kind: its values at places of the range."""
+"""Control charts of a column of tables of any kind: the response at as many places as the curve has coefficients.
+
+Those values say the same as the coefficients, but are hardly correlated and have one unit; the coefficients are shown.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import PurePath
 from typing import Any
 
 import numpy as np
 
 from fitter.arrays import FloatArray
-from procedures.charting import Calibrations, Shown, View
+from fitter.errors import FitError
+from fitter.history import Charted, Series
+from fitter.quantiles import t_limit
+from procedures.charting import Calibrations, Charting, Shown, View
 from procedures.errors import DataError
-from procedures.general.history import curve_charted
-from procedures.general.infer import CurveCalibration
+from procedures.general.infer import CurveCalibration, too_few_digits
 from procedures.table import Table
 from procedures.unused import unit_of
 
+_PLACES = 33
+"""Of the range at which the error of the response is bounded."""
 
-class GeneralCharting:
+
+@dataclass(frozen=True, eq=False)
+class CurveCharted(Charted):
+    """The response at k places of the range that all calibrations have.
+
+    Attributes:
+        low: of that range.
+        high: of it.
+        rows: (H, k) response that a unit of each charted value adds, over the range.
+        interval: half-width of the last calibration's 95 % interval of one new reading, at its widest.
+
+    """
+
+    low: float
+    high: float
+    rows: FloatArray
+    interval: float
+
+
+def curve_charted(fits: Sequence[CurveCalibration], years: FloatArray) -> CurveCharted:
+    """What is charted of one response.
+
+    Args:
+        fits: m of them, of one formula, in order of time.
+        years: (m,) since the first.
+
+    Raises:
+        FitError: a formula is not of one variable, an error is unknown, rounding leaves too few digits of one, or the
+            ranges have nothing in common.
+
+    """
+    variable, formula = fits[0].variable, fits[0].formula
+    low, high = max(f.ranges[variable][0] for f in fits), min(f.ranges[variable][1] for f in fits)
+    if not low < high:
+        raise FitError(f"the calibrations have no range of {variable} in common")
+    for fit in fits:
+        if few := too_few_digits(fit, low, high):
+            raise FitError(few)
+    places = np.linspace(low, high, 2 * len(fits[0].coefficients) + 1)[1::2]
+    directions = formula.columns({variable: places})[1]
+    across = formula.columns({variable: np.linspace(low, high, _PLACES)})[1]
+    values = np.array([directions @ fit.coefficients for fit in fits])
+
+    def variance_of(weights: FloatArray) -> tuple[FloatArray, float]:
+        return _within(fits, weights @ directions)
+
+    last = fits[-1]
+    root = last.factored.root  # powers of an abscissa far from zero are nearly alike; their combinations by it are not
+    widest = float(last.factored.variance(across).max() + last.variances.sum())
+    _, df = _within([last], across[-1])
+    names = tuple(f"{last.response} at {variable} = {place:.6g}" for place in places)
+    return CurveCharted(
+        names=names,
+        series=tuple(Series(years, values[:, i], *variance_of(unit)) for i, unit in enumerate(np.eye(len(names)))),
+        shown=tuple(str(term) for term in formula.terms),
+        parameters=np.array([fit.coefficients for fit in fits]),
+        stderr=np.sqrt([np.diag(fit.covariance) for fit in fits]),
+        sensitivity=1.0,
+        replicated=True,
+        variance_of=variance_of,
+        low=low,
+        high=high,
+        rows=np.asarray(np.linalg.solve((directions @ root).T, (across @ root).T).T),
+        interval=t_limit(0.95, df) * float(np.sqrt(widest)),
+    )
+
+
+def _within(fits: Sequence[CurveCalibration], direction: FloatArray) -> tuple[FloatArray, float]:
+    """(m,) variance within of `direction` @ coefficients and its degrees of freedom, pooled over the calibrations.
+
+    Independent rows: one variance of a row, each calibration its own design. Whole plots: the calibrations are taken
+    to be of one design, and the variance of the combination is pooled.
+    """
+    row = direction[None, :]
+    gradients = [fit.factored.gradient(row)[0] for fit in fits]
+    own = np.array([g @ fit.variances for g, fit in zip(gradients, fits, strict=True)])
+    uncertain = np.array([g @ fit.spread @ g for g, fit in zip(gradients, fits, strict=True)])
+    if not (uncertain > 0.0).all():
+        raise FitError("a calibration goes through every row: its own error is unknown")
+    df = 2.0 * own**2 / uncertain
+    if all(len(fit.variances) == 1 for fit in fits):
+        pooled = df @ np.array([fit.variances[0] for fit in fits]) / df.sum()
+        return pooled * np.array([g[0] for g in gradients]), float(df.sum())
+    adjusted = np.array([fit.factored.variance(row)[0] for fit in fits])
+    return np.full(len(fits), float(df @ adjusted / df.sum())), float(df.sum())
+
+
+class GeneralCharting(Charting):
     """See `procedures.charting.Charting`."""
 
-    at_one_temperature = False
-
     def of_table(self, table: Table, formula: str | None) -> Calibrations:
-        """A table does not say what is to be explained by what; a calibration file does."""
+        """A table does not define response and formula; a calibration file does."""
         raise DataError(
             f"Make a calibration of any other table first, rig fit {table.source} --response Y --formula '1 + X' --out "
             f"C.json, and chart C.json@DATE"
@@ -35,24 +128,8 @@ class GeneralCharting:
         name = curve.response
         return Calibrations({name: curve}, {name: ()}, simulated, {"file": PurePath(source).name})
 
-    def model(self, sensor: CurveCalibration) -> str:
-        """Its formula."""
-        return str(sensor.formula)
-
-    def apart(self, first: CurveCalibration, later: CurveCalibration, between: str) -> str:
-        """Calibrations of one formula can be compared."""
-        return ""
-
-    def same(self, first: CurveCalibration, later: CurveCalibration) -> bool:
-        """By their coefficients."""
-        return np.array_equal(first.coefficients, later.coefficients)
-
-    def at(self, sensor: CurveCalibration, degC: float) -> CurveCalibration:
-        """No temperature is known to matter."""
-        return sensor
-
     def view(self, every: Sequence[CurveCalibration], years: FloatArray, usage: float | None) -> View:
-        """Used over the range that all calibrations have."""
+        """Use over the common range of all calibrations."""
         if usage is not None:
             raise DataError("--usage is a range of pitch; others are charted over the range calibrated")
         charted, last = curve_charted(every, years), every[-1]

@@ -1,4 +1,4 @@
-"""The parts that columns of any table play in a trace: response, settings, covariates, groups, time, direction."""
+"""Roles of the columns of any table in a trace: response, settings, covariates, groups, time, direction."""
 
 from __future__ import annotations
 
@@ -16,27 +16,26 @@ from fitter.formula import Formula
 from procedures.errors import DataError
 from procedures.file_rows import rows_of_file
 from procedures.general.effects.scene import Grouping, TableScene
-from procedures.general.order import Parts, alike, codes, time_of
+from procedures.general.order import Parts, alike, identities, time_of
 from procedures.general.trace import TableData
 from procedures.table import Reader, Table
 
 
 @dataclass(frozen=True)
 class Roles:
-    """What the user says of the columns.
+    """The user's declarations about columns.
 
     Attributes:
         response: a column, or arithmetic of columns.
         formula: the declared model.
-        group: columns whose levels may have offsets or gains of their own.
-        whole_plot: columns that together say which rows share an error the declared model has.
-        replicate: column of repeats, whose offsets are declared too.
+        group: columns whose levels may have their own offsets or gains.
+        whole_plot: columns that together identify rows with a common error of the declared model.
+        replicate: column of replications, whose offsets are declared too.
         time: column of the time.
-        direction: column of +-1, of a velocity, or a setting whose changes give the side it was approached from.
-        candidates: the only other columns to be looked at; None for all.
-        ignore: columns not to be looked at.
-        wrap: turn that the response is brought back to, half on either side; None where it is no angle.
-
+        direction: column of +-1, of a velocity, or a setting whose changes give the direction of approach.
+        candidates: the only other columns to be used; None for all.
+        ignore: columns not to be used.
+        wrap: period of the response, symmetric about zero; None if it is not an angle.
     """
 
     response: str
@@ -52,22 +51,21 @@ class Roles:
 
     @property
     def label(self) -> str:
-        """The response as it is printed: a column by its plain name."""
+        """The response for display: a column by its plain name."""
         return column_name(self.response)
 
     @property
     def named(self) -> tuple[str, ...]:
-        """Columns that play a part of their own and are no covariates."""
+        """Columns with their own role, which are not covariates."""
         given = (self.replicate, self.time, self.direction)
         return (*self.group, *self.whole_plot, *(name for name in given if name is not None))
 
 
 def read_roles(read: Reader, roles: Roles) -> tuple[Table, TableData, tuple[str, ...]]:
-    """A CSV table, the same ready to be traced, and sentences about what was taken for what.
+    """A CSV table, the same prepared for a trace, and sentences about the roles of columns.
 
     Raises:
-        DataError: a column is missing, the formula cannot be read, or values do not fit their part.
-
+        DataError: a column is missing, the formula cannot be read, or values do not fit their role.
     """
     formula = _parse("--formula", roles.formula)
     response = _parse("--response", f"0 + I({roles.response})")
@@ -77,7 +75,7 @@ def read_roles(read: Reader, roles: Roles) -> tuple[Table, TableData, tuple[str,
 
 
 def roles_of(table: Table, roles: Roles) -> tuple[TableData, tuple[str, ...]]:
-    """`read_roles` of a table that was read; errors as there."""
+    """`read_roles` for a table that has been read; errors as there."""
     formula = _parse("--formula", roles.formula)
     response = _parse("--response", f"0 + I({roles.response})")
     try:
@@ -148,7 +146,7 @@ def _roles(table: Table, roles: Roles, formula: Formula, response: Formula) -> t
         columns=hi,
         tails=lo,
         scene=scene,
-        shared=_identities(columns, shared) if shared else None,
+        shared=identities(columns, shared) if shared else None,
         points=_points(formula, columns, roles.group),
         order_unknown=along,
         numbers=table.numbers[order],
@@ -164,7 +162,7 @@ def _parse(option: str, text: str) -> Formula:
 
 
 def _free(table: Table, roles: Roles, used: Sequence[str]) -> list[str]:
-    """Columns of numbers that play no other part: the covariates."""
+    """Columns of numbers without another role: the covariates."""
     if roles.candidates is not None:
         text = [name for name in roles.candidates if name not in table.columns]
         if text:
@@ -175,7 +173,7 @@ def _free(table: Table, roles: Roles, used: Sequence[str]) -> list[str]:
 
 
 def _not_looked_at(table: Table, roles: Roles, used: Sequence[str]) -> list[str]:
-    """A sentence about each column of text that plays no part and differs between rows."""
+    """A sentence about each unused column of text that differs between rows."""
     told = {*used, *roles.named, *roles.ignore}
     found = []
     for name in () if roles.candidates is not None else table.text:
@@ -187,7 +185,7 @@ def _not_looked_at(table: Table, roles: Roles, used: Sequence[str]) -> list[str]
 
 
 def parts_played(data: TableData) -> dict[str, Any]:
-    """What each column was taken for, ready for JSON."""
+    """The role of each column, as JSON values."""
     scene = data.scene
     return {
         "settings": list(scene.settings),
@@ -199,13 +197,13 @@ def parts_played(data: TableData) -> dict[str, Any]:
 
 
 def used_columns(roles: Roles, parts: Mapping[str, Any]) -> set[str]:
-    """Columns that play a part, `parts` being what `parts_played` says."""
+    """Used columns, from `parts` of `parts_played`."""
     named = {*_parse("--formula", roles.formula).names, *_parse("--response", f"0 + I({roles.response})").names}
     return named | {*roles.named, *parts["covariates"]} | ({parts["time"]} if parts["time"] else set())
 
 
 def _settings(formula: Formula, columns: Mapping[str, Any]) -> dict[str, FloatArray]:
-    """Variables of the declared model, and whatever stands in it in their place, such as log(R)."""
+    """Variables of the declared model, and expressions in it that replace them, such as log(R)."""
     found: dict[str, FloatArray] = {}
     for term in formula.terms:
         for factor in term.numeric:
@@ -217,14 +215,14 @@ def _settings(formula: Formula, columns: Mapping[str, Any]) -> dict[str, FloatAr
 
 
 def _subtracted(response: Formula) -> tuple[str, ...]:
-    """What a response is the difference to: a setting whose coefficient is declared to be one."""
+    """The setting whose coefficient is declared to be one, if the response is a difference to it."""
     expression = response.terms[0].numeric[0].expression
     right = expression.of[1] if expression.operation == "-" else None
     return right.of if right is not None and right.operation == "name" else ()
 
 
 def _base(expression: Expression) -> Expression:
-    """What is raised to a power; everything else as it is."""
+    """The base of a power; everything else unchanged."""
     if expression.operation == "^" and expression.of[1].operation == "number":
         return _base(expression.of[0])
     return expression
@@ -249,7 +247,7 @@ def _direction(roles: Roles, settings: Sequence[str], columns: Mapping[str, Any]
 
 
 def _speed(roles: Roles, settings: Sequence[str], columns: Mapping[str, Any]) -> tuple[str, FloatArray] | None:
-    """The column of direction, where it is a velocity and not only a sign."""
+    """The column of direction, if it is a velocity and not only a sign."""
     name = roles.direction
     if name is None or name in settings or len(np.unique(np.abs(columns[name]))) < 3:
         return None
@@ -263,12 +261,7 @@ def _grouping(values: Any, *, declared: bool) -> Grouping:
     )
 
 
-def _identities(columns: Mapping[str, Any], names: Sequence[str]) -> IntArray:
-    keys = np.column_stack([codes(columns[name]) for name in names])
-    return np.asarray(np.unique(keys, axis=0, return_inverse=True)[1], np.int64).reshape(-1)
-
-
 def _points(formula: Formula, columns: Mapping[str, Any], group: Sequence[str]) -> IntArray | None:
-    """(n,) which rows repeat one setting; None where nothing is set."""
+    """(n,) groups of rows that repeat one setting; None without settings."""
     names = tuple(dict.fromkeys((*formula.names, *group)))
-    return _identities(columns, names) if formula.names else None
+    return identities(columns, names) if formula.names else None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import PurePath
 from typing import Any
@@ -15,6 +15,7 @@ from fitter.arrays import FloatArray, IntArray
 from fitter.errors import FitError
 from fitter.formula import Formula
 from fitter.gross import GrossErrors
+from fitter.json_values import coefficient_table, if_finite
 from fitter.scatter import uneven_scatter
 from fitter.split_plot import SplitPlotFit, fit_split_plot
 from procedures.blocks import Block
@@ -22,7 +23,9 @@ from procedures.errors import DataError
 from procedures.file_rows import rows_of_file
 from procedures.general.gross import of_table
 from procedures.general.infer import CurveCalibration, Factored
-from procedures.left_out import FitSummary, LeaveOut, Searched, Where, kept_with, search
+from procedures.general.order import identities
+from procedures.left_out import FitSummary, LeaveOut, Where, kept_with, search
+from procedures.results import PlainFitted
 from procedures.table import Reader, Table
 from procedures.unused import unused_columns
 
@@ -65,8 +68,9 @@ def fit_general(
             names, exact = model.exact_columns({**table.columns, **table.text})
         if not names:
             raise FitError(f"the formula {formula!r} has no terms: there is nothing to fit")
-        plots = _identities(table, extra) if whole_plot else None
-        blocks = _identities(table, [replicate]) if whole_plot and replicate else None
+        columns = {**table.columns, **table.text}
+        plots = identities(columns, extra) if whole_plot else None
+        blocks = identities(columns, [replicate]) if whole_plot and replicate else None
         every = _Rows(names, exact.hi, exact.lo, y, plots, blocks)
         searched = search(table, asked, lambda rows: {response: every.take(rows).gross()})
         fit = every.take(searched.used).fitted()
@@ -90,7 +94,13 @@ def fit_general(
         **found,
         "notes": [*found["notes"], *uneven],
         "unused": unused_columns(table, used).to_json(),
-        "gross_errors": searched.of_sensor(response, "", _order_of(table), _both(searched, fit, others)),
+        "gross_errors": searched.of_sensor(
+            response,
+            "",
+            _order_of(table),
+            _summary(fit),
+            _summary(others) if isinstance(others, LinearFit | SplitPlotFit) else others,
+        ),
         "calibration": _calibration(fit, response, model, table, searched.used, uneven).to_dict() | kept_with(searched),
     }
 
@@ -135,23 +145,12 @@ class _Rows:
 
 def _summary(fit: LinearFit | SplitPlotFit) -> FitSummary:
     if isinstance(fit, LinearFit):
-        sigmas: dict[str, float | None] = {"sigma_E": _finite(fit.sigma)}
+        sigmas: dict[str, float | None] = {"sigma_E": if_finite(fit.sigma)}
         stderr = fit.stderr
     else:
         sigmas = {name: getattr(fit, name) for name in ("sigma_subplot", "sigma_wholeplot", "sigma_replicate")}
         stderr = fit.kenward_roger().stderr
-    values = zip(fit.coefficients.tolist(), stderr.tolist(), strict=True)
-    return FitSummary(sigmas, "", dict(zip(fit.names, values, strict=True)))
-
-
-def _both(
-    searched: Searched, fit: LinearFit | SplitPlotFit, others: LinearFit | SplitPlotFit | str | None
-) -> tuple[FitSummary, FitSummary | str] | None:
-    """The fits with the gross errors and without them."""
-    if others is None or isinstance(others, str):
-        return None if others is None else (_summary(fit), others)
-    pair = _summary(fit), _summary(others)
-    return pair[::-1] if searched.left_out.gross else pair
+    return FitSummary.of(sigmas, "", fit.names, fit.coefficients, stderr)
 
 
 def _order_of(table: Table) -> Where:
@@ -163,11 +162,11 @@ def _order_of(table: Table) -> Where:
 def _of_rows(fit: LinearFit) -> dict[str, Any]:
     """Coefficients and errors of a fit of independent rows; null where the rows leave nothing to tell them."""
     known = fit.df > 0
-    stderr = fit.stderr.tolist() if known else [None] * len(fit.names)
+    every = np.ones(len(fit.names))
     notes = [] if known else [no_error(fit.n, len(fit.names))]
-    df = [float(fit.df)] * len(fit.names)
+    stderr = fit.stderr if known else every * np.nan
     return {
-        "coefficients": _coefficients(fit.names, fit.coefficients.tolist(), stderr, df),
+        "coefficients": coefficient_table(fit.names, fit.coefficients, stderr, every * fit.df),
         "sigma_E": fit.sigma if known else None,
         "notes": notes,
     }
@@ -175,9 +174,8 @@ def _of_rows(fit: LinearFit) -> dict[str, Any]:
 
 def _of_whole_plots(fit: SplitPlotFit) -> dict[str, Any]:
     """The same of a fit with whole plots."""
-    stderr = [_finite(error) for error in fit.kenward_roger().stderr]
     return {
-        "coefficients": _coefficients(fit.names, fit.coefficients.tolist(), stderr, [_finite(df) for df in fit.df]),
+        "coefficients": coefficient_table(fit.names, fit.coefficients, fit.kenward_roger().stderr, fit.df),
         "sigma_subplot": fit.sigma_subplot,
         "sigma_wholeplot": fit.sigma_wholeplot,
         "sigma_replicate": fit.sigma_replicate,
@@ -213,19 +211,6 @@ def _uneven(
     return (said,) if said else ()
 
 
-def _coefficients(
-    names: Sequence[str], estimates: Sequence[float], stderr: Sequence[float | None], df: Sequence[float | None]
-) -> dict[str, Any]:
-    return {
-        name: {"estimate": b, "stderr": error, "df": freedom}
-        for name, b, error, freedom in zip(names, estimates, stderr, df, strict=True)
-    }
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
-
-
 def _calibration(
     fit: LinearFit | SplitPlotFit, response: str, formula: Formula, table: Table, rows: IntArray, notes: Sequence[str]
 ) -> CurveCalibration:
@@ -259,28 +244,12 @@ def _calibration(
     )
 
 
-def _identities(table: Table, names: Sequence[str]) -> np.ndarray[Any, np.dtype[np.int64]]:
-    """One whole number for each combination of values of these columns."""
-    every: Mapping[str, np.ndarray[Any, Any]] = {**table.columns, **table.text}
-    keys = [np.unique(every[name], return_inverse=True)[1] for name in names]
-    return np.asarray(np.unique(np.column_stack(keys), axis=0, return_inverse=True)[1], np.int64).reshape(-1)
-
-
 @dataclass(frozen=True)
-class GeneralFitted:
+class GeneralFitted(PlainFitted):
     """A fit to a table of anything, ready for JSON."""
-
-    result: dict[str, Any]
-
-    def to_json(self) -> dict[str, Any]:
-        """What `rig fit --json` prints."""
-        return self.result
 
     def blocks(self) -> Iterator[Block]:
         """What a person reads of it."""
         from procedures.general.shown import show_general_fit  # noqa: PLC0415
 
         return show_general_fit(self.result["data"]["file"], self.result)
-
-    def page(self) -> None:
-        """It has no report but its trace's."""

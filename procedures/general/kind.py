@@ -1,4 +1,4 @@
-"""What the program asks of the kind "general"."""
+"""The kind "general"."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class GeneralKind(Kind):
-    """A table of anything, with a declared formula. See `procedures.kind.Kind`."""
+    """Any table with a declared formula. See `procedures.kind.Kind`."""
 
     name = "general"
     title = "any table"
@@ -87,7 +87,7 @@ class GeneralKind(Kind):
 
 
 def _names(given: Sequence[str] | None) -> tuple[str, ...]:
-    """Names from repeated options, each of which may hold several with commas between."""
+    """Names from repeated options, each with one or several names separated by commas."""
     return tuple(name for text in given or () for part in text.split(",") if (name := part.strip()))
 
 

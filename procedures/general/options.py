@@ -1,4 +1,4 @@
-"""Options of commands that only tables of any kind have: which part each column plays."""
+"""Options of commands for tables of any kind only: the role of each column."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ _FORMULA = "the declared model, such as '1 + x + x^2'"
 
 
 class FitOptions(Options):
-    """Of `rig fit`."""
+    """Options of `rig fit`."""
 
     response: str | None = Field(None, description="the column to be explained")
     formula: str | None = Field(None, description=_FORMULA)
@@ -19,7 +19,7 @@ class FitOptions(Options):
 
 
 class TraceOptions(Options):
-    """Of `rig trace`."""
+    """Options of `rig trace`."""
 
     response: str | None = Field(None, description="the column to be explained, or arithmetic of columns")
     formula: str | None = Field(None, description=_FORMULA)
@@ -40,4 +40,4 @@ class TraceOptions(Options):
 
 
 class InferOptions(Options):
-    """Of `rig infer`: none."""
+    """Options of `rig infer`: none."""

@@ -1,8 +1,9 @@
-"""What tells in which order the rows of a table were taken."""
+"""Order of measurement of the rows of a table."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,7 +18,7 @@ _CLOCKS = re.compile(
     r"time|elapsed|date|^years?$|^t$|^t_?(s|sec|min|h|hours|days)$|^t_start|^hours?$|^days?$", re.IGNORECASE
 )
 _COUNTERS = re.compile(r"^(seq|sequence|order|block|index|row|reading|n|no|nr|number|run_order)$", re.IGNORECASE)
-"""Names of columns taken for the time if nobody names one."""
+"""Names of columns used as time by default."""
 _MORE = "steps, oscillations, carry-over and drifting sensitivity are looked for then too"
 _MAYBE = ", and effects had to stand out from errors that are alike along the rows, as they are if taken in this order"
 _SAME = 0.9999
@@ -25,15 +26,14 @@ _SAME = 0.9999
 
 @dataclass(frozen=True)
 class Parts:
-    """Columns that rows may be sorted by, and what was told of their order.
+    """Columns by which rows may be sorted, and declarations about their order.
 
     Attributes:
-        settings: of the declared model, and what the response is the difference to.
+        settings: of the declared model, and the reference of a difference.
         groups: groupings, whole plots and categories of the declared model.
-        free: columns of numbers that play no part.
-        time: the column that was told; None if none was.
+        free: unused columns of numbers.
+        time: the declared column; None if none was.
         direction: the same.
-
     """
 
     settings: tuple[str, ...]
@@ -44,9 +44,9 @@ class Parts:
 
 
 def time_of(table: Table, parts: Parts, notes: list[str]) -> tuple[Timeline | None, bool]:
-    """The column of time, and whether rows that are sorted may stand in the order of taking though nobody knows.
+    """The column of time, and whether sorted rows may be in the order of measurement, although it is unknown.
 
-    The column is as told, else by its name if its values go up, else the order of rows if that can be it.
+    The column is the declared one, or found by its name if its values increase, or the order of rows if possible.
     """
     if parts.time is not None:
         if parts.time not in table.columns:
@@ -74,7 +74,7 @@ def time_of(table: Table, parts: Parts, notes: list[str]) -> tuple[Timeline | No
 
 
 def _sorted_by(table: Table, parts: Parts) -> str | None:
-    """What the rows are sorted by, if by anything that is not the time."""
+    """The column by which rows are sorted, if it is not time."""
     for name in parts.settings:
         if name in table.columns and name not in parts.groups and _rises(table.columns[name]):
             return name
@@ -94,7 +94,7 @@ def _sorted_by(table: Table, parts: Parts) -> str | None:
 
 
 def _rises(v: FloatArray) -> bool:
-    """Whether values go up or down all along, but for a few that scatter."""
+    """Whether values increase or decrease throughout, except for a few that scatter."""
     rank = np.argsort(np.argsort(v, kind="stable"), kind="stable").astype(np.float64)
     if np.ptp(v) == 0:
         return False
@@ -102,7 +102,7 @@ def _rises(v: FloatArray) -> bool:
 
 
 def alike(v: FloatArray, time: Timeline, notes: list[str], name: str) -> bool:
-    """Whether a column says the same as the time."""
+    """Whether a column is equivalent to time."""
     if np.ptp(v) == 0 or np.ptp(time.values) == 0 or abs(np.corrcoef(v, time.values)[0, 1]) < _SAME:
         return False
     notes.append(f"{name} runs with {time.name} and was not looked at by itself")
@@ -110,5 +110,11 @@ def alike(v: FloatArray, time: Timeline, notes: list[str], name: str) -> bool:
 
 
 def codes(values: Any) -> IntArray:
-    """(n,) place of each value among the distinct ones, ascending."""
+    """(n,) rank of each value among the distinct ones, ascending."""
     return np.asarray(np.unique(values, return_inverse=True)[1], np.int64)
+
+
+def identities(columns: Mapping[str, Any], names: Sequence[str]) -> IntArray:
+    """(n,) one whole number for each combination of values of these columns."""
+    keys = np.column_stack([codes(columns[name]) for name in names])
+    return np.asarray(np.unique(keys, axis=0, return_inverse=True)[1], np.int64).reshape(-1)

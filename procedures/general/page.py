@@ -1,15 +1,82 @@
-"""The report of a trace in a table of any kind: what was found, error before and after, residuals."""
+"""The report of a trace in a table of any kind: what was found, error before and after, residuals.
+
+The residual's running mean shows what a cloud of points hides.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from matplotlib.figure import Figure
+
 from procedures.effects_page import effects_part
-from procedures.general.plots import residuals_over
+from procedures.numbers import number
+from procedures.pictures import BEFORE_AFTER, dress, side_by_side
 from procedures.results import Page
 
 if TYPE_CHECKING:
     from procedures.general.evaluate import GeneralTraced
+
+Array = np.ndarray[Any, np.dtype[np.float64]]
+
+_PARTS = 12
+_APART = 3
+"""Values up to which a variable of numbers is drawn as levels are: a mean at each and no line."""
+_TICKS, _WIDE = 24, 50
+"""Names of levels that are shown, and letters from which they are turned."""
+
+
+def residuals_over(
+    name: str, values: Array, left: tuple[Array, Array], response: str, levels: Sequence[str] | None = None
+) -> Figure:
+    """Residuals (n,) before and after over a variable (n,), on one scale.
+
+    Args:
+        name: of the variable.
+        values: of the variable; of a group the place of each row's level.
+        left: residuals before and after.
+        response: its name.
+        levels: names of the levels, where the variable is a group.
+
+    """
+    figure, axes = side_by_side(3.2)
+    apart = levels is not None or len(np.unique(values)) <= _APART
+    for axis, residual, title in zip(axes, left, BEFORE_AFTER, strict=True):
+        axis.plot(values, residual, "o", ms=3, alpha=0.5)
+        if apart:
+            axis.plot(*_means(values, residual, each=True), "_", color="C1", ms=18, mew=2.5, label="mean")
+        else:
+            axis.plot(*_means(values, residual), "-", color="C1", lw=1.5, label="running mean")
+        dress(axis, title, name)
+        if apart:
+            axis.margins(x=0.25)
+            _name_ticks(axis, values, levels)
+    axes[0].set_ylabel(f"residual of {response}", fontsize=9)
+    axes[0].legend(fontsize=7, frameon=False)
+    return figure
+
+
+def _name_ticks(axis: Any, values: Array, levels: Sequence[str] | None) -> None:
+    """A tick at each level, or at each of a few where there are many."""
+    places = np.unique(values) if levels is None else np.arange(len(levels), dtype=np.float64)
+    places = places[:: -(-len(places) // _TICKS)]
+    names = [f"{place:g}" if levels is None else levels[int(place)] for place in places]
+    long = sum(map(len, names)) > _WIDE
+    axis.set_xticks(places, names, rotation=45 if long else 0, ha="right" if long else "center")
+
+
+def _means(values: Array, residual: Array, *, each: bool = False) -> tuple[Array, Array]:
+    """Mean residual in parts of the range that hold as many rows each, or at each value where these are few."""
+    distinct, index = np.unique(values, return_inverse=True)
+    if len(distinct) > _PARTS and not each:
+        order = np.argsort(values, kind="stable")
+        index = np.empty(len(values), np.int64)
+        index[order] = np.arange(len(values)) * _PARTS // len(values)
+    count = np.maximum(np.bincount(index), 1)
+    return np.bincount(index, values) / count, np.bincount(index, residual) / count
+
 
 _ROWS = (
     ("sigma_E", "standard error of one row", "of least squares, every row counted alike"),
@@ -34,14 +101,14 @@ def trace_page(traced: GeneralTraced) -> Page:
         **found,
         "name": name,
         "rows": [
-            {"label": label, "before": _number(before[key]), "after": _number(after[key]), "meaning": meaning}
+            {"label": label, "before": number(before[key], 4), "after": number(after[key], 4), "meaning": meaning}
             for key, label, meaning in _ROWS
             if before[key] is not None or after[key] is not None
         ],
         "s": effects_part(found, {}),
         "plots": _plots(traced),
         "coefficients": [
-            {"name": term, "estimate": _number(value["estimate"], 6), "stderr": _number(value["stderr"], 3)}
+            {"name": term, "estimate": number(value["estimate"], 6), "stderr": number(value["stderr"], 3)}
             for term, value in found["fitted"]["coefficients"].items()
         ],
     }
@@ -49,7 +116,7 @@ def trace_page(traced: GeneralTraced) -> Page:
 
 
 def _plots(traced: GeneralTraced) -> list[dict[str, Any]]:
-    """Residuals before and after, over each effect's own variable; over all there are where nothing was found."""
+    """Residuals before and after, over each effect's own variable; over all variables without findings."""
     trace = traced.trace
     wanted = dict.fromkeys(effect.against for effect in trace.added if effect.against in trace.variables)
     shown = list(wanted or trace.variables)[:_PLOTS]
@@ -61,7 +128,3 @@ def _plots(traced: GeneralTraced) -> list[dict[str, Any]]:
         }
         for name in shown
     ]
-
-
-def _number(value: float | None, digits: int = 4) -> str:
-    return "-" if value is None or value != value else f"{value:.{digits}g}"  # noqa: PLR0124 - NaN is not itself

@@ -1,4 +1,4 @@
-"""Tables of any kind on the command line: the parts columns play, and how fits and traces are shown."""
+"""Display of tables of any kind on the command line: roles of columns, fits and traces."""
 
 from __future__ import annotations
 
@@ -15,20 +15,14 @@ from procedures.words import unnamed, verdict_of
 
 
 def show_general_trace(result: Mapping[str, Any]) -> Iterator[Block]:
-    """Error before and after, the effects found, what remains, and what was taken for what."""
+    """Error before and after, the effects found, the remainder, and the roles of columns."""
     yield Line(f"[bold]{escape(result['data']['file'])}[/]: {result['data']['points']} rows")
     for name, found in result["sensors"].items():
         yield Line(
             f"[bold]{escape(name)}[/] (declared {escape(found['declared'])}): [bold]{escape(verdict_of(found))}[/]",
             wrapped=True,
         )
-        table = Grid(
-            (
-                "",
-                "before",
-                "after",
-            )
-        )
+        table = Grid(("", "before", "after"))
         for key, label in (
             ("sigma_E", "standard error of one row"),
             ("sigma_pure", "of rows that repeat one setting"),
@@ -49,18 +43,10 @@ def show_general_trace(result: Mapping[str, Any]) -> Iterator[Block]:
 
 
 def show_general_fit(file: str, result: Mapping[str, Any]) -> Iterator[Block]:
-    """Coefficients with standard errors and degrees of freedom, and the errors they stand on."""
+    """Coefficients with standard errors and degrees of freedom, and the underlying errors."""
     title = f"{escape(result['response'])} ~ {escape(result['formula'])}"
     yield Line(f"[bold]{escape(file)}[/]: {result['data']['points']} rows")
-    table = Grid(
-        (
-            "term",
-            "estimate",
-            "standard error",
-            "df",
-        ),
-        title=title,
-    )
+    table = Grid(("term", "estimate", "standard error", "df"), title=title)
     for name, value in result["coefficients"].items():
         table.add_row(escape(name), number(value["estimate"], 8), number(value["stderr"], 3), number(value["df"], 4))
     yield table

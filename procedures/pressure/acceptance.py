@@ -13,7 +13,7 @@ from procedures.table import Table
 
 
 def judge(procedure: WholePlotProcedure, table: Table) -> list[Verdict]:
-    """Every transducer's reading error in use against its limit; [] without one."""
+    """Every transducer's reading error in use compared with its limit; [] without one."""
     limit, psia = procedure.acceptance.reading_error_pct, procedure.acceptance.at_psia
     if limit is None:
         return []
@@ -28,7 +28,7 @@ def judge(procedure: WholePlotProcedure, table: Table) -> list[Verdict]:
         at = int(abs(errors.pressure_psia - psia).argmin())
         if abs(errors.pressure_psia[at] - psia) > 0.05 * psia:
             raise DataError(f"no pressure near acceptance.at_psia = {psia:g} was measured")
-        # where no other reading of the whole plot can serve as zero, the interval of a reading in use is judged
+        # if no other reading of the whole plot can serve as zero, the interval of a reading in use is judged
         found = float(use.max_pct[at] if np.isfinite(use.max_pct[at]) else use.half95_pct[at])
         shown = {"in_use": use.to_dict()}
         gross = gross_words(fitted.gross(name))

@@ -1,23 +1,104 @@
-"""Control charts of pressure transducers: intercept and gain at the centre temperatures."""
+"""Control charts of pressure transducers: intercept and gain at the centre temperatures.
+
+The error within a calibration is that of the split-plot fit, whole-plot errors included, on Kenward and Roger's
+degrees of freedom.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from fitter.arrays import FloatArray
-from procedures.charting import Calibrations, Shown, View
+from fitter.errors import FitError
+from fitter.history import Charted, Series
+from fitter.split_plot import SplitPlotFit
+from procedures.charting import Calibrations, Charting, Shown, View
 from procedures.errors import DataError
 from procedures.pressure.evaluate import fit_whole_plots
 from procedures.pressure.fit import PressureFit
-from procedures.pressure.history import NAMES, pressure_charted
 from procedures.table import Table
 
+NAMES = ("intercept_mV", "gain_mV_per_psi")
 
-class PressureCharting:
+
+@dataclass(frozen=True, eq=False)
+class PressureCharted(Charted):
+    """Intercept and gain over the calibrated range of pressure, at the centre temperatures.
+
+    Attributes:
+        highest_psia: highest pressure that all calibrations have.
+        centre_degC: sensor and SSE temperature.
+        interval_psi: half-width of the last calibration's 95 % interval of one reading after a change of temperature.
+
+    """
+
+    highest_psia: float
+    centre_degC: tuple[float, float]
+    interval_psi: float
+
+    def output_rows(self) -> FloatArray:
+        """(2, 2) psi of output that a unit of intercept and of gain add, without pressure and at the highest."""
+        return np.array([[1.0, 0.0], [1.0, self.highest_psia]]) / self.sensitivity
+
+
+def pressure_charted(fits: Sequence[PressureFit], years: FloatArray) -> PressureCharted:
+    """What is charted of one transducer.
+
+    Args:
+        fits: m of them, of one model, in order of time.
+        years: (m,) since the first.
+
+    Raises:
+        FitError: the calibrations are of different models, or fewer than two.
+
+    """
+    models = sorted({str(f.formula) for f in fits})
+    if len(models) > 1:
+        raise FitError(f"calibrations of different models cannot be charted together: {'; '.join(models)}")
+    tables = [f.problem.data.nominal for f in fits]
+    highest = min(float(t["P"].max()) for t in tables)
+    centre = [float(np.mean([0.5 * (t[n].min() + t[n].max()) for t in tables])) for n in ("T_sensor", "T_SSE")]
+    at = {"P": np.array([0.0, highest]), "T_sensor": np.full(2, centre[0]), "T_SSE": np.full(2, centre[1])}
+    rows = fits[0].formula.columns(at)[1]
+    directions = np.array([rows[0], (rows[1] - rows[0]) / highest])
+    values = np.array([directions @ f.reml.coefficients for f in fits])
+    remls = [f.reml for f in fits]
+
+    def variance_of(weights: FloatArray) -> tuple[FloatArray, float]:
+        variance, df = _within(remls, weights @ directions)
+        return np.full(len(fits), variance), df
+
+    series = tuple(Series(years, values[:, i], *variance_of(unit)) for i, unit in enumerate(np.eye(len(NAMES))))
+    gain = float(values[:, 1].mean())
+    interval = fits[-1].reml.interval(rows, new_whole_plot=True, new_readings=1.0)
+    return PressureCharted(
+        names=NAMES,
+        series=series,
+        shown=NAMES,
+        parameters=values,
+        stderr=np.sqrt(np.column_stack([s.variance for s in series])),
+        sensitivity=gain,
+        replicated=True,
+        variance_of=variance_of,
+        highest_psia=highest,
+        centre_degC=(centre[0], centre[1]),
+        interval_psi=float(interval.max() / abs(gain)),
+    )
+
+
+def _within(fits: Sequence[SplitPlotFit], direction: FloatArray) -> tuple[float, float]:
+    """Variance within of `direction` @ coefficients and its degrees of freedom, pooled; all of one design."""
+    own = np.concatenate([fit.variance(direction) for fit in fits])
+    df = np.concatenate([fit.df_of(direction) for fit in fits])
+    return float(df @ own / df.sum()), float(df.sum())
+
+
+class PressureCharting(Charting):
     """See `procedures.charting.Charting`."""
-
-    at_one_temperature = False
 
     def of_table(self, table: Table, formula: str | None) -> Calibrations:
         """See `Charting`."""
@@ -25,29 +106,17 @@ class PressureCharting:
         return Calibrations(fits, dict.fromkeys(fits, ()), table.simulated, table.provenance)
 
     def of_file(self, content: Mapping[str, Any], source: str) -> Calibrations:
-        """There is no file that will do."""
+        """Calibration files do not have the required data."""
         raise DataError(
             f"{source} does not keep all that charting whole plots needs; give the run file or table instead"
         )
 
-    def model(self, sensor: PressureFit) -> str:
-        """Its formula."""
-        return str(sensor.formula)
-
-    def apart(self, first: PressureFit, later: PressureFit, between: str) -> str:
-        """Calibrations of one formula can be compared."""
-        return ""
-
     def same(self, first: PressureFit, later: PressureFit) -> bool:
-        """It is not looked at: runs are told apart by their names."""
+        """Not compared: runs are distinguished by their names."""
         return False
 
-    def at(self, sensor: PressureFit, degC: float) -> PressureFit:
-        """Parameters hold at the centre temperatures of all calibrations anyway."""
-        return sensor
-
     def view(self, every: Sequence[PressureFit], years: FloatArray, usage: float | None) -> View:
-        """Used over the pressures that all calibrations have."""
+        """Use over the common pressures of all calibrations."""
         if usage is not None:
             raise DataError("--usage is a range of pitch; others are charted over the range calibrated")
         charted = pressure_charted(every, years)

@@ -1,4 +1,4 @@
-"""A whole-plot run that was traced, as the first of two. See `procedures.confirming.Confirming`."""
+"""A traced whole-plot run as the first of two. See `procedures.confirming.Confirming`."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from fitter.confirm import Confirmation, Question
 from fitter.effects.entry import Entry
 from procedures.blocks import Block
-from procedures.confirming import SETTLED
+from procedures.confirming import SETTLED, Confirming
 from procedures.effects_shown import show_confirmed
 from procedures.further_runs import Variation
 from procedures.pressure.data import WholePlotData
@@ -23,14 +23,13 @@ from procedures.pressure.options import FitOptions
 from procedures.pressure.settings import WholePlotProcedure
 from procedures.pressure.table import whole_plot_data
 from procedures.pressure.together import WholePlotTogether
-from procedures.pressure.trace import WholePlotTrace
 from procedures.results import Page
 from procedures.run_list import RunList
 from procedures.table import Table
 
 
 @dataclass(frozen=True, eq=False)
-class WholePlotConfirming:
+class WholePlotConfirming(Confirming):
     """See `procedures.confirming.Confirming`."""
 
     traced: WholePlotTraced
@@ -43,16 +42,6 @@ class WholePlotConfirming:
         "of the standard errors between two explanations of whole plots about two thirds came in simulated worlds "
         "(half of them 0.5 to 0.9, docs/confirm.md): count on that much"
     )
-
-    @property
-    def found(self) -> WholePlotTrace:
-        """What was found."""
-        return self.traced.trace
-
-    @property
-    def data(self) -> WholePlotData:
-        """Of the run."""
-        return self.traced.data
 
     def own_words(self, *, realigned: bool) -> str:
         """See `Confirming`."""
@@ -69,7 +58,7 @@ class WholePlotConfirming:
     def ways(
         self, variation: Variation, run_list: RunList, questions: Sequence[Question], later_s: float
     ) -> list[WholePlotTogether]:
-        """One: the chamber sets the temperatures."""
+        """One course: the chamber sets the temperatures."""
         return [self.beside(self._planned(run_list), later_s)]
 
     def hours(self, variation: Variation, run_list: RunList) -> float:
@@ -82,9 +71,6 @@ class WholePlotConfirming:
         design = procedure.design
         plots = len(design.pairs()) * procedure.replications
         return f"{plots} whole plots x {len(design.pressures_psia) + len(design.repeated_psia)}"
-
-    def mounting(self, procedure: WholePlotProcedure) -> None:
-        """There is nothing to turn."""
 
     def separated_by(self, one: Entry, other: Entry) -> str:
         """See `Confirming`."""
@@ -107,7 +93,7 @@ class WholePlotConfirming:
         record: dict[str, Any],
         options: FitOptions,
     ) -> ConfirmedFit:
-        """The terms of the causes that a further run confirmed are added to the declared model."""
+        """The terms of the causes confirmed by a further run are added to the declared model."""
         given = options.model_dump(exclude_none=True, exclude={"formula"})
         terms = list(given.get("add", ()))
         for answer, effect in zip(answers, record["effects"], strict=True):
@@ -140,17 +126,17 @@ class WholePlotConfirming:
 
 @dataclass(frozen=True)
 class ConfirmedFit:
-    """A calibration with terms that a further run confirmed, and where they come from."""
+    """A calibration with terms confirmed by a further run, and their source."""
 
     fitted: WholePlotFitted
     record: dict[str, Any]
 
     def to_json(self) -> dict[str, Any]:
-        """What `rig fit --json` prints."""
+        """JSON values for `rig fit --json`."""
         return self.fitted.to_json() | {"confirmed_by": self.record}
 
     def blocks(self) -> Iterator[Block]:
-        """What a person reads of it."""
+        """Blocks for people."""
         return chain(self.fitted.blocks(), show_confirmed(self.record))
 
     def page(self) -> Page:
@@ -159,7 +145,7 @@ class ConfirmedFit:
 
 
 def _terms(questions: Sequence[Question], answer: Confirmation) -> list[str]:
-    """Formulas of the cause that holds, as `rig fit --add` takes them; [] if it has none."""
+    """Formulas of the confirmed cause, for `rig fit --add`; [] if it has none."""
     question = next(q for q in questions if q.effect == answer.effect)
     member = next(m for m in question.members if m.effect == answer.holding[0])
     formulas = [str(getattr(candidate.term, "formula", "")) for candidate in member.terms]
@@ -167,7 +153,7 @@ def _terms(questions: Sequence[Question], answer: Confirmation) -> list[str]:
 
 
 def _whole_plot_s(data: WholePlotData) -> tuple[float, float]:
-    """Seconds between readings of one whole plot, and what a new one takes beside."""
+    """Seconds between readings of one whole plot, and the additional time of a new one."""
     executed = np.argsort(data.order)
     steps = np.diff(data.elapsed_s[executed])
     new = np.diff(data.whole_plot_index[executed]) != 0

@@ -1,4 +1,4 @@
-"""What a whole-plot calibration captured, as arrays: pressures at temperatures that are hard to change."""
+"""Data of a whole-plot calibration as arrays: pressures at temperatures that are hard to change."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from fitter.checked import finite, whole
 from fitter.errors import FitError
 
 SAME_PRESSURE_PSIA = 0.005
-"""Readbacks closer than this are one setting: above a controller's noise, well below any design's step."""
+"""Readbacks closer than this are one setting: above a controller's noise, far below a design's step."""
 
 SAME_TEMPERATURE_DEGC = 2.0
-"""Whole plots whose mean temperatures are closer than this were set to the same: above what a soak tolerates."""
+"""Whole plots with closer mean temperatures have the same setting: above the tolerance of a soak."""
 
 _MEASURED = ("elapsed_s", "pressure_psia", "sensor_temperature_degC", "sse_temperature_degC")
 _SETTINGS = ("pressure_set_psia", "sensor_set_degC", "sse_set_degC")
@@ -28,33 +28,33 @@ _SETTINGS = ("pressure_set_psia", "sensor_set_degC", "sse_set_degC")
 class WholePlotData:
     """Observations of a whole-plot calibration, one row each, in any order.
 
-    The arguments after `replicate` may be left out. The last four are then worked out from the executed order within
-    each whole plot; `take` carries them along, so that they stay what they were in the whole.
+    The arguments after `replicate` are optional. The last four are by default computed from the executed order within
+    each whole plot; `take` keeps their values of the whole run.
 
     Attributes:
-        whole_plot: (n,) identity of the whole plot, any whole numbers. Temperatures say nothing about it: the same
+        whole_plot: (n,) identity of the whole plot, any whole numbers. It is independent of temperatures: the same
             temperatures set again are another whole plot.
-        order: (n,) executed position over the whole run; no two alike.
+        order: (n,) executed position over the whole run, unique.
         elapsed_s: (n,) seconds since the start of the run.
         pressure_psia: (n,) absolute pressure applied.
         sensor_temperature_degC: (n,) of the transducer.
         sse_temperature_degC: (n,) of the sensor support electronics.
         outputs: millivolts by column name.
-        replicate: (n,) which pass over the design. Left out: one.
-        pressure_set_psia: (n,) nominal levels, used only to find repeats; without them readbacks are grouped.
+        replicate: (n,) number of the pass over the design. Default: one.
+        pressure_set_psia: (n,) nominal levels, used only to find repeats; by default readbacks are grouped.
         sensor_set_degC: (n,) the same for the sensor's temperature.
         sse_set_degC: (n,) the same for the electronics'.
-        block: (n,) counts up where an interruption or a replaced instrument may have left a step. Left out: one block.
-        pressure_side: (n,) +1 came from a lower pressure, -1 from a higher one, 0 unknown (first of a whole plot). A
-            pressure set twice running keeps its side.
-        previous_pressure_psia: (n,) at the observation before; NaN at the first of a whole plot.
+        block: (n,) number that increases where an interruption or a replaced instrument may cause a step. Default: one
+            block.
+        pressure_side: (n,) +1 from a lower pressure, -1 from a higher one, 0 unknown (first of a whole plot). A
+            repeated pressure keeps its side.
+        previous_pressure_psia: (n,) pressure of the previous observation; NaN at the first of a whole plot.
         position: (n,) in the executed order of the whole plot, from 0.
         since_s: (n,) seconds since the first observation of the whole plot.
 
     Raises:
-        FitError: lengths differ, a value is not finite, an order is used twice, a whole plot is in two replications,
-            or there is nothing to fit.
-
+        FitError: lengths differ, a value is not finite, an order is used twice, a whole plot is in two replications, or
+            there is nothing to fit.
     """
 
     whole_plot: IntArray
@@ -122,7 +122,7 @@ class WholePlotData:
 
     @property
     def whole_plot_index(self) -> IntArray:
-        """(n,) position of each row's whole plot in `whole_plots`."""
+        """(n,) index of each row's whole plot in `whole_plots`."""
         return self._identity[1]
 
     @cached_property
@@ -132,9 +132,9 @@ class WholePlotData:
 
     @cached_property
     def pressure_levels(self) -> tuple[FloatArray, IntArray]:
-        """Nominal pressures (m,), ascending, and which of them each row is at, (n,).
+        """Nominal pressures (m,), ascending, and the index of each row's, (n,).
 
-        The pressures that were set, where recorded; else readbacks closer than `SAME_PRESSURE_PSIA` to a neighbour are
+        They are the set pressures, if recorded; otherwise readbacks closer than `SAME_PRESSURE_PSIA` to a neighbour are
         one level, at their median.
         """
         if self.pressure_set_psia is not None:
@@ -148,10 +148,9 @@ class WholePlotData:
 
     @cached_property
     def nominal(self) -> Mapping[str, FloatArray]:
-        """P, T_sensor and T_SSE as they were set: what the design determines, free of the readbacks' scatter.
-
-        Temperatures that were set, where recorded; else whole plots closer than `SAME_TEMPERATURE_DEGC` to a neighbour
-        are at one temperature, to a degree.
+        """Set values of P, T_sensor and T_SSE: settings of the design, without scatter of readbacks. Temperatures are
+        the set ones, if recorded; otherwise whole plots closer than `SAME_TEMPERATURE_DEGC` to a neighbour have one
+        temperature, to a degree.
         """
         levels, level = self.pressure_levels
         return MappingProxyType(
@@ -194,7 +193,7 @@ class WholePlotData:
         )
 
     def take(self, rows: IntArray) -> WholePlotData:
-        """The observations at `rows` (indices or a mask), with sides, positions and blocks as they are in the whole."""
+        """The observations at `rows` (indices or a mask), with sides, positions and blocks of the whole run."""
         given = {f.name: getattr(self, f.name) for f in fields(self)}
         picked: dict[str, Any] = {name: v[rows] if isinstance(v, np.ndarray) else v for name, v in given.items()}
         picked["outputs"] = {name: v[rows] for name, v in self.outputs.items()}

@@ -1,7 +1,7 @@
-"""The declared model of a whole-plot procedure: whether the design can estimate it, asked before the night.
+"""The declared model of a whole-plot procedure: check before the run that the design can estimate it.
 
-What `rig plan` forecasts, `rig fit` and `rig trace` fit and acceptance judges is one model: `[model] formula` of the
-procedure, which the run file keeps.
+`rig plan` forecasts, `rig fit` and `rig trace` fit, and acceptance judges the same model: `[model] formula` of the
+procedure, stored in the run file.
 """
 
 from __future__ import annotations
@@ -16,18 +16,17 @@ from procedures.pressure.settings import WholePlotProcedure
 from procedures.run_list import RunList
 
 REHEARSED = 600
-"""Points up to which the fit itself is rehearsed, on simulated readings; the time it takes grows with their cube."""
+"""Maximum number of points for a rehearsal of the fit on simulated readings; its time grows with their cube."""
 OUTPUT = "rehearsed_mV"
 ACCEPTED_BY = "in-flight zero + WLS"
-"""Method whose reading error acceptance judges."""
+"""Method whose reading error is judged by acceptance."""
 
 
 def check_declared(procedure: WholePlotProcedure, run_list: RunList) -> None:
     """Refuse a design that cannot estimate its declared model, or that acceptance could not judge.
 
     Raises:
-        FitError: naming the terms that cannot be estimated, and what to declare or to visit instead.
-
+        FitError: with the terms that cannot be estimated, and the next step.
     """
     model = procedure.declared_model
     points = run_list.points

@@ -38,7 +38,7 @@ from procedures.unused import unused_in_fit
 from procedures.words import noise_of, verdict
 
 METHOD = "GLS"
-"""By which a calibration is made unless another method is asked for: it takes no side between pressures."""
+"""Default method of a calibration: it does not prefer any pressure."""
 
 
 @dataclass(frozen=True)
@@ -47,9 +47,8 @@ class Declared:
 
     Attributes:
         model: a name of terms, or a formula.
-        source: who says so: "--formula", "procedure" or "default".
-        procedure: what the run's procedure declares; None where it says nothing.
-
+        source: its source: "--formula", "procedure" or "default".
+        procedure: the declaration of the run's procedure; None without.
     """
 
     model: str
@@ -58,14 +57,14 @@ class Declared:
 
     @staticmethod
     def of(table: Table, asked: str | None) -> Declared:
-        """As asked; else as the procedure of the table's run declares it; else the full second order."""
+        """As requested; otherwise as declared by the procedure of the table's run; otherwise the full second order."""
         told = table.declared.get("formula")
         if asked is not None:
             return Declared(asked, "--formula", told)
         return Declared(FULL, "default", None) if told is None else Declared(told, "procedure", told)
 
     def to_dict(self) -> dict[str, str | None]:
-        """For JSON, with a sentence."""
+        """JSON values, with a sentence."""
         if self.source == "procedure":
             said = f"model {self.model}, as the run's procedure declares it"
         elif self.source == "default":
@@ -79,19 +78,18 @@ class Declared:
 
 @dataclass(frozen=True, eq=False)
 class WholePlotFitted:
-    """A table and the calibrations fitted to it.
+    """A table and its calibrations.
 
     Attributes:
-        table: where the data come from.
+        table: source of the data.
         data: the same as arrays.
         fits: by transducer.
-        method: by which each calibration is kept.
-        dead: why other transducers were left out, by output.
-        searched: for gross errors; `data` and `fits` are of the rows it says are used.
-        declared: the model, and where it comes from.
-        others: fits with the gross errors where `fits` are without them, and the other way round; why there are none;
-            None where no row is named.
-
+        method: method of each stored calibration.
+        dead: reasons for left-out transducers, by output.
+        searched: result of the search for gross errors; `data` and `fits` are of its used rows.
+        declared: the model, and its source.
+        others: fits with the gross errors if `fits` are without them, and vice versa; or the reason why there are none;
+            None if no row is named.
     """
 
     table: Table
@@ -104,11 +102,10 @@ class WholePlotFitted:
     others: Mapping[str, PressureFit] | str | None = None
 
     def to_json(self) -> dict[str, Any]:
-        """What `rig fit --json` prints; with one transducer its keys stand at the top level too.
+        """JSON values for `rig fit --json`; with one transducer its keys are at the top level too.
 
         Raises:
-            DataError: the method cannot be used, or makes no calibration to use.
-
+            DataError: the method cannot be used, or gives no usable calibration.
         """
         sensors = {}
         for name, fit in self.fits.items():
@@ -118,7 +115,7 @@ class WholePlotFitted:
                 raise DataError(f"{self.table.source}: {name}: {error}") from error
             try:
                 inflation = variance_inflation(fit.formula, self.data.table)
-            except FitError:  # terms that coded variables cannot stand in, logarithms say, have none
+            except FitError:  # terms that coded variables cannot replace, such as logarithms, have none
                 inflation = {}
             calibration |= kept_with(self.searched)
             more: dict[str, Any] = {"calibration": calibration, "variance_inflation": inflation}
@@ -134,7 +131,7 @@ class WholePlotFitted:
         return {**alone, "data": data, "sensors": sensors, "left_out": dict(self.dead), "unused": unused}
 
     def blocks(self) -> Iterator[Block]:
-        """What a person reads of it."""
+        """Blocks for people."""
         from procedures.pressure.shown import show_whole_plot_fit  # noqa: PLC0415 - which needs this module
 
         yield headline(PurePath(self.table.source).name, self.table)
@@ -148,26 +145,19 @@ class WholePlotFitted:
 
     def gross(self, name: str) -> dict[str, Any]:
         """The gross errors of a transducer for JSON."""
-        own, columns = _summary(self.fits[name]), self.table.columns
-        fits: tuple[FitSummary, FitSummary | str] | None = None
-        if isinstance(self.others, str):
-            fits = own, self.others
-        elif self.others is not None:
-            other = _summary(self.others[name])
-            fits = (other, own) if self.searched.left_out.gross else (own, other)
+        columns, others = self.table.columns, self.others
+        other = _summary(others[name]) if isinstance(others, Mapping) else others
 
         def where(row: int) -> str:
             return f"order {columns['order'][row]:.0f} at {columns['pressure_psia'][row]:.3g} psia"
 
-        return self.searched.of_sensor(name, "mV", where, fits)
+        return self.searched.of_sensor(name, "mV", where, _summary(self.fits[name]), other)
 
 
 def _summary(fit: PressureFit) -> FitSummary:
     reml = fit.reml
-    stderr = np.sqrt(np.diag(reml.covariance))
-    values = zip(reml.coefficients.tolist(), stderr.tolist(), strict=True)
     sigmas = {"sigma_subplot": reml.sigma_subplot, "sigma_wholeplot": reml.sigma_wholeplot}
-    return FitSummary(sigmas, "mV", dict(zip(reml.names, values, strict=True)))
+    return FitSummary.of(sigmas, "mV", reml.names, reml.coefficients, np.sqrt(np.diag(reml.covariance)))
 
 
 def fit_whole_plots(
@@ -185,15 +175,14 @@ def fit_whole_plots(
     Args:
         table: of kind whole-plot.
         model: "full", "II.C", "eq10", "hierarchical" or a formula; as the table's procedure declares it if None.
-        method: by which each calibration is kept.
-        add: further terms, effects that were traced, say.
+        method: method of each stored calibration.
+        add: further terms, for example traced effects.
         power: weighted methods multiply rows by 1/P^power.
         exclude_zero: weighted methods leave out readings at zero pressure.
-        leave_out: "gross" for the rows that the search for gross errors names, or row numbers of the file.
+        leave_out: "gross" for the rows named by the search for gross errors, or row numbers of the file.
 
     Raises:
-        DataError: the table lacks something, or its rows do not determine the model or its errors.
-
+        DataError: columns or values are missing, or the rows do not determine the model or its errors.
     """
     data, dead = _alive(table)
     declared = Declared.of(table, model)
@@ -220,7 +209,7 @@ def fit_whole_plots(
 
 
 def _alive(table: Table) -> tuple[WholePlotData, dict[str, str]]:
-    """The data of the transducers that say anything, and what is wrong with the others."""
+    """The data of usable transducers, and the defects of the others."""
     data = whole_plot_data(table)
     dead = {n: f"reads {v[0]:g} mV throughout" for n, v in data.outputs.items() if float(np.ptp(v)) == 0.0}
     outputs = {name: values for name, values in data.outputs.items() if name not in dead}
@@ -233,7 +222,7 @@ _UNITS = {"P": "psi", "T_sensor": "degC", "T_SSE": "degC"}
 
 
 def coefficient_unit(term: str) -> str:
-    """Unit of a term's coefficient: "mV/psi/degC" of "P:T_sensor", "mV per unit" of what is no product of powers."""
+    """Unit of a term's coefficient: "mV/psi/degC" of "P:T_sensor", "mV per unit" for other functions."""
     if term == "1":
         return "mV"
     unit = "mV"
@@ -246,7 +235,7 @@ def coefficient_unit(term: str) -> str:
 
 
 def with_units(sensor: dict[str, Any]) -> dict[str, Any]:
-    """A transducer's JSON with the unit beside every coefficient."""
+    """A transducer's JSON with the unit of every coefficient."""
     tables = [sensor["coefficients"], *(method["coefficients"] for method in sensor["methods"].values())]
     for table in tables:
         for term, value in table.items():
@@ -255,7 +244,7 @@ def with_units(sensor: dict[str, Any]) -> dict[str, Any]:
 
 
 def errors_in_words(sensor: Mapping[str, Any]) -> str:
-    """What the errors of a reading are, growth with pressure included."""
+    """Sentence about the errors of a reading, with growth with pressure."""
     errors = sensor["errors"]
     s_0, growth = errors["subplot_variance"] ** 0.5, errors["growth_per_psia"]
     between = f"{errors['wholeplot_variance'] ** 0.5:.3g} mV between whole plots"
@@ -266,11 +255,11 @@ def errors_in_words(sensor: Mapping[str, Any]) -> str:
 
 HOLD_AT = "coefficients are of P in psia and temperatures in degC as measured: each holds where the others are zero"
 LOW_PSIA = 0.12
-"""Where the paper compares its methods."""
+"""Pressure at which the paper compares its methods."""
 
 
 def low_pressure(result: Mapping[str, Any]) -> tuple[int, float]:
-    """Position among a fit's pressures, and value, of the one nearest to where methods are compared."""
+    """Index and value of a fit's pressure nearest to the comparison pressure of methods."""
     sensor = next(iter(result["sensors"].values()))
     pressures = next(iter(sensor["methods"].values()))["reading_error"]["pressure_psia"]
     low = min((p for p in pressures if p > 0), key=lambda p: abs(p - LOW_PSIA))
@@ -292,7 +281,7 @@ def in_use_words(fitted: Mapping[str, Any], at: int) -> str:
 
 
 def largest_words(fitted: Mapping[str, Any], at: int) -> str:
-    """A method's largest error in use at one pressure in a clause, with what chance makes of it."""
+    """A method's largest error in use at one pressure in a clause, with its probable range."""
     use = fitted["in_use"]
     largest, half = use["max_pct"][at], use["half95_pct"][at]
     if half is None:
@@ -308,15 +297,14 @@ def largest_words(fitted: Mapping[str, Any], at: int) -> str:
 
 @dataclass(frozen=True, eq=False)
 class WholePlotTraced:
-    """A table and what was traced in it.
+    """A table and its trace.
 
     Attributes:
-        table: where the data come from.
+        table: source of the data.
         data: the same as arrays.
-        trace: what was found, by transducer.
-        dead: why other transducers were left out, by output.
-        declared: the model, and where it comes from.
-
+        trace: findings, by transducer.
+        dead: reasons for left-out transducers, by output.
+        declared: the model, and its source.
     """
 
     table: Table
@@ -326,20 +314,20 @@ class WholePlotTraced:
     declared: Declared
 
     def to_json(self) -> dict[str, Any]:
-        """What `rig trace --json` prints."""
+        """JSON values for `rig trace --json`."""
         data = {**self.trace.about, "simulated": self.table.simulated, **self.table.provenance}
         data |= {"file": self.table.source, "model": self.declared.to_dict()}
         beside = {"left_out": dict(self.dead), "unused": unused_in_fit(self.table, KNOWN, UNIT).to_json()}
         return run_json(data, self.outcomes, reference=self.trace.reference, **beside)
 
     def blocks(self) -> Iterator[Block]:
-        """What a person reads of it."""
+        """Blocks for people."""
         from procedures.pressure.shown import show_whole_plot_trace  # noqa: PLC0415 - which needs this class
 
         return show_whole_plot_trace(self)
 
     def summary(self) -> Iterator[Block]:
-        """Errors in use by method, and a sentence or two a transducer."""
+        """Errors in use by method, and one or two sentences per transducer."""
         from procedures.pressure.shown import show_whole_plot_findings, show_whole_plot_summary  # noqa: PLC0415
 
         yield from show_whole_plot_summary(fit_whole_plots(self.table).to_json())
@@ -353,7 +341,7 @@ class WholePlotTraced:
 
     @cached_property
     def outcomes(self) -> tuple[Outcome, ...]:
-        """What is said of each transducer."""
+        """Outcome of each transducer."""
         return tuple(self._outcome(found) for found in self.trace.sensors.values())
 
     def _outcome(self, found: TransducerTrace) -> Outcome:
@@ -365,7 +353,7 @@ class WholePlotTraced:
 
 
 def _worded(trace: WholePlotTrace, found: TransducerTrace, effect: FoundPressureEffect) -> Finding:
-    """An effect or a finding about the noise with intervals and a sentence."""
+    """An effect or a finding about noise with intervals and a sentence."""
     size, entry = "", next((c.effect for c in trace.chosen if c.effect.name == effect.effect), None)
     if entry is not None:
         values = dict(zip(effect.terms, effect.coefficients, strict=True))
@@ -390,7 +378,7 @@ def _errors(found: TransducerTrace) -> Errors:
 
 
 def trace_whole_plot_table(table: Table, model: str | None = None, own: Sequence[Entry] = ()) -> WholePlotTraced:
-    """Trace what the declared model lacks in a whole-plot table; errors as for `fit_whole_plots`."""
+    """Find effects missing in the declared model of a whole-plot table; errors as for `fit_whole_plots`."""
     data, dead = _alive(table)
     declared = Declared.of(table, model)
     try:
@@ -402,7 +390,7 @@ def trace_whole_plot_table(table: Table, model: str | None = None, own: Sequence
 
 
 def whole_plot_sentence(name: str, found: TransducerTrace) -> str:
-    """What was found in one transducer, in brief."""
+    """Summary of the findings in one transducer."""
     before, after = (
         f"{side.fit.sigma_subplot:.3g} mV within whole plots and {side.fit.sigma_wholeplot:.3g} mV between them"
         for side in (found.before, found.after)

@@ -1,4 +1,4 @@
-"""What pressure transducers should read on a bench: by an earlier calibration, or as the declared model has it."""
+"""Expected readings of pressure transducers on a bench: by an earlier calibration, or by the declared model."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _VARIABLES = {"P": PRESSURE, "T_sensor": "sensor_temperature_degC", "T_SSE": "ss
 def expected(
     calibration: Mapping[str, PressureCalibration], columns: Columns, mounting: Mapping[str, float]
 ) -> dict[str, Expected]:
-    """See `procedures.expected.Expecting`; transducers are calibrated as they are mounted."""
+    """See `procedures.expected.Expecting`; transducers are calibrated in their mounting."""
     if any(name not in columns for name in _VARIABLES.values()):
         return {}
     return {name: _expected(one, columns) for name, one in calibration.items()}
@@ -34,7 +34,7 @@ def _expected(one: PressureCalibration, columns: Columns) -> Expected:
 
 
 def model_columns(columns: Columns) -> FloatArray | None:
-    """(n, k) columns of the full second order; None where pressure or a temperature is not known."""
+    """(n, k) columns of the full second order; None if pressure or a temperature is unknown."""
     if any(name not in columns for name in _VARIABLES.values()):
         return None
     return named_formula(FULL).columns({name: columns[column] for name, column in _VARIABLES.items()})[1]

@@ -1,4 +1,4 @@
-"""What every effect that was found in a pressure transducer looks like over its own variable."""
+"""Plots of every effect found in a pressure transducer over its own variable."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ _VARIABLES = {
     "since_s": ("time in the whole plot / h", 1 / 3600.0),
     "elapsed_s": ("bench time / h", 1 / 3600.0),
 }
-"""Label and scale of the fields of the data that effects are looked at against."""
+"""Label and scale of the fields of the data for plots of effects."""
 
 
 def effect_figures(data: WholePlotData, trace: WholePlotTrace, found: TransducerTrace) -> Mapping[str, Figure]:
-    """What every effect and finding about the noise of one transducer looks like, by its name.
+    """Plot data of every effect and finding about noise of one transducer, by its name.
 
-    What varies within whole plots is shown less their means, which errors of their own hide; what varies between them,
-    by the means.
+    Effects within whole plots are shown with the means removed, because of the whole-plot errors; effects between whole
+    plots by the means.
     """
     residual = found.after.residual_mV
     _, columns = trace.formula.columns(data.table, trace.formula.levels(data.table))
@@ -48,7 +48,7 @@ def effect_figures(data: WholePlotData, trace: WholePlotTrace, found: Transducer
 
 
 def _shown(data: WholePlotData, values: FloatArray, stratum: str) -> FloatArray:
-    """(n,) what of values stands in the effect's stratum."""
+    """(n,) part of values in the effect's stratum."""
     means = _means(data, values)
     return means if stratum == "whole-plot" else values - means
 
@@ -60,6 +60,6 @@ def _variable(data: WholePlotData, effect: FoundPressureEffect) -> tuple[FloatAr
 
 
 def _means(data: WholePlotData, values: FloatArray) -> FloatArray:
-    """(n,) mean of the whole plot each reading is in."""
+    """(n,) mean of each reading's whole plot."""
     index = data.whole_plot_index
     return np.asarray((np.bincount(index, values) / np.bincount(index))[index])

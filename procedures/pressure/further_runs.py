@@ -10,7 +10,7 @@ from procedures.pressure.settings import WholePlotProcedure
 
 
 def further_runs(first: WholePlotProcedure) -> Iterator[Variation]:
-    """Runs to follow `first`: the temperatures of the design, few of them or all, with other pressures."""
+    """Runs after `first`: the temperatures of the design, some or all of them, with other pressures."""
     pressures = sorted(first.design.pressures_psia)
     between = [round((low + high) / 2, 6) for low, high in itertools.pairwise(pressures)]
     for what, levels, repeated in (

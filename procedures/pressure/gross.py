@@ -1,6 +1,6 @@
 """Gross errors of a whole-plot calibration.
 
-Readings of one whole plot, and of one pressure, are compared. What a whole plot has in common is its own draw.
+Readings of one whole plot, and of one pressure, are compared. The common part of a whole plot is its whole-plot error.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from procedures.pressure.data import WholePlotData
 from procedures.pressure.fit.models import of_whole_plot
 
 REPEATS = 3
-"""Readings of one pressure from which each has a level of its own."""
+"""Minimum readings of one pressure for a level of its own."""
 
 
 def of_whole_plots(data: WholePlotData, formula: Formula) -> Mapping[str, GrossErrors]:
@@ -24,7 +24,7 @@ def of_whole_plots(data: WholePlotData, formula: Formula) -> Mapping[str, GrossE
     _, every = formula.columns(data.table)
     alone = np.array([of_whole_plot(term) for term in formula.terms])
     columns, level = every[:, ~alone], data.pressure_levels[1]
-    if np.bincount(level).min() >= REPEATS:  # else a pressure written wrong would be a level of its own, and fit
+    if np.bincount(level).min() >= REPEATS:  # otherwise a wrong pressure value would be a level of its own, and fit
         columns = np.column_stack([columns, np.eye(level.max() + 1)[level]])
     return {
         name: gross_errors(

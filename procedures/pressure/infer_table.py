@@ -1,4 +1,4 @@
-"""Pressure from a transducer's output and both temperatures, the zero read in vacuum taken out."""
+"""Pressure from a transducer's output and both temperatures, corrected by the zero read in vacuum."""
 
 from __future__ import annotations
 
@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from fitter.errors import FitError
 from procedures.errors import DataError
-from procedures.inference import Inference
-from procedures.missing import empty_rows, incomplete_rows
+from procedures.inference import Inference, empty_results, empty_rows, free_name, incomplete_rows
 from procedures.pressure.fit import PressureCalibration
 from procedures.pressure.infer import Zero, infer_pressure
 from procedures.pressure.zeros import (
@@ -43,12 +42,11 @@ def infer_pressures(
     Args:
         calibrations: by output column.
         data: the table; a column `vacuum` marks rows read near zero pressure.
-        zero: a table of such readings instead; None to take those of `data`, or to do without.
-        meaning: of several rows read near zero pressure.
+        zero: a separate table of such readings; None for those of `data`, or for none.
+        meaning: meaning of several rows read near zero pressure.
 
     Raises:
         DataError: a column is missing, or the zero cannot be used.
-
     """
     table = data([*calibrations, *_NUMBERS])
     outputs = _outputs(calibrations, table, data)
@@ -62,7 +60,7 @@ def infer_pressures(
         found = _of_output(output, calibrations[output], table, of_zero, meaning)
         alone = len(outputs) == 1
         name = "pressure_psia" if alone else f"{output.removesuffix('_mV')}_pressure_psia"
-        name = f"inferred_{name}" if name in given else name
+        name = free_name(name, table)
         flag = "flag" if alone and "flag" not in given else f"{name}_flag"
         columns |= {f"{name}{end}": values for end, values in found.values.items()} | {flag: found.flag}
         flags |= found.flag != ""
@@ -95,7 +93,7 @@ def infer_pressures(
 
 
 def _outputs(calibrations: Mapping[str, PressureCalibration], table: Table, data: Reader) -> list[str]:
-    """Calibrated outputs that the table has. Raises `DataError` if there is none, or a temperature is missing."""
+    """Calibrated outputs in the table. Raises `DataError` if there is none, or a temperature is missing."""
     for name in TEMPERATURES:
         if name not in table.columns:
             like = next((n for n in table.names if other_unit(n, [name])), None)
@@ -157,14 +155,14 @@ def _of_output(
 
 
 def _in_flight(read: Zeros | None) -> Zero | Sequence[Zero] | None:
-    """One zero is of the readings' own whole plot; several are not."""
+    """Whether it is one zero of the readings' own whole plot; several are not."""
     return None if read is None else read.zeros[0] if len(read.zeros) == 1 else read.zeros
 
 
 def _parts(
     output: str, calibration: PressureCalibration, table: Table, of_zero: Table | None, meaning: ZeroRows | None
 ) -> list[tuple[NDArray[np.bool_], Zeros | None]]:
-    """Rows of the table that one zero corrects, and that zero: whole plot by whole plot where the table has them."""
+    """Rows of the table corrected by one zero, and that zero: by whole plot if the table has them."""
     everywhere = np.ones(len(table), bool)
     if of_zero is not None:
         marked = zero_rows(of_zero)
@@ -195,7 +193,7 @@ def _unused(
     in_zero = {PRESSURE, PRESSURE_SD, WHOLE_PLOT}
     here = used if of_zero is not None or marked is None or not marked.any() else used | in_zero
     found = {name: why_unused(name, calibrations) for name in table.names if name not in here}
-    rows = [(row, name, "no value: the result of the row is empty") for row, name in gaps.get(table.source, ())]
+    rows = empty_results(gaps.get(table.source, ()))
     if of_zero is None:
         return Unused(found, rows)
     for name in of_zero.names:

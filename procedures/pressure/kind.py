@@ -1,4 +1,4 @@
-"""What the program asks of the kind "whole-plot"."""
+"""The kind "whole-plot"."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class PressureKind(Kind):
         return GRAMMAR
 
     def recognises(self, columns: Collection[str]) -> bool:
-        """By columns that no other kind has."""
+        """By columns of this kind only."""
         return bool({"whole_plot", "pressure_psia"} & set(columns))
 
     def fit(
@@ -86,7 +86,7 @@ class PressureKind(Kind):
         return {n: PressureCalibration.from_dict(one["calibration"]) for n, one in given["sensors"].items()}
 
     def notes_of(self, given: Mapping[str, Any]) -> tuple[str, ...]:
-        """What a follow-up run said of each effect, and what the calibration has of it."""
+        """Result of a follow-up run for each effect, and its use in the calibration."""
         return tuple(str(effect["used"]) for effect in given.get("confirmed_by", {"effects": ()})["effects"])
 
     def infer(
@@ -135,13 +135,13 @@ class PressureKind(Kind):
         return unused_in_fit(table, KNOWN, UNIT)
 
     def check_design(self, procedure: WholePlotProcedure, run_list: RunList) -> None:
-        """Whether the design can estimate the declared model, and acceptance can be judged."""
+        """Check that the design can estimate the declared model, and that acceptance can be judged."""
         from procedures.pressure.declared import check_declared  # noqa: PLC0415
 
         check_declared(procedure, run_list)
 
     def precision(self, procedure: WholePlotProcedure, run_list: RunList) -> Precision:
-        """Of each term of the declared model."""
+        """Precision of each term of the declared model."""
         from procedures.pressure.precision import precision  # noqa: PLC0415
 
         try:

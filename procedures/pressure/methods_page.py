@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from procedures.numbers import number
 from procedures.pictures import grid
 from procedures.pressure.evaluate import HOLD_AT, IN_USE, errors_in_words, in_use_words, low_pressure
 from procedures.pressure.fit import METHODS, PressureFit
@@ -70,7 +71,7 @@ def _transducer(name: str, result: dict[str, Any], fitted: WholePlotFitted) -> d
             {
                 "title": title,
                 "rows": [
-                    {"method": m, "biased": v["biased"], "values": [_number(x) for x in v["reading_error"][key]]}
+                    {"method": m, "biased": v["biased"], "values": [number(x) for x in v["reading_error"][key]]}
                     for m, v in methods.items()
                 ],
             }
@@ -83,10 +84,10 @@ def _transducer(name: str, result: dict[str, Any], fitted: WholePlotFitted) -> d
         "rows": [
             {
                 "term": term,
-                "estimate": _number(value["estimate"], 6),
-                "stderr": _number(value["stderr"]),
-                "df": _number(value["df"]),
-                "vif": _number(result["variance_inflation"].get(term)),
+                "estimate": number(value["estimate"], 6),
+                "stderr": number(value["stderr"]),
+                "df": number(value["df"]),
+                "vif": number(result["variance_inflation"].get(term)),
                 "unit": value["unit"],
             }
             for term, value in methods[fitted.method]["coefficients"].items()
@@ -96,9 +97,8 @@ def _transducer(name: str, result: dict[str, Any], fitted: WholePlotFitted) -> d
 
 
 def methods_plot(fit: PressureFit) -> Figure:
-    """Residuals over pressure in percent of it, one plot a method, and the 95 % prediction interval.
-
-    All methods share one scale but the biased ones, beside which nothing else could be seen.
+    """Residuals over pressure in percent of it, one plot per method, and the 95 % prediction interval. All methods have
+    one scale except the biased ones, which would dominate it.
     """
     data = fit.problem.data
     at = data.pressure_psia > 0
@@ -125,7 +125,3 @@ def methods_plot(fit: PressureFit) -> Figure:
         if not fitted.biased:
             axis.set_ylim(-1.2 * bound, 1.2 * bound)
     return figure
-
-
-def _number(value: float | None, digits: int = 3) -> str:
-    return "-" if value is None else f"{value:.{digits}g}"

@@ -1,4 +1,4 @@
-"""Options of commands that only whole-plot calibrations have."""
+"""Options of commands for whole-plot calibrations only."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _FORMULA = (
 
 
 class FitOptions(Options):
-    """Of `rig fit`."""
+    """Options of `rig fit`."""
 
     formula: str | None = Field(None, description=_FORMULA)
     method: str | None = Field(
@@ -38,20 +38,20 @@ class FitOptions(Options):
 
 
 class TraceOptions(Options):
-    """Of `rig trace`."""
+    """Options of `rig trace`."""
 
     formula: str | None = Field(None, description=_FORMULA)
 
 
 class ZeroRowsMean(StrEnum):
-    """What several rows read in vacuum are."""
+    """Meaning of several rows read in vacuum."""
 
     ONE_SITTING = "one-sitting"
     INDEPENDENT = "independent"
 
 
 class InferOptions(Options):
-    """Of `rig infer`."""
+    """Options of `rig infer`."""
 
     zero: Path | None = Field(
         None,

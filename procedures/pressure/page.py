@@ -1,19 +1,102 @@
-"""The report of a pressure calibration in whole plots: what was found, error before and after, residuals."""
+"""The report of a pressure calibration in whole plots: findings, error before and after, residuals."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from fitter.trace.outcome import Outcome
 from procedures.effect_plots import drawn
 from procedures.effects_page import effects_part
-from procedures.pressure.plots import Residuals, between_whole_plots, reading_errors, within_whole_plots
+from procedures.numbers import number
+from procedures.pictures import BEFORE_AFTER, colour_scale, dress, side_by_side
+from procedures.pressure.data import WholePlotData
 from procedures.results import Page
 
 if TYPE_CHECKING:
     from procedures.pressure.evaluate import WholePlotTraced
+
+Array = np.ndarray[Any, np.dtype[np.float64]]
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """What is plotted of one transducer.
+
+    Attributes:
+        data: where and when each reading was made.
+        before_mV: (n,) residual of the declared model, whole-plot errors left in.
+        after_mV: (n,) the same with the effects found.
+        sensitivity: mV/psi.
+
+    """
+
+    data: WholePlotData
+    before_mV: Array
+    after_mV: Array
+    sensitivity: float
+
+    @property
+    def sides(self) -> tuple[Array, Array]:
+        """Before and after."""
+        return self.before_mV, self.after_mV
+
+
+def within_whole_plots(residuals: Residuals) -> Figure:
+    """Residuals less their whole plot's mean over pressure, a colour for each side of approach."""
+    data, means = residuals.data, [_less_means(residuals.data, side) for side in residuals.sides]
+    figure, axes = side_by_side(3.2)
+    for axis, left, title in zip(axes, means, BEFORE_AFTER, strict=True):
+        for side, colour, label in ((1, "C0", "came from below"), (-1, "C1", "from above"), (0, "0.5", "first")):
+            rows = data.pressure_side == side
+            axis.plot(data.pressure_psia[rows], left[rows], "o", ms=3, alpha=0.6, color=colour, label=label)
+        dress(axis, title, "pressure / psia")
+        axis.set_xscale("log")
+    axes[0].set_ylabel("within whole plots / mV", fontsize=9)
+    axes[0].legend(fontsize=7, frameon=False, ncols=3)
+    return figure
+
+
+def reading_errors(residuals: Residuals) -> Figure:
+    """Residuals over pressure as a percentage of reading, whole-plot errors left in."""
+    data = residuals.data
+    figure, axes = side_by_side(3.2)
+    nonzero = data.pressure_psia > 0
+    for axis, side, title in zip(axes, residuals.sides, BEFORE_AFTER, strict=True):
+        pressure = data.pressure_psia[nonzero]
+        error = 100.0 * side[nonzero] / (residuals.sensitivity * pressure)
+        axis.plot(pressure, error, "o", ms=3, alpha=0.6)
+        dress(axis, title, "pressure / psia")
+        axis.set_xscale("log")
+        axis.set_yscale("symlog", linthresh=1.0)
+    axes[0].set_ylabel("reading error / %", fontsize=9)
+    return figure
+
+
+def between_whole_plots(residuals: Residuals) -> Figure:
+    """Whole plots' mean residuals in the order they were run, coloured by sensor temperature."""
+    data = residuals.data
+    index, count = data.whole_plot_index, np.bincount(data.whole_plot_index)
+    began = np.array([data.order[index == i].min() for i in range(len(count))])
+    position = np.argsort(np.argsort(began)) + 1
+    warmth = np.bincount(index, data.sensor_temperature_degC) / count
+    figure, axes = side_by_side(2.9)
+    for axis, side, title in zip(axes, residuals.sides, BEFORE_AFTER, strict=True):
+        mean = np.bincount(index, side) / count
+        dots = axis.scatter(position, mean, c=warmth, s=28, cmap="coolwarm", edgecolors="0.4", linewidths=0.4)
+        dress(axis, title, "whole plot, in the order of running")
+    axes[0].set_ylabel("mean residual / mV", fontsize=9)
+    colour_scale(figure, dots, "sensor / degC")
+    return figure
+
+
+def _less_means(data: WholePlotData, side: Array) -> Array:
+    index = data.whole_plot_index
+    return np.asarray(side - (np.bincount(index, side) / np.bincount(index))[index])
+
 
 _ROWS = (
     ("sigma_subplot", "within whole plots / mV", "standard deviation of one reading at constant temperature"),
@@ -41,19 +124,20 @@ def _transducer(outcome: Outcome, result: dict[str, Any], traced: WholePlotTrace
         **result,
         "name": name,
         "rows": [
-            {"label": label, "before": _number(before[key]), "after": _number(after[key]), "meaning": meaning}
+            {"label": label, "before": number(before[key]), "after": number(after[key]), "meaning": meaning}
             for key, label, meaning in _ROWS
         ],
         "reading_errors": [
-            {"pressure": pressure, "before": _number(value), "after": _number(after["reading_error_pct"].get(pressure))}
+            {"pressure": pressure, "before": number(value), "after": number(after["reading_error_pct"].get(pressure))}
             for pressure, value in before["reading_error_pct"].items()
         ],
         "coefficients": [
             {
                 "name": term,
-                **{key: _number(value[key], 6 if key == "estimate" else 3) for key in ("estimate", "stderr")},
+                "estimate": number(value["estimate"], 6),
+                "stderr": number(value["stderr"]),
+                "df": number(value["df"]),
             }
-            | {"df": _number(value["df"], 3)}
             for term, value in result["fitted"]["coefficients"].items()
         ],
         **effects_part(result, drawn(outcome.figures)),
@@ -63,7 +147,3 @@ def _transducer(outcome: Outcome, result: dict[str, Any], traced: WholePlotTrace
             {"alt": f"{name}: mean residual of each whole plot", "figure": between_whole_plots(residuals)},
         ],
     }
-
-
-def _number(value: float | None, digits: int = 3) -> str:
-    return "-" if value is None else f"{value:.{digits}g}"

@@ -1,4 +1,4 @@
-"""How precise a pressure calibration will be."""
+"""Expected precision of a pressure calibration."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from procedures.run_list import RunList
 
 
 def precision(procedure: WholePlotProcedure, run_list: RunList) -> Precision:
-    """Of each term of the pressure model, as what it changes from the middle of the design to its end."""
+    """Precision of each term of the pressure model, as its change from the middle of the design to its end."""
     expect = procedure.expect
     set_to = np.array([p.setpoints for p in run_list.points])
     middle, half = (set_to.max(axis=0) + set_to.min(axis=0)) / 2.0, np.ptp(set_to, axis=0) / 2.0
@@ -75,7 +75,7 @@ def _at(psia: float, middle: FloatArray, half: FloatArray) -> dict[str, FloatArr
 def _known_to(
     psia: float, procedure: WholePlotProcedure, covariance: FloatArray, columns: Callable[[float], FloatArray]
 ) -> str:
-    """How well a pressure will be known in use, with and without a zero read in vacuum first."""
+    """Precision of a pressure in use, with and without a zero read in vacuum before."""
     expect, h, h_0 = procedure.expect, columns(psia), columns(0.0)
     shared, own = expect.sigma_wholeplot_mV**2, expect.sigma_subplot_mV**2
     plain = shared + own + float(h @ covariance @ h)

@@ -1,8 +1,8 @@
 """The whole-plot procedure: `procedure.toml` with `kind = "whole-plot"`, checked and expanded to a run list.
 
-Temperatures are hard to change and stay while a whole plot lasts; pressures are randomised inside it. The default
-design is that of the MEADS pressure transducers (McCollum, Commo and Parker, section II.B): 20 whole plots of 11
-pressures. Field by field this is also the reference of the file format: `docs/files.md` is made from it.
+Temperatures are hard to change and constant in a whole plot; pressures are randomised inside it. The default design is
+that of the MEADS pressure transducers (McCollum, Commo and Parker, section II.B): 20 whole plots of 11 pressures. It is
+also the reference of the file format: `docs/files.md` is generated from it.
 """
 
 from __future__ import annotations
@@ -10,13 +10,14 @@ from __future__ import annotations
 import itertools
 import random
 from collections.abc import Iterator, Mapping
-from typing import Annotated, Literal, Self
+from math import sqrt
+from types import MappingProxyType
+from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
 from procedures.conduct import Conduct, SoakSettings, WholePlotConduct
-from procedures.pressure.central_composite import spherical
-from procedures.pressure.fault_policies import WholePlotFaults
+from procedures.fault_policies import ABORT, HOLD, RE_SOAK, RETRY, SKIP, FaultSettings, Policy
 from procedures.run_list import Factor, Point, RunList, Settle
 from procedures.settings import Acceptance, Name, Positive, Strict, WarningSettings
 
@@ -25,12 +26,12 @@ PRESSURE, SENSOR, SSE = "pressure_psia", "sensor_temperature_degC", "sse_tempera
 FACTORS = (PRESSURE, SENSOR, SSE)
 
 FULL = "full"
-"""The full second order, the declared model where a procedure names none."""
+"""The full second order, the default model of a procedure."""
 MOST_POINTS = 100_000
-"""A longer run list is a mistake: at a minute a point it would take ten weeks."""
+"""Maximum length of a run list: at a minute per point it would take ten weeks."""
 
 LEAST_HALF_RANGE_DEGC = 1e-3
-"""A smaller one is a mistake: no chamber sets and no thermometer reads it."""
+"""Minimum step of a temperature: no chamber sets and no thermometer reads a smaller one."""
 
 _ORDERS_TRIED = 10_000
 
@@ -60,8 +61,28 @@ class RangeSettings(Strict):
         return round(self.centre_degC + coded * self.half_range_degC, 6)
 
 
+def spherical(factorial: int, axial_first: int, axial_second: int, centre: int) -> list[tuple[float, float]]:
+    """Spherical central composite design in two coded factors: every outer point at distance 1 from the centre.
+
+    Args:
+        factorial: how often each of the four factorial points stands in it.
+        axial_first: how often each of the two axial points of the first factor does.
+        axial_second: the same of the second factor.
+        centre: how often the centre does.
+
+    Returns:
+        Coded pairs; -1 and 1 are a factor's extremes, which its axial points reach (Myers and Montgomery, Response
+        Surface Methodology, chapter 7, with axial distance sqrt(2) scaled to 1).
+
+    """
+    c = sqrt(0.5)
+    corners = [(x, y) for x in (-c, c) for y in (-c, c)]
+    first, second = [(-1.0, 0.0), (1.0, 0.0)], [(0.0, -1.0), (0.0, 1.0)]
+    return factorial * corners + axial_first * first + axial_second * second + centre * [(0.0, 0.0)]
+
+
 class WholePlotDesign(Strict):
-    """Which temperatures to visit, and which pressures at each."""
+    """Temperatures of the whole plots, and pressures at each."""
 
     type: Literal["central-composite", "list"] = Field(
         "central-composite",
@@ -104,7 +125,7 @@ class WholePlotDesign(Strict):
 
 
 class PressureApproach(Strict):
-    """How a pressure is brought to the side it is to arrive from."""
+    """Approach of a pressure from its planned side."""
 
     overtravel_psia: Positive = Field(
         0.05, le=1e4, description="a pressure that follows itself is left by this much and set again"
@@ -112,7 +133,7 @@ class PressureApproach(Strict):
 
 
 class PressureSettle(Strict):
-    """When a pressure counts as reached."""
+    """Criterion for reaching a pressure."""
 
     band_psia: Positive = Field(0.002, description="reading within this of the setpoint")
     dwell_s: float = Field(15.0, ge=0, le=1e6, description="for this long")
@@ -121,12 +142,12 @@ class PressureSettle(Strict):
     timeout_s: Positive = Field(900.0, description="then the settling has failed")
 
     def judged(self) -> Settle:
-        """What the sequencer needs of these settings."""
+        """The same for the sequencer."""
         return Settle(self.band_psia, self.dwell_s, self.drift_psia_per_s, self.timeout_s)
 
 
 class WholePlotMeasure(Strict):
-    """What is read at a point."""
+    """Measurement at a point."""
 
     readings: int = Field(5, ge=1, le=50_000, description="sweeps over all channels; their mean is the observation")
     max_sd_mV: Positive | None = Field(None, description="noisier than this: read again")
@@ -134,7 +155,7 @@ class WholePlotMeasure(Strict):
 
 
 class WholePlotRecovery(Strict):
-    """What an interruption costs. A whole plot that may not continue is measured again under a new identity."""
+    """Handling of interruptions. A whole plot that may not continue is measured again under a new identity."""
 
     continue_gap_s: float = Field(
         600.0, ge=0, le=1e6, description="a whole plot left alone for longer is not continued, whatever it reads"
@@ -146,7 +167,7 @@ class WholePlotRecovery(Strict):
 
 
 class WholePlotModel(Strict):
-    """The declared model of every transducer: what is planned, fitted, traced and accepted. The run file keeps it."""
+    """The declared model of every transducer, for plan, fit, trace and acceptance. It is stored in the run file."""
 
     formula: str | None = Field(
         None,
@@ -156,7 +177,7 @@ class WholePlotModel(Strict):
 
 
 class WholePlotExpect(Strict):
-    """What is expected of the transducers; used by `rig plan` and never by a fit."""
+    """Expected properties of the transducers; used by `rig plan` and never by a fit."""
 
     sigma_wholeplot_mV: Positive = Field(
         0.0125, description="sd of the error that every temperature change draws again"
@@ -169,12 +190,12 @@ class WholePlotExpect(Strict):
 
 
 def declared_model(formula: str | None, expected: str | None) -> str:
-    """The declared model, from `[model]` formula and `[expect]` model; the full second order where neither says."""
+    """The declared model, from `[model]` formula and `[expect]` model; by default the full second order."""
     return formula or expected or FULL
 
 
 class WholePlotAcceptance(Acceptance):
-    """When a finished calibration is fit for use; outside it `rig run` ends with exit code 3."""
+    """Acceptance limits of a finished calibration; outside them `rig run` ends with exit code 3."""
 
     reading_error_pct: Positive | None = Field(
         None,
@@ -184,7 +205,7 @@ class WholePlotAcceptance(Acceptance):
 
     @property
     def limited(self) -> bool:
-        """Whether a limit is set; the pressure is none."""
+        """Whether a limit is set; the pressure is not a limit."""
         return self.reading_error_pct is not None
 
 
@@ -192,6 +213,25 @@ def square_of_pressure(given: Mapping[str, float]) -> tuple[float, ...]:
     """One, pressure and its square; offsets differ between temperatures."""
     psia = given[PRESSURE]
     return (1.0, psia, psia**2)
+
+
+class WholePlotFaults(FaultSettings):
+    """What to do when something goes wrong: steps for each class of fault; see docs/policies.md."""
+
+    supply_failure: Policy = Field(["retry 8", ABORT], description="the pressure controller lost its supply or vacuum")
+    soak: Policy = Field(ABORT, description="a soak that does not settle")
+    temperature_left: Policy = Field(
+        [RE_SOAK, ABORT],
+        description="a whole plot's temperatures left their band; how often: `recovery.whole_plot_repeats`",
+    )
+
+    actions: ClassVar[tuple[str, ...]] = (RETRY, RE_SOAK, SKIP, HOLD, ABORT)
+    special: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType(
+        {**FaultSettings.special, "soak": (RETRY, HOLD, ABORT), "temperature_left": (RE_SOAK, HOLD, ABORT)}
+    )
+    follows: ClassVar[Mapping[str, str]] = MappingProxyType(
+        {**FaultSettings.follows, "supply_failure": "instrument_error"}
+    )
 
 
 class WholePlotProcedure(Strict):
@@ -239,7 +279,7 @@ class WholePlotProcedure(Strict):
 
     @property
     def declared_model(self) -> str:
-        """The model that is planned, fitted, traced and accepted."""
+        """The model for plan, fit, trace and acceptance."""
         return declared_model(self.model.formula, self.expect.model)
 
     @model_validator(mode="after")
@@ -253,7 +293,7 @@ class WholePlotProcedure(Strict):
 
     @property
     def conduct(self) -> Conduct:
-        """How the run is carried out."""
+        """Execution of the run."""
         most_mV, recovery = self.measure.max_sd_mV, self.recovery
         return Conduct(
             settle=self.settle.judged(),
@@ -275,8 +315,8 @@ class WholePlotProcedure(Strict):
     def expand(self) -> RunList:
         """Every point of the run, in order.
 
-        Whole plots are in random order in each replication, no two with the same temperatures running; pressures are
-        in random order in each whole plot.
+        Whole plots are in random order in each replication, without equal temperatures in succession; pressures are in
+        random order in each whole plot.
         """
         factors = (
             Factor(PRESSURE, "pressure", self.approach.overtravel_psia, stays=False),
@@ -305,17 +345,16 @@ class WholePlotProcedure(Strict):
 def _apart(
     pairs: list[tuple[float, float]], rng: random.Random, before: tuple[float, ...] | None
 ) -> list[tuple[float, float]]:
-    """Pairs in random order, none twice running: temperatures that do not change are no new draw of their error.
+    """Pairs in random order, without equal pairs in succession: unchanged temperatures do not draw a new error.
 
     Args:
         pairs: temperatures of the whole plots.
-        rng: decides.
-        before: temperatures of the whole plot before the first.
+        rng: random generator.
+        before: temperatures of the previous whole plot.
 
     Returns:
-        Every order without such a neighbour with the same probability. Where there is hardly one, or none, the last
-        order tried; the sequencer then leaves a temperature that stands and comes back to it.
-
+        Every such order with the same probability. If there is hardly one, or none, the last tried order; the sequencer
+        then leaves an unchanged temperature and returns to it.
     """
     for _ in range(_ORDERS_TRIED):
         rng.shuffle(pairs)
@@ -325,16 +364,16 @@ def _apart(
 
 
 def _sides(pressures: list[float], last: float | None) -> list[int]:
-    """Side of approach of each pressure of a whole plot: from the one before; the first may come from anywhere.
+    """Side of approach of each pressure of a whole plot: from the previous one; the first from any side.
 
-    A pressure that follows itself is left towards higher pressure and set again, so that its two readings are two
-    settings and the line never has to go below its lowest level. So is a first one that is the whole plot's before:
-    the line stands there while the temperatures change, and two whole plots would share the error of one setting.
+    A repeated pressure is left towards higher pressure and set again, so that its two readings are two settings and the
+    line never has to go below its lowest level. The same is done for a first pressure equal to the last of the previous
+    whole plot: the line stays there while the temperatures change, and two whole plots would share the error of one
+    setting.
 
     Args:
-        pressures: in their order.
-        last: of the whole plot before; None if there is none.
-
+        pressures: in order.
+        last: last pressure of the previous whole plot; None if there is none.
     """
     sides = [-1 if pressures[0] == last else 0]
     sides += [1 if now > before else -1 for before, now in itertools.pairwise(pressures)]

@@ -1,4 +1,4 @@
-"""How the command line shows pressure calibrations in whole plots, and their traces."""
+"""Display of pressure calibrations in whole plots, and of their traces, on the command line."""
 
 from __future__ import annotations
 
@@ -33,13 +33,7 @@ def show_whole_plot_summary(result: Mapping[str, Any]) -> Iterator[Block]:
     first = next(iter(sensors.values()))["methods"]
     at, low = low_pressure(result)
     title = "Largest reading error in use / % by method"
-    table = Grid(
-        (
-            f"at {low:.3g} psia",
-            *first,
-        ),
-        title=title,
-    )
+    table = Grid((f"at {low:.3g} psia", *first), title=title)
     for name, sensor in sensors.items():
         fits = (sensor["methods"].get(method) for method in first)
         table.add_row(name, *(in_use_words(fit, at) if fit else "-" for fit in fits))
@@ -48,7 +42,7 @@ def show_whole_plot_summary(result: Mapping[str, Any]) -> Iterator[Block]:
 
 
 def show_whole_plot_fit(result: Mapping[str, Any]) -> Iterator[Block]:
-    """A summary, then methods side by side and the coefficients of GLS, a transducer after the other."""
+    """A summary, then methods side by side and the coefficients of GLS, one transducer after another."""
     yield from _show_dead(result)
     yield Line(escape(result["data"]["model"]["sentence"]))
     yield Line(result["data"]["coefficients_hold_at"])
@@ -96,25 +90,15 @@ def _methods(methods: Mapping[str, Any], part: str, key: str) -> Grid:
 
 
 def _percent(value: float | None) -> str:
-    """Few digits, all of a width: a bias is read across its row."""
+    """Few digits of equal width: a bias is read across its row."""
     return "-" if value is None else f"{value:.2f}" if abs(value) < 10 else f"{value:.0f}"
 
 
 def _kept(sensor: Mapping[str, Any]) -> Grid:
-    """The calibration that is kept."""
+    """The stored calibration."""
     method = sensor["calibration"]["method"]
     title = f"calibration kept, by {method}"
-    table = Grid(
-        (
-            "term",
-            "estimate",
-            "standard error",
-            "df",
-            "VIF",
-            "unit",
-        ),
-        title=title,
-    )
+    table = Grid(("term", "estimate", "standard error", "df", "VIF", "unit"), title=title)
     for term, value in sensor["methods"][method]["coefficients"].items():
         inflation = sensor["variance_inflation"].get(term)
         keys = (("estimate", 6), ("stderr", 3), ("df", 3))
@@ -124,7 +108,7 @@ def _kept(sensor: Mapping[str, Any]) -> Grid:
 
 
 def show_whole_plot_findings(traced: WholePlotTraced) -> Iterator[Block]:
-    """A line or two a transducer: what was found, in words."""
+    """One or two lines per transducer: findings, in words."""
     for name, sensor in traced.to_json()["sensors"].items():
         yield Line(f"[bold]{sensor['verdict']}[/]  {escape(sensor['sentence'])}", wrapped=True)
         for effect in sensor["effects"]:
@@ -139,7 +123,7 @@ def show_whole_plot_findings(traced: WholePlotTraced) -> Iterator[Block]:
 
 
 def show_whole_plot_trace(traced: WholePlotTraced) -> Iterator[Block]:
-    """A short table a transducer: error before and after, and the effects found."""
+    """A short table per transducer: error before and after, and the effects found."""
     result = traced.to_json()
     yield headline(result["data"]["file"], traced.table)
     yield Line(escape(result["data"]["model"]["sentence"]))
@@ -158,13 +142,7 @@ def show_whole_plot_trace(traced: WholePlotTraced) -> Iterator[Block]:
 
 
 def _before_after(sensor: Mapping[str, Any]) -> Grid:
-    table = Grid(
-        (
-            "",
-            "before",
-            "after",
-        )
-    )
+    table = Grid(("", "before", "after"))
     sides = sensor["before"], sensor["after"]
     for key, label in (
         ("sigma_subplot", "within whole plots / mV"),
@@ -180,4 +158,4 @@ def _before_after(sensor: Mapping[str, Any]) -> Grid:
 
 
 _SHOWN = 3
-"""Reading errors of the lowest pressures stand in the table; the others are in the JSON and the report."""
+"""Reading errors of the lowest pressures for the table; the others are in the JSON and the report."""

@@ -1,4 +1,4 @@
-"""A table as the data of a whole-plot calibration."""
+"""Conversion of a table to the data of a whole-plot calibration."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ WHOLE_PLOT = (
     "sensor_temperature_degC",
     "sse_temperature_degC",
 )
-"""Columns every whole-plot table has, besides one `NAME_mV` for each transducer."""
+"""Columns of every whole-plot table, in addition to one `NAME_mV` for each transducer."""
 
 
 _LOWEST = {"pressure_psia": -0.1, "sensor_temperature_degC": -273.15, "sse_temperature_degC": -273.15}
-"""What no absolute reading goes below; a little for the noise of a gauge at zero."""
+"""Minimum of an absolute reading, with a margin for the noise of a gauge at zero."""
 
 
 _OPTIONAL = ("replicate", "block")
@@ -35,15 +35,15 @@ _SETTINGS = {
     "sensor_temperature_set_degC": "sensor_set_degC",
     "sse_temperature_set_degC": "sse_set_degC",
 }
-"""Columns of setpoints to the fitter's names for them."""
+"""The fitter's names of columns of setpoints."""
 
 KNOWN = (*WHOLE_PLOT, *_OPTIONAL, *_SETTINGS)
-"""Columns that play a part, besides the outputs in `UNIT`."""
+"""Used columns, in addition to the outputs in `UNIT`."""
 UNIT = "mV"
 
 
 def whole_plot_data(table: Table) -> WholePlotData:
-    """A table as whole-plot data. Raises `DataError` naming what is missing or of another unit."""
+    """A table as whole-plot data. Raises `DataError` with missing columns or wrong units."""
     check_units(table)
     missing = [name for name in WHOLE_PLOT if name not in table.columns]
     if missing:

@@ -1,4 +1,4 @@
-"""Two whole-plot runs as one problem: one declared model, an error of its own for every whole plot of either."""
+"""Two whole-plot runs as one problem: one declared model, and a separate error for every whole plot."""
 
 from __future__ import annotations
 
@@ -25,8 +25,7 @@ class WholePlotTogether(Together):
 
     Attributes:
         scene: of all observations; its references are those of the first run's trace.
-        found: in the first run.
-
+        found: findings in the first run.
     """
 
     scene: PressureScene
@@ -34,11 +33,10 @@ class WholePlotTogether(Together):
 
     @classmethod
     def of(cls, found: WholePlotTrace, first: WholePlotData, later: WholePlotData, after_s: float) -> Self:
-        """A run, what was traced in it, and a later run, `after_s` after the first's zero of elapsed time.
+        """A run, its trace, and a later run, `after_s` after the first's zero of elapsed time.
 
         Raises:
             FitError: the later run lacks a transducer of the first.
-
         """
         both = join(first, later, after_s)
         return cls(np.arange(len(both)) >= len(first), replace(found.scene, data=both), found)
@@ -49,18 +47,13 @@ class WholePlotTogether(Together):
         return self.scene.data
 
     @property
-    def sensors(self) -> tuple[str, ...]:
-        """See `Together`."""
-        return self.data.transducers
-
-    @property
     def df(self) -> int:
         """See `Together`."""
         return max(min(s.after.residual_mV.size - len(s.after.fit.names) for s in self.found.sensors.values()), 1)
 
     @property
     def realigned(self) -> bool:
-        """A transducer stays where it is: the first run's parameters hold."""
+        """False: a transducer is not moved, so the first run's parameters are valid."""
         return False
 
     @property
@@ -70,17 +63,12 @@ class WholePlotTogether(Together):
 
     @property
     def again(self) -> FloatArray:
-        """(S n, 0): a transducer that stays where it is keeps its response; whole plots draw their errors anyway."""
+        """(S n, 0): a transducer that is not moved keeps its response; whole plots draw their errors anyway."""
         return np.zeros((len(self.sensors) * len(self.data), 0))
-
-    @property
-    def raw_outputs(self) -> FloatArray:
-        """(S, n) mV."""
-        return np.stack([self.data.outputs[s] for s in self.sensors])
 
     @cached_property
     def sigma(self) -> FloatArray:
-        """(S, n) mV, growing with pressure where the trace found that it does."""
+        """(S, n) mV, growing with pressure if the trace found growth."""
         out = []
         for name in self.sensors:
             sensor = self.found.sensors[name]
@@ -96,14 +84,14 @@ class WholePlotTogether(Together):
 
     @cached_property
     def declared(self) -> tuple[FloatArray, ...]:
-        """For each transducer (n, d) the declared model."""
+        """(n, d) columns of the declared model for each transducer."""
         formula = self.found.formula
         columns = formula.columns(self.data.table, formula.levels(self.found.scene.data.table))[1]
         return (columns,) * len(self.sensors)
 
     @cached_property
     def own(self) -> tuple[tuple[Own, ...], ...]:
-        """For each transducer the error that every whole plot draws again."""
+        """Whole-plot errors for each transducer."""
         index = self.data.whole_plot_index
         plots = [np.flatnonzero(index == k) for k in range(self.data.whole_plots.size)]
         out = []

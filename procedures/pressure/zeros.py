@@ -1,4 +1,4 @@
-"""Readings near zero pressure in a table: which rows, at which pressure, and of how many settings of temperature."""
+"""Readings near zero pressure in a table: their rows, their pressure, and their settings of temperature."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from procedures.table import Table
 
 TEMPERATURES = ("sensor_temperature_degC", "sse_temperature_degC")
 VACUUM = "vacuum"
-"""Column that is 1 where a row was read in vacuum, and 0 elsewhere."""
+"""Column with 1 for rows read in vacuum, and 0 for others."""
 
 PRESSURE, PRESSURE_SD, WHOLE_PLOT = "pressure_psia", "pressure_sd_psia", "whole_plot"
 SPREAD = 0.02
-"""Most that pressures of one zero may differ by, as a part of the highest calibrated."""
+"""Maximum difference of pressures of one zero, relative to the highest calibrated."""
 
 ZeroRows = Literal["one-sitting", "independent"]
 ONE_SITTING: ZeroRows = "one-sitting"
@@ -32,13 +32,12 @@ class Zeros:
     """The zeros of one output.
 
     Attributes:
-        zeros: one sitting in the whole plot of the readings, or several that are independent of them.
-        rows: how many rows they are the means of.
-        pressure_stated: whether the table says at which pressure they were read.
-        sd_stated: whether it says how well that pressure is known.
-        meaning: how several rows were taken; "" where there is one.
-        incomplete: (row in the file, column) of rows that lack a value and were left out.
-
+        zeros: one sitting in the whole plot of the readings, or several independent ones.
+        rows: number of rows of their means.
+        pressure_stated: whether the table has their pressure.
+        sd_stated: whether it has the standard deviation of that pressure.
+        meaning: meaning of several rows; "" for one.
+        incomplete: (row in the file, column) of left-out rows with a missing value.
     """
 
     zeros: tuple[Zero, ...]
@@ -49,7 +48,7 @@ class Zeros:
     incomplete: tuple[tuple[int, str], ...]
 
     def to_json(self, source: str, departures: Sequence[Departure]) -> dict[str, Any]:
-        """What was used and how far it is from the calibration."""
+        """The used zeros and their deviation from the calibration."""
         return {
             "source": source,
             "rows": self.rows,
@@ -97,7 +96,7 @@ class Zeros:
 
 
 def zero_rows(table: Table) -> NDArray[np.bool_] | None:
-    """(n,) rows marked as read in vacuum; None where there is no such column. Raises `DataError`."""
+    """(n,) rows marked as read in vacuum; None without such a column. Raises `DataError`."""
     if VACUUM not in table.columns:
         return None
     if not np.isin(table.columns[VACUUM], (0, 1)).all():
@@ -113,13 +112,12 @@ def read_zeros(
     Args:
         output: its column.
         calibration: of the transducer.
-        table: where they were read.
-        rows: (n,) which.
-        meaning: of several rows; None where a column `whole_plot` tells, or there is one row.
+        table: table of these readings.
+        rows: (n,) mask of the rows.
+        meaning: meaning of several rows; None if a column `whole_plot` gives it, or there is one row.
 
     Raises:
-        DataError: a column is missing, the rows do not make a zero, or what several are is not told.
-
+        DataError: a column is missing, the rows do not make a zero, or the meaning of several is not given.
     """
     for name in (output, *TEMPERATURES):
         if name not in table.columns:
@@ -152,7 +150,7 @@ def read_zeros(
 
 
 def _sittings(table: Table, rows: NDArray[np.bool_], meaning: ZeroRows | None) -> tuple[list[NDArray[np.intp]], str]:
-    """Indices of the rows of each sitting, and how they were taken in words."""
+    """Indices of the rows of each sitting, and their meaning in words."""
     index = np.flatnonzero(rows)
     if len(index) == 1:
         return [index], ""
@@ -202,7 +200,7 @@ def _check_one(table: Table, sitting: NDArray[np.intp], pressure: Any, highest: 
 
 
 def _pressure(table: Table, rows: NDArray[np.bool_]) -> Any:
-    """(n,) pressures at which the rows were read; None where the table does not say."""
+    """(n,) pressures of the rows; None if the table does not have them."""
     for name in table.names:
         stem, _, unit = name.rpartition("_")
         if name != PRESSURE and (stem.casefold() == "pressure" or name.casefold() == "pressure"):
@@ -221,7 +219,7 @@ def _pressure_sd(table: Table, rows: NDArray[np.bool_]) -> Any:
 
 
 def _complete(table: Table, rows: NDArray[np.bool_], name: str) -> Any:
-    """A column, if it is there. Raises `DataError` if one of the rows has no value in it."""
+    """A column, if it exists. Raises `DataError` if one of the rows has no value in it."""
     if name in table.text and any(table.text[name][rows]):
         raise DataError(f"{table.source}, column {name}: not all of its values are numbers")
     values = np.full(len(table), np.nan) if name in table.text else table.columns.get(name)  # text: blank cells only

@@ -268,7 +268,7 @@ class ChaosRun:
         self.note(f"restore: exit {code}: {words.strip()}")
         if _FACES.search(words):
             self.findings.append(f"a traceback: {words[-2000:]}")
-        named = re.search(r"goes on in (\S+\.sqlite)", words)
+        named = re.search(r"(?:goes on|continues) in (\S+\.sqlite)", words)
         if named and Path(named[1]).exists():
             self.rescues += 1
             self.look_at(Path(named[1]))

@@ -17,7 +17,7 @@ from typing import Any, ClassVar, cast
 
 from procedures.run_list import Factor, rows_sha256
 from proving.doors.hostile import VALUES, Material, Seeded, check_json, command, damaged, edited, mutated
-from rig.report.story import story
+from rig.report.frame import story
 from rig.run_file.chain import GENESIS, Record, encode, link
 from rig.watch import Shelf
 from rig.watch.feed import RunFeed, encoded

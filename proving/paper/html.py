@@ -11,7 +11,7 @@ from proving.paper.document import TITLE
 from proving.paper.draw import draw
 from proving.paper.study import Study
 from rig.atomic import write_whole
-from rig.versions import versions
+from rig.version import versions
 
 
 def write_pages(study: Study, folder: Path, say: Callable[[str], None]) -> Path:

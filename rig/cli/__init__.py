@@ -9,7 +9,7 @@ import sys
 import tempfile
 import traceback
 
-# Before anything imports numpy: our matrices are narrow, and a second thread costs twice the time (measured).
+# Before any import of numpy: our matrices are narrow, and a second thread doubles the time (measured).
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from typing import Annotated
@@ -20,7 +20,7 @@ from procedures.errors import BrokenKind, DataError
 from rig.cli.commands import Commands
 from rig.errors import ExitCode, RigError
 
-# Typer carries click inside itself from 0.2x on and used the installed one before: this finds either.
+# Typer contains click from 0.2x on and used the installed one before: this finds both.
 _UsageProblem: type[Exception] = next(cls for cls in typer.BadParameter.__mro__ if cls.__name__ == "ClickException")
 
 app = typer.Typer(
@@ -30,7 +30,7 @@ app = typer.Typer(
     add_completion=False,
     rich_markup_mode="markdown",
     pretty_exceptions_enable=False,
-    help="Runs calibration experiments overnight, survives crashes, fits the data and traces the residual to the "
+    help="Runs calibration experiments overnight, survives crashes, fits the data, and traces the residual to the "
     "effect the model lacks.\n\n"
     "Exit codes: 0 done, 1 fault (bench safe), 2 usage, 3 done but outside acceptance, 4 stopped by `rig stop`, "
     "5 fault and NOT safe, 6 still running (`rig status --check`), 75 interrupted (resumable), 78 bad configuration.",
@@ -55,10 +55,10 @@ def _options(
 
 
 def main() -> None:
-    """Entry point: run the command, turn errors meant for people into one message and an exit code."""
+    """Entry point: run the command; turn errors for people into one message and an exit code."""
     _open_what_is_closed()
     if isinstance(sys.stdout, io.TextIOWrapper):
-        sys.stdout.reconfigure(errors="surrogateescape")  # a path that is no text is printed as it was given
+        sys.stdout.reconfigure(errors="surrogateescape")  # a path that is not text is printed unchanged
     try:
         code = app(standalone_mode=False)
         sys.stdout.flush()
@@ -75,11 +75,11 @@ def main() -> None:
     except SystemExit as ended:
         code = _interrupted() if ended.code == _BY_SIGINT else ended.code
     except BrokenPipeError:
-        # Whoever read our output has gone; there is nobody to tell, not even when Python flushes at its end.
+        # The reader of our output has gone; Python must not fail either when it flushes at its end.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = ExitCode.DONE
     except OSError as error:
-        too_long = error.errno == errno.ENAMETOOLONG  # of an argument, whatever wanted to look at it first
+        too_long = error.errno == errno.ENAMETOOLONG  # the error belongs to an argument, in whatever function
         print(f"rig: {_name_too_long(error) if too_long else error}", file=sys.stderr)
         code = ExitCode.USAGE if too_long else ExitCode.FAULT
     except Exception as error:
@@ -89,7 +89,7 @@ def main() -> None:
 
 
 class _ClosedOutput(io.TextIOBase):
-    """Standard output where there is none: a result is not lost without a word."""
+    """Replacement of a closed standard output: a result must not be lost silently."""
 
     def write(self, _text: str) -> int:
         raise OSError(
@@ -98,33 +98,33 @@ class _ClosedOutput(io.TextIOBase):
 
 
 def _open_what_is_closed() -> None:
-    """Keep the numbers of closed standard streams from the files opened next, and make print() work as it should."""
+    """Keep the numbers of closed standard streams from the files opened next, and make print() report the loss."""
     for number in range(3):
         try:
             os.fstat(number)
         except OSError:
-            os.open(os.devnull, os.O_RDWR)  # takes the lowest number that is free, which is this one
+            os.open(os.devnull, os.O_RDWR)  # takes the lowest free number, which is this one
     if sys.stdin is None:
         sys.stdin = os.fdopen(0, encoding="utf-8")
     if sys.stdout is None:
         sys.stdout = _ClosedOutput()
-    if sys.stderr is None:  # print() would take None for standard output
+    if sys.stderr is None:  # print() would treat None as standard output
         sys.stderr = os.fdopen(2, "w", encoding="utf-8")
 
 
 def _exit_code(error: Exception) -> ExitCode:
-    """Of an error that is meant for people."""
+    """Message of an error for people."""
     if isinstance(error, RigError):
         return error.exit_code
     return ExitCode.CONFIGURATION if isinstance(error, BrokenKind) else ExitCode.USAGE
 
 
 _BY_SIGINT = 130
-"""What the command-line library ends with after Ctrl-C."""
+"""Exception of the command-line library after Ctrl-C."""
 
 
 def _interrupted() -> ExitCode:
-    """Interrupted where nothing runs on a bench yet, or any more: a session says so itself."""
+    """Message of an interrupt outside a session: a session has its own."""
     print("rig: interrupted", file=sys.stderr)
     return ExitCode.INTERRUPTED
 
@@ -139,10 +139,10 @@ _SHOWN = 100
 
 
 def _unforeseen(error: Exception) -> str:
-    """Keep the traceback of an error nobody foresaw, and say where."""
+    """Keep the traceback of an unexpected error, and say where."""
     with tempfile.NamedTemporaryFile("w", prefix="rig-", suffix=".txt", delete=False) as file:
         traceback.print_exception(error, file=file)
     return (
-        f"unforeseen: {type(error).__name__}: {error}. This is a mistake in rig; please report it with {file.name}. "
-        f"A run file is whole whatever happens: `rig status RUN` shows it, `rig resume RUN` carries on"
+        f"unforeseen: {type(error).__name__}: {error}. This is a defect of rig; report it with {file.name}. "
+        f"Run files stay intact: `rig status RUN` shows the run, `rig resume RUN` continues it"
     )

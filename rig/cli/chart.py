@@ -6,12 +6,11 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.markup import escape
 
 from rig.atomic import check_files
 from rig.cli import app
 from rig.cli.run import JsonOption
-from rig.cli.show import err, show_result
+from rig.cli.show import show_result, write_report
 from rig.errors import ExitCode
 
 
@@ -20,7 +19,7 @@ def chart(
     calibrations: Annotated[
         list[str],
         typer.Argument(
-            help="run files, calibration files of `rig fit --out`, or CSV tables; where they do not tell their date, "
+            help="run files, calibration files of `rig fit --out`, or CSV tables; if they do not contain their date, "
             "with it: table.csv@2026-01-15",
             show_default=False,
         ),
@@ -29,7 +28,7 @@ def chart(
         float | None,
         typer.Option(
             min=1e-9,
-            help="error of the output that the last calibration may come to have: deg, psi, or as the response",
+            help="maximum permitted error of the last calibration's output: deg, psi, or in the unit of the response",
             show_default="95 % interval of one reading",
         ),
     ] = None,
@@ -38,8 +37,8 @@ def chart(
         typer.Option(
             min=0.1,
             max=180,
-            help="range they are used in, +- deg, for kinds that know one",
-            show_default="as calibrated last",
+            help="range of use, +- deg, for kinds that have one",
+            show_default="range of the last calibration",
         ),
     ] = None,
     sensor: Annotated[
@@ -49,19 +48,19 @@ def chart(
         str | None,
         typer.Option(
             "--formula",
-            help="whole plots: the model, where not the one declared",
+            help="whole plots: the model, if not the declared one",
             show_default=False,
         ),
     ] = None,
     report: Annotated[Path | None, typer.Option(help="write a self-contained HTML report", show_default=False)] = None,
     as_json: JsonOption = False,
-    today: Annotated[str | None, typer.Option(help="date that 'in N days' counts from", show_default="today")] = None,
+    today: Annotated[str | None, typer.Option(help="date for 'in N days'", show_default="today")] = None,
 ) -> int:
-    """Chart the parameters of sensors over several calibrations: is one drifting, and when is it due again?
+    """Chart the parameters of sensors over several calibrations: drift, and the next due date.
 
-    Two calibrations are compared; three give a trend and a due date, four can show a step. The errors are those
-    between the replications of each calibration. The due date is the last day on which the last calibration's output
-    is within the tolerance, with 95 % probability, everywhere in the range of use.
+    Two calibrations are compared; three give a trend and a due date; four can show a step. Errors come from the
+    differences between the replications of each calibration. The due date is the last day on which the last
+    calibration's output is within the tolerance, with 95 % probability, everywhere in the range of use.
 
     Example: `rig chart runs/2026*.sqlite --tolerance 5e-4 --usage 30 --report chart.html`
     """
@@ -72,8 +71,6 @@ def chart(
     charted = chart_files(
         calibrations, tolerance=tolerance, usage=usage, sensors=sensor or (), formula=formula, today=today
     )
-    if report is not None:
-        charted.report(report)
-        err.print(f"report: {escape(str(report))}", soft_wrap=True)
+    write_report(charted, report)
     show_result(charted, as_json=as_json)
     return ExitCode.DONE

@@ -1,7 +1,7 @@
-"""Every command: under which heading of the help, in which module it is written, and what it does in one sentence.
+"""All commands: heading in the help, module, and a one-sentence description.
 
-A module is imported when its command is asked for, so that `rig --help` need not wait for the fitter. The sentence is
-the first of the command's own help; a test holds them against each other.
+A module is imported when its command is called, so that `rig --help` is fast. The sentence is the first of the
+command's own help; a test compares them.
 """
 
 from __future__ import annotations
@@ -14,97 +14,97 @@ from typer.main import get_command_from_info, get_command_name, get_group_from_i
 
 
 class Entry(NamedTuple):
-    """A command, as the help lists it."""
+    """A command in the list of the help."""
 
     heading: str
     module: str
     does: str
 
 
-_RUNNING, _DATA, _TRYING = "Running", "Data", "Trying it out"
+_RUNNING, _DATA, _TRYING = "Running", "Data", "Trying"
 COMMANDS = {
     "run": Entry(_RUNNING, "rig.cli.run", "Carry out a procedure on a bench."),
-    "resume": Entry(_RUNNING, "rig.cli.run", "Carry on with an interrupted run."),
+    "resume": Entry(_RUNNING, "rig.cli.run", "Resume an interrupted run."),
     "doctor": Entry(
         _RUNNING,
         "rig.cli.doctor",
-        "Check everything that can be known before a night: bench, disk, clock, machine, and who will be told.",
+        "Check bench, disk, clock, machine and notifications before an unattended run.",
     ),
     "plan": Entry(
         _RUNNING,
         "rig.cli.plan",
-        "Answer the evening question: how many points, done when and how sure, how precise, is anything in the way?",
+        "Forecast a run: number of points, time of its end, precision, and problems.",
     ),
     "hold": Entry(
         _RUNNING,
         "rig.cli.requests",
-        "Stop all motion, leave chambers as they are, and wait; `rig release` lets the run go on.",
+        "Stop all motion, leave chambers as they are, and wait; `rig release` continues the run.",
     ),
-    "release": Entry(_RUNNING, "rig.cli.requests", "Let a held run go on."),
+    "release": Entry(_RUNNING, "rig.cli.requests", "Continue a held run."),
     "stop": Entry(_RUNNING, "rig.cli.requests", "Park the bench and end the session; the run can be resumed later."),
     "service": Entry(
         _RUNNING,
         "rig.cli.service",
-        "Print, install or remove the systemd unit that carries a run on: after a crash, a hang, a power cut.",
+        "Print, install or remove the systemd unit that continues a run after a crash, a hang or a power cut.",
     ),
     "status": Entry(
         _RUNNING,
         "rig.cli.status",
-        "Show what a run has come to, running or not; of a folder, its runs, the newest first.",
+        "Show the state of a run, running or not; for a folder, its runs, newest first.",
     ),
     "watch": Entry(
         _RUNNING,
         "rig.cli.watch",
-        "Serve a page that shows a run as it goes: state, time left, readings, residuals, warnings.",
+        "Serve a live page of a run: state, remaining time, readings, residuals, warnings.",
     ),
     "fit": Entry(
         _DATA,
         "rig.cli.data",
-        "Fit the declared model to every sensor; analyse replications, or whole plots with all methods side by side.",
+        "Fit the declared model to every sensor; analyse replications, or whole plots by all methods.",
     ),
     "trace": Entry(
-        _DATA, "rig.cli.data", "Find what the declared model lacks: residual, effect, error before and after."
+        _DATA, "rig.cli.data", "Find effects missing in the declared model: residual, effect, error before and after."
     ),
     "infer": Entry(
         _DATA,
         "rig.cli.infer",
-        "Infer from outputs what their sensors were calibrated for, with 95 % intervals.",
+        "Infer the measured quantity from outputs by a calibration, with 95 % intervals.",
     ),
     "export": Entry(_DATA, "rig.cli.export", "Write a run's observations as CSV, units in the column names."),
     "chart": Entry(
         _DATA,
         "rig.cli.chart",
-        "Chart the parameters of sensors over several calibrations: is one drifting, and when is it due again?",
+        "Chart the parameters of sensors over several calibrations: drift, and the next due date.",
     ),
     "confirm": Entry(
         _DATA,
         "rig.cli.confirm",
-        "Confirm by a further run what a trace found: which of the confounded causes holds, on data that are new.",
+        "Confirm effects found by a trace with a further run, and separate confounded causes with new data.",
     ),
     "verify": Entry(
         _DATA,
         "rig.cli.verify",
-        "Check that a run file is whole and its contents make sense; say what was changed, and where.",
+        "Check that a run file is intact and its contents are consistent; report changes and their places.",
     ),
     "demo": Entry(
         _TRYING,
         "rig.cli.demo",
-        "Run a simulated night with effects nobody declared, kill it partway, resume it, and find them.",
+        "Run a simulated night with undeclared effects, kill it partway, resume it, and find the effects.",
     ),
     "sim": Entry(
-        _TRYING, "rig.cli.sim", "Serve a simulated bench to other programs: pseudo-terminals, a local TCP port, slcan."
+        _TRYING, "rig.cli.sim", "Serve a simulated bench to other programs: pseudo-terminals, local TCP ports, slcan."
     ),
     "night": Entry(
         _TRYING,
         "rig.cli.proving",
-        "Play simulated nights full of faults, crashes and power cuts, and check what must hold after each.",
+        "Simulate nights with faults, crashes and power cuts, and check invariants after each.",
     ),
-    "study": Entry(_TRYING, "rig.cli.proving", "Do published work again, and hold it against what was printed."),
+    "study": Entry(_TRYING, "rig.cli.proving", "Reproduce published work, and compare with the printed results."),
 }
 
 
 class Commands(TyperGroup):
-    """The commands of the table; each becomes the real one when it is asked for."""
+    """The commands of the table; each is imported at its first use."""
 
     def __init__(self, **attributes: Any) -> None:
         super().__init__(**attributes)
@@ -115,7 +115,7 @@ class Commands(TyperGroup):
         }
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """The command that the first argument names, and the arguments left for it."""
+        """The command named by the first argument, and the remaining arguments."""
         if args and args[0] in COMMANDS.keys() - self._loaded:
             self.commands[args[0]] = loaded(args[0])
             self._loaded.add(args[0])
@@ -124,7 +124,7 @@ class Commands(TyperGroup):
 
 def loaded(name: str) -> Any:
     """The command of that name, with its options: imports its module."""
-    from rig.cli import app  # noqa: PLC0415 - which is made of this class
+    from rig.cli import app  # noqa: PLC0415 - imports this class
 
     import_module(COMMANDS[name].module)
     settings: dict[str, Any] = {"pretty_exceptions_short": True, "rich_markup_mode": "markdown"}

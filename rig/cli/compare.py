@@ -1,4 +1,4 @@
-"""`rig plan --compare`: procedures side by side, what each costs and what it gives."""
+"""`rig plan --compare`: procedures side by side, with duration and precision."""
 
 from __future__ import annotations
 
@@ -18,11 +18,10 @@ from rig.present.terminal import show
 def compare_files(
     files: Sequence[Path], bench: Path, usage_deg: float | None, plot: Path | None, *, as_json: bool
 ) -> None:
-    """Rehearse procedures one after the other and show them side by side; arguments and errors as for `compare_plans`.
+    """Rehearse several procedures and show them side by side; arguments and errors as for `compare_plans`.
 
     Raises:
         ConfigurationError: one of the files is wrong.
-
     """
     from rig.forecast import rehearse  # noqa: PLC0415
 
@@ -36,7 +35,7 @@ def compare_files(
 
 
 def _load(path: Path, bench: Path) -> Plan:
-    """A procedure to be compared, on a bench. Raises `ConfigurationError` that names it."""
+    """A procedure for the comparison, on a bench. Raises `ConfigurationError` with its name."""
     try:
         return load_plan(path, bench)
     except ConfigurationError as error:
@@ -49,16 +48,15 @@ def compare_plans(
     """Show procedures of one kind side by side and recommend one.
 
     Args:
-        plans: what is compared, on one bench, by file.
+        plans: the compared plans, on one bench, by file.
         hours: bench time of each.
-        usage: range that the sensors will be used in, plus and minus; None for that of the first procedure, or the
-            kind's own.
+        usage: range of use of the sensors, plus and minus, degrees; None for that of the first procedure, or the kind's
+            own.
         plot: a PNG file for the precision over that range; None for none.
         as_json: print JSON instead of a table.
 
     Raises:
         UsageError: a procedure is of another kind, or the plot cannot be written.
-
     """
     first = next(iter(plans.values()))
     kind = kind_of(first.procedure)

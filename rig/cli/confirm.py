@@ -1,4 +1,4 @@
-"""`rig confirm`: the run that distinguishes confounded effects, proposed, made and judged."""
+"""`rig confirm`: proposes, runs and judges the run that separates confounded effects."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from rig.errors import ExitCode, UsageError
 from rig.options import chosen as chosen_kind
 
 SHOWN = 5
-"""Proposals shown where nobody asked for all."""
+"""Number of proposals shown by default."""
 
 if TYPE_CHECKING:
     from rig.closed_loop.confirm.answers import Confirmed
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 
 def _options(kind: Kind) -> type[Options]:
-    """A run is traced before it is confirmed: with the options of that."""
+    """A run is traced before it is confirmed, with the options of the trace."""
     return kind.trace_options
 
 
@@ -43,37 +43,39 @@ def _options(kind: Kind) -> type[Options]:
 @with_options_of_kinds(_options)
 def confirm(
     run_file: RunArgument,
-    dry: Annotated[bool, typer.Option("--dry", help="make the further run on simulated instruments")] = False,
+    dry: Annotated[bool, typer.Option("--dry", help="run on simulated instruments")] = False,
     world: Annotated[
         Path | None,
-        typer.Option(help="with --dry: the truth behind the simulated bench", show_default="that of the first run"),
+        typer.Option(help="with --dry: the world file of the simulated bench", show_default="that of the first run"),
     ] = None,
     bench: Annotated[
         Path | None,
-        typer.Option("--bench", "-b", help="the bench file, where addresses changed", show_default="of the first run"),
+        typer.Option(
+            "--bench", "-b", help="the bench file, if addresses have changed", show_default="that of the first run"
+        ),
     ] = None,
     out_dir: Annotated[Path, typer.Option("--out", "-o", help="folder for the run file")] = Path("runs"),
     only_list: Annotated[
-        bool, typer.Option("--list", help="show what could be run and what it would tell, and stop")
+        bool, typer.Option("--list", help="list possible runs and their separation, and stop")
     ] = False,
-    take: Annotated[int, typer.Option(min=1, help="which of the runs listed to make")] = 1,
+    take: Annotated[int, typer.Option(min=1, help="number of the listed run to make")] = 1,
     write: Annotated[
         Path | None, typer.Option(help="write the run's procedure file and stop; for `rig run`", show_default=False)
     ] = None,
     by: Annotated[
-        Path | None, typer.Option(help="judge by this run, made already, and run nothing", show_default=False)
+        Path | None, typer.Option(help="judge by this existing run, and run nothing", show_default=False)
     ] = None,
     report: Annotated[Path | None, typer.Option(help="write a self-contained HTML report", show_default=False)] = None,
-    yes: Annotated[bool, typer.Option("--yes", help="the package is mounted as the run asks for: do not wait")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="the package is already mounted as required: do not wait")] = False,
     as_json: JsonOption = False,
     *,
     given: dict[str, Any],
 ) -> int:
-    """Confirm by a further run what a trace found: which of the confounded causes holds, on data that are new.
+    """Confirm effects found by a trace with a further run, and separate confounded causes with new data.
 
-    Proposes runs on the same bench (at other rolls, with the package turned, at another temperature, in another order)
-    with the standard errors by which each would separate every pair of confounded causes; makes the one that separates
-    most at least cost; judges the causes on both runs, and the old and the new model on the further one alone.
+    Proposes runs on the same bench (at other rolls, with the package turned, at another temperature, in another order),
+    with the expected separation of every pair of confounded causes in standard errors. Makes the run with the best
+    separation per cost. Judges the causes with both runs, and the old and the new model with the further one alone.
 
     Examples: `rig confirm RUN --dry`, `rig confirm RUN --list`, `rig confirm RUN --by LATER_RUN`
     """
@@ -83,14 +85,14 @@ def confirm(
 
     check_files([write, report], [run_file, *filter(None, (bench, world, by))])
     if world is not None and not dry:
-        raise UsageError("--world describes a simulated bench; it goes with --dry")
+        raise UsageError("--world describes a simulated bench; it requires --dry")
     _check_options(by, write, report, out_dir, only_list=only_list, take=take)
     texts = _texts({"bench": bench, "world": world})
     first = _opened(run_file, given)
     if not as_json:
         headline(run_file.name, first.traced.table)
     if not first.questions:
-        err.print("nothing to confirm: the trace found nothing that the declared model lacks")
+        err.print("nothing to confirm: the trace found no missing effect")
         if as_json:
             print_json({**_listed(first, (), ()), "run": None, "effects": []})
         return ExitCode.DONE
@@ -104,13 +106,13 @@ def confirm(
     if not proposals:
         return _nothing_to_run(first, never, only_list=only_list, as_json=as_json)
     if take > len(proposals):
-        raise UsageError(f"--take {take}: there are {len(proposals)} runs to choose from; --list shows them")
+        raise UsageError(f"--take {take}: there are {len(proposals)} proposed runs; --list shows them")
     chosen = proposals[take - 1]
     if not as_json:
         _show_proposals(first, proposals, never, take, every=only_list)
     if only_list or write is not None:
         if write is not None:
-            lines = f"# {chosen.variation.what}: to confirm what was found in {run_file.name}\n"
+            lines = f"# {chosen.variation.what}: to confirm the effects found in {run_file.name}\n"
             lines += "# Turn the package first.\n" if chosen.variation.turned else ""
             write_whole(write, lambda file: file.write(lines + procedure_text(chosen.variation.procedure)))
             err.print(f"procedure: {escape(str(write))}", soft_wrap=True)
@@ -156,7 +158,7 @@ def _opened(run_file: Path, given: Mapping[str, Any]) -> First:
 
 
 def _texts(files: Mapping[str, Path | None]) -> dict[str, str | None]:
-    """The files that were named, read and known to be TOML before any work. Raises `ConfigurationError`."""
+    """The named files, checked as TOML before any work. Raises `ConfigurationError`."""
     texts = {name: None if path is None else read_text(path, name) for name, path in files.items()}
     for name, text in texts.items():
         if text is not None:
@@ -168,25 +170,25 @@ def _check_options(
     by: Path | None, write: Path | None, report: Path | None, out_dir: Path, *, only_list: bool, take: int
 ) -> None:
     if out_dir.exists() and not out_dir.is_dir():
-        raise UsageError(f"{out_dir} is no folder; name one for the run file with --out")
+        raise UsageError(f"{out_dir} is not a folder; name one for the run file with --out")
     if by is not None and (write is not None or only_list or take > 1):
-        raise UsageError("--by judges by a run that was made: --list, --take and --write have no place beside it")
+        raise UsageError("--by uses an existing run: it excludes --list, --take and --write")
     if report is not None and (write is not None or only_list):
         raise UsageError("--report shows a judgement; with --list or --write there is none")
 
 
 def _check_kind(first: First, *, dry: bool, rehearsed: bool) -> None:
     if first.dry and not dry:
-        raise UsageError(f"{first.path} is a dry run; the run that confirms it is one too: add --dry")
+        raise UsageError(f"{first.path} is a dry run; a run that confirms it must be a dry run too: add --dry")
     if rehearsed and not first.simulated:
         raise UsageError(
-            f"{first.path} was made on real instruments: simulated readings say nothing about it. Leave --dry away, or "
+            f"{first.path} was made on real instruments: simulated readings do not describe it. Omit --dry, or "
             f"rehearse with --write FILE and `rig run FILE --dry`"
         )
 
 
 def _wait_for_mounting(chosen: Proposal, *, dry: bool, yes: bool) -> None:
-    """A person turns the package; the simulated bench turns it by itself."""
+    """Ask a person to turn the package; the simulated bench does it by itself."""
     if not chosen.variation.turned or dry or yes:
         return
     at = chosen.mounting or dict.fromkeys(("x_deg", "y_deg", "z_deg"), 0.0)
@@ -196,11 +198,11 @@ def _wait_for_mounting(chosen: Proposal, *, dry: bool, yes: bool) -> None:
     )
     if not sys.stdin.isatty():
         raise UsageError(f"{words}, then give the same command with --yes; or choose another run with --take")
-    typer.confirm(f"{words}, and confirm that it is", abort=True, err=True)
+    typer.confirm(f"{words}, and confirm", abort=True, err=True)
 
 
 def _listed(first: First, proposals: Sequence[Proposal], never: Sequence[Inseparable]) -> dict[str, Any]:
-    """For `--json`."""
+    """Values for `--json`."""
     return {
         "first": str(first.path),
         "proposals": [p.to_json() for p in proposals],
@@ -212,7 +214,7 @@ def _nothing_to_run(first: First, never: Sequence[Inseparable], *, only_list: bo
     if as_json:
         print_json(_listed(first, (), never))
     err.print(
-        "no run of this bench is proposed: none would settle what is open. Sizes alone are confirmed by the same "
+        "no run of this bench is proposed: none would separate the open pairs. Sizes alone are confirmed by the same "
         f"procedure again: rig run, then rig confirm {escape(str(first.path))} --by LATER_RUN",
         soft_wrap=True,
     )
@@ -220,10 +222,10 @@ def _nothing_to_run(first: First, never: Sequence[Inseparable], *, only_list: bo
 
 
 def _show_open(first: First, never: Sequence[Inseparable]) -> None:
-    """What is open, and what stays so whatever is run."""
+    """Open questions, and those that no run can answer."""
     for question in first.questions:
         alike = [m.effect for m in question.members[1:]]
-        text = f"these data cannot tell it from {', '.join(alike)}" if alike else "nothing looks like it"
+        text = f"not distinguishable from {', '.join(alike)} by these data" if alike else "it is not confounded"
         out.print(f"[bold]{escape(question.effect)}[/]: {escape(text)}", soft_wrap=True)
     for one in never:
         a, b = one.pair
@@ -254,8 +256,8 @@ def _show_proposals(
         )
     out.print(table)
     out.print(
-        f"  pairs separated: with a chance of {SURE:.0%} or more; nearest pair, and weakest cause beside nothing: "
-        "expected standard errors, and the chance that they are enough",
+        f"  pairs separated: with probability {SURE:.0%} or more; nearest pair, and weakest cause against none: "
+        "expected standard errors, and the probability that they are enough",
         soft_wrap=True,
     )
     if len(proposals) > len(shown):
@@ -296,7 +298,7 @@ def _show(confirmed: Confirmed, listed: Mapping[str, Any], report: Path | None, 
         if answer.outliers:
             which = ", ".join(str(row + 1) for row in answer.outliers)
             out.print(
-                f"  [yellow]observations {which} of the further run stand out and were left out[/]", soft_wrap=True
+                f"  [yellow]observations {which} of the further run are outliers and were left out[/]", soft_wrap=True
             )
     columns = ("declared model", "with the effects", "scatter of a reading")
     errors = Table(f"error on the further run / {confirmed.unit}", *columns)

@@ -1,9 +1,9 @@
-"""`rig fit`, `rig trace`: what the data say."""
+"""`rig fit`, `rig trace`: analysis of data."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 from rich.markup import escape
@@ -14,12 +14,9 @@ from rig.atomic import check_files
 from rig.cli import app
 from rig.cli.kind_options import with_options_of_kinds
 from rig.cli.run import JsonOption
-from rig.cli.show import err, out, show_notes, show_result
+from rig.cli.show import err, out, show_notes, show_result, write_report
 from rig.errors import ExitCode
 from rig.present.terminal import show
-
-if TYPE_CHECKING:
-    from rig.results.result import Reported
 
 DataArgument = Annotated[Path, typer.Argument(help="a run file, or a CSV table", show_default=False)]
 
@@ -33,29 +30,29 @@ def fit(
         Path | None, typer.Option("--out", "-o", help="write the calibration to this JSON file", show_default=False)
     ] = None,
     report: Annotated[
-        Path | None, typer.Option(help="write tables and plots as HTML, where the kind has such", show_default=False)
+        Path | None, typer.Option(help="write tables and plots as HTML, for kinds that have them", show_default=False)
     ] = None,
     leave_out: Annotated[
         list[str] | None,
         typer.Option(
             "--leave-out",
-            help="fit without these rows and say so in the calibration: 'gross' for the gross errors found, or row "
+            help="fit without these rows, with a note in the calibration: 'gross' for the gross errors found, or row "
             "numbers of the file (12,31); repeatable",
-            show_default="every row is fitted, and gross errors are named",
+            show_default="all rows are fitted, and gross errors are reported",
         ),
     ] = None,
     confirmed_by: Annotated[
         Path | None,
         typer.Option(
             "--confirmed-by",
-            help="keep the calibration with the causes that this later run file confirmed (see rig confirm)",
+            help="write the calibration with the causes confirmed by this later run file (see rig confirm)",
             show_default=False,
         ),
     ] = None,
     *,
     given: dict[str, Any],
 ) -> int:
-    """Fit the declared model to every sensor; analyse replications, or whole plots with all methods side by side.
+    """Fit the declared model to every sensor; analyse replications, or whole plots by all methods.
 
     Examples: `rig fit runs/20260115T180000-night-1a2b.sqlite`, `rig fit RUN --traced --temperature --out package.json`,
     `rig fit RUN --points 73`, `rig fit table.csv --response y --formula "1 + x"`
@@ -65,8 +62,7 @@ def fit(
 
     check_files([out_file, report], [data, *filter(None, (confirmed_by,))])
     fitted = fit_source(FileSource(data), given, leave_out or (), confirmed_by, keep=out_file is not None)
-    if report is not None:
-        _write_report(fitted, report)
+    write_report(fitted, report)
     if out_file is not None:
         fitted.save(out_file)
         err.print(f"calibration: {escape(str(out_file))}", soft_wrap=True)
@@ -83,18 +79,17 @@ def trace(
     *,
     given: dict[str, Any],
 ) -> int:
-    """Find what the declared model lacks: residual, effect, error before and after.
+    """Find effects missing in the declared model: residual, effect, error before and after.
 
-    Examples: `rig trace runs/20260115T180000-night-1a2b.sqlite --report night.html`,
-    `rig trace table.csv --response y --formula "1 + x" --group batch --time t_s`
+    Examples: `rig trace runs/20260115T180000-night-1a2b.sqlite --report night.html`, `rig trace table.csv --response y
+    --formula "1 + x" --group batch --time t_s`
     """
     from rig.results.data import trace_source  # noqa: PLC0415
     from rig.tables import FileSource  # noqa: PLC0415
 
     check_files([report], [data])
     found = trace_source(FileSource(data), given)
-    if report is not None:
-        _write_report(found, report)
+    write_report(found, report)
     if as_json:
         show_result(found, as_json=True)
     else:
@@ -104,16 +99,11 @@ def trace(
 
 
 def _show_trace(kind: Kind, traced: Traced) -> None:
-    """Show what was found, and how to confirm it where a run can be made."""
+    """Show the findings, and how to confirm them if a run can be made."""
     show(traced.blocks(), out)
     found = any(finding.kind == "effect" for outcome in traced.outcomes for finding in outcome.findings)
     if found and "run_id" in traced.table.provenance and kind.confirming(traced) is not None:
         out.print(
-            f"\nto confirm what was found by a further run: rig confirm {escape(traced.table.source)} --list",
+            f"\nto confirm these effects by a further run: rig confirm {escape(traced.table.source)} --list",
             soft_wrap=True,
         )
-
-
-def _write_report(result: Reported, path: Path) -> None:
-    result.report(path)
-    err.print(f"report: {escape(str(path))}", soft_wrap=True)

@@ -23,7 +23,7 @@ from rig.present import terminal
 
 
 class Lab(StrEnum):
-    """Which of the example laboratories."""
+    """The example laboratories."""
 
     ATTITUDE = "attitude"
     PRESSURE = "pressure"
@@ -31,7 +31,7 @@ class Lab(StrEnum):
 
 @dataclass(frozen=True)
 class _Night:
-    """What is run in a laboratory, and where it is killed."""
+    """The demo run in a laboratory, and the point of its kill."""
 
     folder: str
     procedure: str
@@ -42,26 +42,26 @@ class _Night:
 
 _NIGHTS = {
     Lab.ATTITUDE: _Night("attitude-lab", "night.toml", 1180, ("replications = 6 ", "replications = 2 "), 390),
-    # The 104th point is the fifth of its whole plot, which the power cut costs.
+    # The 104th point is the fifth of its whole plot; the power cut loses this whole plot.
     Lab.PRESSURE: _Night("pressure-lab", "procedure.toml", 104, ("centre = 6 ", "centre = 2 "), 71),
 }
 
 
 @app.command()
 def demo(
-    lab: Annotated[Lab, typer.Argument(help="which example laboratory", show_default=True)] = Lab.ATTITUDE,
+    lab: Annotated[Lab, typer.Argument(help="example laboratory", show_default=True)] = Lab.ATTITUDE,
     out_dir: Annotated[Path, typer.Option("--out", "-o", help="folder for the run file and the report")] = Path("runs"),
     as_json: JsonOption = False,
     short: Annotated[bool, typer.Option("--short", help="a shorter night, for a first look")] = False,
 ) -> int:
-    """Run a simulated night with effects nobody declared, kill it partway, resume it, and find them.
+    """Run a simulated night with undeclared effects, kill it partway, resume it, and find the effects.
 
     attitude: three inertial sensors on a dividing head, 37 x 13 points, six replications: 28 hours of bench time. The
-    package rests on isolation pads that give, and its sensitivity follows the temperature; the declared model knows of
-    neither.
+    package rests on soft isolation pads, and its sensitivity depends on temperature; the declared model has neither
+    effect.
 
     pressure: seven pressure transducers over two temperatures, 20 whole plots of 11 pressures: about 37 hours. Every
-    temperature change draws a new error, the noise grows with pressure, and there is a cubic nobody declared. The kill
+    temperature change draws a new error, the noise grows with pressure, and there is an undeclared cubic term. The kill
     is a power cut in the middle of a whole plot, which is measured again.
 
     Example: `rig demo pressure`
@@ -107,12 +107,12 @@ def _shortened(procedure: Path, change: tuple[str, str], folder: Path) -> Path:
 
 
 def _run_until_killed(lab: Path, procedure: Path, folder: Path, kill_at_point: int) -> Path:
-    """Start a dry run in a process of its own that kills itself; returns the run file it leaves behind."""
+    """Start a dry run in a separate process that kills itself; returns its run file."""
     command = [sys.executable, "-m", "rig", "run", str(procedure), "--bench", str(lab / "bench.toml"), "--dry"]
     command += ["--world", str(lab / "world.toml"), "--out", str(folder), "--kill-at-point", str(kill_at_point)]
     done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=False)
     if err.is_terminal:
-        err.show_cursor(True)  # the killed process had no chance to
+        err.show_cursor(True)  # the killed process could not remove it
         err.print()
     lines = done.stdout.splitlines()
     if done.returncode != -9 or not lines:

@@ -1,4 +1,4 @@
-"""`rig doctor`: is everything ready for the night?"""
+"""`rig doctor`: checks before an unattended run."""
 
 from __future__ import annotations
 
@@ -26,22 +26,20 @@ _STYLES: dict[Level, str] = {"ok": "green", "warning": "yellow", "problem": "bol
 def doctor(
     bench: Annotated[Path | None, typer.Option("--bench", "-b", help="the bench file", show_default=False)] = None,
     procedure: Annotated[
-        Path | None, typer.Option("--procedure", "-p", help="what is to be run on it", show_default=False)
+        Path | None, typer.Option("--procedure", "-p", help="the procedure file", show_default=False)
     ] = None,
-    run_file: Annotated[
-        Path | None, typer.Option("--run", help="a run that is to be resumed", show_default=False)
-    ] = None,
-    out_dir: Annotated[Path, typer.Option("--out", "-o", help="folder the run file is to go to")] = Path("runs"),
+    run_file: Annotated[Path | None, typer.Option("--run", help="a run to be resumed", show_default=False)] = None,
+    out_dir: Annotated[Path, typer.Option("--out", "-o", help="folder of the new run file")] = Path("runs"),
     dry: Annotated[bool, typer.Option("--dry", help="ask simulated instruments")] = False,
-    world: Annotated[Path | None, typer.Option(help="with --dry: the truth behind them", show_default=False)] = None,
+    world: Annotated[Path | None, typer.Option(help="with --dry: the world file", show_default=False)] = None,
     notify: Annotated[bool, typer.Option("--notify", help="send a test message over every channel")] = False,
     notify_file: NotifyFileOption = None,
     as_json: JsonOption = False,
 ) -> int:
-    """Check everything that can be known before a night: bench, disk, clock, machine, and who will be told.
+    """Check bench, disk, clock, machine and notifications before an unattended run.
 
-    Asks every instrument who it is and changes nothing. Ends with 78 if a file is wrong, with 1 if there is another
-    problem, with 0 otherwise.
+    Asks every instrument for its identity and changes nothing. Ends with 78 if a file is wrong, with 1 if there is
+    another problem, with 0 otherwise.
 
     Example: `rig doctor --bench bench.toml --procedure night.toml`
     """
@@ -65,6 +63,6 @@ def _show(findings: list[Finding], *, dry: bool, looked: bool) -> None:
     out.print(table)
     counts = Counter(finding.level for finding in findings)
     words = ", ".join(f"{counts[level]} {level}" for level in _STYLES if counts[level])
-    ready = "ready for the night" if looked else "this machine is ready; no bench was looked at (--bench BENCH)"
+    ready = "ready for the night" if looked else "this machine is ready; no bench was checked (--bench BENCH)"
     verdict = "not ready for the night" if counts["problem"] else ready
     err.print(f"{mark(dry)}{verdict}: {words}")

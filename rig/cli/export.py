@@ -21,10 +21,10 @@ def export(
     out_file: Annotated[Path, typer.Option("--out", "-o", help="the CSV file to write", show_default=False)],
     everything: Annotated[
         bool,
-        typer.Option("--all", help="rejected observations too, with their status; faults and decisions beside it"),
+        typer.Option("--all", help="include rejected observations; faults and decisions go to a second file"),
     ] = False,
     salvage: Annotated[
-        bool, typer.Option("--salvage", help="take what can still be read of a damaged or edited file, unverified")
+        bool, typer.Option("--salvage", help="export readable parts of a damaged or edited file, unverified")
     ] = False,
 ) -> int:
     """Write a run's observations as CSV, units in the column names.
@@ -42,15 +42,15 @@ def export(
     table = run_table(run_file, everything=everything, salvage=salvage)
     rows = [] if beside is None else faults(run_file)
     if salvage:
-        err.print("[bold yellow]NOT VERIFIED:[/] the chain of records does not prove these values; see `rig verify`")
+        err.print("[bold yellow]NOT VERIFIED:[/] the hash chain does not prove these values; see `rig verify`")
     write_csv(table.columns, out_file)
     if everything:
         seen = int(table.columns["accepted"].sum())
         table = replace(table, provenance={**table.provenance, "points_observed": seen})
     headline(str(out_file), table, err)
     if rejected := table.provenance.get("observations_rejected"):
-        err.print(f"[yellow]{rejected} observations that were rejected are not in it; --all writes them too[/]")
+        err.print(f"[yellow]{rejected} rejected observations are omitted; --all includes them[/]")
     if beside is not None:
         write_faults(rows, beside)
-        err.print(f"{escape(str(beside))}: {len(rows)} faults, decisions and what came of them", soft_wrap=True)
+        err.print(f"{escape(str(beside))}: {len(rows)} faults, decisions and their results", soft_wrap=True)
     return ExitCode.DONE

@@ -18,17 +18,17 @@ from rig.errors import ExitCode
 @app.command()
 @with_options_of_kinds(lambda kind: kind.infer_options, lambda kind: kind.in_use)
 def infer(
-    calibration: Annotated[Path, typer.Argument(help="what `rig fit --out` wrote", show_default=False)],
+    calibration: Annotated[Path, typer.Argument(help="calibration file of `rig fit --out`", show_default=False)],
     data: Annotated[Path, typer.Argument(help="CSV with the outputs", show_default=False)],
     out_file: Annotated[Path, typer.Option("--out", "-o", help="the CSV file to write", show_default=False)],
     as_json: JsonOption = False,
     *,
     given: dict[str, Any],
 ) -> int:
-    """Infer from outputs what their sensors were calibrated for, with 95 % intervals.
+    """Infer the measured quantity from outputs by a calibration, with 95 % intervals.
 
-    The table has the columns of the calibrated outputs, and what else the calibration needs. A row that lacks a value
-    gets an empty result and a flag; columns and rows that are not used are named.
+    The table has the columns of the calibrated outputs, and other columns that the calibration needs. A row with a
+    missing value gets an empty result and a flag; unused columns and rows are named.
 
     Example: `rig infer calibration.json readings.csv --out inferred.csv`
     """

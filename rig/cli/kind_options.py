@@ -18,14 +18,13 @@ Command = TypeVar("Command", bound=Callable[..., Any])
 def with_options_of_kinds(
     choose: Choose, told: Callable[[Kind], str] = lambda kind: ""
 ) -> Callable[[Command], Command]:
-    """A command whose last parameter, `given`, takes the options that kinds declare: by name, those that were given.
+    """A command whose last parameter, `given`, takes the given options of kinds, by name.
 
-    Each stands in the help under the heading of its kind; one that several kinds have is one option.
+    Each option is listed under the heading of its kind; an option of several kinds is one option.
 
     Args:
-        choose: the options of the command that a kind declares.
-        told: what the help says of a kind besides; "" for nothing.
-
+        choose: the options that a kind declares for the command.
+        told: additional help text of a kind; "" for none.
     """
 
     def decorate(command: Command) -> Command:

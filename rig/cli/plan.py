@@ -1,4 +1,4 @@
-"""`rig plan`: the evening question."""
+"""`rig plan`: forecast of a run."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from rig.errors import ExitCode, UsageError
 def plan(
     procedure: ProcedureArgument,
     bench: BenchOption,
-    out_dir: Annotated[Path, typer.Option("--out", "-o", help="folder the run file would go to")] = Path("runs"),
+    out_dir: Annotated[Path, typer.Option("--out", "-o", help="folder of the run file")] = Path("runs"),
     as_json: JsonOption = False,
     compare: Annotated[
         list[Path] | None,
         typer.Option(
-            help="put other procedures of its kind beside it and recommend one; repeatable", show_default=False
+            help="compare with other procedures of its kind and recommend one; repeatable", show_default=False
         ),
     ] = None,
     usage: Annotated[
@@ -30,22 +30,22 @@ def plan(
         typer.Option(
             min=0.1,
             max=180,
-            help="range the sensors will be used in, +- deg, for kinds that know one",
-            show_default="of the procedure",
+            help="range of use of the sensors, +- deg, for kinds that have one",
+            show_default="that of the procedure",
         ),
     ] = None,
     plot: Annotated[
         Path | None, typer.Option(help="with --compare: a PNG of precision over the range of use", show_default=False)
     ] = None,
 ) -> int:
-    """Answer the evening question: how many points, done when and how sure, how precise, is anything in the way?
+    """Forecast a run: number of points, time of its end, precision, and problems.
 
-    The time comes from a rehearsal of the first points on simulated instruments with the bench file's own speeds.
+    The duration comes from a rehearsal of the first points on simulated instruments with the bench file's own speeds.
 
     Examples: `rig plan night.toml -b bench.toml`, `rig plan night.toml --compare short.toml --usage 30 -b bench.toml`
     """
     if plot is not None and not compare:
-        raise UsageError("--plot shows designs side by side: it goes with --compare")
+        raise UsageError("--plot shows designs side by side: it requires --compare")
     if compare:
         from rig.cli.compare import compare_files  # noqa: PLC0415
 

@@ -1,4 +1,4 @@
-"""`rig night` and `rig study`: commands of the proving ground, which comes with the source and not with the wheel."""
+"""`rig night` and `rig study`: commands of the package `proving`, which is in the source and not in the wheel."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from rig.cli import app
 from rig.errors import UsageError
 
 _COMMANDS = {
-    "night": ("proving.command_night", "Play simulated nights full of faults, crashes and power cuts."),
-    "study": ("proving.command_study", "Do published work again, and hold it against what was printed."),
+    "night": ("proving.command_night", "Simulate nights with faults, crashes and power cuts."),
+    "study": ("proving.command_study", "Reproduce published work, and compare with the printed results."),
 }
 
 
 def _is_here() -> bool:
-    """Whether the package `proving` is the one that stands beside `rig`."""
+    """Whether the package `proving` is the one beside `rig`."""
     spec = find_spec("proving")
     beside = Path(str(rig.__file__)).parent.parent
     return spec is not None and spec.origin is not None and Path(spec.origin).parent.parent == beside

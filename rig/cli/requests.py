@@ -1,4 +1,4 @@
-"""`rig hold`, `release`, `stop`: what a person asks of a running controller."""
+"""`rig hold`, `release`, `stop`: requests to a running controller."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ def _ask(run_file: Path, verb: str) -> int:
             with contextlib.suppress(FileExistsError):
                 posted = send_request(run_file, verb)
                 if posted is None and not controller_alive(run_file):
-                    status = f"`rig status {run_file}` shows what it has come to"
+                    status = f"`rig status {run_file}` shows its state"
                     raise UsageError(f"no controller is running on {run_file}; {status}")
-                request_id = posted or ""  # it runs, and has not said which session yet, or cannot
+                request_id = posted or ""  # it runs, and its session is not known yet or unreadable
         live = read_json(live_path(run_file))
         if request_id and live is not None and live.get("acknowledged") == request_id:
             break
@@ -37,7 +37,7 @@ def _ask(run_file: Path, verb: str) -> int:
             return _ended(run_file, verb)
         clock.sleep(0.05)
     else:
-        stands = f"it will {verb} when it looks again" if request_id else f"it was not asked to {verb}"
+        stands = f"it will {verb} at its next check" if request_id else f"it was not asked to {verb}"
         raise RigError(
             f"the controller of {run_file} did not acknowledge within 30 s ({stands}): an instrument keeps it "
             f"waiting, its disk is full, or it hangs; `rig status {run_file}`"
@@ -47,7 +47,7 @@ def _ask(run_file: Path, verb: str) -> int:
 
 
 def _ended(run_file: Path, verb: str) -> int:
-    """The controller ended before it acknowledged: was that what was asked for?"""
+    """Result if the controller ended before it acknowledged."""
     with RunReader.open(run_file) as reader:
         state = read_state(reader)
     how = state.ended or state.rested
@@ -59,13 +59,13 @@ def _ended(run_file: Path, verb: str) -> int:
 
 @app.command()
 def hold(run_file: RunArgument) -> int:
-    """Stop all motion, leave chambers as they are, and wait; `rig release` lets the run go on."""
+    """Stop all motion, leave chambers as they are, and wait; `rig release` continues the run."""
     return _ask(run_file, "hold")
 
 
 @app.command()
 def release(run_file: RunArgument) -> int:
-    """Let a held run go on."""
+    """Continue a held run."""
     return _ask(run_file, "release")
 
 

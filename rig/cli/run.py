@@ -52,7 +52,7 @@ KillOption = Annotated[
     typer.Option(
         "--kill-at-point",
         min=1,
-        help="for trying out recovery: kill this process with SIGKILL when so many points are done",
+        help="to test recovery: kill this process with SIGKILL after this many points",
         show_default=False,
     ),
 ]
@@ -60,7 +60,7 @@ OperatorOption = Annotated[
     str | None,
     typer.Option(
         "--operator",
-        help=f"who runs this session, for the run file; else {VARIABLE}, else the login name",
+        help=f"operator of this session, for the run file; default: {VARIABLE}, or the login name",
         show_default=False,
     ),
 ]
@@ -78,18 +78,14 @@ _EXIT = {
 def run(
     procedure: ProcedureArgument,
     bench: BenchOption,
-    dry: Annotated[
-        bool, typer.Option("--dry", help="let simulated instruments take the place of the real ones")
-    ] = False,
+    dry: Annotated[bool, typer.Option("--dry", help="replace the real instruments by simulated ones")] = False,
     world: Annotated[
-        Path | None, typer.Option(help="with --dry: the truth behind the simulated bench", show_default=False)
+        Path | None, typer.Option(help="with --dry: the world file of the simulated bench", show_default=False)
     ] = None,
     out_dir: Annotated[Path, typer.Option("--out", "-o", help="folder for the run file")] = Path("runs"),
     create_only: Annotated[
         bool,
-        typer.Option(
-            "--create-only", help="ask every instrument who it is, make the run file, and leave the rest to a service"
-        ),
+        typer.Option("--create-only", help="check identities, create the run file, and leave the run to a service"),
     ] = False,
     operator_name: OperatorOption = None,
     log: LogOption = None,
@@ -100,7 +96,7 @@ def run(
 ) -> int:
     """Carry out a procedure on a bench.
 
-    The first line printed is the run file's path. The run survives anything: `rig resume` carries on with it.
+    The first line printed is the run file's path. The run survives crashes: `rig resume` continues it.
 
     Example: `rig run procedure.toml --bench bench.toml --dry --world world.toml`
     """
@@ -114,7 +110,7 @@ def run(
     with listening(facts, asked, _warn) as listeners:
 
         def announce(path: Path) -> None:
-            with contextlib.suppress(OSError):  # nobody reads it; the run matters more
+            with contextlib.suppress(OSError):  # output without a reader; the run is more important
                 print(path, flush=True)
             listeners.opened(path, path.stem)
             if not create_only:
@@ -133,7 +129,7 @@ def run(
             )
         if create_only:
             err.print(
-                f"{mark(simulated)}created, nothing was moved; rig resume {escape(str(result.path))}", soft_wrap=True
+                f"{mark(simulated)}created; nothing has moved; rig resume {escape(str(result.path))}", soft_wrap=True
             )
             return ExitCode.DONE
         code = conclude(result)
@@ -147,20 +143,20 @@ def resume(
     bench: Annotated[
         Path | None,
         typer.Option(
-            help="a bench file with new addresses for the same instruments; all else in it must be as it was",
+            help="a bench file with new addresses for the same instruments; everything else must be unchanged",
             show_default=False,
         ),
     ] = None,
     accept: Annotated[
         list[str] | None,
-        typer.Option(help="accept another instrument than before in this place; repeatable", show_default=False),
+        typer.Option(help="accept an exchanged instrument of this name; repeatable", show_default=False),
     ] = None,
     gap: Annotated[
-        float, typer.Option(min=0, max=1e7, help="dry runs: seconds the bench was left alone, without power")
+        float, typer.Option(min=0, max=1e7, help="dry runs: gap since the last session without power, seconds")
     ] = 120.0,
     unless_stopped: Annotated[
         bool,
-        typer.Option("--unless-stopped", help="leave a run alone that `rig stop` has stopped: what a service does"),
+        typer.Option("--unless-stopped", help="do not resume a run stopped by `rig stop`: used by services"),
     ] = False,
     operator_name: OperatorOption = None,
     log: LogOption = None,
@@ -169,7 +165,7 @@ def resume(
     notify_file: NotifyFileOption = None,
     kill_at_point: KillOption = None,
 ) -> int:
-    """Carry on with an interrupted run.
+    """Resume an interrupted run.
 
     A dry run's bench begins again, as after a power cut, so an open whole plot is measured again; `rig sim` keeps a
     simulated bench alive between sessions.
@@ -184,7 +180,7 @@ def resume(
     if state.rested == "stopped" and state.ended is None:
         ServiceManager().ended("stopped by rig stop")
         name = escape(str(run_file))
-        err.print(f"{name} was stopped by a person; rig resume {name} carries on", soft_wrap=True)
+        err.print(f"{name} was stopped by a person; rig resume {name} continues it", soft_wrap=True)
         return ExitCode.STOPPED
     asked = Listening(log, log_format, notify, notify_file, dry=dry, strict=False)
     with listening(facts_of(run_file), asked, _warn) as listeners:
@@ -215,9 +211,9 @@ def _warn_and_log(text: str, listeners: Listeners) -> None:
 
 
 def conclude(result: Result) -> int:
-    """Say how a session ended; the exit code."""
+    """Report the end of a session; returns the exit code."""
     state = result.state
-    with contextlib.suppress(OSError):  # a full or closed log does not change how the run ended
+    with contextlib.suppress(OSError):  # a full or closed log does not change the result of the run
         for words in warnings_in(result.path):
             err.print(f"[bold yellow]warning:[/] {escape(words)}", soft_wrap=True)
         if result.message and result.outcome is not Outcome.INTERRUPTED:
@@ -233,19 +229,19 @@ def conclude(result: Result) -> int:
         err.print(f"{mark(state.simulated)}{words} in {duration(state.elapsed_s)}")
         if result.head:
             err.print(
-                f"head {result.head}: keep it elsewhere; `rig verify RUN --head` tells by it whether the file changed",
+                f"head {result.head}: keep it elsewhere; `rig verify RUN --head` uses it to detect changes of the file",
                 soft_wrap=True,
                 highlight=False,
             )
         if result.outcome in (Outcome.INTERRUPTED, Outcome.STOPPED):
-            err.print(f"carry on with: rig resume {escape(str(result.path))}", soft_wrap=True, highlight=False)
+            err.print(f"continue with: rig resume {escape(str(result.path))}", soft_wrap=True, highlight=False)
         if result.outcome is Outcome.COMPLETE and (not state.accepted or _outside_acceptance(result)):
             return ExitCode.OUTSIDE_ACCEPTANCE
     return _EXIT[result.outcome]
 
 
 def _outside_acceptance(result: Result) -> bool:
-    """Hold a complete run against the procedure's acceptance limits; says what it found."""
+    """Compare a complete run with the procedure's acceptance limits, and print the result."""
     if result.procedure is None:
         return False
     acceptance = Acceptance.of(result.procedure, result.path)

@@ -1,4 +1,4 @@
-"""`rig service`: the systemd unit that keeps a run going through the night."""
+"""`rig service`: the systemd unit that continues a run."""
 
 from __future__ import annotations
 
@@ -29,31 +29,33 @@ from rig.unattended.service import WATCHDOG_S, ServiceUnit, patience_s
 @app.command()
 def service(
     run_file: RunArgument,
-    install: Annotated[bool, typer.Option("--install", help="write the unit where systemd finds it")] = False,
-    remove: Annotated[bool, typer.Option("--remove", help="take it away again")] = False,
+    install: Annotated[bool, typer.Option("--install", help="write the unit to systemd's folder")] = False,
+    remove: Annotated[bool, typer.Option("--remove", help="remove the unit")] = False,
     system: Annotated[
         bool | None,
         typer.Option(
-            "--system/--user", help="a unit of the machine, or of the user; the machine's if root", show_default=False
+            "--system/--user", help="unit of the machine (default for root) or of the user", show_default=False
         ),
     ] = None,
-    run_as: Annotated[str, typer.Option(help="whom a unit of the machine runs as", show_default="you")] = "",
+    run_as: Annotated[str, typer.Option(help="user of a unit of the machine", show_default="you")] = "",
     bench: Annotated[
         Path | None, typer.Option(help="a bench file with new addresses, as for rig resume", show_default=False)
     ] = None,
     watchdog: Annotated[
         float | None,
-        typer.Option(min=60, max=86400, help="seconds without news after which it hangs", show_default="by the bench"),
+        typer.Option(
+            min=60, max=86400, help="seconds without a sign of life before a restart", show_default="by the bench"
+        ),
     ] = None,
     writes_to: Annotated[
         list[Path] | None,
         typer.Option(help="another folder that a unit of the machine may write to (a log); repeatable"),
     ] = None,
 ) -> int:
-    """Print, install or remove the systemd unit that carries a run on: after a crash, a hang, a power cut.
+    """Print, install or remove the systemd unit that continues a run after a crash, a hang or a power cut.
 
-    The run file comes from `rig run ... --create-only`, or from a run that was interrupted. There is none for a run
-    that is complete (exit 2), broken (1) or stopped by a person (4).
+    The run file comes from `rig run ... --create-only`, or from an interrupted run. There is no unit for a run that is
+    complete (exit 2), broken (1) or stopped by a person (4).
 
     Examples: `rig service runs/ID.sqlite`, `rig service runs/ID.sqlite --install`
     """
@@ -80,7 +82,7 @@ def service(
         unit.check_paths()
     if unit.system and unit.user == "root" and not remove:
         raise UsageError(
-            "a controller needs no rights of root: name the user it runs as, --run-as USER, who can use the "
+            "a controller does not need root: name its user with --run-as USER, who can use the "
             "instruments' ports (on most machines a member of the group dialout) and write to the run's folder"
         )
     if remove:
@@ -93,7 +95,7 @@ def service(
 
 
 def _check_user(name: str) -> None:
-    """Raise `UsageError` for a user that this machine does not know, whom systemd could not start anything as."""
+    """Raise `UsageError` for a user unknown to this machine, because systemd could not start the unit."""
     try:
         pwd.getpwuid(int(name)) if name.isdecimal() else pwd.getpwnam(name)
     except (KeyError, ValueError, OverflowError) as error:
@@ -101,12 +103,11 @@ def _check_user(name: str) -> None:
 
 
 def _refused(run_file: Path) -> ExitCode | None:
-    """What to end with where a service could not carry the run on; None where it can. Says what was found.
+    """Exit code if a service could not continue the run, after a message; None if it can.
 
     Raises:
-        RunFileError: the file is broken, and no resume would go on with it.
-        UsageError: nothing is left to do.
-
+        RunFileError: the file is broken and cannot be resumed.
+        UsageError: the run is complete.
     """
     state = RunState()
     with RunReader.open(run_file) as reader:
@@ -114,15 +115,15 @@ def _refused(run_file: Path) -> ExitCode | None:
         other = goes_on_in(reader, state)
     name, stands = escape(str(run_file)), f"{len(state.accepted)} of {state.points} points"
     if state.ended is not None:
-        raise UsageError(f"{run_file} is {state.ended} ({stands}): nothing is left for a service to carry on")
+        raise UsageError(f"{run_file} is {state.ended} ({stands}): there is nothing to continue")
     if other is not None:
-        raise UsageError(f"{run_file} was moved or replaced while it was written; the run goes on: rig service {other}")
+        raise UsageError(f"{run_file} was moved or replaced during the run, which continues: rig service {other}")
     if controller_alive(run_file):
         what = f"a controller is running on it ({stands}); the service can begin when that has ended"
         err.print(f"{name}: {what}", soft_wrap=True)
     elif state.rested == "stopped":
-        why = "a service leaves it alone, as a machine that restarts should"
-        err.print(f"{name} was stopped by a person ({stands}): {why}; rig resume {name} carries on", soft_wrap=True)
+        why = "a service does not resume it"
+        err.print(f"{name} was stopped by a person ({stands}): {why}; rig resume {name} continues it", soft_wrap=True)
         return ExitCode.STOPPED
     else:
         why = f": {state.last_fault}" if state.rested == "faulted" else ""
@@ -131,7 +132,7 @@ def _refused(run_file: Path) -> ExitCode | None:
 
 
 def _facts(run_file: Path, *, remove: bool) -> RunFacts:
-    """Which run it is; a unit can be taken away even if its run file is broken or has gone."""
+    """Facts about the run; a unit can be removed even if its run file is broken or missing."""
     try:
         return facts_of(run_file)
     except RigError:
@@ -147,7 +148,7 @@ def _patience_s(run_file: Path) -> float:
 
 
 def _addresses(run_file: Path, bench: Path | None) -> tuple[str, ...]:
-    """Of the bench that the service will use; none of a dry run."""
+    """Addresses of the bench of the service; none for a dry run."""
     with RunReader.open(run_file) as reader:
         text, dry = reader.documents().get("bench.toml"), reader.about().runs_dry
     if bench is not None:
@@ -178,8 +179,8 @@ def _remove(unit: ServiceUnit) -> None:
     try:
         unit.path.unlink()
     except FileNotFoundError:
-        raise UsageError(f"there is no {unit.path}") from None
+        raise UsageError(f"{unit.path} does not exist") from None
     except OSError as error:
         raise UsageError(f"{unit.path} cannot be removed: {error.strerror}") from error
     err.print(f"removed {escape(str(unit.path))}; now: {control} daemon-reload", soft_wrap=True)
-    err.print(f"a controller that is running goes on; {control} stop {escape(unit.name)} ends it", soft_wrap=True)
+    err.print(f"a running controller continues; {control} stop {escape(unit.name)} ends it", soft_wrap=True)

@@ -1,4 +1,4 @@
-"""How the command line shows things: durations, progress, tables. Results to stdout, everything else to stderr."""
+"""Output of the command line: durations, progress, tables. Results go to stdout, everything else to stderr."""
 
 from __future__ import annotations
 
@@ -23,17 +23,19 @@ from rig.present.terminal import show
 from rig.present.visible import visible
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from procedures.table import Table
-    from rig.results.result import Result
+    from rig.results.result import Reported, Result
 
 
 class _Console(Console):
     def render_str(self, text: str, **options: Any) -> Text:
-        """As rich does, with control characters made visible: names and notes come from files of others."""
+        """As rich, with control characters escaped: names and notes come from files of other people."""
         return super().render_str(visible(text), **options)
 
     def on_broken_pipe(self) -> None:
-        """Leave it to `rig.cli.main`: whoever read our output has seen enough, which is no fault."""
+        """Leave it to `rig.cli.main`: the reader of our output has gone, which is not a fault."""
         raise BrokenPipeError
 
 
@@ -42,7 +44,7 @@ err = _Console(stderr=True, highlight=False)
 
 
 def print_json(value: object) -> None:
-    """A result as JSON on stdout; NaN and infinity become null, which JSON has."""
+    """A result as JSON on stdout; NaN and infinity become null."""
     json.dump(finite(value), sys.stdout, indent=2, allow_nan=False)
     sys.stdout.write("\n")
 
@@ -51,12 +53,12 @@ mark = simulated_mark
 
 
 def headline(file: str, table: Table, console: Console = out) -> None:
-    """Whose observations, how many, and whether more are to come."""
+    """Sensors, number of observations, and whether the run continues."""
     show((headline_of(file, table),), console)
 
 
 def show_notes(result: Result) -> None:
-    """What a reader should know besides: which columns and rows play no part, and why."""
+    """Notes for readers: unused columns and rows, with reasons."""
     for note in result.notes():
         err.print(f"[yellow]{escape(note)}[/]", soft_wrap=True)
 
@@ -70,8 +72,15 @@ def show_result(result: Result, *, as_json: bool) -> None:
     show_notes(result)
 
 
+def write_report(result: Reported, path: Path | None) -> None:
+    """Write the report of a result where one was asked for. Raises `UsageError` where it has none."""
+    if path is not None:
+        result.report(path)
+        err.print(f"report: {escape(str(path))}", soft_wrap=True)
+
+
 class _Bar(Progress):
-    """Two lines that never wrap: state, bar, points and time left; below them bench time and what is going on."""
+    """Two lines that never wrap: state, bar, points and time left; below them bench time and present activity."""
 
     def get_renderables(self) -> Iterable[RenderableType]:
         for task in self.tasks:
@@ -84,10 +93,10 @@ class _Bar(Progress):
 
 @contextmanager
 def run_progress(*, simulated: bool) -> Iterator[Callable[[News], None]]:
-    """What to call with the sequencer's news: a progress bar on stderr, plain lines where that is no terminal.
+    """A function for the sequencer's progress: a progress bar on stderr, or plain lines without a terminal.
 
-    The bar appears with the first news and not before. By then the run file's path stands on stdout, on a line of
-    its own, although the bar is drawn on the same terminal.
+    The bar appears with the first progress. So the run file's path is on stdout, on a separate line, before the bar is
+    drawn on the same terminal.
     """
     if not err.is_terminal:
         yield _PlainProgress(simulated).show
@@ -98,7 +107,7 @@ def run_progress(*, simulated: bool) -> Iterator[Callable[[News], None]]:
         TextColumn("{task.completed}/{task.total} points"),
         TextColumn("{task.fields[left]}"),
     )
-    # Redirecting would send the run file's path, our one line on stdout, to stderr with the bar.
+    # Redirecting would send the run file's path, our only line on stdout, to stderr with the bar.
     bar = _Bar(*columns, console=err, refresh_per_second=5, redirect_stdout=False, redirect_stderr=False, expand=True)
 
     def show(news: News) -> None:
@@ -123,9 +132,9 @@ def run_progress(*, simulated: bool) -> Iterator[Callable[[News], None]]:
 
 @contextmanager
 def counting(what: str, total: int) -> Iterator[Callable[[str], None]]:
-    """What to call, with a few words, whenever one of many things is done: a bar with time left on stderr.
+    """A function to call after each of many tasks: a bar with remaining time on stderr.
 
-    Where that is no terminal a line a minute.
+    Without a terminal it prints one line per minute.
     """
     stopwatch = RealClock().stopwatch
     began = told = stopwatch()

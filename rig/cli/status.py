@@ -1,19 +1,28 @@
-"""The command `rig status`: its options; what it prints of a run is in `rig.results.status`, of a folder in `runs`."""
+"""The command `rig status`: of a run, which `rig.results.status` puts into words, and of a folder of runs."""
 
 from __future__ import annotations
 
+from datetime import UTC, datetime
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from rich.markup import escape
+from rich.table import Table
 
+from procedures.durations import duration
 from rig.cli import app
 from rig.cli.run import JsonOption
-from rig.cli.runs import check_code, list_runs
-from rig.cli.show import out, print_json
-from rig.errors import ExitCode
+from rig.cli.show import err, out, print_json
+from rig.errors import ExitCode, RigError, UsageError
 from rig.present.terminal import show
+from rig.regular import real_path
 from rig.results.status import status_of
+from rig.run_file.events.sessions import RunCreated
+from rig.run_file.live import controller_alive, read_live
+from rig.run_file.opening import sensible
+from rig.run_file.state import RunState
+from rig.run_file.verification import CUT_SHORT, glance
 
 
 @app.command()
@@ -23,15 +32,15 @@ def status(
     ),
     as_json: JsonOption = False,
     check: Annotated[
-        bool, typer.Option("--check", help="end with an exit code that tells: see docs/exit-codes.md")
+        bool, typer.Option("--check", help="use the exit code for the state: see docs/exit-codes.md")
     ] = False,
 ) -> int:
-    """Show what a run has come to, running or not; of a folder, its runs, the newest first.
+    """Show the state of a run, running or not; for a folder, its runs, newest first.
 
-    A complete run is fitted and held against its procedure's acceptance limits, as at its end.
+    A complete run is fitted and compared with its procedure's acceptance limits, as at its end.
 
-    With --check it ends with 0 if the run is complete, 6 if it is running, 4 if it was stopped, 1 if it ended by a
-    fault, 75 if it was interrupted or never begun. A file that was edited or damaged ends with 1 in any case.
+    With --check the exit code is 0 if the run is complete, 6 if it is running, 4 if it was stopped, 1 if it ended by a
+    fault, 75 if it was interrupted or never begun. An edited or damaged file gives 1 in any case.
 
     Examples: `rig status runs/ID.sqlite`, `rig status runs`, `rig status RUN --check && rig fit RUN`
     """
@@ -43,3 +52,99 @@ def status(
     else:
         show(found.blocks(), out)
     return ExitCode.FAULT if found.broken else check_code(found.state, run_file) if check else ExitCode.DONE
+
+
+_VERIFIED = 10_000
+"""Runs of so many records at most are verified on the way, so that a folder of them is listed within seconds."""
+_RESTED = {"stopped": ExitCode.STOPPED, "faulted": ExitCode.FAULT}
+
+
+def check_code(state: RunState, run_file: Path) -> ExitCode:
+    """What a script is told of a run: complete, running (starting counts), stopped, faulted, or interrupted."""
+    if controller_alive(run_file):
+        return ExitCode.RUNNING
+    if state.ended is not None:
+        return ExitCode.DONE
+    return _RESTED.get(state.rested, ExitCode.INTERRUPTED)
+
+
+def list_runs(folder: Path, *, as_json: bool, check: bool) -> int:
+    """Show the runs of a folder, the newest first. With `check` the code is the first one's that is not done."""
+    paths = sorted(folder.glob("*.sqlite"), key=_changed, reverse=True)
+    if not paths:
+        raise UsageError(f"there are no run files in {folder}")
+    rows, codes = [], []
+    for path in paths:
+        row, code = _row(path)
+        rows.append(row)
+        codes.append(code)
+    if as_json:
+        print_json(rows)
+    else:
+        _show(rows)
+    return next((code for code in codes if code), ExitCode.DONE) if check else ExitCode.DONE
+
+
+def _changed(path: Path) -> float:
+    """When a run was last written to: its log file counts, the main file may be hours behind."""
+    real = real_path(path)
+    log = real.with_name(real.name + "-wal")
+    return max((p.stat().st_mtime for p in (real, log) if p.exists()), default=0.0)
+
+
+def _row(path: Path) -> tuple[dict[str, Any], int]:
+    try:
+        reader, state, wrong, _ = glance(path, _VERIFIED)
+        with reader:
+            about = reader.about()
+        if wrong is not None and wrong.where not in CUT_SHORT:
+            message = f"{path} was edited or damaged: {wrong}; rig verify {path} lists everything that is wrong"
+            return {"run_file": str(path), "state": "not whole", "message": message}, int(ExitCode.FAULT)
+        with sensible(path):
+            return _known(path, state, about)
+    except RigError as error:
+        return {"run_file": str(path), "state": "unreadable", "message": str(error)}, int(ExitCode.FAULT)
+
+
+def _known(path: Path, state: RunState, about: RunCreated) -> tuple[dict[str, Any], int]:
+    """A run's line, and what `--check` would end with."""
+    said = read_live(path)
+    running, live = said is not None, said or {}
+    row = {
+        "run_file": str(path),
+        "state": live["state"] if running else state.ended or state.rested,
+        "running": running,
+        "simulated": state.simulated,
+        "procedure": about.procedure or "",
+        "bench": about.bench or "",
+        "points": state.points,
+        "done": len(state.accepted) + len(state.skipped),
+        "elapsed_s": live.get("elapsed_s", state.elapsed_s),
+        "remaining_s": live.get("remaining_s"),
+        "last_record_utc": datetime.fromtimestamp(state.utc_s, UTC).isoformat(timespec="seconds"),
+        "last_fault": state.last_fault,
+    }
+    return row, int(check_code(state, path))
+
+
+_STYLES = {"complete": "green", "faulted": "red", "unreadable": "red", "not whole": "red", "holding": "bold yellow"}
+
+
+def _show(rows: list[dict[str, Any]]) -> None:
+    table = Table(box=None, pad_edge=False)
+    for title in ("run file", "state", "points", "bench time", "left", "last record (UTC)"):
+        table.add_column(title, overflow="fold")
+    for row in rows:
+        style = _STYLES.get(row["state"], "bold" if row.get("running") else "yellow")
+        state = f"[{style}]{escape(row['state'])}[/]"
+        if row["state"] in ("unreadable", "not whole"):
+            table.add_row(escape(row["run_file"]), state)
+            err.print(f"[red]{escape(row['message'])}[/]", soft_wrap=True)
+            continue
+        mark = " [magenta]SIM[/]" if row["simulated"] else ""
+        left = "" if row["remaining_s"] is None else duration(row["remaining_s"])
+        last = row["last_record_utc"][:16].replace("T", " ")
+        points = f"{row['done']}/{row['points']}"
+        table.add_row(escape(row["run_file"]) + mark, state, points, duration(row["elapsed_s"]), left, last)
+    # Never wrapped, so that grep and cut find a run on one line of its own.
+    (out if out.is_terminal else type(out)(highlight=False, width=10_000)).print(table)

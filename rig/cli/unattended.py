@@ -1,4 +1,4 @@
-"""Options of `rig run` and `rig resume` that decide who listens: log, notifications, service manager."""
+"""Options of `rig run` and `rig resume` for log, notifications and service manager."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ LogOption = Annotated[
     Path | None,
     typer.Option(
         "--log",
-        help="append a log to this file; - is stderr. A real bench's run has one beside the run file anyway",
+        help="append a log to this file; - is stderr. Default for a real bench: a log beside the run file",
         show_default=False,
     ),
 ]
@@ -32,27 +32,26 @@ NotifyOption = Annotated[
     bool | None,
     typer.Option(
         "--notify/--no-notify",
-        help="tell people as notify.toml says; by default on a real bench, and not in a dry run",
+        help="notify people by notify.toml; default: on a real bench, not in a dry run",
         show_default=False,
     ),
 ]
 NotifyFileOption = Annotated[
-    Path | None, typer.Option(help="another notify.toml (also: RIG_NOTIFY)", show_default=False)
+    Path | None, typer.Option(help="path of notify.toml (also: RIG_NOTIFY)", show_default=False)
 ]
 
 
 @dataclass(frozen=True)
 class Listening:
-    """What was asked for on the command line.
+    """Options of the command line.
 
     Attributes:
         log: a file, "-" for stderr, None for the default place.
         log_format: text or JSON lines.
-        notify: whether people are told; None: as is usual for this bench.
-        notify_file: another file than the usual one.
-        dry: a dry run, where nobody waits for news.
-        strict: a wrong notify file is an error, and not only a warning.
-
+        notify: whether people are notified; None for the default of this bench.
+        notify_file: a file in place of the default one.
+        dry: a dry run, without notifications by default.
+        strict: whether a wrong notify file is an error instead of a warning.
     """
 
     log: Path | None
@@ -65,16 +64,15 @@ class Listening:
 
 @contextlib.contextmanager
 def listening(facts: RunFacts, asked: Listening, warn: Callable[[str], None]) -> Iterator[Listeners]:
-    """Everybody who is to listen to a session, as long as it lasts.
+    """All listeners of a session, for its duration.
 
     Raises:
-        ConfigurationError: notify.toml is wrong, where somebody is there to mend it.
-
+        ConfigurationError: notify.toml is wrong, and a person is present to correct it.
     """
     manager = ServiceManager()
     if manager.present and not faulthandler.is_enabled():
         with contextlib.suppress(OSError, ValueError, RuntimeError):
-            faulthandler.enable()  # a watchdog's SIGABRT then leaves in the journal where the program hung
+            faulthandler.enable()  # after a watchdog's SIGABRT the journal then shows where the program hung
     listeners = Listeners(replace(facts, served=manager.present), manager)
     try:
         _add_logs(listeners, asked)
@@ -85,12 +83,12 @@ def listening(facts: RunFacts, asked: Listening, warn: Callable[[str], None]) ->
         raise
     finally:
         for words in listeners.close():
-            with contextlib.suppress(OSError):  # a terminal that has gone does not change how the run ended
+            with contextlib.suppress(OSError):  # a closed terminal does not change the result of the run
                 warn(words)
 
 
 def heard(listeners: Listeners, show: Callable[[Progress], None]) -> Callable[[Progress], None]:
-    """What to call with the sequencer's news: listeners first, then the terminal unless the log is there."""
+    """A function for the sequencer's progress: listeners first, then the terminal unless the log is there."""
     on_stderr = any(log.on_stderr for log in listeners.logs)
 
     def progress(news: Progress) -> None:
@@ -102,7 +100,7 @@ def heard(listeners: Listeners, show: Callable[[Progress], None]) -> Callable[[P
 
 
 def facts_of(run_file: Path) -> RunFacts:
-    """Which run a run file holds, and how its last session ended."""
+    """The run of a run file, and how its last session ended."""
     with RunReader.open(run_file) as reader:
         about = reader.about()
         return RunFacts(
@@ -116,7 +114,7 @@ def facts_of(run_file: Path) -> RunFacts:
 
 
 def outside(code: int) -> str:
-    """What a log and a message say besides the outcome."""
+    """Additional words for a log and a message besides the outcome."""
     return "outside acceptance" if code == ExitCode.OUTSIDE_ACCEPTANCE else ""
 
 
@@ -133,7 +131,7 @@ def _add_logs(listeners: Listeners, asked: Listening) -> None:
 
 
 def add_default_log(listeners: Listeners, asked: Listening) -> None:
-    """The log beside the run file, if no other was asked for and this is a real bench."""
+    """The log beside the run file, if no other was requested and this is a real bench."""
     if asked.log is None and not asked.dry and listeners.facts.path is not None:
         listeners.logs.append(Log(file_writer(default_log(listeners.facts.path)), asked.log_format))
 
@@ -155,15 +153,15 @@ def _add_notifier(listeners: Listeners, asked: Listening, warn: Callable[[str], 
     except ConfigurationError as error:
         if asked.strict:
             raise
-        text = f"nobody will be told of anything: {error}"
+        text = f"nobody will be notified: {error}"
         listeners.say("warning", text)
         warn(text)
         return
     sends, wrong = senders(settings, str(path))
     if wrong and asked.strict:
         raise ConfigurationError("\n".join(wrong))
-    for text in wrong:  # the other channels still tell
-        said = f"nobody will be told {'there' if sends else 'of anything'}: {text}"
+    for text in wrong:  # the other channels still work
+        said = f"nobody will be notified{' there' if sends else ''}: {text}"
         listeners.say("warning", said)
         warn(said)
     listeners.notifier = Notifier(settings, sends, told=listeners.told, failed=listeners.not_told)

@@ -1,4 +1,4 @@
-"""`rig verify`: is a run file whole, and if not, what was changed in it."""
+"""`rig verify`: whether a run file is intact, and otherwise what was changed."""
 
 from __future__ import annotations
 
@@ -28,26 +28,26 @@ def verify(
         str | None,
         typer.Option(
             help="a head hash noted elsewhere (end of a run, its log or message, a report): exit 1 if the file has "
-            "changed since, records cut off or hashes made again included; "
+            "changed since, also by removed records or recomputed hashes; "
             "with --restore: only a chain that has it is restored"
         ),
     ] = None,
     restore: Annotated[
         Path | None,
         typer.Option(
-            help="write what a damaged file still proves, from the first record on, into this new run file",
+            help="write the still provable records of a damaged file, from the first on, to this new run file",
             show_default=False,
         ),
     ] = None,
     as_json: JsonOption = False,
 ) -> int:
-    """Check that a run file is whole and its contents make sense; say what was changed, and where.
+    """Check that a run file is intact and its contents are consistent; report changes and their places.
 
-    A file whose hashes were all made again, consistently, shows only against a head hash noted elsewhere: give --head.
-    Exit code 0: whole, and the head given is one of its records'; 1: broken, senseless, or another head.
+    If all hashes were recomputed consistently, only a head hash noted elsewhere shows the change: use --head. Exit code
+    0: intact, and a given head is the hash of one of its records; 1: broken, inconsistent, or another head.
 
-    Examples: `rig verify runs/20260115T180000-night-1a2b.sqlite --head 3f7a9c0d51e2b846`,
-    `rig verify DAMAGED.sqlite --restore NEW.sqlite`
+    Examples: `rig verify runs/20260115T180000-night-1a2b.sqlite --head 3f7a9c0d51e2b846`, `rig verify DAMAGED.sqlite
+    --restore NEW.sqlite`
     """
     if head is not None and not re.fullmatch("[0-9a-f]{8,64}", head := head.strip().lower()):
         raise UsageError(
@@ -68,7 +68,8 @@ def verify(
 def _restore(damaged: Path, new: Path, head: str | None, as_json: bool) -> int:
     found = restored(damaged, new, head or "")
     whole = verify_file(new, head)
-    broken = [finding for finding in whole.findings if finding.where != "sense"]  # sense it had before, or had not
+    # its contents had the same inconsistency before
+    broken = [finding for finding in whole.findings if finding.where != "sense"]
     if broken:
         raise RunFileError(f"{new} was written and is not whole: {broken[0]}. Do not use it")
     with RunReader.open(new) as reader:
@@ -96,22 +97,22 @@ def _restore(damaged: Path, new: Path, head: str | None, as_json: bool) -> int:
 
 
 def _next(new: Path, state: RunState, other: Path | None) -> str:
-    """What to do with a restored file."""
+    """Next step for a restored file."""
     if state.ended is not None:
         return ""
     if other is None:
         return f"measure again what is missing: rig resume {new}"
     if other.is_file():
-        return f"the run goes on in {other}, which has what is missing here: rig resume {other}; never resume both"
-    return f"the run goes on in {other}, which is not there: look for it before you resume {new}; never resume both"
+        return f"the run goes on in {other}, which has the missing records: rig resume {other}; never resume both"
+    return f"the run goes on in {other}, which does not exist: look for it before you resume {new}; never resume both"
 
 
 def _not_restored(damaged: Path, one: Other) -> str:
     ended = ", to its end" if one.ended else ""
     what = (
-        f"this run as it went on otherwise after record {one.same_until}"
+        f"this run with a different continuation after record {one.same_until}"
         if one.same_until
-        else f"another run, {one.run or 'which does not say its name'}"
+        else f"another run, {one.run or 'without a name'}"
     )
     way = f"rig verify {damaged} --restore OTHER.sqlite --head {one.head[:16]}"
     return f"not restored: {what}, {one.records} records{ended}: {way}"
@@ -121,14 +122,14 @@ def _way_forward(path: Path, found: Verification) -> str:
     more = f" ({len(found.findings)} findings in all)" if len(found.findings) > 1 else ""
     if all(finding.where == "sense" for finding in found.findings):
         return (
-            f"every hash of {path} is right, and no controller writes what it holds: {found.findings[0]}{more}. "
-            f"Somebody has changed it and made the hashes again, or rig has a fault: do not use its results. Keep it "
+            f"every hash of {path} is correct, but no controller writes such contents: {found.findings[0]}{more}. "
+            f"It was changed and its hashes were recomputed, or rig has a defect: do not use its results. Keep it "
             f"as it is, and compare it with a copy from before, or with a head that was noted elsewhere (`--head`)"
         )
     return (
         f"{path} was edited or damaged: {found.findings[0]}{more}. Keep it as it is. "
         f"A copy from before the damage can be fitted and resumed; "
-        f"`rig verify {path} --restore NEW.sqlite` saves the beginning that is proven, to be fitted and resumed too; "
+        f"`rig verify {path} --restore NEW.sqlite` saves the provable beginning, which can be fitted and resumed; "
         f"`rig export {path} --salvage --out DATA.csv` saves the observations that can still be read, "
         f"which are not verified"
     )

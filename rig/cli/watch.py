@@ -14,21 +14,21 @@ from rig.errors import ExitCode, UsageError
 @app.command()
 def watch(
     where: Annotated[Path, typer.Argument(help="the run file, or a folder of run files", show_default=False)],
-    port: Annotated[int, typer.Option(min=0, max=65535, help="where to listen; 0 takes any that is free")] = 8321,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="TCP port; 0 for any free port")] = 8321,
     host: Annotated[str, typer.Option(help="address to listen on; other than this machine's own needs a token")] = (
         "127.0.0.1"
     ),
     token: Annotated[
-        str | None, typer.Option(help="what must be given to look; made and printed where needed", show_default=False)
+        str | None, typer.Option(help="token for visitors; generated and printed if needed", show_default=False)
     ] = None,
     against: Annotated[
         Path | None,
         typer.Option(help="show residuals against this calibration file or earlier run", show_default=False),
     ] = None,
 ) -> int:
-    """Serve a page that shows a run as it goes: state, time left, readings, residuals, warnings.
+    """Serve a live page of a run: state, remaining time, readings, residuals, warnings.
 
-    It reads the run file and what the controller says beside it, writes nothing, and needs no internet. The first
+    It reads the run file and the controller's status file beside it, writes nothing, and needs no internet. The first
     line printed is the address to open. Ends with Ctrl-C.
 
     Example: `rig watch runs/`
@@ -38,7 +38,7 @@ def watch(
     if token is not None and not (token.isascii() and token.isprintable()):
         raise UsageError("--token: it becomes part of an address and a header: plain ASCII characters only")
     from drivers.clock import RealClock  # noqa: PLC0415
-    from rig.watch.server import serve  # noqa: PLC0415 - the web server takes a while to import
+    from rig.watch.server import serve  # noqa: PLC0415 - the web server is slow to import
 
     clock = RealClock()
     serve(

@@ -1,4 +1,4 @@
-"""From a table to what it says: fit and trace, by the kind that the table is of."""
+"""Fit and trace of tables, by their kind of calibration."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["Fitted", "Traced", "fit_table", "trace_table"]
 
 
 class _Given:
-    """A table that was read already."""
+    """A table that has been read."""
 
     def __init__(self, table: Table) -> None:
         self.table = table
@@ -30,9 +30,8 @@ def fit_table(table: Table, **options: Any) -> Fitted:
     """Fit the declared model to every sensor of a table; `options` are those of its kind.
 
     Raises:
-        UsageError: the table is of no kind that is known.
-        procedures.errors.DataError: it lacks something, or its rows do not determine the model.
-
+        UsageError: no kind matches the table.
+        procedures.errors.DataError: columns or values are missing, or the rows do not determine the model.
     """
     kind = known(table)
     asked = kind.fit_options(**options)
@@ -40,15 +39,17 @@ def fit_table(table: Table, **options: Any) -> Fitted:
 
 
 def trace_table(table: Table, **options: Any) -> Traced:
-    """Trace what the declared model lacks in every sensor of a table; arguments and errors as for `fit_table`."""
+    """Find effects missing in the declared model of every sensor of a table; arguments and errors as for
+    `fit_table`.
+    """
     kind = known(table)
     return kind.trace(_Given(table), kind.trace_options(**options), own=laboratory_effects())
 
 
 def known(table: Table) -> Kind:
-    """The kind of a table. Raises `UsageError` where none knows it."""
+    """The kind of a table. Raises `UsageError` if no kind matches it."""
     kind = kind_of_table(table)
     if kind is None:
         tables = "; ".join(one.described for one in kinds().values())
-        raise UsageError(f"{table.source} is no calibration that is known: {tables}")
+        raise UsageError(f"{table.source} is not a table of a known kind of calibration: {tables}")
     return kind

@@ -1,4 +1,4 @@
-"""Control charts over several calibrations: is a sensor drifting, and when is it due again?"""
+"""Control charts over several calibrations: drift of a sensor, and its next due date."""
 
 from __future__ import annotations
 
@@ -10,17 +10,16 @@ from typing import Any
 import numpy as np
 
 from fitter.errors import FitError
-from fitter.history import Between, Chart, chart
+from fitter.history import Between, Chart, QuantityChart, chart
 from procedures.charting import View
 from rig.closed_loop.chart_inputs import Given, notes
-from rig.closed_loop.chart_json import quantity_json
 from rig.closed_loop.chart_together import LeftOut
 from rig.closed_loop.chart_words import due_sentence, quantity_sentences
 from rig.errors import UsageError
 
 DAYS = 365.25
 _TOLERANCES = (0.5, 1.0, 2.0, 4.0)
-"""Of the tolerance asked for, to show how the due date depends on it."""
+"""Factors of the requested tolerance, to show how the due date depends on it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,12 +29,11 @@ class SensorChart:
     Attributes:
         name: column name of its output.
         given: its calibrations, in order of time.
-        view: what is charted, and the parameters for people.
-        chart: what was found.
-        tolerance: of the output, in its unit.
-        told: whether the tolerance was asked for; else it is what one reading's 95 % interval already allows.
-        today: when "in N days" counts from.
-
+        view: the charted parameters, and their names for people.
+        chart: the statistics.
+        tolerance: maximum error of the output, in its unit.
+        told: whether the tolerance was given; otherwise it is the 95 % interval of one reading.
+        today: date for "in N days".
     """
 
     name: str
@@ -48,19 +46,20 @@ class SensorChart:
 
     @property
     def model(self) -> str:
-        """That was fitted."""
+        """The fitted model."""
         return self.view.model
 
     @property
     def last(self) -> datetime:
-        """When the last calibration was."""
+        """Date of the last calibration."""
         return self.given[-1].when
 
     def due(self, tolerance: float) -> dict[str, Any]:
-        """When the last calibration is due again for a tolerance: a status and, where there is one, a date.
+        """Due date of the last calibration for a tolerance: a status and, if there is one, a date.
 
-        "too few": fewer than three calibrations. "never within": not even at once. "due": on a date to come.
-        "overdue": on a date that has passed. `at_least` says that the forecast ends there, not the tolerance.
+        "too few": fewer than three calibrations. "never within": not even on the date of the last calibration. "due":
+        on a future date. "overdue": on a past date. `at_least` means that the date is the end of the forecast, not of
+        the tolerance.
         """
         answer: dict[str, Any] = {"tolerance": tolerance, "unit": self.view.unit}
         bound = self.chart.bound
@@ -83,7 +82,7 @@ class SensorChart:
         }
 
     def _by_tolerance(self) -> list[dict[str, Any]]:
-        """Due dates for tolerances around that asked for, up to the first that outlasts the forecast."""
+        """Due dates for tolerances around the requested one, up to the first beyond the forecast."""
         rows: list[dict[str, Any]] = []
         for factor in _TOLERANCES:
             if factor <= 1.0 or not rows[-1].get("at_least"):
@@ -94,7 +93,7 @@ class SensorChart:
         return None if years is None else f"{self.last + timedelta(days=DAYS * years):%Y-%m-%d}"
 
     def to_json(self) -> dict[str, Any]:
-        """What `rig chart --json` prints of this sensor."""
+        """JSON values of this sensor for `rig chart --json`."""
         table = self.view.charted
         dates = [one.date for one in self.given]
         due = self.due(self.tolerance)
@@ -114,7 +113,7 @@ class SensorChart:
                 }
                 for i, one in enumerate(self.given)
             ],
-            "quantities": {q.name: quantity_json(q, dates) for q in self.chart.quantities},
+            "quantities": {q.name: _quantity_json(q, dates) for q in self.chart.quantities},
             "errors_from_replications": table.replicated,
             "usage": list(self.view.usage),
             "tolerance_asked_for": self.told,
@@ -142,6 +141,54 @@ class SensorChart:
         return found
 
 
+def _quantity_json(q: QuantityChart, dates: Sequence[str]) -> dict[str, Any]:
+    """Values, tests and limits of one parameter; None for what too few calibrations cannot tell."""
+    series, spread = q.series, q.homogeneity
+    result: dict[str, Any] = {
+        "values": [float(v) for v in series.values],
+        "stderr": [float(v) for v in np.sqrt(series.variance)],
+        "df": series.df,
+        "homogeneity": {
+            "F": spread.F,
+            "F_95": spread.limit_95,
+            "df": list(spread.df),
+            "p": spread.p,
+            "p_adjusted": q.adjusted["homogeneity"],
+            "between_sd": spread.between_sd,
+        },
+        "trend": None,
+        "step": None,
+        "limits": None,
+    }
+    if q.trend is not None:
+        result["trend"] = {
+            "per_year": q.trend.per_year,
+            "stderr": q.trend.stderr,
+            "half_width_95": q.trend.half_width_95,
+            "df": q.trend.df,
+            "p": q.trend.p,
+            "p_adjusted": q.adjusted["trend"],
+            "p_walk": q.trend.p_walk,
+            "favoured": q.trend.favoured.value,
+        }
+    if q.step is not None:
+        result["step"] = {
+            "after": dates[q.step.before - 1],
+            "before": dates[q.step.before],
+            "size": q.step.size,
+            "stderr": q.step.stderr,
+            "p": q.step.p,
+            "p_adjusted": q.adjusted["step"],
+        }
+    if q.limits is not None:
+        result["limits"] = {
+            "centre": q.limits.centre,
+            "half_width_95": [float(v) for v in q.limits.warning],
+            "half_width_99_7": [float(v) for v in q.limits.action],
+        }
+    return result
+
+
 @dataclass(frozen=True, eq=False)
 class ControlCharts:
     """All sensors of a set of calibrations.
@@ -149,9 +196,8 @@ class ControlCharts:
     Attributes:
         given: the calibrations, in order of time.
         sensors: by output column.
-        notes: what a reader should know.
-        left_out: files that are not charted.
-
+        notes: notes for the reader.
+        left_out: files that are not charted, with reasons.
     """
 
     given: Sequence[Given]
@@ -161,11 +207,11 @@ class ControlCharts:
 
     @property
     def simulated(self) -> bool:
-        """Whether all of it is from simulated runs."""
+        """Whether all calibrations are from simulated runs."""
         return self.given[0].of.simulated
 
     def to_json(self) -> dict[str, Any]:
-        """What `rig chart --json` prints."""
+        """JSON values of `rig chart --json`."""
         return {
             "data": {
                 "kind": self.given[0].kind.name,
@@ -190,20 +236,19 @@ def chart_calibrations(
     usage_deg: float | None = None,
     left_out: Sequence[LeftOut] = (),
 ) -> ControlCharts:
-    """Chart every sensor that is in all calibrations.
+    """Chart every sensor that occurs in all calibrations.
 
     Args:
         given: at least two calibrations, in order of time.
-        today: when "in N days" counts from.
+        today: date for "in N days".
         sensors: names of the outputs to chart; none for all.
         tolerance: of the output, in its unit; None for the 95 % interval of one reading.
-        usage_deg: the sensors are used within +- this; None for the range calibrated last.
+        usage_deg: range of use, plus and minus, degrees; None for the range of the last calibration.
         left_out: files that are not charted, to be named.
 
     Raises:
         UsageError: a sensor is not in all calibrations, or cannot be charted.
-        DataError: this kind knows of no range of usage.
-
+        DataError: this kind has no range of use.
     """
     common = [name for name in given[0].sensors if all(name in one.sensors for one in given)]
     for name in sensors:

@@ -1,4 +1,4 @@
-"""What a control chart is made of: run files, calibration files and CSV tables, each with its date."""
+"""Input files of control charts: run files, calibration files and CSV tables, each with its date."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ from rig.run_file.bodies import TEXTS
 from rig.tables import read_table
 
 _EARLIEST, _LATEST = 1900, 2200
-"""Years between which a calibration may be dated; others are slips of the finger."""
+"""Permitted years of calibrations; other dates are typing errors."""
 _ALIKE_DEGC = 0.5
-"""Between the mean temperatures of calibrations: at 50 ppm a degC, 25 ppm."""
+"""Maximum difference between mean temperatures of calibrations, degC: at 50 ppm per degC it is 25 ppm."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,12 +35,11 @@ class Given:
     """One calibration.
 
     Attributes:
-        source: the file as it was named.
-        kind: of calibration.
+        source: name of the file, as given.
+        kind: kind of calibration.
         when: middle of the calibration, UTC.
         of: its sensors.
-        unused: columns that play no part.
-
+        unused: columns that are not used.
     """
 
     source: str
@@ -51,7 +50,7 @@ class Given:
 
     @property
     def charting(self) -> Charting:
-        """What its kind knows of charts."""
+        """Charting functions of its kind."""
         return self.kind.charting()
 
     @property
@@ -61,12 +60,12 @@ class Given:
 
     @property
     def provenance(self) -> Mapping[str, Any]:
-        """What is known of it."""
+        """Provenance."""
         return self.of.provenance
 
     @property
     def date(self) -> str:
-        """Of the calibration, as 2026-01-15."""
+        """Date of the calibration, as 2026-01-15."""
         return f"{self.when:%Y-%m-%d}"
 
 
@@ -74,9 +73,8 @@ def read(source: str, formula: str | None = None) -> Given:
     """One calibration, from a run file, a calibration file or a CSV table.
 
     Raises:
-        UsageError, RunFileError: the file is none of these, or does not say when it was measured.
-        DataError: it lacks something, or does not determine the model.
-
+        UsageError, RunFileError: the file is none of these, or has no date of measurement.
+        DataError: columns or values are missing, or the data do not determine the model.
     """
     path, told = _path_and_date(source)
     if path.suffix == ".json":
@@ -95,11 +93,11 @@ def _of_table(table: Table, formula: str | None) -> tuple[Kind, Calibrations]:
         return kind, kind.charting().of_table(table, formula)
     except DataError as error:
         known = " or ".join(one.title for one in kinds().values() if not one.asked_by)
-        raise UsageError(f"{table.source} is no table of {known}. {error}") from error
+        raise UsageError(f"{table.source} is not a table of {known}. {error}") from error
 
 
 def notes(given: Sequence[Given]) -> list[str]:
-    """What changed between calibrations besides the sensors, and what they lack: a step may be due to that."""
+    """Changes between calibrations other than of the sensors, and missing parts: possible causes of a step."""
     found = _temperature_words(given)
     for one in given:
         missing = incomplete(one.provenance)
@@ -113,26 +111,26 @@ def notes(given: Sequence[Given]) -> list[str]:
     degC = [one.of.degC for one in given if one.of.degC is not None]
     if degC and max(degC) - min(degC) > _ALIKE_DEGC and not all(one.of.corrected for one in given):
         found.append(
-            f"the sensors' mean temperature lay between {min(degC):.1f} and {max(degC):.1f} degC: a temperature "
+            f"the sensors' mean temperature was between {min(degC):.1f} and {max(degC):.1f} degC: a temperature "
             f"coefficient looks like a change over time"
         )
     return found
 
 
 def _temperature_words(given: Sequence[Given]) -> list[str]:
-    """At which sensor temperature the charted parameters hold."""
+    """Sensor temperature of the charted parameters."""
     known = [one.of.degC for one in given if one.of.degC is not None]
     if not given[0].charting.at_one_temperature:
         return []
     if all(one.of.corrected for one in given) and len(known) == len(given):
-        return [f"parameters are charted at {np.mean(known):.2f} degC, to which every calibration was brought"]
+        return [f"parameters are charted at {np.mean(known):.2f} degC, and all calibrations were converted to it"]
     if not known:
-        return ["at which sensor temperature the charted parameters hold was not recorded"]
-    return ["charted parameters hold at each calibration's own mean sensor temperature"]
+        return ["the sensor temperature of the charted parameters was not recorded"]
+    return ["charted parameters are for each calibration's own mean sensor temperature"]
 
 
 def as_table(given: Sequence[Given], title: str) -> Table:
-    """The calibrations as a table of their dates, with the provenance of all, for the report's frame."""
+    """The calibrations as a table of their dates, with provenance, for the report."""
     days = np.array([one.when.timestamp() / 86400.0 for one in given])
     provenance = {f"{one.date}: {one.source}": _origin(one) for one in given}
     return Table(title, {"day": days - days[0]}, given[0].of.simulated, provenance)
@@ -145,7 +143,7 @@ def _origin(one: Given) -> str:
 
 
 def _changes(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[str]:
-    """What is another instrument, bench or procedure; an instrument's next calibration date is no other instrument."""
+    """Changes of instrument, bench or procedure; a new due date alone is not another instrument."""
     found = [
         f"the {name} changed from {before[name]} to {after[name]}"
         for name in ("bench", "procedure")
@@ -160,11 +158,11 @@ def _changes(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[str]:
 
 
 _TEXTS = ("run_id", "file", "bench", "procedure", "began_utc", "last_observation_utc", "head")
-"""What the data of a calibration tell in words, where they tell it."""
+"""Words from the data of a calibration, if it has them."""
 
 
 def _from_calibration_file(path: Path, told: datetime | None) -> Given:
-    """What `rig fit --out` wrote."""
+    """A calibration file of `rig fit --out`."""
     kind = read_calibration(path).kind
     try:
         found = kind.charting().of_file(json.loads(read_regular_text(path)), str(path))
@@ -172,7 +170,7 @@ def _from_calibration_file(path: Path, told: datetime | None) -> Given:
         raise UsageError(f"{path}: {error}; give the run file instead") from error
     for name in _TEXTS:
         if not isinstance(found.provenance.get(name, ""), str):
-            raise UsageError(f"{path} is not a calibration file of `rig fit --out`: its {name} is no text")
+            raise UsageError(f"{path} is not a calibration file of `rig fit --out`: its {name} is not a text")
     if not TEXTS.holds(found.provenance.get("instruments") or {}):
         raise UsageError(f"{path} is not a calibration file of `rig fit --out`: its instruments are not texts by name")
     return Given(str(path), kind, _when(path, found.provenance, told), found)
@@ -191,12 +189,12 @@ def _path_and_date(source: str) -> tuple[Path, datetime | None]:
     date = source.rpartition("@")[2]
     told = _moment(date)
     if told is None:
-        raise UsageError(f"{source}: {date!r} is no date; write FILE@2026-01-15 or FILE@2026-01-15T18:00")
+        raise UsageError(f"{source}: {date!r} is not a date; write FILE@2026-01-15 or FILE@2026-01-15T18:00")
     return path, told
 
 
 def _moment(text: object) -> datetime | None:
-    """A moment of this age in UTC, which is meant where no zone is told; None for anything else."""
+    """A time in UTC, which is assumed without a zone; None for anything else, or for implausible years."""
     try:
         moment = datetime.fromisoformat(str(text))
         moment = moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment.astimezone(UTC)
@@ -209,11 +207,11 @@ def _when(path: Path, provenance: Mapping[str, Any], told: datetime | None) -> d
     began = provenance.get("began_utc")
     if began is None:
         if told is None:
-            raise UsageError(f"{path} does not say when it was measured: write {path}@2026-01-15")
+            raise UsageError(f"{path} has no date of measurement: write {path}@2026-01-15")
         return told
     if told is not None:
-        raise UsageError(f"{path} says itself when it was measured, {began}: leave @ and the date away")
+        raise UsageError(f"{path} contains its date of measurement, {began}: omit @ and the date")
     first, last = _moment(began), _moment(provenance.get("last_observation_utc", began))
     if first is None or last is None:
-        raise UsageError(f"{path} does not say when it was measured: {began!r} is no date")
+        raise UsageError(f"{path} has no date of measurement: {began!r} is not a date")
     return first + (last - first) / 2

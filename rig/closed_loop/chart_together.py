@@ -1,4 +1,4 @@
-"""Which calibrations belong on one chart: the others are left out, with the reason."""
+"""Selection of calibrations for one chart: the others are left out, with reasons."""
 
 from __future__ import annotations
 
@@ -18,18 +18,12 @@ class LeftOut:
     """A file that is not charted.
 
     Attributes:
-        source: as it was named.
-        reason: why.
-
+        source: its name, as given.
+        reason: the reason.
     """
 
     source: str
     reason: str
-
-
-def read_all(sources: Sequence[str], formula: str | None = None) -> list[Given]:
-    """Every calibration that can be charted, in order of time; see `read_together`."""
-    return read_together(sources, formula)[0]
 
 
 def read_together(
@@ -37,17 +31,16 @@ def read_together(
 ) -> tuple[list[Given], list[LeftOut]]:
     """The calibrations that can be charted together, in order of time, and the others.
 
-    Run files that cannot be fitted are left out, and so is what cannot be compared with the most others: another
-    kind of calibration, another model, a simulated one beside real ones, a sensor that is mounted otherwise.
+    Run files that cannot be fitted are left out. Calibrations that are not comparable with the majority are left out:
+    another kind of calibration, another model, a simulated one beside real ones, a sensor with another mounting.
 
     Args:
-        sources: files; those that do not say when they were measured as FILE@2026-01-15 or FILE@2026-01-15T18:00.
-        formula: the model that was asked for, of kinds that take one; the declared model if None.
-        sensors: that are charted; none for all.
+        sources: files; those without a date of measurement as FILE@2026-01-15 or FILE@2026-01-15T18:00.
+        formula: the requested model, for kinds that take one; the declared model if None.
+        sensors: charted sensors; none for all.
 
     Raises:
-        UsageError, DataError: a file cannot be used, fewer than two remain, or one is there twice.
-
+        UsageError, DataError: a file cannot be used, fewer than two remain, or one is given twice.
     """
     if len(sources) < 2:
         raise UsageError(
@@ -66,14 +59,14 @@ def read_together(
     left += others
     if len(given) < 2:
         reasons = [one.reason for one in left]
-        few = "" if len(reasons) == 1 else "fewer than two calibrations are left to be charted together: "
+        few = "" if len(reasons) == 1 else "fewer than two calibrations remain for one chart: "
         raise UsageError(few + "; ".join(reasons))
     _check_once(given)
     return _at_one_temperature(given), left
 
 
 def _most_alike(given: list[Given], sensors: Sequence[str]) -> tuple[list[Given], list[LeftOut]]:
-    """The calibrations that can be compared with the one that most can be; of as many, real ones, then the latest."""
+    """The largest set of comparable calibrations; among equal sizes real ones, then the latest."""
     if not given:
         return [], []
     why = [[_why_not(one, other, sensors) for other in given] for one in given]
@@ -84,19 +77,19 @@ def _most_alike(given: list[Given], sensors: Sequence[str]) -> tuple[list[Given]
 
 
 def _why_not(one: Given, other: Given, sensors: Sequence[str]) -> str:
-    """Why `other` cannot be charted with `one`; "" if it can."""
+    """Reason why `other` cannot be charted with `one`; "" if it can."""
     if one is other:
         return ""
     first, later = sorted((one, other), key=lambda each: each.when)
     if first.kind is not later.kind:
         return (
-            f"{first.source} is a {first.kind.name} calibration and {later.source} a {later.kind.name} one: they do "
-            f"not belong on one chart"
+            f"{first.source} is a {first.kind.name} calibration and {later.source} a {later.kind.name} one: they "
+            f"cannot be charted together"
         )
     if first.of.simulated != later.of.simulated:
         simulated, real = (first, later) if first.of.simulated else (later, first)
         return (
-            f"{simulated.source} is simulated and {real.source} is not: they do not belong on one chart; leave one "
+            f"{simulated.source} is simulated and {real.source} is not: they cannot be charted together; leave one "
             f"kind out"
         )
     wanted = [name for name in sensors if name in one.sensors]
@@ -109,7 +102,7 @@ def _why_not(one: Given, other: Given, sensors: Sequence[str]) -> str:
 
 
 def _differ(name: str, first: Given, later: Given) -> Iterator[str]:
-    """Why two calibrations of one sensor cannot be compared."""
+    """Reason why two calibrations of one sensor cannot be compared."""
     models = [each.charting.model(each.sensors[name]) for each in (first, later)]
     if models[0] != models[1]:
         yield (
@@ -121,7 +114,7 @@ def _differ(name: str, first: Given, later: Given) -> Iterator[str]:
     if effects[0] != effects[1]:
         yield (
             f"{name} was fitted with effects beside the model in one calibration and not in the other "
-            f"({first.source}: {effects[0]}; {later.source}: {effects[1]}): fit all of them alike"
+            f"({first.source}: {effects[0]}; {later.source}: {effects[1]}): fit all of them with the same effects"
         )
     between = f"between {first.source} and {later.source}"
     if why := first.charting.apart(first.sensors[name], later.sensors[name], between):
@@ -129,7 +122,7 @@ def _differ(name: str, first: Given, later: Given) -> Iterator[str]:
 
 
 def _at_one_temperature(given: list[Given]) -> list[Given]:
-    """Where every calibration's model has temperature, all at the mean of what they were taken at."""
+    """All calibrations converted to their mean temperature, if every model has temperature."""
     degC = [one.of.degC for one in given if one.of.degC is not None and one.of.corrected]
     if len(degC) < len(given):
         return given
@@ -160,9 +153,9 @@ def _check_once(given: Sequence[Given]) -> None:
 
 
 def _check_new(name: str, before: Given, after: Given) -> None:
-    """A calibration is another one, not the same data again."""
+    """Check that calibrations have different data."""
     if before.charting.same(before.sensors[name], after.sensors[name]):
         raise UsageError(
-            f"{before.source} and {after.source} are of the same data: {name} has the same coefficients to the last "
+            f"{before.source} and {after.source} have the same data: {name} has the same coefficients to the last "
             f"digit; leave one of them out"
         )

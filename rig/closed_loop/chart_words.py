@@ -1,4 +1,4 @@
-"""What a control chart says, in words that can go into a certificate."""
+"""Sentences about a control chart, suitable for a certificate."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from procedures.charting import Shown
 
 
 def quantity_sentences(chart: Chart, dates: Sequence[str], shown: Mapping[str, Shown]) -> list[str]:
-    """What changed, a sentence a parameter; one sentence if nothing did."""
+    """Changes, one sentence per parameter; one sentence if there are none."""
     found = [text for q in chart.quantities if (text := _change(q, dates, shown[q.name]))]
     if not found:
         enough = "" if len(dates) > 2 else " (two calibrations; a trend needs three)"
@@ -23,19 +23,19 @@ def quantity_sentences(chart: Chart, dates: Sequence[str], shown: Mapping[str, S
 
 
 def due_sentence(due: Mapping[str, Any], count: int, told: bool) -> str:
-    """When the last calibration is due again."""
+    """Due date of the last calibration."""
     unit = due["unit"]
     of = f"for {due['tolerance']:.2g} {unit}" + ("" if told else " (the 95 % interval of one reading)")
     if due["status"] == "too few":
-        return f"no due date before there are three calibrations, there are {count}"
+        return f"a due date needs three calibrations; there are {count}"
     if due["status"] == "never within":
         return (
-            f"no due date {of}: {count} calibrations like these leave {due['bound_at_once']:.2g} {unit} of doubt on "
+            f"no due date {of}: {count} such calibrations have an uncertainty of {due['bound_at_once']:.2g} {unit} on "
             f"the day of the last; more calibrations, more replications or a wider tolerance give one"
         )
     if due["status"] == "overdue":
         return f"already due {of}: since {due['date']} ({-due['days']} days ago)"
-    ends = ", which is as far ahead as the calibrations reach back" if due["at_least"] else ""
+    ends = ", the limit of the forecast, as long as the time between calibrations" if due["at_least"] else ""
     return f"due again on {due['date']} (in {due['days']} days) {of}{ends}"
 
 
@@ -71,7 +71,7 @@ def _change(q: QuantityChart, dates: Sequence[str], shown: Shown) -> str:
             return f"{label} {'falls' if falls else 'rises'} by {rate} (+- one standard error, {p})"
         return (
             f"{label} has {'fallen' if falls else 'risen'} by {rate} so far (+- one standard error, {p}); "
-            f"a parameter that wanders can do that as well ({_chance(q.trend.p_walk)}), so it may not go on"
+            f"a random walk can do that as well ({_chance(q.trend.p_walk)}), so it may not go on"
         )
     if q.significant("homogeneity"):
         if len(q.series) == 2:

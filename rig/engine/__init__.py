@@ -1,1 +1,1 @@
-"""What happens during a run: sequencer, settling, guard, policies, recovery. What is written is in `rig.run_file`."""
+"""What happens during a run: sequencer, settling, guard, policies, recovery. Records are written by `rig.run_file`."""

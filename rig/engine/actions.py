@@ -1,7 +1,7 @@
 """What the sequencer does with a bench: home, go, settle, measure, soak, prepare the environment, park.
 
-Each action commands, then polls; every wait goes through `wait`, which lets the sequencer look for signals and
-requests. All may raise `drivers.errors.DriverError`; what this module adds is named below.
+Each action sends a command and then polls. Every wait goes through `wait`, so the sequencer can look for signals and
+requests. Every action may raise `drivers.errors.DriverError`; further errors are listed at each method.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ from rig.quantities import PRESSURE
 _HOMING_TIMEOUT_S = 900.0
 _INTERLOCK_S = 60.0
 _BEARS = 2
-"""Readings in a row that may be lost in a soak before it is a fault."""
+"""Consecutive readings that may be lost during a soak before this counts as a fault."""
 
 Watch = Callable[[Mapping[str, float]], None]
-"""Called with what was read at every poll."""
+"""Called with the values of every poll."""
 
 _READ_THE_SAME = 3
 _STOOD_S = 60.0
@@ -41,15 +41,15 @@ class BenchActions:
 
     Args:
         bench: opened instruments.
-        axes: what moves from point to point.
+        axes: everything that moves from point to point.
         guard: limits and interlocks.
         clock: bench time.
-        wait: lets that many bench seconds pass; may raise to interrupt the action.
+        wait: waits for this number of bench seconds; may raise to interrupt the action.
 
     Attributes:
-        arrivals: how each axis came to rest where it is.
+        arrivals: how each axis reached its present position.
         chambers_seen: chambers as last read.
-        judges: what is being waited for to settle, by name; empty at other times.
+        judges: settling judges of the quantities that are waited for, by name; empty at other times.
 
     """
 
@@ -61,7 +61,7 @@ class BenchActions:
         self._wait = wait
         self._chambers = bench.chambers
         self._readers = bench.readers
-        # Asked for once: what a protocol is made of takes longer to look up than most replies take to come.
+        # Looked up once: an isinstance check against a protocol takes longer than most replies.
         self._restartable = {n: i for n, i in bench.instruments.items() if isinstance(i, Restartable)}
         self._chambers_seen = _LONG_AGO
         self._chambers_read: float | None = None
@@ -74,7 +74,7 @@ class BenchActions:
         self._stood: dict[str, tuple[float, float, float]] = {}
 
     def take_unwatched_s(self) -> float:
-        """The longest time for which no chamber was looked at, since this was last asked; bench seconds."""
+        """The longest time without a look at any chamber, bench seconds, since the last call."""
         self._note_look()
         longest, self._unwatched_s, self._chambers_read = self._unwatched_s, 0.0, self._clock.now()
         return longest
@@ -84,31 +84,31 @@ class BenchActions:
             self._unwatched_s = max(self._unwatched_s, self._clock.now() - self._chambers_read)
 
     def _looked(self) -> None:
-        """The chambers have just been read."""
+        """Note that the chambers have just been read."""
         self._note_look()
         self._chambers_read = self._clock.now()
 
     def stop_motion(self) -> None:
-        """Stop all axes; how they came to rest is unknown from now on."""
+        """Stop all axes. Their direction of arrival is unknown from now on."""
         self._axes.stop()
         self.arrivals.clear()
 
     def set_up(self) -> None:
-        """Bring every instrument's settings to what the bench declares."""
+        """Set every instrument as the bench file declares."""
         for instrument in self._bench.instruments.values():
             instrument.prepare()
 
     def remarks(self) -> list[tuple[str, str]]:
-        """(instrument, what of its bench settings is not used or not as declared); complete after `set_up`."""
+        """Pairs (instrument, bench setting that is not used or not as declared); complete after `set_up`."""
         asked = {name: i for name, i in self._bench.instruments.items() if isinstance(i, Remarking)}
         return [(name, said) for name, instrument in asked.items() for said in instrument.remarks()]
 
     def restarted(self) -> list[str]:
-        """Instruments that say their power has been off since they were last set up."""
+        """Instruments that report a loss of power since they were last set up."""
         return [name for name, instrument in self._restartable.items() if instrument.restarted()]
 
     def axes(self) -> Mapping[str, AxisReading]:
-        """Read all axes; raises on an instrument's fault or a violated limit."""
+        """Read all axes. Raises the axis' fault, or `LimitViolation` if a limit is violated."""
         readings = self._axes.read()
         self._guard.check_axes(readings)
         for axis, reading in readings.items():
@@ -120,7 +120,7 @@ class BenchActions:
         return {axis: reading.value for axis, reading in self.axes().items()}
 
     def environment(self) -> dict[str, dict[str, Any]]:
-        """Read all chambers, check their interlocks; what the run file keeps."""
+        """Read all chambers and check their interlocks; returns the values for the run file."""
         self._chambers_seen = self._clock.now()
         found = {}
         for name, chamber in self._chambers.items():
@@ -138,10 +138,12 @@ class BenchActions:
         return found
 
     def _unchanged(self, name: str, degC: float) -> dict[str, float]:
-        """For how long a chamber has read the same to the last digit, from the third time on: `unchanged_s`.
+        """How long a chamber has repeated its reading to the last digit.
 
-        If it did twice or oftener until a minute ago, when that began and for how long it was seen: `stood_ago_s`,
-        `stood_s`.
+        Returns:
+            `unchanged_s`, from the third equal reading on. After two or more equal readings that ended less than a
+            minute ago: `stood_ago_s`, when they began, and `stood_s`, how long they lasted. All in bench seconds.
+
         """
         now = self._clock.now()
         last, since, seen, reads = self._standing.get(name, (degC, now, now, 0))
@@ -158,18 +160,18 @@ class BenchActions:
         return {"stood_ago_s": round(now - began, 3), "stood_s": round(seen - began, 3)}
 
     def look_around(self) -> None:
-        """Between polls: have the chambers' interlocks been looked at lately?"""
+        """Between polls: read the chambers again if their interlocks have not been checked lately."""
         if self._chambers and self._clock.now() - self._chambers_seen > _INTERLOCK_S:
             self.environment()
 
     def readback(self) -> dict[str, Any]:
-        """Axes and chambers as found, nothing commanded and nothing judged."""
+        """Axes and chambers as found. Nothing is commanded or judged."""
         axes = {
             axis: {r.quantity: r.value, "homed": r.homed, "enabled": r.enabled, "fault": r.fault}
             for axis, r in self._axes.read().items()
         }
         chambers = {name: c.read() for name, c in self._chambers.items()}
-        self._chambers_seen = _LONG_AGO  # their interlocks are not judged here, and a look before may have failed
+        self._chambers_seen = _LONG_AGO  # interlocks are not judged here, and an earlier reading may have failed
         self._looked()
         return {
             "axes": axes,
@@ -185,7 +187,7 @@ class BenchActions:
         }
 
     def home(self, poll_s: float, *, again: bool = False) -> bool:
-        """Find the encoders' zeros where they are not known, or all of them; returns whether anything was homed.
+        """Home the axes whose zero is unknown, or all axes with `again`; returns whether anything was homed.
 
         Raises:
             NotHomed: a search took too long, or did not find its zero.
@@ -205,7 +207,7 @@ class BenchActions:
         return True
 
     def go(self, legs: Sequence[Leg], poll_s: float, timeout_s: float) -> None:
-        """Drive through legs, all axes of a leg together, noting from which side each axis arrives."""
+        """Drive through the legs. All axes of a leg move together; the side each axis arrives from is noted."""
         for leg in legs:
             readings = self.axes()
             for axis, target in leg.items():
@@ -237,7 +239,7 @@ class BenchActions:
 
     @staticmethod
     def _check_control(readings: Mapping[str, AxisReading]) -> None:
-        """What was commanded and is not being controlled, or has lost its zero, will never arrive."""
+        """Raise if an axis has lost control or its zero: it will never arrive."""
         for axis, reading in readings.items():
             reading.check(axis, controlled=True, homed=True)
 
@@ -271,7 +273,7 @@ class BenchActions:
             while True:
                 try:
                     values = read()
-                except (NoReply, BadReply):  # hours of settling are not begun again for one reply that was lost
+                except (NoReply, BadReply):  # one lost reply must not restart hours of settling
                     missed, in_a_row = missed + 1, in_a_row + 1
                     if in_a_row > bears:
                         raise
@@ -283,7 +285,7 @@ class BenchActions:
                 watch(values)
                 outcomes = {name: judge.add(now, values[name]) for name, judge in judges.items()}
                 if "waiting" not in outcomes.values():
-                    self._wait(0.0)  # nothing has settled over a hole in time
+                    self._wait(0.0)  # a gap in time is no evidence of settling
                     break
                 self._wait(poll_s)
         finally:
@@ -295,12 +297,12 @@ class BenchActions:
         return evidence
 
     def measure(self, readings: int, poll_s: float, references: Sequence[Factor] = ()) -> Observation:
-        """Sweep all channels `readings` times on every instrument at once.
+        """Sweep all channels `readings` times, on every instrument at the same time.
 
         Args:
             readings: sweeps.
             poll_s: time between readbacks of the references.
-            references: factors whose readback is what the sensors are calibrated against; read meanwhile.
+            references: factors whose readback is the reference of the calibration; they are read during the sweeps.
 
         """
         due = max(reader.start(readings) for reader in self._readers.values())
@@ -324,7 +326,7 @@ class BenchActions:
                 seen[factor.name].append(now[factor.axis])
 
     def temperatures(self, columns: Sequence[str]) -> dict[str, float]:
-        """One reading of each of these temperature columns, degrees Celsius; an overload stays one."""
+        """One reading of each of these temperature columns, degrees Celsius; an overload stays an overload."""
         source = {column: self._bench.temperatures[column] for column in columns}
         readers = {name: self._readers[name] for name, _ in source.values()}
         if readers:
@@ -336,7 +338,7 @@ class BenchActions:
         return values
 
     def _note_passing(self, fetched: Mapping[str, Mapping[str, Sequence[float]]]) -> None:
-        """A sweep reads outputs along with the temperatures: what a meter that hangs later on may repeat."""
+        """Note the outputs that a sweep reads along with the temperatures: a meter that hangs later may repeat them."""
         for column, (reader, channel) in self._bench.sensors.items():
             if reader not in fetched or is_overload(volts := fetched[reader][channel][-1]):
                 continue
@@ -345,10 +347,10 @@ class BenchActions:
                 self._in_passing[column] = (*before[-1:], value)
 
     def take_in_passing(self) -> dict[str, tuple[float, ...]]:
-        """What outputs read while only temperatures were wanted, since last asked.
+        """Output readings made while only temperatures were wanted, since the last call.
 
         Returns:
-            By column, in its unit, the last two that differ.
+            By column, in its unit, the last two readings that differ.
 
         """
         taken, self._in_passing = self._in_passing, {}
@@ -368,7 +370,7 @@ class BenchActions:
             criteria: by chamber name and by temperature column.
             poll_s: time between readbacks.
             thermometers: which of them are temperature columns.
-            watch: called with what was read at every poll.
+            watch: called with the values of every poll.
 
         Raises:
             TemperaturesNotSettled: something did not settle in time.
@@ -400,10 +402,10 @@ class BenchActions:
         return self.until_soaked(dict.fromkeys(self._chambers, criteria), settings.poll_s, (), lambda _: None)
 
     def park(self, poll_s: float, timeout_s: float) -> None:
-        """Drive every axis to where it rests, as near as the limits allow.
+        """Drive every axis to its parking position, as near as the limits allow.
 
-        Axes that lost their zeros, in a power cut after the last point, stay where they are: nothing is left to do
-        that would be worth homing them.
+        Axes that lost their zeros, for example in a power cut after the last point, stay where they are: nothing is
+        left to do that justifies homing.
         """
         parking = self._axes.parking()
         if parking and all(reading.homed for reading in self.axes().values()):

@@ -1,6 +1,6 @@
-"""What is done at a point: the way there, settling, readings, the record. One handler a state.
+"""What is done at a point: approach, settling, readings, record. Each state has one handler.
 
-Every handler answers with the trigger that follows. What goes wrong is raised; the sequencer decides about it.
+Every handler returns the next trigger. Failures are raised; the sequencer decides about them.
 """
 
 from __future__ import annotations
@@ -30,29 +30,29 @@ from rig.run_file.events.sessions import Held
 
 _MOVE_TIMEOUT_S = 600.0
 _NEARLY = 0.9
-"""Of its overtravel an axis must have come at least: where it turned it may have stood a little short of it."""
+"""Smallest fraction of its overtravel that an axis must cover: it may turn a little short of the full overtravel."""
 _STRAY_SDS = 6.0
 _SDS_OF_MAD = 1.4826
 
 
 class AtPoint:
-    """Handlers of the states that have a point in hand.
+    """Handlers of the states that work on a point.
 
     Args:
         bench: opened instruments.
         run_list: every point of the run.
         conduct: how points are approached and read.
         do: actions on the bench.
-        journal: where it is written down.
+        journal: where it is recorded.
         queue: points still to be observed.
-        soaking: whole plots, None where nothing is hard to change.
-        set_up: brings the instruments' settings to what the bench declares, where that is due.
-        warnings: watches over the sensors, None where that is not wanted.
-        policies: say which doubtful readings are accepted, with a flag.
-        check_time: raises `HoleInTime` if there was one.
+        soaking: soaks whole plots; None if no factor is hard to change.
+        set_up: sets the instruments as the bench declares, when that is due.
+        warnings: watches the sensors; None if no early warnings are wanted.
+        policies: decide which doubtful readings are accepted with a flag.
+        check_time: raises `HoleInTime` after a gap in time.
 
     Attributes:
-        move_timeout_s: how long a move may take.
+        move_timeout_s: longest permitted duration of a move, seconds.
 
     """
 
@@ -86,7 +86,7 @@ class AtPoint:
         self.move_timeout_s = max(_MOVE_TIMEOUT_S, self._settle.timeout_s)
 
     def recovering(self) -> str:
-        """Plan the way back to the point in hand, or to the next one."""
+        """Plan the way back to the current point, or to the next one."""
         elsewhere = None if self._journal.at else self._advance()
         if elsewhere is not None:
             return elsewhere
@@ -100,12 +100,12 @@ class AtPoint:
         return "move"
 
     def _before(self, point: Point) -> Point | None:
-        """The point before it in the run list, in the same whole plot."""
+        """The previous point of the run list, if it is in the same whole plot."""
         before = self._run_list.points[point.index - 1] if point.index else None
         return before if before is not None and before.whole_plot == point.whole_plot else None
 
     def _advance(self) -> str | None:
-        """Take up the next point; the trigger to go on with instead, where there is none or it must be soaked for."""
+        """Take the next point. Returns a trigger if there is none, or if it needs a soak first."""
         following = self._queue.peek()
         if following is None:
             self._journal.take_up(None)
@@ -117,7 +117,7 @@ class AtPoint:
 
     @property
     def _at(self) -> PointInHand:
-        """The point in hand, in states that have one."""
+        """The current point, in states that have one."""
         assert self._journal.at is not None
         return self._journal.at
 
@@ -133,12 +133,12 @@ class AtPoint:
         return "measure"
 
     def _targets(self, point: Point) -> dict[str, float]:
-        """Where a point wants the axes."""
+        """Position of every axis at a point."""
         factors = zip(self._run_list.factors, point.setpoints, strict=True)
         return {f.axis: setpoint for f, setpoint in factors if not f.hard}
 
     def measuring(self) -> str:
-        """Read every channel; overloads and noise are rejected here."""
+        """Read every channel. Overloads and excessive noise are rejected here."""
         at, settings = self._at, self._conduct
         began = self._journal.elapsed()
         observation = self._do.measure(settings.readings, self._poll_s, self._references)
@@ -162,7 +162,7 @@ class AtPoint:
         return "record"
 
     def _check_alive(self, observation: Observation) -> None:
-        """A meter or a sensor that hangs, or a reply that is old, repeats itself to the last digit."""
+        """Detect a meter or sensor that hangs, or an old reply: the reading repeats to the last digit."""
         point = self._at.point
         hanging = self._liveness.hanging(point, observation, self._do.take_in_passing())
         if hanging:
@@ -170,9 +170,9 @@ class AtPoint:
             self._flag("frozen", "frozen", FrozenReading(f"{words}, again and again"))
 
     def _check_references(self, observation: Observation) -> None:
-        """What sensors are calibrated against stood while it was read: no stray readback goes into its mean.
+        """Check that the reference was steady during the readings, so that no outlier enters its mean.
 
-        The mean is to be in the band, and no readback further off than that and than readbacks scatter.
+        The mean must be in the band. No readback may be further off than the band and the scatter of readbacks.
         """
         at, band = self._at, self._settle.band
         targets = self._targets(at.point)
@@ -186,7 +186,7 @@ class AtPoint:
                 raise NotSettled(words, at.settling)
 
     def _flag(self, flag: str, fault: str, error: Exception) -> None:
-        """Accept a doubtful reading with a flag, or raise what is doubtful about it: the policies say which."""
+        """Accept a doubtful reading with a flag or raise its error, as the policies say."""
         at = self._at
         assert at.observation is not None
         if not self._policies.accepts(fault, at.place):
@@ -194,7 +194,7 @@ class AtPoint:
         at.observation.flags.append(flag)
 
     def recording(self) -> str:
-        """Make the observation durable, if nothing was disturbed meanwhile, and take up the next point."""
+        """Make the observation durable if nothing was disturbed during it, and take the next point."""
         at = self._at
         assert at.observation is not None
         after = self._do.axes()
@@ -214,12 +214,12 @@ class AtPoint:
         )
         try:
             self._check_time()
-        except HoleInTime as hole:  # read over a time of which nothing is known
+        except HoleInTime as hole:  # part of the readings is from a time about which nothing is known
             self._journal.write(replace(observed, verdict=REJECTED, hole_s=hole.hole_s))
             raise
         if self._soaking is not None:
             why = self._soaking.lost_now(at.point, chambers, at.observation.temperatures)
-            if why:  # one commit: a kill between the two must not let the whole plot go on
+            if why:  # one commit: after a kill between the two records the whole plot would go on
                 self._journal.write(replace(observed, verdict=REJECTED, lost=why), commit=False)
                 self._soaking.lose(why)
         self._journal.write(observed)
@@ -237,7 +237,7 @@ class AtPoint:
         return "move"
 
     def _warned(self, point: Point, observed: Observed) -> bool:
-        """Whether the observation gave reason for a warning; each is written down."""
+        """Whether the observation caused a warning; each warning is recorded."""
         if self._warnings is None:
             return False
         found = self._warnings.add(point, self._journal.fold.whole_plot, observed.body())
@@ -246,7 +246,7 @@ class AtPoint:
         return bool(found)
 
     def _check_environment(self, chambers: Mapping[str, Any]) -> None:
-        """An environment that was asked for still stands; of whole plots their own rules say more."""
+        """Check that the requested environment still holds; whole plots have stricter rules of their own."""
         wanted = self._conduct.environment
         if wanted is None:
             return
@@ -260,7 +260,7 @@ class AtPoint:
                 return
 
     def _assert_undisturbed(self, at: PointInHand, after: Mapping[str, float]) -> None:
-        """An observation counts only where it was planned, reached as planned, and not left meanwhile."""
+        """Check that the point was approached as planned and not left during the readings."""
         for factor, target, side in zip(self._run_list.factors, at.point.setpoints, at.point.sides, strict=True):
             if factor.hard:
                 continue

@@ -1,6 +1,6 @@
-"""Everything that moves from point to point, whoever moves it, as axes: angles of a head, pressure of a controller.
+"""Everything that moves from point to point, as axes: angles of a head, pressure of a controller.
 
-The sequencer commands axes and polls them; what a reading means in a role's own words is settled here.
+The sequencer commands axes and polls them. This module translates them to the roles of instruments.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ class AxisReading:
         quantity: name with its unit, as in limits and tables.
         value: readback, in that unit.
         moving: still under way to its target.
-        homed: what it reads can be trusted since power-on.
-        enabled: it is being controlled.
-        fault: what its instrument complains of, "" if nothing.
+        homed: its zero is known since power-on.
+        enabled: it is under control.
+        fault: fault reported by its instrument, "" if none.
 
     """
 
@@ -40,7 +40,7 @@ class AxisReading:
     fault: str
 
     def check(self, axis: str, *, controlled: bool = False, homed: bool = False) -> None:
-        """Raise what its instrument complains of.
+        """Raise the fault its instrument reports.
 
         Args:
             axis: its name.
@@ -48,8 +48,8 @@ class AxisReading:
             homed: whether its zero must be known.
 
         Raises:
-            DriveFault: a drive complains, or is off.
-            SupplyFailure: a pressure controller complains.
+            DriveFault: a drive reports a fault, or is off.
+            SupplyFailure: a pressure controller reports a fault of its supply.
             InstrumentError: a pressure is not under control.
             NotHomed: its zero is not known.
 
@@ -65,7 +65,7 @@ class AxisReading:
 
 
 class Mover(Protocol):
-    """What moves one or more axes."""
+    """An instrument that moves one or more axes."""
 
     def span(self) -> Mapping[str, tuple[float, float]]:
         """The instrument's own (low, high) by axis."""
@@ -80,21 +80,21 @@ class Mover(Protocol):
         ...
 
     def stop(self) -> None:
-        """Stop where it is."""
+        """Stop at the present position."""
         ...
 
     def home(self, *, again: bool = False) -> None:
-        """Start finding zeros that are not known; all of them if `again`."""
+        """Start homing axes of unknown zero; all axes if `again`."""
         ...
 
     def parking(self) -> Mapping[str, float]:
-        """Where its axes go when the run is over; {} if its safe state is all there is to it."""
+        """Parking position by axis; {} if the safe state is enough."""
         ...
 
 
 @contextmanager
 def _of_the_drive() -> Iterator[None]:
-    """What a head refuses when it is told to move is a fault of its drives."""
+    """Raise a refused command of the head as a fault of its drives."""
     try:
         yield
     except (InstrumentError, NotReady) as error:
@@ -161,16 +161,16 @@ class PressureMover:
         self._controller.set_pressure(targets["pressure"])
 
     def stop(self) -> None:
-        """Hold the pressure of the moment if it is under way; one that has settled, or is not controlled, stays."""
+        """Hold the present pressure while it is changing; a settled or uncontrolled pressure is left alone."""
         state = self._controller.read()
         if state.controlling and not state.in_limits:
             self._controller.stop()
 
     def home(self, *, again: bool = False) -> None:
-        """A reference sensor has no zero to find."""
+        """Does nothing: a reference sensor has no zero to find."""
 
     def parking(self) -> Mapping[str, float]:
-        """Venting is the safe state's business."""
+        """None: venting belongs to the safe state."""
         return {}
 
 
@@ -178,7 +178,7 @@ class Axes:
     """All axes of a bench.
 
     Args:
-        movers: what moves them; no two have an axis in common.
+        movers: instruments that move them; no axis has two movers.
 
     """
 
@@ -202,7 +202,7 @@ class Axes:
                 mover.go(own)
 
     def stop(self) -> None:
-        """Stop every axis where it is, the others also where one fails; raises the first error."""
+        """Stop every axis, also after one of them fails. Raises the first error at the end."""
         failed: list[DriverError] = []
         for mover in self._movers:
             try:
@@ -213,17 +213,17 @@ class Axes:
             raise failed[0]
 
     def home(self, *, again: bool = False) -> None:
-        """Start finding the zeros that are not known; all of them if `again`."""
+        """Start homing axes of unknown zero; all axes if `again`."""
         for mover in self._movers:
             mover.home(again=again)
 
     def parking(self) -> dict[str, float]:
-        """Where the axes go when the run is over, by axis."""
+        """Parking position by axis."""
         return {axis: target for mover in self._movers for axis, target in mover.parking().items()}
 
 
 def axes_of(bench: Bench, factors: Sequence[Factor]) -> Axes:
-    """What moves these factors on a bench. Raises `ConfigurationError` where nothing does."""
+    """The axes of these factors on a bench. Raises `ConfigurationError` for a factor that nothing moves."""
     movers: list[Mover] = []
     if any(f.axis in HEAD_AXES for f in factors):
         movers.append(HeadMover(bench.head))

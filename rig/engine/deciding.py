@@ -1,7 +1,7 @@
-"""What is done about an error: the policy asked, the decision written down, the bench read before it is commanded.
+"""What is done about an error: ask the policy, record the decision, read the bench before commanding it.
 
-A write is never repeated blindly: motion is stopped and every state read back first, and what fails in that is itself
-decided about.
+A write is never repeated blindly: motion is stopped and every state is read back first. A failure of that readback is
+decided about in the same way.
 """
 
 from __future__ import annotations
@@ -21,21 +21,21 @@ from rig.engine.states import AT_POINT, State
 from rig.run_file.events.bench import Fault, ReadBack, Recovered
 
 LEAVE = "leave"
-"""What takes the place of giving up while parking: the safe state follows in any case."""
+"""Actions that replace giving up while parking: the safe state follows in any case."""
 
 _STOP_AGAIN_S = (1.0, 2.0, 5.0)
 
 
 class Deciding:
-    """Decides about errors, in whatever state.
+    """Decides about errors, in any state.
 
     Args:
-        policies: what the procedure wants.
-        journal: where decisions are written down.
+        policies: the fault policies of the procedure.
+        journal: where decisions are recorded.
         do: actions on the bench.
         clock: bench time.
         look_up: looks for signals and requests; may raise to interrupt a pause.
-        recognise: refuses another instrument than before; asked of instruments that were gone for a while.
+        recognise: refuses an exchanged instrument; called for instruments that did not answer for a while.
 
     """
 
@@ -53,13 +53,13 @@ class Deciding:
         self._clock, self._look_up, self._recognise = clock, look_up, recognise
 
     def decide(self, error: Exception, state: State) -> tuple[Decision, Exception]:
-        """Decide, write it down, and get the bench ready for it.
+        """Decide, record the decision, and prepare the bench for it.
 
         Returns:
             The decision, and the error it is about: another one if reading the bench back failed too.
 
         Raises:
-            Exception: the error itself, where the procedure has no say.
+            Exception: the error itself, if no policy covers it.
 
         """
         while True:
@@ -73,7 +73,7 @@ class Deciding:
             if decision.action in (ABORT, LEAVE) or isinstance(error, TemperatureLeft):
                 return decision, error
             if decision.action in (HOLD, SKIP):
-                with contextlib.suppress(DriverError):  # the next point, or the hold, finds out what is wrong
+                with contextlib.suppress(DriverError):  # the next point, or the hold, will show the fault again
                     self._do.stop_motion()
                 return decision, error
             if at is not None:
@@ -104,16 +104,16 @@ class Deciding:
         self._journal.message = f"{where}, {decision.action}: {error}"
 
     def _pause(self, seconds: float) -> None:
-        """Wait; chambers and their interlocks are watched meanwhile, as far as they answer."""
+        """Wait. Chambers that answer, and their interlocks, are watched during the wait."""
         end = self._clock.now() + seconds
         while (left := end - self._clock.now()) > 1e-9:
             self._clock.sleep(min(left, 5.0))
             self._look_up()
-            with contextlib.suppress(DriverError):  # it may be a chamber that does not answer
+            with contextlib.suppress(DriverError):  # the failed instrument may be a chamber
                 self._do.look_around()
 
     def _read_back(self, error: Exception) -> None:
-        """Stop motion and read every state, before anything else is commanded."""
+        """Stop motion and read every state, before any other command."""
         self._do.stop_motion()
         if isinstance(error, DriverError):
             found = self._do.readback()
@@ -131,7 +131,7 @@ class Deciding:
         self._do.stop_motion()
 
     def done(self, place: str) -> None:
-        """A place is done with, well: how what had failed there has ended is written down."""
+        """Record, after success at a place, how its earlier failures ended."""
         failures = self._policies.done(place)
         if failures:
             self._journal.write(Recovered(place=place, failures=failures))

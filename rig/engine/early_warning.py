@@ -1,7 +1,8 @@
-"""Early warnings: what is going wrong with the sensors while there is still a night to save.
+"""Early warnings: faults of sensors that are found while the run can still be saved.
 
-Fed with every accepted observation; says each cause once a run. It never stops anything: a warning is an event of the
-run file, shown by `rig status`, `rig watch` and at the end of `rig run`; with `[warnings] hold = true` the run holds.
+The tests see every accepted observation. Each cause is reported once per run. A warning is an event of the run file; it
+is shown by `rig status`, by `rig watch` and at the end of `rig run`. It stops nothing, except that the run holds if
+the procedure says `[warnings] hold = true`.
 """
 
 from __future__ import annotations
@@ -31,9 +32,9 @@ if TYPE_CHECKING:
     from procedures.expected import Previous
 
 _SETTINGS = 400
-"""Settings whose first readings are kept for comparison, at most about so many, however long the run."""
+"""Approximate maximum number of settings whose first readings are kept for comparison, for runs of any length."""
 _FIRST, _LAST = 200, 40
-"""Observations read again when a run is resumed: what the tests began with, and what their windows held."""
+"""Observations read again when a run is resumed: the first ones and those in the windows of the tests."""
 
 
 @dataclass
@@ -47,12 +48,12 @@ class _Output:
 
 
 class EarlyWarnings:
-    """Watches over the sensors of a run.
+    """Watches the sensors of a run.
 
     Args:
         run_list: every point.
         previous: the last calibration, if the procedure names one.
-        conduct: how the package is turned, and what is known of the outputs.
+        conduct: how the package is turned, and the declared properties of the outputs.
 
     """
 
@@ -68,12 +69,12 @@ class EarlyWarnings:
         self._every = max(1, math.ceil(2 * per_replication / _SETTINGS))
 
     def add(self, point: Point, whole_plot: int | None, body: Mapping[str, Any]) -> list[Warned]:
-        """Take an accepted observation, as the run file has it; what there is to say now. Never raises."""
+        """Take an accepted observation, as the run file has it; returns the new warnings. Never raises."""
         if self._broken:
             return []
         try:
             return self._judged(point, whole_plot, body)
-        except Exception as error:  # a mistake in here must not decide whether a night lives
+        except Exception as error:  # a programming error in the tests must not end a run
             self._broken = True
             words = f"early warnings have ended with a mistake of their own ({type(error).__name__}: {error})"
             return [Warned("itself", "", f"{words}; the run goes on without them")]
@@ -116,9 +117,9 @@ class EarlyWarnings:
         return fresh
 
     def recall(self, run: RunReader) -> None:
-        """Take up a run where an earlier session left it: what was said stays said, and the tests know what came first.
+        """Restore the state of the tests from the run file when a run is resumed: no warning is repeated.
 
-        What is read is of bounded size, however long the run.
+        The number of records read is bounded, for runs of any length.
         """
         accepted = "kind = 'observation' AND status = 'accepted'"
         kept = list(itertools.islice((p.index for p in self._run_list.points if self._keeps(p)), _SETTINGS))
@@ -157,11 +158,12 @@ class EarlyWarnings:
         return tests.repeats.add((whole_plot, point.setpoints, point.sides), mean)
 
     def _keeps(self, point: Point) -> bool:
-        """Whether a setting is one of those compared; a hash chooses, so that all parts of a design are among them."""
-        return hash((point.setpoints, point.sides)) % self._every == 0  # of numbers it is the same in every process
+        """Whether a setting is compared. A hash chooses, so that all parts of a design are represented."""
+        return hash((point.setpoints, point.sides)) % self._every == 0  # the hash of numbers is the same in every
+        # process
 
     def _quantities(self, point: Point, body: Mapping[str, Any]) -> dict[str, float]:
-        """What was set, or read where that is known better."""
+        """The setting, or its readback where that is the more accurate one."""
         given: dict[str, float] = dict(self._run_list.setting(point))
         for group in ("temperatures", "references"):
             given |= {n: float(c["mean"]) for n, c in body.get(group, {}).items()}
@@ -171,7 +173,7 @@ class EarlyWarnings:
         return None if self._conduct.response is None else self._conduct.response(given)
 
     def _spans(self) -> Row | None:
-        """How far each column of the model reaches over the run list, of which many points tell enough."""
+        """Range of each column of the model over the run list, from a sample of its points."""
         points = self._run_list.points
         some = points[:: max(1, len(points) // 2000)]
         rows = [row for p in some if (row := self._row(self._run_list.setting(p))) is not None]
@@ -179,7 +181,7 @@ class EarlyWarnings:
 
 
 def in_unit(unit: str, value: float) -> str:
-    """A value for people: "-34 uV" of -3.4e-5 V."""
+    """A value with a readable unit: -3.4e-5 V becomes "-34 uV"."""
     if unit not in PER_VOLT:
         return f"{value:.3g} {unit}"
     volts = value / PER_VOLT[unit]
@@ -197,7 +199,7 @@ def warnings_of(run: RunReader) -> Iterator[tuple[Record, Warned]]:
 
 
 def warnings_in(run_file: Path) -> list[str]:
-    """Early warnings of a run; none of a file that cannot be read, about which others say more."""
+    """Early warnings of a run; none for a file that cannot be read (the reader reports that error)."""
     with contextlib.suppress(RigError), RunReader.open(run_file) as reader:
         return [warned.message for _, warned in warnings_of(reader)]
     return []

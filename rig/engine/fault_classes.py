@@ -1,6 +1,6 @@
-"""What can go wrong with a measurement, and the class of fault of the procedure's `[faults]` table each error is of.
+"""Errors of a measurement, and the class of each in the procedure's `[faults]` table.
 
-A driver's errors say what an instrument did; these say what it means for the point, the axis or the whole plot.
+A driver's errors describe the instrument. These errors describe the effect on the point, the axis or the whole plot.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from rig.errors import BenchFault
 
 
 class NotSettled(Exception):
-    """A quantity did not arrive in time. `evidence` is what was seen."""
+    """A quantity did not settle in time. `evidence` holds its samples."""
 
     def __init__(self, message: str, evidence: Mapping[str, Any]) -> None:
         super().__init__(message)
@@ -21,7 +21,7 @@ class NotSettled(Exception):
 
 
 class TemperaturesNotSettled(NotSettled):
-    """A chamber or a thermometer did not arrive in time, or somebody else has set the chamber."""
+    """A chamber or a thermometer did not settle in time, or the chamber's setpoint was changed by somebody else."""
 
 
 class OverloadedError(Exception):
@@ -29,7 +29,7 @@ class OverloadedError(Exception):
 
 
 class TooNoisy(Exception):
-    """Readings scatter more than the procedure allows, also when they are repeated."""
+    """Readings scatter more than the procedure allows, even after repeats."""
 
 
 class FrozenReading(Exception):
@@ -37,27 +37,27 @@ class FrozenReading(Exception):
 
 
 class TemperatureLeft(Exception):
-    """A temperature that was to stand has left its band."""
+    """A temperature that should be constant has left its band."""
 
 
 class DriveFault(InstrumentError):
-    """A drive complains, or is not in control any more."""
+    """A drive reports a fault, or has lost control."""
 
 
 class SupplyFailure(InstrumentError):
-    """A pressure controller complains of what it is supplied with."""
+    """A pressure controller reports a fault of its supply."""
 
 
 class NotHomed(NotReady):
-    """An axis does not know where it is: it lost its zero, or did not find it."""
+    """An axis has lost its zero, or did not find it."""
 
 
 class InterlockHold(Exception):
-    """An interlock is violated whose rule is to hold for a person."""
+    """An interlock is violated and its rule says to hold for a person."""
 
 
 class LimitViolation(BenchFault):
-    """A limit or an interlock of the bench is violated: safe state, whatever the procedure says."""
+    """A limit or an interlock of the bench is violated: safe state, regardless of the procedure."""
 
 
 FAULTS = (NotSettled, OverloadedError, TooNoisy, FrozenReading, TemperatureLeft, DriverError)
@@ -83,5 +83,5 @@ _CLASSES: tuple[tuple[type[Exception], str], ...] = (
 
 
 def fault_class(error: Exception, known: frozenset[str]) -> str | None:
-    """The first class an error is of, of those a procedure has policies for; None if it has no say."""
+    """The first class of the error that the procedure has a policy for; None if there is none."""
     return next((name for kind, name in _CLASSES if name in known and isinstance(error, kind)), None)

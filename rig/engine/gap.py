@@ -1,4 +1,4 @@
-"""How long a run was left alone between two sessions: by one clock that went on, or by UTC across a restart."""
+"""The gap between two sessions of a run: by one clock that kept running, or by UTC across a restart."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from drivers.clock import Clock
 from rig.run_file.state import RunState
 
 LONGEST_S = 366 * 86400.0
-"""A longer gap by UTC is a clock that was or is wrong; a bench left alone for longer begins again anyway."""
+"""A longer gap by UTC means a wrong clock; a bench left alone for longer starts from the beginning anyway."""
 _STEP_S = 120.0
-"""A clock may be set back by so much without the gap being any less known than it is by UTC."""
+"""A clock may be set back by this much, seconds, and the gap is still known well enough by UTC."""
 _ROUNDING_S = 0.001
-"""Sums of clock readings differ by less."""
+"""Rounding errors of sums of clock readings are smaller than this, seconds."""
 
 
 @dataclass(frozen=True)
@@ -22,10 +22,10 @@ class Gap:
 
     Attributes:
         origin: clock reading at which the run's elapsed time was zero.
-        certain: one clock has counted it.
-        known: False if UTC cannot be right, or the one clock went back; the gap counts as nothing then, and nothing is
-            taken to stand.
-        warning: what a person should hear about it, "" if nothing.
+        certain: measured by one clock.
+        known: False if UTC cannot be right, or the one clock went back. The gap then counts as zero, and no
+            environment is assumed to have held.
+        warning: message for a person, "" if none.
 
     """
 
@@ -36,10 +36,10 @@ class Gap:
 
 
 def gap_since(state: RunState, clock: Clock, boot: str) -> Gap:
-    """The gap between the last record and now; none before the first session.
+    """The gap between the last record and now; zero before the first session.
 
     Args:
-        state: what the run has come to.
+        state: the state of the run by its records.
         clock: bench time.
         boot: the name of this boot of the bench's clock, "" if that has none.
 
@@ -63,7 +63,7 @@ def gap_since(state: RunState, clock: Clock, boot: str) -> Gap:
     gap_s = utc_s - state.utc_s
     if -_STEP_S <= gap_s <= LONGEST_S:
         return Gap(last - max(0.0, gap_s), certain=False)
-    # The last session may have had a wrong clock and an earlier one the right: it says when elapsed time was zero.
+    # The last session may have had a wrong clock. An earlier one with a right clock says when elapsed time was zero.
     by_earlier_s = utc_s - state.latest_zero_s - state.elapsed_s
     if 0.0 <= by_earlier_s <= LONGEST_S:
         return Gap(last - by_earlier_s, certain=False, warning=_words(state, utc_s, "an earlier session's is taken"))

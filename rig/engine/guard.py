@@ -1,8 +1,8 @@
 """The guard: limits and interlocks, checked outside the plan.
 
 Both are data (`[limits]` and `[interlocks]` of the bench file). Limits are checked on the whole run list before
-anything moves, at every command (here by those who command, and again at the driver by `rig.guarded`), and against
-every readback: the value itself, and how fast it changes where the bench limits that.
+anything moves, at every command (here before it is sent, and again at the driver by `rig.guarded`), and at every
+readback: the value itself, and its rate of change if the bench limits that.
 """
 
 from __future__ import annotations
@@ -23,23 +23,23 @@ _READBACK_MARGIN = 0.05
 """A readback may pass a limit by this much, degrees or psi, while an axis rests against it."""
 
 _CHAMBER_MARGIN_DEGC = 2.0
-"""The same of a chamber, which overshoots a setpoint at a limit before it settles there."""
+"""The same for a chamber, which overshoots a setpoint at a limit before it settles; degrees Celsius."""
 
 _RATE_MARGIN = 1.25
-"""A rate may pass its limit by this factor: it is taken from two readings, each with its own noise and delay."""
+"""A rate may exceed its limit by this factor: it is the difference of two readings, each with noise and delay."""
 
 _RATE_OVER_S = {"psi_per_s": 4.0, "degC_per_min": 120.0}
-"""Readings a rate is taken from are this far apart at least."""
+"""Minimum time between the two readings of a rate, seconds."""
 
 
 class Guard:
-    """Refuses what the bench file forbids.
+    """Refuses commands and readbacks that the bench file forbids.
 
     Args:
         limits: (low, high) by quantity, named with its unit: "enclosure_degC".
         factors: which instrument sets a factor; a chamber's limits are those of the temperature it sets.
-        interlocks: what must hold besides, by name.
-        now: bench time, by which rates and durations are counted.
+        interlocks: further conditions that must hold, by name.
+        now: bench time, for rates and durations.
 
     """
 
@@ -69,7 +69,7 @@ class Guard:
             instrument: the instruments' own (low, high) by factor name.
 
         Raises:
-            ConfigurationError: with one line for every factor that leaves them.
+            ConfigurationError: with one line for every factor that leaves its limits.
 
         """
         problems = [
@@ -109,7 +109,7 @@ class Guard:
             raise LimitViolation(f"{quantity} = {value:g} was about to be commanded, outside {low:g} to {high:g}")
 
     def check_axes(self, axes: Mapping[str, AxisReading]) -> None:
-        """Refuse readbacks outside the limits, or against an interlock. Raises `LimitViolation`, `InterlockHold`."""
+        """Refuse readbacks that violate a limit or an interlock. Raises `LimitViolation`, `InterlockHold`."""
         for axis, reading in axes.items():
             low, high = self._limits.get(reading.quantity, (float("-inf"), float("inf")))
             if not low - _READBACK_MARGIN <= reading.value <= high + _READBACK_MARGIN:
@@ -134,12 +134,12 @@ class Guard:
         self._check_rate(name, f"{name}_degC_per_min", state.temperature_degC)
 
     def check_temperatures(self, values: Mapping[str, float]) -> None:
-        """Hold temperature columns against the interlocks. Raises `LimitViolation` or `InterlockHold`."""
+        """Check temperature columns against the interlocks. Raises `LimitViolation` or `InterlockHold`."""
         for column, degC in values.items():
             self._interlocks.check(column, degC)
 
     def _check_rate(self, name: str, limit: str, value: float) -> None:
-        """How fast a readback has changed since it was last looked at long enough ago."""
+        """Check the rate of change of a readback, against an earlier one that is old enough."""
         if limit not in self._limits:
             return
         unit = next(u for u in _RATE_OVER_S if limit.endswith(u))
@@ -150,7 +150,7 @@ class Guard:
             return
         self._rated[limit] = (now, value)
         if seconds > 10.0 * _RATE_OVER_S[unit]:
-            return  # nobody looked meanwhile
+            return  # no reading was made in between
         rate = (value - before) / seconds * (60.0 if unit.endswith("min") else 1.0)
         low, high = self._limits[limit]
         if not low * _RATE_MARGIN <= rate <= high * _RATE_MARGIN:

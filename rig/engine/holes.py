@@ -1,9 +1,9 @@
-"""Holes in time: stretches in which the controller had no turn, although nothing was being waited for.
+"""Gaps in the controller's time ("holes"): the process did not run, although it was not waiting for anything.
 
-A process that is stopped (SIGSTOP), swapped out, or on a machine that sleeps, does not notice: its next look at the
-clock is later than it should be, and nothing else differs. Meanwhile a chamber may have drifted or a person changed
-something, so that what was known of the bench is as old as after a crash. The clock that engine and drivers share
-notices the hole; the sequencer then checks the bench as it does when a run is resumed.
+A process that was stopped (SIGSTOP), swapped out, or suspended with its machine does not notice this directly: only
+the next reading of the clock is too late. A chamber may have drifted or a person may have changed something in this
+time. The known state of the bench is then as old as after a crash. The clock that engine and drivers share
+detects the hole. The sequencer then checks the bench as it does when a run is resumed.
 """
 
 from __future__ import annotations
@@ -13,18 +13,18 @@ from dataclasses import dataclass
 from drivers.clock import Clock
 
 HOLE_S = 10.0
-"""Two looks at the clock may be so far apart beyond what was waited for: a slow disk, a busy machine."""
+"""Permitted time between two readings of the clock, besides announced waits, seconds: a slow disk, a busy machine."""
 _GRACES = 5.0
 """Where bench time runs faster than real time, a busy machine's pauses are longer in bench seconds."""
 
 
 @dataclass(frozen=True)
 class Hole:
-    """A stretch of bench time in which the controller had no turn.
+    """An interval of bench time in which the controller did not run.
 
     Attributes:
         began: clock reading at the last sign of life before it.
-        seconds: how long it was, less what was being waited for.
+        seconds: its length, less any announced wait.
 
     """
 
@@ -33,7 +33,7 @@ class Hole:
 
 
 class HoleInTime(Exception):
-    """The controller had no turn for longer than waiting explains; what was known of the bench is out of date."""
+    """The controller did not run for longer than its waits explain; its knowledge of the bench is out of date."""
 
     def __init__(self, hole: Hole) -> None:
         super().__init__(f"the controller had no turn for {hole.seconds:.0f} s (stopped, or the machine asleep?)")
@@ -41,15 +41,15 @@ class HoleInTime(Exception):
 
     @property
     def hole_s(self) -> float:
-        """What the run file keeps of it."""
+        """Its fields for the run file."""
         return round(self.hole.seconds, 3)
 
 
 class WatchedClock:
-    """A clock that notices holes: every use of it is a sign of life; satisfies `drivers.clock.Clock`.
+    """A clock that detects holes: every use of it is a sign of life. It satisfies `drivers.clock.Clock`.
 
     Args:
-        clock: what it reads.
+        clock: the clock it reads.
 
     """
 
@@ -60,7 +60,7 @@ class WatchedClock:
         self._hole: Hole | None = None
 
     def take_hole(self) -> Hole | None:
-        """The longest hole since this was last asked, None if there was none."""
+        """The longest hole since the last call, None if there was none."""
         self.now()
         hole, self._hole = self._hole, None
         return hole
@@ -99,7 +99,7 @@ class WatchedClock:
         self._explained = before
 
     def timeout(self, seconds: float) -> float:
-        """See `Clock.timeout`: whoever asks is about to wait for so long at most, until the next wait is announced."""
+        """See `Clock.timeout`: the caller is about to wait for at most this long, until the next wait is announced."""
         self.now()
         self._explained = max(seconds, 0.0)
         return self._clock.timeout(seconds)
@@ -114,5 +114,5 @@ class WatchedClock:
 
 
 def watched(clock: Clock) -> WatchedClock:
-    """The clock itself if it is watched already."""
+    """A watched clock; the clock itself if it is one already."""
     return clock if isinstance(clock, WatchedClock) else WatchedClock(clock)

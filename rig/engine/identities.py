@@ -1,4 +1,4 @@
-"""Whether the instruments are the ones a run began with."""
+"""Check that the instruments are the ones a run began with."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ _WHO = ("maker", "model", "serial", "asset")
 def compare_identities(
     journal: Journal, found: Mapping[str, dict[str, Any]], accept: frozenset[str], path: Path
 ) -> None:
-    """Write down who answers, and refuse another instrument than before.
+    """Record the identities of the instruments, and refuse an exchanged instrument.
 
     Args:
-        journal: where new ones are written down.
-        found: who answered now, by name.
-        accept: names of instruments that may be other ones than before.
+        journal: where new identities are recorded.
+        found: present identities, by name.
+        accept: names of instruments that may have been exchanged.
         path: the run file, for the message.
 
     Raises:
-        BenchFault: naming the instrument, and how to go on.
+        BenchFault: names the instrument and says how to go on.
 
     """
     for name, now in found.items():

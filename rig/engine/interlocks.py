@@ -1,4 +1,4 @@
-"""Interlocks: what the bench file says must hold, looked at whenever what they watch is read."""
+"""Interlocks: conditions of the bench file, checked whenever their quantity is read."""
 
 from __future__ import annotations
 
@@ -28,17 +28,17 @@ class Interlocks:
             self._rules.setdefault(rule.watch, {})[name] = rule
 
     def watches(self, what: str) -> bool:
-        """Whether an interlock of the bench file is about this."""
+        """Whether an interlock of the bench file watches this quantity."""
         return what in self._rules
 
     def check_chamber(self, name: str, state: ChamberState) -> None:
-        """Look at a chamber as just read. Raises `LimitViolation` or `InterlockHold`."""
+        """Check a chamber's new readings. Raises `LimitViolation` or `InterlockHold`."""
         for field, value in asdict(state).items():
             if f"{name}.{field}" in self._rules:
                 self.check(f"{name}.{field}", value)
 
     def check(self, what: str, value: Any) -> None:
-        """Look at one reading. Raises `LimitViolation` or `InterlockHold`, naming the interlock."""
+        """Check one reading. Raises `LimitViolation` or `InterlockHold`, with the name of the interlock."""
         for name, rule in self._rules.get(what, {}).items():
             wrong = _wrong(rule, value)
             if not wrong:

@@ -13,23 +13,23 @@ from rig.run_file.live import Requests
 
 
 class Interrupted(Exception):
-    """A signal asks for the run to be left for a later resume."""
+    """A signal asks to end this session; the run can be resumed later."""
 
 
 class HoldRequested(Exception):
-    """Somebody asks for the run to be held."""
+    """A person asks to hold the run."""
 
 
 class StopRequested(Exception):
-    """Somebody asks for the run to be stopped."""
+    """A person asks to stop the run."""
 
 
 class Interruptions:
-    """Looked for wherever the sequencer waits.
+    """Signals and requests; the sequencer looks for them wherever it waits.
 
     Args:
         signals: set from a signal handler.
-        requests: what people ask for.
+        requests: requests of people.
         journal: told that a request has been seen.
         state: where the sequencer is.
         clock: bench time; notices holes.
@@ -52,10 +52,10 @@ class Interruptions:
         self.released = False
 
     def look_up(self) -> None:
-        """Spread the news.
+        """Report the state, and look for signals, requests and holes.
 
         Raises:
-            Interrupted, HoldRequested, StopRequested: that is asked for.
+            Interrupted, HoldRequested, StopRequested: as requested.
             HoleInTime: see `check_time`.
 
         """
@@ -73,11 +73,11 @@ class Interruptions:
         self._journal.tell()
 
     def check_time(self) -> None:
-        """Write down a hole in time. Raises `HoleInTime` where what is under way must not go on over it."""
+        """Record a hole in time. Raises `HoleInTime` if the present work must not go on after it."""
         hole = self._clock.take_hole()
         if hole is None:
             return
         found, state = HoleInTime(hole), self._state()
         self._journal.write(Hole(hole_s=found.hole_s, where=str(state)))
-        if state not in (State.HOLDING, State.PARKING):  # the one checks the bench when it ends, the other ends the run
+        if state not in (State.HOLDING, State.PARKING):  # a hold checks the bench when it ends; parking ends the run
             raise found

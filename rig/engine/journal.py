@@ -1,4 +1,4 @@
-"""The journal of a session: what is written down, and what is told to whoever watches."""
+"""The journal of a session: writes records to the run file and reports progress to observers."""
 
 from __future__ import annotations
 
@@ -26,24 +26,24 @@ from rig.run_file.state import RunState
 from rig.run_file.writer import RunWriter
 
 _SHOWN_S, _SHOWN = 1800.0, 120
-"""How much of a settling quantity's trace the live state tells: the last half hour, so many samples at most."""
+"""Length of a settling quantity's trace in the live state: the last half hour, and a maximum number of samples."""
 _CLOCK_SET_S = 60.0
-"""A step of UTC against bench time by more than this is written down."""
+"""A step of UTC relative to bench time larger than this, seconds, is recorded."""
 _ONE_MOMENT_S, _READ_AGAIN = 1.0, 3
 
 
 @dataclass
 class PointInHand:
-    """What is known of the point being worked on.
+    """The state of work on the current point.
 
     Attributes:
         point: from the run list.
         attempt: counted over all sessions, from 1.
-        legs: the way there.
+        legs: the way to the point.
         settling: evidence that the axes settled.
-        observation: what was read.
+        observation: the readings.
         measured_s: elapsed time when the readings began and ended.
-        repeats: how often it was read again for being noisy.
+        repeats: number of repeated readings because of noise.
         rejected: readings that were too noisy.
 
     """
@@ -59,28 +59,28 @@ class PointInHand:
 
     @property
     def place(self) -> str:
-        """Where it is, as failures are counted."""
+        """Name of the place under which failures are counted."""
         return f"point {self.point.index}"
 
 
 class Journal:
-    """Writes records, keeps the fold of them up to date, and spreads the news.
+    """Writes records, keeps their fold up to date, and reports progress.
 
     Args:
         run: the run file, locked for writing.
-        fold: what it says so far; brought up to date with every record.
+        fold: state of the run by its records; updated with every record.
         clock: bench time.
         session: this start of the controller.
-        on_progress: called with news, often.
-        whole_plots: how many are planned.
-        pace: of a run of whole plots, how long the rest of it takes.
+        on_progress: called often, with the progress.
+        whole_plots: planned number of whole plots.
+        pace: estimate of the remaining time of a run of whole plots.
 
     Attributes:
         state: where the sequencer is.
-        at: the point in hand, if any; records about it name it.
-        message: what is going on, "" if the state says it.
-        detail: readings of the moment that go with it.
-        settling: tells what is being waited for to settle, by name.
+        at: the current point, if any; records about it name it.
+        message: the present activity, "" if the state says it.
+        detail: present readings that belong to the message.
+        settling: returns the traces of quantities that are settling, by name.
 
     """
 
@@ -123,7 +123,7 @@ class Journal:
         return self._clock.now() - self._session.elapsed_origin
 
     def open(self) -> None:
-        """Write the session's own record: who, when, after which gap, and what the log had lost."""
+        """Write the record of the session: process, time, gap before it, and entries lost from the log."""
         session, dropped = self._session, self._run.dropped
         gap_s = max(0.0, self.elapsed() - self.fold.elapsed_s) if session.gap_known else 0.0
         self.write(
@@ -140,36 +140,36 @@ class Journal:
                 wal_damage=dropped.damage,
             )
         )
-        self.tell(now=True)  # before anybody takes the last session's news for this one's
+        self.tell(now=True)  # at once, so that nobody takes the last session's state for this one's
 
     def write(self, event: Event, *, whole_plot: int | None = None, commit: bool = True) -> None:
         """Make an event durable; its record names the point in hand and the open whole plot.
 
         Args:
-            event: what happened.
-            whole_plot: another than the open one.
-            commit: False lets it become durable together with the next record, or not at all.
+            event: the event.
+            whole_plot: identity of its whole plot, if not the open one.
+            commit: with False it becomes durable together with the next record, or not at all.
 
         Raises:
-            StorageError: the disk refuses.
+            StorageError: the file cannot be written.
 
         """
         self._note()
         self._add(self._record(event, whole_plot), commit=commit)
 
     def _note(self) -> None:
-        """What the observer wants in the run file: durable with the record that follows, or not at all."""
+        """Write the observer's events: they become durable with the next record, or not at all."""
         for event in self._session.observer.to_note():
             self._add(self._record(event), commit=False)
 
     def _step_s(self, elapsed_s: float, utc_s: float) -> float:
-        """By how much UTC has stepped against bench time since the last record."""
+        """Step of UTC relative to bench time since the last record, seconds."""
         return (utc_s - elapsed_s) - (self.fold.utc_s - self.fold.elapsed_s)
 
     def _mark_clock(self, record: Record) -> None:
-        """Write down before a record that the machine's clock was set: dates before and after do not go together.
+        """Record, before the next record, that the machine's clock was set: earlier and later dates disagree.
 
-        A session's own record says it itself.
+        The record of a session contains this itself.
         """
         step_s = self._step_s(record.elapsed_s, record.utc_s)
         if record.kind == SessionBegan.kind or abs(step_s) <= _CLOCK_SET_S + self._clock.grace():
@@ -191,18 +191,18 @@ class Journal:
         self._session.observer.recorded(record)
 
     def last_read(self) -> tuple[int, dict[str, Sequence[float]]] | None:
-        """Index of the point that was accepted last, in whichever session, and what its outputs read."""
+        """Index and output readings of the last accepted point of any session."""
         last = next(self.recent(1), None)
         if last is None or last.run_index is None or not isinstance(last.event, Observed):
             return None
         return last.run_index, {name: output["readings"] for name, output in last.event.outputs.items()}
 
     def recent(self, observations: int) -> Iterator[Record]:
-        """The last accepted observations, whichever sessions made them, the earliest first."""
+        """The last accepted observations of all sessions, the earliest first."""
         return self._run.recent(observations)
 
     def finish(self, event: Ended) -> None:
-        """Write the end record and close the run file for good. Raises `StorageError`."""
+        """Write the end record and complete the run file. Raises `StorageError`."""
         self._note()
         record = self._record(event)
         self._mark_clock(record)
@@ -226,7 +226,7 @@ class Journal:
         )
 
     def _moment(self) -> tuple[float, float]:
-        """Bench time and UTC of one moment: read again if this process had no turn between the two."""
+        """Bench time and UTC of one moment; read again if this process was interrupted between the two readings."""
         for _ in range(_READ_AGAIN):
             elapsed_s, utc_s = self.elapsed(), self._clock.utc()
             if self.elapsed() - elapsed_s < _ONE_MOMENT_S:
@@ -234,39 +234,39 @@ class Journal:
         return elapsed_s, utc_s
 
     def take_up(self, point: Point | None) -> None:
-        """Have a point in hand from now on, or none."""
+        """Set the current point, or none."""
         self.start_timing()
         self.at = None if point is None else PointInHand(point, self.fold.attempts.get(point.index, 0) + 1)
 
     def start_timing(self) -> None:
-        """The point in hand takes its time from now on: holds, retries and preparation before it do not count."""
+        """Start the time of the current point: earlier holds, retries and preparation do not count."""
         self._taken_up_s = self.elapsed()
 
     def point_observed(self) -> None:
-        """The point in hand is done: what it took tells how long the rest will take."""
-        if self._first:  # the way to it was that of a new start
+        """Finish the current point; its duration goes into the estimate of the remaining time."""
+        if self._first:  # its way was longer, because of a new start
             self._first = False
         else:
             self._pace.append(self.elapsed() - self._taken_up_s)
             self._point_s = typical_s(self._pace)
 
     def begin_whole_plot(self, event: WholePlotBegan) -> None:
-        """A soak is over: what follows belongs to a new whole plot. Raises `StorageError`."""
+        """End a soak: what follows belongs to a new whole plot. Raises `StorageError`."""
         self.write(event, whole_plot=self.fold.whole_plots + 1)
 
     def acknowledge(self, request_id: str) -> None:
-        """Tell at once that a person's request has been seen."""
+        """Report at once that a person's request has been seen."""
         self._acknowledged = request_id
         self.tell(now=True)
 
     def tell(self, *, now: bool = False) -> None:
         """Spread the news."""
         self._live.publish(self._live_content, now=now)
-        with contextlib.suppress(OSError):  # a log that cannot be written must not decide whether a night lives
+        with contextlib.suppress(OSError):  # a log that cannot be written must not end a run
             self._on_progress(self._progress())
 
     def close(self) -> None:
-        """Take the live state away at the end of the session."""
+        """Remove the live state at the end of the session."""
         self._live.remove()
 
     def _progress(self) -> Progress:

@@ -1,7 +1,8 @@
-"""Whether readings are alive: a meter that hangs repeats what it read, and so does one that is coarse and quiet.
+"""Detection of frozen readings: a meter that hangs repeats a reading, but so does one with a coarse resolution and no
+noise.
 
-Two things tell them apart. What was read before, at another setting, does not come again to the last digit. And where
-readings of a point hardly ever were all the same number, they are not so now on several channels at once.
+Two tests tell them apart. A reading from another setting does not return to the last digit. And if the readings of
+one point were hardly ever all equal, several channels at once do not suddenly have equal readings.
 """
 
 from __future__ import annotations
@@ -13,19 +14,19 @@ from procedures.run_list import Point
 from rig.engine.measuring import Observation
 
 _TOO_STILL = 3e-3
-"""Chance below which channels of one instrument are not believed to stand still."""
+"""Probability below which equal readings on several channels are not accepted as chance."""
 _STILL, _SEEN = 0.5, 4.0
-"""What is assumed before anything was read: half of four observations stood still."""
+"""Prior: two of four observations had equal readings."""
 
 
 @dataclass
 class _Output:
-    """How often readings of a point were all the same number; counted once the output has shown that it lives.
+    """How often the readings of a point were all equal; counted after the output has shown that it works.
 
     Attributes:
         seen: observations.
-        still: of them, those that stood still.
-        doubted: the number of the last one that did, until another is read.
+        still: number of observations with all readings equal.
+        doubted: the value of the last one of them, until another value is read.
 
     """
 
@@ -34,7 +35,9 @@ class _Output:
     doubted: float | None = None
 
     def chance(self, readings: Sequence[float]) -> float:
-        """How likely it is that these stand still, by what is known of earlier ones; 1 where they do not."""
+        """Probability that these readings are all equal by chance, from earlier observations; 1 if they are not
+        equal.
+        """
         if self.doubted is not None and set(readings) != {self.doubted}:
             self.seen, self.still, self.doubted = self.seen + 1, self.still + 1, None
         if len(set(readings)) > 1:
@@ -47,12 +50,12 @@ class _Output:
 
 
 class Liveness:
-    """What is known of the outputs of a bench.
+    """Watches the outputs of a bench.
 
     Args:
         readers: by output column, the instrument that reads it.
-        point: at which outputs were read last, by an earlier session; None if they never were.
-        last: what was read there, by column.
+        point: the last point of an earlier session; None if there was none.
+        last: readings there, by column.
 
     """
 
@@ -67,7 +70,7 @@ class Liveness:
         Args:
             point: where the observation was made.
             observation: it.
-            passing: what outputs read since the one before, while only temperatures were wanted.
+            passing: output readings since the previous observation, made while only temperatures were wanted.
 
         """
         now = {name: c.readings for name, c in observation.outputs.items()}

@@ -1,4 +1,4 @@
-"""Readings of a point and what they amount to."""
+"""Readings of a point and their statistics."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Channel:
 
     @property
     def sd(self) -> float:
-        """Standard deviation of one reading; 0 where there is only one."""
+        """Standard deviation of one reading; 0 if there is only one."""
         n = len(self.readings)
         if n < 2:
             return 0.0
@@ -47,13 +47,13 @@ class Channel:
 
 @dataclass
 class Observation:
-    """What was captured at a point, on its way to the run file.
+    """Readings captured at a point.
 
     Attributes:
         outputs: by column name, `x_V`, in the column's unit.
         temperatures: by column name, `sensor_temperature_degC`.
-        references: what the sensors were calibrated against, read meanwhile: by column name.
-        flags: what a reader of the data should know of it ("noisy").
+        references: readbacks of the reference during the readings, by column name.
+        flags: remarks for readers of the data ("noisy").
 
     """
 
@@ -67,11 +67,11 @@ class Observation:
         return [name for name, c in (*self.outputs.items(), *self.temperatures.items()) if c.overload]
 
     def frozen(self, before: Mapping[str, Sequence[float]], *, moved: bool) -> list[str]:
-        """Outputs that repeat, to the last digit, what was read last before.
+        """Outputs that repeat their last reading to the last digit.
 
         Args:
-            before: the readings of the point before and those since, by column.
-            moved: whether the setting is another one. Where it is not, an output that scattered there is to scatter.
+            before: readings of the previous point and those since, by column.
+            moved: whether the setting has changed. If it has not, an output that scattered before must scatter again.
 
         """
         return [
@@ -81,10 +81,10 @@ class Observation:
         ]
 
     def noisiest(self, scales: Mapping[str, float]) -> tuple[str, float]:
-        """The output with the largest standard deviation in volts, and that.
+        """The output with the largest standard deviation, and this standard deviation in volts.
 
         Args:
-            scales: output column to its unit per volt; outputs may be in different units.
+            scales: by output column, its unit per volt; outputs may be in different units.
 
         """
         sd_V = {name: c.sd / scales[name] for name, c in self.outputs.items()}
@@ -92,7 +92,7 @@ class Observation:
         return name, sd_V[name]
 
     def as_json(self) -> dict[str, Any]:
-        """For the run file; overloads are written as null, which no mean can be made of."""
+        """Its fields for the run file. Overloads are written as null, so that nobody can average them."""
         if self.overloaded():
             return {
                 "overload": self.overloaded(),
@@ -116,20 +116,20 @@ def assemble(
     temperatures: Mapping[str, tuple[str, str]],
     references: Mapping[str, Sequence[float]],
 ) -> Observation:
-    """Readings of several instruments, by instrument and channel, sorted into quantities.
+    """Sort readings of several instruments and channels into quantities.
 
     Args:
         fetched: readings by instrument and channel, volts and degrees Celsius.
-        sensors: output column to (instrument, channel).
-        scales: output column to its unit per volt.
-        temperatures: temperature column to (instrument, channel).
+        sensors: by output column, (instrument, channel).
+        scales: by output column, its unit per volt.
+        temperatures: by temperature column, (instrument, channel).
         references: readings by column.
 
     """
 
     def pick(source: tuple[str, str], scale: float = 1.0) -> Channel:
         reader, channel = source
-        # an overload stays what it is, whatever the unit
+        # an overload is not scaled
         return Channel(tuple(r if is_overload(r) else r * scale for r in fetched[reader][channel]))
 
     return Observation(

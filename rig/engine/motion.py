@@ -1,9 +1,9 @@
-"""How the axes get to a point so that every axis arrives from its planned side.
+"""Motion to a point, such that every axis arrives from its planned side.
 
 A worm gear reaches the same encoder reading at two slightly different angles, depending on which flank it last
 pushed on. So the side of approach is part of the design: an axis that cannot come from its planned side directly
-first goes beyond it. After an interruption nothing is known of the last move, and the last point's history is
-gone too; then every axis goes beyond, through the previous point, to the point.
+first goes beyond it. After an interruption nothing is known about the last move or the
+approach of the last point. Every axis then goes beyond the previous point, to that point, and on to the next one.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ Leg = dict[str, float]
 
 @dataclass(frozen=True)
 class Arrival:
-    """How an axis last came to rest.
+    """The last approach of an axis.
 
     Attributes:
         side: +1 if it came moving upwards, -1 downwards.
@@ -32,7 +32,7 @@ class Arrival:
 
 
 def _moved(factors: Sequence[Factor], point: Point) -> Iterator[tuple[Factor, float, int]]:
-    """(factor, target, side) of what moves from point to point."""
+    """(factor, target, side) of every factor that moves from point to point."""
     for factor, target, side in zip(factors, point.setpoints, point.sides, strict=True):
         if not factor.hard:
             yield factor, target, side
@@ -48,11 +48,11 @@ def plan_legs(
     """Legs from where the axes are to a point.
 
     Args:
-        factors: what the point's setpoints mean.
-        point: where to go, and from which sides.
+        factors: meaning of the point's setpoints.
+        point: the target, and the sides to arrive from.
         now: present position by axis.
-        arrivals: how each axis came to be there; an axis that is missing is of unknown history.
-        tolerance: an axis this close to its setpoint, having come from its planned side, stays.
+        arrivals: last approach of each axis; the history of a missing axis is unknown.
+        tolerance: an axis this close to its setpoint stays, if it arrived from its planned side.
 
     Returns:
         No leg (nothing to move), one (direct), or two (some axes first go beyond).
@@ -77,8 +77,8 @@ def recovery_legs(factors: Sequence[Factor], point: Point, previous: Point | Non
     """Legs to a point after an interruption: beyond the previous point, to it, then on to the point itself.
 
     Args:
-        factors: what the setpoints mean.
-        point: where the run goes on.
+        factors: meaning of the setpoints.
+        point: where the run continues.
         previous: the point before it in the run list; None at the very first.
 
     """
@@ -94,12 +94,12 @@ def recovery_legs(factors: Sequence[Factor], point: Point, previous: Point | Non
 
 
 def arrived(leg: Leg, start: Mapping[str, float], arrivals: dict[str, Arrival]) -> None:
-    """Note how the axes of a finished leg came to rest.
+    """Note the approach of the axes after a leg.
 
     Args:
-        leg: the targets that were commanded.
-        start: readbacks when the leg began.
-        arrivals: brought up to date in place.
+        leg: commanded targets.
+        start: readbacks at the start of the leg.
+        arrivals: updated in place.
 
     """
     for axis, target in leg.items():

@@ -1,9 +1,10 @@
-"""How long the rest of a run of whole plots will take: known from the plan, corrected by what was seen so far.
+"""Remaining time of a run of whole plots: predicted from the plan, corrected by the durations observed so far.
 
-A chamber ramps, and what is in it follows with a time constant tau: at the end of a ramp of rate r and length t the
-sensors are r tau (1 - exp(-t / tau)) behind, and settled when that has fallen to the tolerance, and its slope to the
-drift allowed. A change of pressure takes its slew. Both are put right by the middle one of the ratios, or differences,
-that were seen in the run itself. What was seen around a new start, a fault or a hold does not count.
+A chamber ramps, and its contents follow with a time constant tau. At the end of a ramp of rate r and length t the
+sensors lag by r tau (1 - exp(-t / tau)). They have settled when this lag is within the tolerance and its slope is
+within the permitted drift. The time for a change of pressure follows from its slew rate. Both predictions are corrected
+by the median of the ratios, or differences, observed in the run. Observations near a new start, a fault or a hold do
+not count.
 """
 
 from __future__ import annotations
@@ -26,19 +27,19 @@ from rig.run_file.events.points import Observed, Skipped, TemperaturesLeft, Whol
 from rig.run_file.events.sessions import Held, SessionBegan, Stopped
 
 AMBIENT_DEGC = 23.0
-"""Where temperatures come from in a run's first soak."""
+"""Temperature before the first soak of a run, degrees Celsius."""
 SWEEP_S = 3.0
-"""A reading of all channels, before one was seen."""
+"""Assumed duration of a reading of all channels before the first one, seconds."""
 KEPT = 200
 _NOT_CLEAN = (Fault, Held, SessionBegan, Stopped, Skipped)
 
 
 @dataclass(frozen=True)
 class Follower:
-    """One chamber and what is in it.
+    """One chamber and its contents.
 
     Attributes:
-        ramp_degC_per_s: how fast its setpoint goes.
+        ramp_degC_per_s: rate of its setpoint.
         follows_s: time constant with which the sensors follow.
 
     """
@@ -47,7 +48,7 @@ class Follower:
     follows_s: float
 
     def settled_s(self, change_degC: float, soak: SoakSettings) -> float:
-        """Seconds from the command to when the sensors are within tolerance and drift no faster than allowed."""
+        """Seconds from the command until the sensors are within tolerance and their drift is within its limit."""
         ramp = change_degC / self.ramp_degC_per_s
         tau = self.follows_s
         behind = self.ramp_degC_per_s * tau * (1.0 - exp(-ramp / tau)) if ramp > 0 else change_degC
@@ -57,7 +58,7 @@ class Follower:
 
 @dataclass(frozen=True)
 class _Left:
-    """Work that is left: points, what their changes take, whole plots to be soaked, whether a soak comes first."""
+    """Remaining work: points, durations of their changes, whole plots to soak, and whether a soak comes first."""
 
     travel_s: float
     points: int
@@ -66,7 +67,7 @@ class _Left:
 
 
 class Pace:
-    """Of one run of whole plots; told of every record, those of earlier sessions first.
+    """The estimate for one run of whole plots; takes every record in order, those of earlier sessions first.
 
     Args:
         run_list: every point.
@@ -94,16 +95,16 @@ class Pace:
 
     @property
     def point_s(self) -> float:
-        """Seconds of a point beside what its change of pressure takes."""
+        """Seconds of a point without its change of pressure."""
         return statistics.median(self._points) if self._points else self._point_s
 
     @property
     def ratio(self) -> float:
-        """How long soaks take over what the model says."""
+        """Ratio of the duration of soaks to the prediction."""
         return statistics.median(self._ratios) if self._ratios else 1.0
 
     def add(self, record: Record) -> None:
-        """Take one more record, in order."""
+        """Take the next record."""
         if record.accepted:
             self._observed(record)
         elif record.kind != Observed.kind:
@@ -144,12 +145,12 @@ class Pace:
         self._left = None
 
     def interrupted(self, elapsed_s: float) -> None:
-        """Nothing runs now: a soak that was under way begins again with the next session."""
+        """Note the end of a session: an unfinished soak begins again with the next one."""
         self._last = self._began = None
         self._session_s = elapsed_s
 
     def remaining_s(self, elapsed_s: float) -> float:
-        """Bench seconds that the rest will take, at some elapsed time."""
+        """Remaining bench seconds at an elapsed time."""
         if self._left is None:
             self._left = self._what_is_left()
         left = self._left
@@ -167,7 +168,7 @@ class Pace:
 
 
 def _travel_s(run_list: RunList, bench: BenchConfig) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    """(n,) seconds that the easy factors' changes take, by their rates; none where a rate is not declared."""
+    """(n,) seconds for the changes of easy factors, by their rates; 0 if a rate is not declared."""
     slowest = np.zeros(len(run_list))
     for at, factor in enumerate(run_list.factors):
         rate = None if factor.hard else _rate(bench, factor.name, "slew_psi_per_s")
@@ -193,7 +194,7 @@ def _followers(run_list: RunList, bench: BenchConfig) -> Mapping[str, Follower]:
 
 
 def _soaks_s(run_list: RunList, soak: SoakSettings, followers: Mapping[str, Follower]) -> dict[int, float]:
-    """Seconds of each whole plot's soak by the model, after the one before it."""
+    """Predicted seconds of each whole plot's soak, starting from the previous whole plot."""
     out: dict[int, float] = {}
     at = dict.fromkeys(followers, AMBIENT_DEGC)
     for point in run_list.points:

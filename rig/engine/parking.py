@@ -1,4 +1,6 @@
-"""The way out: axes to where they rest, then every instrument to its safe state, written down with how long it took."""
+"""The end of a run: axes go to their parking positions, then every instrument to its safe state; durations are
+recorded.
+"""
 
 from __future__ import annotations
 
@@ -19,10 +21,10 @@ from rig.run_file.events.bench import MadeSafe
 
 
 class SetUp(Protocol):
-    """Brings the instruments' settings to what the bench declares, where that is due."""
+    """Sets the instruments as the bench declares, when that is due."""
 
     def __call__(self, *, again: bool = False) -> None:
-        """Set up if it is due, or `again` in any case."""
+        """Set up if it is due, or in any case with `again`."""
         ...
 
 
@@ -32,8 +34,8 @@ class Parking:
     Args:
         bench: opened instruments.
         do: actions on them.
-        journal: where it is written down.
-        deciding: decides about errors on the way.
+        journal: where it is recorded.
+        deciding: decides about errors while parking.
         clock: bench time.
         set_up: see `SetUp`.
 
@@ -46,7 +48,9 @@ class Parking:
         self._deciding, self._clock, self._set_up = deciding, clock, set_up
 
     def park(self, poll_s: float, timeout_s: float) -> str:
-        """Drive the axes to where they rest; what kept them from it, "" if nothing. The safe state follows anyway."""
+        """Drive the axes to their parking positions. Returns the reason for a failure, "" if none; the safe state
+        follows anyway.
+        """
         again = False
         while True:
             try:
@@ -63,7 +67,7 @@ class Parking:
             return ""
 
     def make_safe(self) -> MadeSafe:
-        """Bring the bench to its safe state; how long it took and what was read back is written down if it can be."""
+        """Bring the bench to its safe state; the duration and readbacks are recorded if possible."""
         safe = make_safe(self._bench, self._clock)
         with contextlib.suppress(StorageError):
             self._journal.write(safe)

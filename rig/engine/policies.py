@@ -1,8 +1,8 @@
-"""Policies at work: how often what has failed where, and what the procedure wants done about it.
+"""Fault policies: counts of failures, and the action the procedure wants for each.
 
-Counted for each class of fault and each place (a point, or a state that has none), so that a fault at one point does
-not use up the patience with another. A place that is done with is counted again when it comes again; so is an
-instrument that has worked well for as long as the longest pause, a few times: a soak of hours may lose many replies.
+Failures are counted by class of fault and by place (a point, or a state without a point), so that a fault at one point
+does not use up the retries of another. The count restarts after success at the place. It also restarts, a few times,
+after the instrument has worked for as long as the longest pause: a soak of hours may lose many replies.
 """
 
 from __future__ import annotations
@@ -18,22 +18,22 @@ from rig.engine.fault_classes import fault_class
 __all__ = ["ABORT", "HOLD", "RETRY", "RE_HOME", "RE_SOAK", "SKIP", "Decision", "Policies"]
 
 _OF_THE_RUN = "temperature_left"
-"""Counted over the whole session: every point and whole plot stands at the same chambers."""
+"""Classes counted over the whole session: all points and whole plots share the same chambers."""
 
 _FORGIVEN = 20
-"""So often what has failed before is forgotten at one place."""
+"""How often the failures at one place may be forgotten."""
 
 
 @dataclass(frozen=True)
 class Decision:
-    """What is done about an error.
+    """The decision about an error.
 
     Attributes:
         fault: its class.
         action: "retry", "re-home", "re-soak", "skip", "hold" or "abort".
-        failure: how often this class has failed here, this time included.
-        number: how often this action has been taken for it, this time included.
-        pause_s: to wait first.
+        failure: number of failures of this class here, including this one.
+        number: number of times this action was taken for it, including this one.
+        pause_s: pause before the action, seconds.
 
     """
 
@@ -45,7 +45,7 @@ class Decision:
 
 
 class Policies:
-    """The procedure's `[faults]`, and what has failed so far in this session.
+    """The procedure's `[faults]`, with the failures of this session.
 
     Args:
         conduct: its policies.
@@ -65,12 +65,12 @@ class Policies:
         self._put_off = 0
 
     def decide(self, error: Exception, place: str, *, at_point: bool) -> Decision | None:
-        """Count a failure and say what follows; None if the procedure has no say in such an error.
+        """Count a failure and return the decision; None if no policy covers the error.
 
         Args:
-            error: what was raised.
-            place: where, as it is counted.
-            at_point: whether a point is in hand; without one there is nothing to skip, and a soak is not repeated.
+            error: the error.
+            place: name of the place, for counting.
+            at_point: whether there is a current point; without one nothing can be skipped, and a soak is not repeated.
 
         """
         fault = fault_class(error, self._known)
@@ -95,7 +95,7 @@ class Policies:
         return Decision(fault, action, failure, number, pause_s)
 
     def _has_worked_since(self, place: str, fault: str) -> bool:
-        """Whether all went well for long enough since this last failed here; bounded, or a night would never end."""
+        """Whether the last failure here is long enough ago to be forgotten; bounded, or a run might never end."""
         key = (place, fault)
         well = self._now() - self._over.get(key, self._now()) >= self._faults.pause_max_s
         times = self._forgiven.get(key, 0)
@@ -103,17 +103,17 @@ class Policies:
         return well and times < _FORGIVEN
 
     def accepts(self, fault: str, place: str) -> bool:
-        """Whether the next failure of this class here is to be accepted, and flagged."""
+        """Whether the next failure of this class here is accepted with a flag."""
         counts = self._failures.get("run" if fault == _OF_THE_RUN else place, {})
         return step_at(self._plans[fault], counts.get(fault, 0) + 1)[0] == ACCEPT
 
     def done(self, place: str) -> dict[str, int]:
-        """A place is done with; returns how often what had failed there."""
+        """End a place's counts; returns the number of failures there by class."""
         for memory in (self._over, self._forgiven):
             for key in [key for key in memory if key[0] == place]:
                 del memory[key]
         return self._failures.pop(place, {})
 
     def observed(self) -> None:
-        """A point was accepted: those put off before it were exceptions."""
+        """A point was accepted: earlier postponed points were exceptions."""
         self._put_off = 0

@@ -1,7 +1,7 @@
-"""Which point comes next: the run list, less what has been observed, with what was put off at the end.
+"""The order of the remaining points: the run list without observed points, postponed points at the end.
 
-Where nothing is hard to change, a point that was put off is tried again at the end of the run. In a whole plot it
-is tried again at the whole plot's own end, while the temperatures it belongs to still stand.
+Without hard-to-change factors a postponed point is tried again at the end of the run. In a whole plot it is tried
+again at the end of that whole plot, while its temperatures still hold.
 """
 
 from __future__ import annotations
@@ -11,11 +11,11 @@ from rig.run_file.state import RunState
 
 
 class PointQueue:
-    """Points still to be observed, in order. A place in the run list, and what was put off: no list of what is ahead.
+    """Points still to be observed, in order; stored as a position in the run list and the postponed points.
 
     Args:
         run_list: every point of the run.
-        fold: what has become of them so far.
+        fold: the state of the points so far.
 
     """
 
@@ -27,9 +27,9 @@ class PointQueue:
         self.refill()
 
     def refill(self) -> None:
-        """Begin again from what the run file says, as after a whole plot was lost."""
+        """Begin again from the state in the run file, for example after a whole plot was lost."""
         self._deferred.clear()
-        self._again.clear()  # points whose turn has come again; the next one is popped from the end
+        self._again.clear()  # postponed points that come again; the next one is popped from the end
         self._at = -1
         self._following = self._next()
 
@@ -53,7 +53,7 @@ class PointQueue:
         return first
 
     def pop(self) -> Point | None:
-        """Take the next point out."""
+        """Remove the next point and return it."""
         point = self.peek()
         if self._again:
             self._again.pop()
@@ -66,6 +66,6 @@ class PointQueue:
         self._deferred.append(point)
 
     def put_back(self, point: Point) -> None:
-        """Have a point that was taken out come next again, unless it has been observed meanwhile."""
+        """Put a removed point back in front, unless it has been observed since."""
         if point.index not in self._fold.accepted:
             self._again.append(point)

@@ -1,7 +1,7 @@
-"""Whether a sensor is alive: does its output follow what the bench is set to? For one output each.
+"""Whether a sensor responds: tests that one output follows the settings of the bench.
 
-No significance here but plain disproportion: a sensor that works follows its settings to a part in ten thousand, one
-that died not at all, and between the two there is room for any threshold.
+These tests need no significance level. A working sensor follows its settings to one part in ten thousand and a
+dead one not at all, so any threshold between the two will do.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _TO_JUDGE_A_SLOPE, _SLOPE_OFF = 8, 0.2
 
 @dataclass
 class _Seen:
-    """One of the last observations: where, what, whether every reading was the same, what the model expects."""
+    """One of the last observations: setting, mean, whether all readings were equal, and the model's prediction."""
 
     row: Row
     mean: float
@@ -50,7 +50,7 @@ class _Model:
         self._inverse = np.linalg.pinv(columns.T @ columns)
 
     def expects(self, row: Row) -> float | None:
-        """The output there; None far from everything it was fitted to."""
+        """Predicted output at a setting; None far outside the range of the fit."""
         at = np.array(row)
         if float(at @ self._inverse @ at) > 1.0:
             return None
@@ -58,12 +58,12 @@ class _Model:
 
 
 class ResponseTest:
-    """Fits output to settings at the first points, and asks whether later ones keep to it.
+    """Fits the output to the settings at the first points, and tests whether later points follow the fit.
 
     Args:
-        span: how far each column reaches over the whole run list.
-        least_jump: the smallest jump worth saying, as a part of the output's span.
-        say: a value with its unit.
+        span: range of each column over the whole run list.
+        least_jump: smallest jump to report, as a fraction of the output's span.
+        say: formats a value with its unit.
 
     """
 
@@ -82,12 +82,12 @@ class ResponseTest:
 
         Args:
             row: the model's columns.
-            mean: of the output.
-            variance: of its readings.
+            mean: mean of the output.
+            variance: variance of its readings.
             new_whole_plot: offsets may differ from what came before.
 
         Returns:
-            What there is to say, "" if nothing.
+            The warning, "" if none.
 
         """
         if new_whole_plot:
@@ -104,12 +104,12 @@ class ResponseTest:
         return said
 
     def _believable(self, mean: float, expected: float | None) -> bool:
-        """Whether there is something to learn from an observation, rather than something wrong with it."""
+        """Whether an observation is good enough to be added to the fit."""
         model = self._model
         return model is None or expected is None or abs(mean - expected) <= _ODD * (model.high - model.low)
 
     def _frozen(self, last: list[_Seen]) -> str:
-        """Every reading the same number, at settings that differ, of a sensor that had noise."""
+        """Test for a frozen output: all readings equal at different settings, although the sensor had noise before."""
         last = last[-_FROZEN:]
         if not self._noisy or len(last) < _FROZEN or not all(s.still for s in last):
             return ""
@@ -118,7 +118,7 @@ class ResponseTest:
         return f"is frozen: every reading at the last {_FROZEN} points was {self._say(last[0].mean)}"
 
     def _learn(self) -> str:
-        """Fit again now and then while there is more to learn from; says it if the output never followed anything."""
+        """Fit again from time to time as points are added; warns if the output never followed the settings."""
         n = len(self._rows)
         if n < self._next_fit:
             return ""
@@ -138,7 +138,7 @@ class ResponseTest:
         return ""
 
     def _deaf(self, last: list[_Seen]) -> str:
-        """The settings should have moved the output, and it stayed."""
+        """Test for an output that stays constant although the settings should have moved it."""
         model = self._model
         for size in _WINDOWS:
             some = last[-size:]
@@ -158,7 +158,7 @@ class ResponseTest:
         return ""
 
     def _weak(self, last: list[_Seen]) -> str:
-        """The settings move the output by another factor than before, three times running: one stray point is none."""
+        """Test for a changed sensitivity, three times in succession, so that one outlier causes no warning."""
         model, some = self._model, last[-_TO_JUDGE_A_SLOPE:]
         expected = [s.expected for s in some if s.expected is not None]
         slope, error, should = 1.0, 0.0, 0.0
@@ -173,7 +173,7 @@ class ResponseTest:
         return f"follows the settings with {100 * slope:.0f} % of what it did before, over {len(some)} points"
 
     def _jumped(self, last: list[_Seen]) -> str:
-        """Far from where its settings put it before, several points in a row."""
+        """Test for a jump: several points in succession far from the fit."""
         model, some = self._model, last[-_JUMPED:]
         off = [s.mean - s.expected for s in some if s.expected is not None]
         if model is None or len(off) < _JUMPED:
@@ -187,7 +187,7 @@ class ResponseTest:
 
 
 def _slope(expected: list[float], read: list[float]) -> tuple[float, float]:
-    """Of what was read against what was expected, and the rms of what the line leaves."""
+    """Slope of the readings against the predictions, and the rms residual of this line."""
     x, y = np.array(expected), np.array(read)
     slope, offset = np.polyfit(x, y, 1)
     return float(slope), float(np.sqrt(np.mean((y - slope * x - offset) ** 2)))

@@ -1,7 +1,8 @@
 """The safe state: motion stopped, pressure vented, chambers at ambient; reached in a stated time and read back.
 
-Heads are stopped first, vents started next since they take longest, then chambers; nothing waits for an instrument
-that fails. What has failed is tried again until its time is up, and what cannot be shown to be safe is named.
+Heads are stopped first. Vents are started next, because they take longest; chambers follow. Nothing waits for an
+instrument that fails. A failed step is repeated until its time is up. Instruments that cannot be shown to be safe are
+named.
 """
 
 from __future__ import annotations
@@ -30,8 +31,8 @@ class _Task:
         instrument: opened.
 
     Attributes:
-        problem: what is wrong at the moment, "" once it is safe.
-        found: what was read back.
+        problem: the present problem, "" once it is safe.
+        found: readbacks.
 
     """
 
@@ -44,14 +45,14 @@ class _Task:
         self._tried = False
 
     def begin(self) -> None:
-        """Do at once what takes time."""
+        """Start at once what takes time."""
         self.go_on(last=False)
 
     def go_on(self, *, last: bool) -> None:
-        """Command it, unless it is found safe already after an earlier try, and read it back.
+        """Command the safe state and read it back. No command is sent if an earlier one has succeeded by now.
 
         Args:
-            last: there is no time left for another look.
+            last: whether this is the last attempt.
 
         """
         try:
@@ -63,13 +64,13 @@ class _Task:
         self._tried = True
         try:
             self._instrument.make_safe()
-            self.problem = ""  # as far as it can tell; what can be read back is
+            self.problem = ""  # no readback is possible here; what can be read back is checked
             self.problem = self._read_back(last)
         except Exception as error:  # nothing that goes wrong here may keep the others from their safe state
             self.problem = str(error) or repr(error)
 
     def _read_back(self, last: bool) -> str:
-        """What is wrong by what can be read back, "" if nothing."""
+        """The problem by readback, "" if none."""
         return self.problem
 
 
@@ -97,13 +98,13 @@ class _Chamber(_Task):
 
 
 class _PressureController(_Task):
-    """Vented while the other instruments have their turn; how fast the pressure goes is watched meanwhile."""
+    """A pressure controller: it vents while the other instruments are commanded; its rate of change is watched."""
 
     _before: tuple[float, float] | None = None
     _venting = False
 
     def begin(self) -> None:
-        """Start venting; whatever fails here is tried again, and told, by `go_on`."""
+        """Start venting. A failure here is repeated and reported by `go_on`."""
         try:
             self._instrument.vent()
             self._venting = self._tried = True
@@ -146,11 +147,11 @@ _TASKS: tuple[tuple[type, type[_Task]], ...] = (
     (Reader, _Reader),
     (Instrument, _Task),
 )
-"""Who is asked first, and how."""
+"""Order of instruments, and how each is brought to its safe state."""
 
 
 def make_safe(bench: Bench, clock: Clock) -> MadeSafe:
-    """Bring every instrument to its safe state, going on past errors, and show by readback that it is there."""
+    """Bring every instrument to its safe state, also after errors, and verify it by readback."""
     safety, began = bench.config.safety, clock.now()
     end = began + safety.within_s
     tasks = [
@@ -164,7 +165,7 @@ def make_safe(bench: Bench, clock: Clock) -> MadeSafe:
     pause = _POLL_S
     while any(task.problem for task in tasks):
         left = end - clock.now()
-        with contextlib.suppress(Exception):  # out of memory, say: what is left to do is still done
+        with contextlib.suppress(Exception):  # for example out of memory: the remaining instruments are still commanded
             clock.sleep(min(pause, max(left, 0.0)))
         pause = min(1.5 * pause, _LONGEST_POLL_S)
         for task in tasks:
@@ -187,6 +188,6 @@ _roles: dict[type, type] = {}
 
 def _role(instrument: Any) -> type:
     kind = type(instrument)
-    if kind not in _roles:  # a protocol takes long to look up
+    if kind not in _roles:  # an isinstance check against a protocol is slow
         _roles[kind] = next(role for role, _ in _TASKS if role is Instrument or isinstance(instrument, role))
     return _roles[kind]

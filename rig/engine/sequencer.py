@@ -1,8 +1,8 @@
-"""The sequencer: one flat state machine that carries a run list out, point by point, into a run file.
+"""The sequencer: one flat state machine that carries out a run list, point by point, and writes the run file.
 
-Every state has one handler, which does its work and answers with the trigger that follows; the table of states
+Every state has one handler, which does its work and returns the next trigger. The table of states
 (`rig.engine.states`) says which triggers are permitted. Resuming is the ordinary way to run: a new run is a run
-of which nothing has been observed yet.
+without observations.
 """
 
 from __future__ import annotations
@@ -55,13 +55,13 @@ class Sequencer:
     Args:
         bench: opened instruments.
         run: the run file, locked for writing.
-        state: what the run file says so far.
+        state: state of the run by its records.
         run_list: every point.
-        conduct: how points are approached, read and recovered.
+        conduct: how points are approached and read, and how faults are handled.
         clock: bench time.
         session: this start of the controller.
-        signals: looked at wherever the sequencer waits.
-        on_progress: called with news, often.
+        signals: checked wherever the sequencer waits.
+        on_progress: called often, with the progress.
         previous: the last calibration of these sensors, for early warnings.
 
     """
@@ -152,12 +152,12 @@ class Sequencer:
 
     @property
     def state(self) -> State:
-        """Where the sequencer is."""
+        """The present state."""
         return State(self._machine.state)
 
     @property
     def message(self) -> str:
-        """What is going on; after the end, what there is to say about it."""
+        """The present activity; after the end, the reason for the end."""
         return self._journal.message
 
     def _early_warnings(self, run: RunWriter, state: RunState, previous: Previous | None) -> EarlyWarnings | None:
@@ -171,7 +171,7 @@ class Sequencer:
     # --- the loop -------------------------------------------------------------------------------------------
 
     def run(self) -> Outcome:
-        """Work until done, stopped, interrupted or faulted; the bench is then safe, unless the answer is `UNSAFE`."""
+        """Work until done, stopped, interrupted or faulted. The bench is then safe, unless the outcome is `UNSAFE`."""
         try:
             self._journal.open()
             self._began_s = self._journal.elapsed()
@@ -184,13 +184,13 @@ class Sequencer:
                 self._journal.tell()
             return self._outcome or Outcome.FAULT
         except BaseException:
-            make_safe(self._bench, self._clock)  # an error nobody foresaw: safe state first, then the traceback
+            make_safe(self._bench, self._clock)  # unexpected error: safe state first, then the traceback
             raise
         finally:
             self._journal.close()
 
     def _next_trigger(self) -> str | None:
-        """The trigger that follows; None to leave the loop where it is, for a later resume."""
+        """The next trigger; None to leave the loop, for a later resume."""
         try:
             try:
                 return self._handled()
@@ -213,12 +213,12 @@ class Sequencer:
             return self._give_up(str(error))
 
     def _handled(self) -> str:
-        """What the state's handler answers, or the procedure's policy for what went wrong in it."""
+        """The trigger of the state's handler, or of the fault policy if the handler failed."""
         state, at = self.state, self._journal.at
         try:
             trigger = self._handlers[state]()
         except FAULTS as error:
-            return self._decide(error)  # may wait, and so be interrupted like everything else
+            return self._decide(error)  # may wait, and a wait may be interrupted
         if state is State.RECORDING and at is not None:
             self._policies.observed()
             self._deciding.done(at.place)
@@ -229,7 +229,7 @@ class Sequencer:
     # --- waiting, signals, requests -------------------------------------------------------------------------------
 
     def _wait(self, seconds: float) -> None:
-        """Let bench time pass in slices, looking up between them."""
+        """Wait in short slices; look for signals and requests between them."""
         end = self._clock.now() + seconds
         while (left := end - self._clock.now()) > 1e-9:
             self._clock.sleep(min(left, 5.0))
@@ -254,12 +254,12 @@ class Sequencer:
         if self._queue.peek() is None:
             return "park"
         session = self._session
-        worked = (self._journal.fold.worked_s or -1.0) >= self._began_s  # since then one clock has counted
+        worked = (self._journal.fold.worked_s or -1.0) >= self._began_s  # one clock has been running since then
         certain, known = worked or session.gap_certain, worked or session.gap_known
         return self._standing.go_on(as_found, restarted, certain=certain, known=known)
 
     def _check_again(self) -> str:
-        """After a hole in time the bench is as unknown as when a run is resumed, and is checked like then."""
+        """After a hole in time the bench is checked as for a resumed run."""
         self._needs_set_up = True
         at = self._journal.at
         if at is not None:
@@ -268,12 +268,12 @@ class Sequencer:
 
     def _preparing(self) -> str:
         self._put_back()
-        # zeros found again do not disturb an environment that stands
+        # homing does not disturb the environment
         stands = (
             self._home_again and self._journal.fold.prepared and self._standing.environment_stands(self._do.readback())
         )
         self._journal.write(Preparing())
-        self._needs_set_up |= self._soaking is not None  # every whole plot begins with instruments that are known
+        self._needs_set_up |= self._soaking is not None  # the instruments are identified before every whole plot
         self._set_up()
         if self._do.home(self._poll_s, again=self._home_again):
             self._journal.write(Homed())
@@ -289,7 +289,7 @@ class Sequencer:
         return "recover"
 
     def _put_back(self) -> None:
-        """The point in hand, unless it has just been observed, comes next again once the bench is prepared."""
+        """Prepare the bench. The current point is next again, unless it has just been observed."""
         if self._journal.at is not None:
             self._queue.put_back(self._journal.at.point)
             self._journal.take_up(None)
@@ -334,14 +334,16 @@ class Sequencer:
                 return self._nobody_came()
 
     def _nobody_came(self) -> str:
-        """A hold that lasts too long ends parked and safe, as a fault that can be resumed."""
+        """A hold that lasts too long: the bench is parked and made safe, and the session ends with a fault that can
+        be resumed.
+        """
         hours = self._conduct.hold_max_s / 3600
         self._outcome, self._ending = Outcome.FAULT, f"held for {hours:g} h and nobody released it; parked"
         self._journal.write(Fault(decision=ABORT, message=self._ending, state=str(self.state)))
         return "park"
 
     def _parking(self) -> str:
-        # nothing moves on a bench whose instruments have not been recognised
+        # nothing moves before the instruments have been identified
         left = self._way_out.park(self._poll_s, self._point.move_timeout_s) if self._checked else ""
         self._ending = "; ".join(words for words in (self._ending, left) if words)
         safe = self._way_out.make_safe()
@@ -354,7 +356,7 @@ class Sequencer:
             self._outcome = Outcome.COMPLETE
             skipped = {str(index): why for index, why in fold.skipped.items()}
             lost = {str(number): why for number, why in fold.lost.items()}
-            end = Ended(accepted=len(fold.accepted), skipped=skipped, records=0, head="")  # which the writer fills in
+            end = Ended(accepted=len(fold.accepted), skipped=skipped, records=0, head="")  # filled in by the writer
             if self._soaking is not None:
                 end = replace(end, whole_plots=fold.whole_plots, lost=lost)
             self._journal.finish(end)
@@ -366,7 +368,7 @@ class Sequencer:
     # --- what may go wrong ----------------------------------------------------------------------------------
 
     def _decide(self, error: Exception) -> str:
-        """The trigger that follows from a procedure's policy; raises the error where the procedure has no say."""
+        """The trigger of the fault policy. Raises the error if no policy covers it."""
         state, at = self.state, self._journal.at if self.state in AT_POINT else None
         self._needs_set_up |= isinstance(error, DriverError)
         decision, error = self._deciding.decide(error, state)
@@ -408,14 +410,14 @@ class Sequencer:
         return "hold"
 
     def _interrupted(self) -> str | None:
-        """A signal: stop motion, record it, and leave the run for `rig resume`."""
+        """Handle a signal: stop motion, record it, and leave the run for `rig resume`."""
         self._deciding.stop_motion()
         self._journal.write(Interruption(signal=self._signals.interrupt))
         self._outcome = Outcome.INTERRUPTED
         return None
 
     def _give_up(self, message: str, *, recorded: bool = True, safe: MadeSafe | None = None) -> str:
-        """Safe state first, then say why."""
+        """Make the bench safe first, then record why."""
         safe = safe or self._way_out.make_safe()
         self._outcome = Outcome.UNSAFE if safe.unsafe else Outcome.FAULT
         message += f"\n{safe.words}"

@@ -1,4 +1,4 @@
-"""What a session (one start of the controller on a run) is told, and what it says."""
+"""Inputs and outputs of a session, which is one start of the controller on a run."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ class Outcome(Enum):
 
 @dataclass(frozen=True)
 class Progress:
-    """News for whoever watches.
+    """Progress, for observers.
 
     Attributes:
         state: where the sequencer is.
         done: points with an accepted observation or given up for good.
         total: points of the run.
         elapsed_s: bench seconds since the run was created.
-        remaining_s: bench seconds the rest is expected to take, None while that cannot be said.
-        message: what is going on, "" if the state says it.
-        detail: readings of the moment that go with it, "" if there are none.
+        remaining_s: estimate of the remaining bench seconds, None if unknown.
+        message: the present activity, "" if the state says it.
+        detail: present readings that belong to the message, "" if none.
 
     """
 
@@ -46,19 +46,19 @@ class Progress:
 
 
 class Observer(Protocol):
-    """Who is told of every record as it is written: the log, notifications. It never raises and never waits."""
+    """Receives every record as it is written: the log, notifications. It never raises and never waits."""
 
     def recorded(self, record: Record) -> None:
-        """A record was appended; one that becomes durable with the next may be told before it is."""
+        """A record was appended. A record that becomes durable with the next one may be reported before that."""
         ...
 
     def to_note(self) -> Sequence[Event]:
-        """Events that the observer wants in the run file; each is handed out once."""
+        """Events that the observer wants in the run file; each is returned once."""
         ...
 
 
 class Nobody:
-    """An observer for runs that nobody observes."""
+    """An observer that does nothing."""
 
     def recorded(self, record: Record) -> None:
         """See `Observer.recorded`."""
@@ -77,9 +77,9 @@ class Session:
         number: from 1.
         gap_certain: False if the gap was bridged by UTC across a reboot.
         gap_known: False if UTC cannot be right; the gap counts as nothing then.
-        accept: names of instruments that may be other ones than before.
-        about: what the session record keeps besides (process, host, versions).
-        observer: is told of every record.
+        accept: names of instruments that may have been exchanged.
+        about: further fields of the session record (process, host, versions).
+        observer: receives every record.
 
     """
 
@@ -94,6 +94,6 @@ class Session:
 
 @dataclass
 class Signals:
-    """Set from a signal handler, looked at wherever the sequencer waits."""
+    """Set by a signal handler, checked wherever the sequencer waits."""
 
     interrupt: str = ""

@@ -1,8 +1,8 @@
-"""When a quantity has arrived: inside its band, for long enough, and no longer drifting.
+"""When a quantity has settled: inside its band, for the dwell time, and without drift.
 
-Samples outside the band count the dwell back instead of resetting it, so that one spike does not cost a whole
-dwell while a value that keeps leaving the band never settles. Nothing is filtered, masked or invented: what was
-sampled is the evidence.
+A sample outside the band shortens the dwell counted so far; it does not reset it. So one spike does not cost a whole
+dwell, and a value that keeps leaving the band never settles. Samples are neither filtered nor masked: they are the
+evidence.
 """
 
 from __future__ import annotations
@@ -12,15 +12,15 @@ from typing import Literal
 
 Outcome = Literal["waiting", "settled", "timed-out", "drifting"]
 _KEPT = 200
-"""Samples kept as evidence; a longer trace is thinned, its first and last samples always staying."""
+"""Maximum number of samples kept as evidence; a longer trace is thinned, but keeps its first and last samples."""
 
 SETPOINT_STANDS = 0.05
-"""A setpoint within this of what was commanded is that one; instruments keep tenths or hundredths of a degree."""
+"""A setpoint this close to the command is the commanded one: instruments round to tenths or hundredths of a degree."""
 
 
 @dataclass(frozen=True)
 class Criteria:
-    """What settled means. Units are the quantity's own; drift is per second."""
+    """Criteria of settling, in the quantity's own unit; drift is per second."""
 
     target: float
     band: float
@@ -33,8 +33,8 @@ class Settling:
     """Judges one quantity sample by sample.
 
     Args:
-        criteria: what settled means.
-        started: clock time at which waiting began; the timeout counts from here.
+        criteria: criteria of settling.
+        started: clock time at the start of waiting; the timeout counts from here.
 
     """
 
@@ -48,7 +48,7 @@ class Settling:
         self.outcome: Outcome = "waiting"
 
     def add(self, now: float, value: float) -> Outcome:
-        """Take a sample made at clock time `now`. What has settled may leave its band again; a failure is final."""
+        """Take a sample made at clock time `now`. A settled quantity may leave its band again; a failure is final."""
         if self.outcome in ("timed-out", "drifting"):
             return self.outcome
         c = self.criteria
@@ -56,7 +56,7 @@ class Settling:
         step = 0.0 if self._last is None else now - self._last
         if not inside:
             self._inside_s = max(0.0, self._inside_s - step)
-        elif self._was_inside:  # time on the way in does not count
+        elif self._was_inside:  # time before the band is reached does not count
             self._inside_s = min(self._inside_s + step, c.dwell_s)
         self._last, self._was_inside = now, inside
         self._samples.append((now - self._started, value))
@@ -69,7 +69,7 @@ class Settling:
         return self.outcome
 
     def missed(self, now: float) -> None:
-        """A sample that should have been made at clock time `now` is missing: the time around it does not count."""
+        """Note a missing sample at clock time `now`: the time next to it does not count."""
         self._last, self._was_inside = now, False
 
     def _slope(self) -> float:
@@ -86,7 +86,7 @@ class Settling:
         return sum((t - mean_t) * (v - mean_v) for t, v in recent) / spread
 
     def lately(self, seconds: float, most: int) -> dict[str, object]:
-        """The last `seconds` for whoever watches: criteria, outcome, `most` samples at most as [seconds ago, value]."""
+        """The last `seconds`, for observers: criteria, outcome, and at most `most` samples as [seconds ago, value]."""
         newest = self._samples[-1][0] if self._samples else 0.0
         shown = [(t - newest, value) for t, value in self._samples if t >= newest - seconds]
         if len(shown) > most:
@@ -100,7 +100,7 @@ class Settling:
         }
 
     def evidence(self) -> dict[str, object]:
-        """What was seen, for the run file: outcome, seconds taken, samples as [seconds, value]."""
+        """Evidence for the run file: outcome, seconds taken, samples as [seconds, value]."""
         samples = self._samples
         if len(samples) > _KEPT:
             step = (len(samples) - 1) / (_KEPT - 1)

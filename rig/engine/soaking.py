@@ -1,4 +1,4 @@
-"""Bringing whole plots to temperature, and giving them up: what the rules of whole plots make the bench do."""
+"""Soaking whole plots and giving them up: applies the rules of whole plots to the bench."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from rig.engine.whole_plots import WholePlots
 from rig.run_file.events.points import Observed, Renewing, TemperaturesLeft, WholePlotBegan, WholePlotLost
 
 _RECALLED = 40
-"""Observations read again when a run is resumed, for what is known of the chambers."""
+"""Number of observations read again when a run is resumed, to know the behaviour of the chambers."""
 
 
 class Soaking:
@@ -30,16 +30,16 @@ class Soaking:
         run_list: every point of the run.
         conduct: soak and recovery.
         do: actions on the bench.
-        journal: where it is written down.
+        journal: where it is recorded.
         queue: points still to be observed.
         clock: bench time.
-        wait: lets that many bench seconds pass; may raise to interrupt.
+        wait: waits for this number of bench seconds; may raise to interrupt.
 
     Attributes:
-        rules: what decides.
+        rules: the rules of whole plots.
 
     Raises:
-        ConfigurationError: the bench does not say which chamber sets a factor.
+        ConfigurationError: the bench file names no chamber for a factor.
 
     """
 
@@ -68,7 +68,7 @@ class Soaking:
         """Bring the next point's whole plot to temperature, and give it its identity.
 
         Raises:
-            TemperaturesNotSettled: they did not arrive in time, or somebody else has set a chamber.
+            TemperaturesNotSettled: a temperature did not settle in time, or somebody else has set a chamber.
 
         """
         point = self._queue.peek()
@@ -96,13 +96,13 @@ class Soaking:
         settings, thermometers = self._soak, self.rules.thermometers
         evidence = self._do.until_soaked(self.rules.criteria(point), settings.poll_s, thermometers, watch)
         self._journal.message = self._journal.detail = ""
-        self._do.take_unwatched_s()  # what was before the soak is over does not matter
+        self._do.take_unwatched_s()  # readings before the end of the soak do not matter
         self._journal.begin_whole_plot(
             WholePlotBegan(planned=point.whole_plot, setpoints_degC=targets, settling=evidence)
         )
 
     def _leave(self, point: Point) -> None:
-        """Make sure that temperatures are changed for a whole plot: those that stand already are left first."""
+        """Make sure that temperatures change for a whole plot: a chamber already at its setpoint leaves it first."""
         if not self.rules.left(point, self._do.environment()):
             away = self.rules.renewal(point)
             self._journal.write(Renewing(setpoints_degC=away))
@@ -118,9 +118,9 @@ class Soaking:
         self._journal.write(TemperaturesLeft(planned=point.whole_plot))
 
     def check_while_working(self, point: Point) -> None:
-        """After something went wrong in a whole plot: it is lost if an instrument had no power, or was left too long.
+        """Check a whole plot after a fault: it is lost if an instrument lost power, or after too long a time alone.
 
-        Asked before instruments are set up again, which takes away their evidence of it.
+        Called before instruments are set up again, because that removes the evidence of a loss of power.
 
         Raises:
             TemperatureLeft: the whole plot was lost.
@@ -137,7 +137,7 @@ class Soaking:
             self.lose(why)
 
     def lost_now(self, point: Point, chambers: Mapping[str, Any], temperatures: Mapping[str, Channel]) -> str:
-        """Why what was just read does not belong to the open whole plot any more; "" if it does."""
+        """Why the last readings do not belong to the open whole plot; "" if they do."""
         why = self.rules.lost_now(point, chambers, temperatures)
         if why:
             return why
@@ -148,7 +148,9 @@ class Soaking:
         return ""
 
     def lose(self, why: str) -> NoReturn:
-        """Give the open whole plot up because it is none any more. Raises `TemperatureLeft`, for the policies."""
+        """Give up the open whole plot because its temperatures were lost. Raises `TemperatureLeft`, for the
+        policies.
+        """
         planned, kept = self.give_up(why)
         again = f"{self._lost} times in this session, last " if self._lost > 1 else ""
         raise TemperatureLeft(
@@ -156,12 +158,12 @@ class Soaking:
         )
 
     def give_up(self, why: str) -> tuple[int, str]:
-        """Give the open whole plot up: what was accepted in it stays, and it is measured again under a new identity.
+        """Give up the open whole plot: its accepted points are kept, and it is measured again under a new identity.
 
-        What was accepted while a chamber had begun to stand still is in doubt, and is left out of tables.
+        Points accepted while a chamber repeated its reading are in doubt; tables leave them out.
 
         Returns:
-            Which planned one it was, and what becomes of those of its points that had been observed.
+            The planned whole plot, and a sentence about its observed points.
 
         """
         fold = self._journal.fold

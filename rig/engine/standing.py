@@ -1,4 +1,4 @@
-"""Whether what was prepared still stands after a gap or a hold, by what is read; and so how the run goes on."""
+"""Whether the prepared environment still holds after a gap or a hold; this decides how the run continues."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from rig.engine.soaking import Soaking
 
 
 class Standing:
-    """Judges what was prepared.
+    """Judges the prepared environment.
 
     Args:
         conduct: environment and recovery.
-        journal: what was done, and when last.
+        journal: the work done, and its times.
         queue: points still to be observed.
-        soaking: whole plots, None where nothing is hard to change.
+        soaking: soaks whole plots; None if no factor is hard to change.
 
     """
 
@@ -29,20 +29,20 @@ class Standing:
     def go_on(
         self, as_found: Mapping[str, Any], restarted: Sequence[str], *, certain: bool = True, known: bool = True
     ) -> str:
-        """The trigger that follows: "recover" if what was prepared still stands, "prepare" if not.
+        """The next trigger: "recover" if the prepared environment still holds, "prepare" if not.
 
         Args:
-            as_found: axes and chambers as just read, before anything was commanded.
-            restarted: instruments whose power has been off.
+            as_found: axes and chambers as found, before any command.
+            restarted: instruments that have lost power.
             certain: whether the time since was measured by one clock.
-            known: whether it was measured at all.
+            known: whether this time is known at all.
 
         Raises:
             TemperatureLeft: the open whole plot was lost.
 
         """
         fold, at = self._journal.fold, self._journal.at
-        # Counted from the last work done, so that sessions which were killed while preparing do not hide a gap.
+        # Counted from the last work, so that a session that was killed while preparing does not hide a gap.
         idle_s = self._journal.elapsed() - (fold.worked_s or 0.0)
         point = at.point if at else self._queue.peek()
         if self._soaking is not None and point is not None:
@@ -61,7 +61,7 @@ class Standing:
         return "prepare"
 
     def environment_stands(self, as_found: Mapping[str, Any]) -> bool:
-        """Whether every chamber is where the procedure wants it."""
+        """Whether every chamber is at the setpoint of the procedure."""
         wanted = self._conduct.environment
         return wanted is None or all(
             c["running"]

@@ -1,4 +1,4 @@
-"""The sequencer's states and triggers: one flat table, the only place that says what may follow what.
+"""The sequencer's states and triggers: one flat table, the only definition of permitted transitions.
 
 `docs/sequencer.md` is generated from it (`python -m rig.engine.states`).
 """
@@ -12,7 +12,7 @@ from transitions import Machine
 
 
 class State(StrEnum):
-    """Where the sequencer is."""
+    """States of the sequencer."""
 
     READY = "ready"
     CHECKING = "checking"
@@ -107,7 +107,7 @@ TRANSITIONS = (
 
 
 def machine() -> Machine:
-    """A machine that permits what the table permits, at "ready"."""
+    """A machine with the transitions of the table, in state "ready"."""
     transitions = [
         {"trigger": t.trigger, "source": [str(s) for s in t.sources], "dest": str(t.target)} for t in TRANSITIONS
     ]

@@ -1,4 +1,4 @@
-"""How long the rest of a run will take, from what its points took: while it runs, and while it waits to be resumed."""
+"""Remaining time of a run, from the durations of its points: while it runs, and while it waits to be resumed."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from rig.run_file.reader import RunReader
 from rig.run_file.state import RunState
 
 LAST_POINTS = 200
-"""How many of the last points tell how long one takes."""
+"""Number of the last points from which the duration of a point is estimated."""
 
 
 def typical_s(spent_s: Sequence[float]) -> float:
-    """What a point takes on average, seconds; the longest 2 % (of three or more, one) count as the next longest.
+    """Mean duration of a point, seconds. The longest 2 % (of three or more, at least one) count as the next longest.
 
-    A process that was stopped for hours, or a machine that slept, makes one point as long; ways that are long by
-    design come again and again, and count in full.
+    One point may be hours too long because the process was stopped or the machine slept. Moves that are long by design
+    occur often, and count in full.
     """
     ordered = sorted(spent_s)
     longest = max(1, len(ordered) // 50) if len(ordered) > 2 else 0
@@ -30,7 +30,7 @@ def typical_s(spent_s: Sequence[float]) -> float:
 
 
 def spent_s(observations: Iterable[Record]) -> Iterator[float]:
-    """Seconds from each to the next of observations that follow one another in a session."""
+    """Seconds between successive observations of a session."""
     for before, now in itertools.pairwise(observations):
         if before.session == now.session and before.run_index == (now.run_index or 0) - 1:
             yield now.elapsed_s - before.elapsed_s
@@ -39,9 +39,9 @@ def spent_s(observations: Iterable[Record]) -> Iterator[float]:
 def left_when_resumed_s(
     run: RunReader, state: RunState, run_list: RunList, conduct: Conduct, bench: BenchConfig
 ) -> float | None:
-    """Bench seconds that the rest of an interrupted run will take; None while nothing tells how long a point takes.
+    """Remaining bench seconds of an interrupted run; None while the duration of a point is unknown.
 
-    The model is that of a running one and of `rig plan`. A whole plot that was interrupted counts as going on.
+    The model is the same as for a running run and for `rig plan`. An interrupted whole plot counts as continued.
     """
     if conduct.whole_plots is not None:
         pace = Pace(run_list, conduct, bench)

@@ -1,11 +1,13 @@
-"""The tests behind early warnings, for one output each: noise, drift at repeated settings, drift from a calibration.
+"""The statistical tests of early warnings, each for one output: noise, drift at repeated settings, drift from a
+calibration.
 
-And one for thermometers: whether they hang.
+One more test finds thermometers that hang.
 
-Every test is made after every observation, on windows of the last few. Thresholds are such that the chance of any
-false alarm in a whole run is below `ALARM` for all of them together, by Bonferroni over points, outputs and windows,
-which holds however much windows have in common. What they take for granted: readings within a point are independent
-and normal, and so are the errors of settings. Slow changes that a laboratory takes for granted are drift to them.
+Every test is made after every observation, on windows of the last few. The probability of any false alarm in a whole
+run is below `ALARM` for all tests together. The thresholds use Bonferroni's inequality over points, outputs and
+windows, which holds for overlapping windows too. Assumptions: readings within a point are independent and normal, and
+so are the errors of settings. These tests report every slow change as drift, even one that a laboratory considers
+normal.
 """
 
 from __future__ import annotations
@@ -18,9 +20,9 @@ from dataclasses import dataclass
 from statistics import NormalDist
 
 ALARM = 0.01
-"""Chance of a false alarm in a run, all outputs and tests together."""
+"""Probability of a false alarm in a run, for all outputs and tests together."""
 _SHARE, _THERMOMETERS = 0.3, 0.1
-"""Of it, for each of the three tests of an output, and for that of thermometers."""
+"""Share of `ALARM` for each of the three tests of an output, and for the test of thermometers."""
 
 
 @dataclass(frozen=True)
@@ -28,9 +30,9 @@ class Number:
     """Mean and variance of one output's readings at one point.
 
     Attributes:
-        mean: of the readings.
-        variance: of one reading; 0 where there is only one.
-        n: readings.
+        mean: mean of the readings.
+        variance: variance of one reading; 0 if there is only one.
+        n: number of readings.
 
     """
 
@@ -40,24 +42,24 @@ class Number:
 
 
 def threshold(points: int, outputs: int, windows: int) -> float:
-    """Probability below which a single test says something."""
+    """p-value below which a single test gives a warning."""
     return ALARM * _SHARE / max(1, points * outputs * windows)
 
 
 class NoiseTest:
-    """Whether readings within a point scatter more than at the first points: F test of pooled variances.
+    """Tests whether readings within a point scatter more than at the first points: F test of pooled variances.
 
     Args:
-        points: of the run.
-        outputs: of the bench.
-        say: a value with its unit.
+        points: number of points of the run.
+        outputs: number of outputs of the bench.
+        say: formats a value with its unit.
 
     """
 
     FIRST = 30
     WINDOWS = (4, 16, 48)
     LEAST = 1.25
-    """Noise that has risen by less, in standard deviation, is not worth a person's time."""
+    """Smallest ratio of standard deviations that is reported."""
 
     def __init__(self, points: int, outputs: int, say: Callable[[float], str]) -> None:
         self._say = say
@@ -68,11 +70,11 @@ class NoiseTest:
 
     @property
     def sd(self) -> float:
-        """Of one reading at the first points; 0 until there have been enough."""
+        """Standard deviation of one reading at the first points; 0 until there are enough."""
         return math.sqrt(sum(self._first) / len(self._first)) if len(self._first) >= self.FIRST else 0.0
 
     def add(self, number: Number) -> str:
-        """Take the next point; what there is to say of it, "" if nothing."""
+        """Take the next point; returns the warning, "" if none."""
         if number.n < 2:
             return ""
         if len(self._first) < self.FIRST:
@@ -100,9 +102,9 @@ class NoiseTest:
 
 
 def _df_of(variances: list[float], most: float) -> float:
-    """Degrees of freedom of one point's variance, by how much variances scatter; `most` if they are as they should be.
+    """Effective degrees of freedom of one point's variance, from the scatter of variances; at most `most`.
 
-    Readings that hang together, or are noisier at some settings, make variances scatter more than independent ones.
+    Variances scatter more if readings are correlated, or if noise depends on the setting.
     """
     n = len(variances)
     mean = sum(variances) / n
@@ -113,15 +115,15 @@ def _df_of(variances: list[float], most: float) -> float:
 
 
 class RepeatTest:
-    """Whether outputs at repeated settings have moved: t test of the mean difference from the first visit.
+    """Tests whether outputs at repeated settings have shifted: t test of the mean difference from the first visit.
 
-    The differences' own scatter is taken from neighbours (half their mean squared step), which a slow drift leaves
-    alone; its degrees of freedom are 2/3 of their number (von Neumann).
+    The variance of the differences is half the mean squared successive difference (von Neumann), which a slow drift
+    hardly affects. Its degrees of freedom are 2/3 of their number.
 
     Args:
-        points: of the run.
-        outputs: of the bench.
-        say: a value with its unit.
+        points: number of points of the run.
+        outputs: number of outputs of the bench.
+        say: formats a value with its unit.
 
     """
 
@@ -134,11 +136,11 @@ class RepeatTest:
         self._steps: deque[float] = deque(maxlen=max(self.WINDOWS))
 
     def forget(self) -> None:
-        """A new whole plot: what was first read in another does not count."""
+        """Begin a new whole plot: first readings of other whole plots do not count."""
         self._firsts.clear()
 
     def add(self, key: Hashable, mean: float) -> str:
-        """Take an observation at a setting; what there is to say, "" if nothing."""
+        """Take an observation at a setting; returns the warning, "" if none."""
         if key not in self._firsts:
             self._firsts[key] = mean
             return ""
@@ -161,12 +163,13 @@ class RepeatTest:
 
 
 class PreviousTest:
-    """Whether outputs leave a previous calibration by more than that and its errors explain.
+    """Tests whether outputs deviate from a previous calibration by more than its errors and those of the readings
+    explain.
 
     Args:
-        points: of the run.
-        outputs: of the bench.
-        say: a value with its unit.
+        points: number of points of the run.
+        outputs: number of outputs of the bench.
+        say: formats a value with its unit.
 
     """
 
@@ -178,20 +181,20 @@ class PreviousTest:
         self._recent: deque[tuple[float, float, float]] = deque(maxlen=max(self.WINDOWS))
 
     def forget(self) -> None:
-        """A new whole plot has an error of its own."""
+        """Begin a new whole plot, which has an error of its own."""
         self._recent.clear()
 
     def add(self, residual: float, own: float, shared: float, reach: float) -> str:
         """Take a residual.
 
         Args:
-            residual: output less what the calibration expects.
-            own: standard deviation of what is new at every observation.
-            shared: of what the window's observations have in common.
-            reach: how many of the latter are allowed for.
+            residual: output minus the prediction of the calibration.
+            own: standard deviation of the error that is independent at every observation.
+            shared: standard deviation of the error that is common to the observations of the window.
+            reach: coverage factor for the shared error.
 
         Returns:
-            What there is to say, "" if nothing.
+            The warning, "" if none.
 
         """
         self._recent.append((residual, own, reach * shared))
@@ -211,19 +214,20 @@ class PreviousTest:
 
 
 class StillTest:
-    """Whether a thermometer repeats one reading for longer than it ever would: what hangs looks like calm.
+    """Tests whether a thermometer repeats one reading for too long: a thermometer that hangs looks like a steady
+    temperature.
 
-    Held against how often neighbouring readings were the same before. Thermometers so coarse that this is common are
-    left alone: how often they change depends on where between two of their steps the temperature stands.
+    The test compares with the frequency of equal successive readings before. Thermometers with a coarse resolution are
+    left out: their frequency of change depends on where the temperature is between two of their steps.
 
     Args:
-        points: of the run.
-        thermometers: of the bench.
+        points: number of points of the run.
+        thermometers: number of thermometers of the bench.
 
     """
 
     FEWEST = 30
-    """Pairs of readings that have to be known."""
+    """Minimum number of pairs of successive readings."""
     COMMON = 0.3
 
     def __init__(self, points: int, thermometers: int) -> None:
@@ -232,7 +236,7 @@ class StillTest:
         self._pairs = self._same = self._run = 0
 
     def add(self, readings: Sequence[float]) -> str:
-        """Take the readings of the next point; what there is to say of them, "" if nothing."""
+        """Take the readings of the next point; returns the warning, "" if none."""
         for reading in readings:
             if reading == self._last:
                 self._run += 1
@@ -243,7 +247,7 @@ class StillTest:
         same, pairs = self._same + 1, self._pairs + 2
         if self._pairs < self.FEWEST or same / pairs > self.COMMON:
             return ""
-        # how likely so many more are, by what is known of how often (Laplace's rule of succession)
+        # probability of this many more, from the frequency so far (Laplace's rule of succession)
         if math.prod((same + i) / (pairs + i) for i in range(self._run)) >= self._p:
             return ""
         return (
@@ -253,14 +257,14 @@ class StillTest:
 
 
 def _chance_f(of: float, to: float, ratio: float) -> float:
-    """Chance of so large a ratio of variances."""
-    from scipy.special import fdtrc  # noqa: PLC0415 - takes half a second, when nobody waits for a prompt
+    """Probability of a ratio of variances at least this large."""
+    from scipy.special import fdtrc  # noqa: PLC0415 - the import takes half a second; here nobody waits for a prompt
 
     return float(fdtrc(of, to, ratio))
 
 
 def _chance_t(df: float, t: float) -> float:
-    """Chance of a t below this."""
+    """Probability of a t below this value."""
     from scipy.special import stdtr  # noqa: PLC0415
 
     return float(stdtr(df, t))

@@ -1,8 +1,8 @@
-"""Whole plots: what is soaked, when a soak is over, and whether an interrupted whole plot may go on.
+"""Whole plots: which chambers soak, when a soak is over, and whether an interrupted whole plot may continue.
 
-A chamber that was left or drifted is a new draw of the whole-plot error. So a whole plot continues after an
-interruption only if nothing speaks against it having stood still meanwhile; otherwise it is measured again, in
-full, under a new identity, and what was read before stays data of the whole plot it was read in.
+A chamber that was changed or has drifted has a new draw of the whole-plot error. So a whole plot continues after an
+interruption only if nothing indicates that its temperatures changed. Otherwise it is measured again, in full, under
+a new identity; earlier readings remain data of the whole plot in which they were made.
 """
 
 from __future__ import annotations
@@ -21,20 +21,21 @@ from rig.engine.settling import SETPOINT_STANDS, Criteria
 from rig.errors import BenchFault
 
 AMBIENT_DEGC = 23.0
-"""Towards which temperatures are left, since there chambers reach either side of it."""
+"""Temperature towards which a chamber leaves its setpoint, degrees Celsius: chambers reach both sides of it."""
 
 _OPEN_POLLS = 3
-"""A thermometer out of range for so many polls in a row is broken or not connected; one may be a disturbance."""
+"""Consecutive polls out of range after which a thermometer counts as broken or disconnected; one may be a
+disturbance."""
 
 
 _HANGS_S = 60.0
 _PAIRS = 6
-"""A chamber that was never the same to the last digit at so many pairs of neighbouring points of a whole plot, and then
-for a minute, hangs. One that is coarse was the same before."""
+"""Pairs of successive points of a whole plot with different chamber readings, after which a minute of equal readings
+means that the chamber hangs. A chamber of coarse resolution has equal readings earlier."""
 
 
 def renewal(target_degC: float, away_degC: float) -> float:
-    """Setpoint at which a temperature that stands is left before it is set again: towards ambient, degrees Celsius."""
+    """Setpoint to leave a held temperature before it is set again: towards ambient, degrees Celsius."""
     return target_degC + (away_degC if target_degC < AMBIENT_DEGC else -away_degC)
 
 
@@ -44,8 +45,8 @@ class Soaked:
 
     Attributes:
         factor: its name.
-        chamber: which instrument sets it.
-        thermometer: whether a temperature column of its name is recorded at the sensors.
+        chamber: the instrument that sets it.
+        thermometer: whether a temperature column of this name is recorded at the sensors.
 
     """
 
@@ -63,11 +64,11 @@ class WholePlots:
         conduct: soak and recovery.
 
     Attributes:
-        doubted_s: of a whole plot that was just found lost: for how long before that a chamber said nothing, since it
-            stood still to the last digit, as it else never does; what was accepted meanwhile is in doubt.
+        doubted_s: for a whole plot that was just found lost, the seconds before that in which a chamber repeated its
+            reading to the last digit, which it never did before. Points accepted in this time are in doubt.
 
     Raises:
-        ConfigurationError: the bench does not say which chamber sets a factor.
+        ConfigurationError: the bench file names no chamber for a factor.
 
     """
 
@@ -86,7 +87,7 @@ class WholePlots:
         self._before: tuple[int | None, Mapping[str, Any]] = (None, {})
 
     def note(self, identity: int | None, chambers: Mapping[str, Any]) -> None:
-        """Learn from an accepted observation of a whole plot how often a chamber reads the same again."""
+        """Count, from an accepted observation of a whole plot, how often a chamber repeats its reading."""
         if identity == self._before[0]:
             for name in self._before[1].keys() & chambers.keys():
                 self._note(name, self._before[1][name]["temperature_degC"], chambers[name])
@@ -97,7 +98,7 @@ class WholePlots:
     def _note(self, name: str, before_degC: float, state: Mapping[str, Any]) -> None:
         same = state["temperature_degC"] == before_degC
         if same and self._never_the_same(name):
-            self._waiting.add(name)  # it is coarser than it seemed if it moves again soon, and else it hangs
+            self._waiting.add(name)  # its resolution is coarser than assumed if it moves again soon; otherwise it hangs
             return
         if name in self._waiting and state.get("stood_s", 0.0) < _HANGS_S:
             self._same[name] += 1
@@ -107,7 +108,7 @@ class WholePlots:
 
     @property
     def thermometers(self) -> list[str]:
-        """Temperature columns that say when a factor has settled at the sensors."""
+        """Temperature columns that show when a factor has settled at the sensors."""
         return [s.factor for s in self.soaked if s.thermometer]
 
     def targets(self, point: Point) -> dict[str, float]:
@@ -116,11 +117,11 @@ class WholePlots:
         return {s.chamber: setting[s.factor] for s in self.soaked}
 
     def span(self, whole_plot: int) -> tuple[int, int]:
-        """First index and number of the points of a planned whole plot."""
+        """First index and number of points of a planned whole plot."""
         return self._run_list.points.span(whole_plot)
 
     def criteria(self, point: Point) -> dict[str, Criteria]:
-        """When the soak of a point's whole plot is over, by chamber name and temperature column."""
+        """Settling criteria for the soak of a point's whole plot, by chamber name and temperature column."""
         s, setting = self._soak, self._run_list.setting(point)
         drift = s.drift_degC_per_h / 3600.0
         found = {}
@@ -132,16 +133,18 @@ class WholePlots:
         return found
 
     def left(self, point: Point, chambers: Mapping[str, Any]) -> bool:
-        """Whether a chamber is so far from where a whole plot wants it that going there is a change of temperature."""
+        """Whether a chamber is so far from its setpoint for a whole plot that going there is a change of
+        temperature.
+        """
         half = self._soak.renew_degC / 2.0
         return any(abs(chambers[c]["temperature_degC"] - t) >= half for c, t in self.targets(point).items())
 
     def renewal(self, point: Point) -> dict[str, float]:
-        """Chamber setpoints to visit first where temperatures stand already: without a change there is no new draw."""
+        """Chamber setpoints to visit first if chambers are at their setpoints already: a new draw needs a change."""
         return {c: renewal(t, self._soak.renew_degC) for c, t in self.targets(point).items()}
 
     def check_chambers(self, point: Point, chambers: Mapping[str, Any]) -> str:
-        """What somebody else has done to a chamber during a soak; "" if nothing."""
+        """Description of a change to a chamber by somebody else during a soak; "" if none."""
         for chamber, target in self.targets(point).items():
             state = chambers[chamber]
             if not state["running"]:
@@ -151,7 +154,7 @@ class WholePlots:
         return ""
 
     def check_thermometers(self, values: Mapping[str, float]) -> None:
-        """Give up a soak that no reading can end. Raises `BenchFault` naming the thermometer."""
+        """Give up a soak that no reading can end. Raises `BenchFault` with the name of the thermometer."""
         for name in self.thermometers:
             self._open_for[name] = self._open_for.get(name, 0) + 1 if is_overload(values[name]) else 0
             if self._open_for[name] >= _OPEN_POLLS:
@@ -163,14 +166,14 @@ class WholePlots:
     def lost_meanwhile(
         self, point: Point, idle_s: float, *, certain: bool, restarted: Sequence[str], as_found: Mapping[str, Any]
     ) -> str:
-        """Why the whole plot of `point` may not go on after an interruption; "" if it may.
+        """Why the whole plot of `point` may not continue after an interruption; "" if it may.
 
         Args:
             point: the next one of that whole plot.
-            idle_s: since its last accepted reading, or since its soak ended.
-            certain: whether that time was measured by one clock, without a reboot between.
-            restarted: instruments whose power has been off.
-            as_found: chambers as read before anything was commanded.
+            idle_s: seconds since its last accepted reading, or since its soak ended.
+            certain: whether this time was measured by one clock, without a reboot.
+            restarted: instruments that have lost power.
+            as_found: chambers as found, before any command.
 
         """
         self.doubted_s = 0.0
@@ -183,12 +186,12 @@ class WholePlots:
         return self._left(self.targets(point), as_found["chambers"], {})
 
     def lost_now(self, point: Point, chambers: Mapping[str, Any], temperatures: Mapping[str, Channel]) -> str:
-        """Why what was just read does not belong to the whole plot any more; "" if it does.
+        """Why the last readings do not belong to the whole plot; "" if they do.
 
         Args:
-            point: where it was read.
-            chambers: their states right after it.
-            temperatures: what the thermometers read during it, by column.
+            point: the point of the readings.
+            chambers: states of the chambers right after the readings.
+            temperatures: thermometer readings during them, by column.
 
         """
         return self._left(self.targets(point), chambers, temperatures)
@@ -202,7 +205,7 @@ class WholePlots:
         return why
 
     def _stood_s(self, name: str, state: Mapping[str, Any]) -> float:
-        """How long ago a chamber that never reads the same twice began to do so; 0 if it has not of late."""
+        """Seconds since a chamber that otherwise never repeats a reading began to repeat one; 0 if it does not."""
         return float(state.get("unchanged_s", state.get("stood_ago_s", 0.0))) if self._never_the_same(name) else 0.0
 
     def _never_the_same(self, name: str) -> bool:

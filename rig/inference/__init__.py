@@ -1,4 +1,4 @@
-"""Calibrations in use: quantities inferred from outputs, with standard deviations and 95 % intervals."""
+"""Calibrations in use: measured quantities inferred from outputs, with standard deviations and 95 % intervals."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ __all__ = ["CalibrationFile", "Inference", "calibration_in", "csv_reader", "infe
 
 
 def infer(file: CalibrationFile, read: Reader, options: Options) -> Inference:
-    """Infer what a calibration is of from a table.
+    """Infer the measured quantities of a calibration from a table.
 
     Args:
         file: the calibration.
@@ -28,7 +28,6 @@ def infer(file: CalibrationFile, read: Reader, options: Options) -> Inference:
     Raises:
         UsageError: the table cannot be read.
         procedures.errors.DataError: a column is missing, or a value cannot be used.
-
     """
     found = file.kind.infer(file.calibration, read, options, csv_reader)
     if file.incomplete:

@@ -1,4 +1,4 @@
-"""What `rig fit --out` wrote, read back for use."""
+"""Reading the calibration files of `rig fit --out`."""
 
 from __future__ import annotations
 
@@ -20,11 +20,10 @@ class CalibrationFile:
 
     Attributes:
         kind: of calibration.
-        calibration: as that kind has it.
-        simulated: made from a simulated run.
-        incomplete: that the run it was made from lacked points, "" if it did not.
-        notes: what is to be said with every use.
-
+        calibration: object of that kind.
+        simulated: whether it is from a simulated run.
+        incomplete: sentence about missing points of its run, "" if none.
+        notes: sentences for every use.
     """
 
     kind: Kind
@@ -35,9 +34,11 @@ class CalibrationFile:
 
 
 def read_calibration(path: Path) -> CalibrationFile:
-    """The file that `rig fit --out` wrote. Raises `UsageError`."""
+    """Read a calibration file of `rig fit --out`. Raises `UsageError`."""
     if path.suffix == ".sqlite":
-        raise UsageError(f"{path} is a run file; make a calibration of it first: rig fit {path} --out calibration.json")
+        raise UsageError(
+            f"{path} is a run file; make a calibration from it first: rig fit {path} --out calibration.json"
+        )
     try:
         text = read_regular_text(path)
     except FileNotFoundError:
@@ -53,7 +54,7 @@ def read_calibration(path: Path) -> CalibrationFile:
 
 
 def calibration_in(text: str, source: str) -> CalibrationFile:
-    """The calibration in what `rig fit --out` wrote; `source` is its name in messages. Raises `UsageError`."""
+    """The calibration in the text of such a file; `source` is its name in messages. Raises `UsageError`."""
     try:
         given = json.loads(text)
         about, kind = given["data"], _kind(given)
@@ -67,11 +68,6 @@ def calibration_in(text: str, source: str) -> CalibrationFile:
 
 def _no_calibration(source: str, error: Exception) -> UsageError:
     return UsageError(f"{source} is not a calibration file of `rig fit --out`: {error}")
-
-
-def calibration_of(given: Mapping[str, Any]) -> Any:
-    """The calibration in what `rig fit --out` writes. Raises ValueError, KeyError, TypeError or AttributeError."""
-    return _kind(given).calibration_of(given)
 
 
 def _kind(given: Mapping[str, Any]) -> Kind:

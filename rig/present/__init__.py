@@ -1,1 +1,1 @@
-"""What a person reads, made of rows: numbers and words, the same on the terminal and on a page."""
+"""Output for people, made of rows of numbers and words, the same on the terminal and on a page."""

@@ -1,4 +1,4 @@
-"""Results as JSON has them."""
+"""Results as JSON."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 
 def finite(value: Any) -> Any:
-    """A result with null for NaN and infinity, which JSON has not, and lists for tuples."""
+    """A result with null for NaN and infinity, which JSON does not have, and lists for tuples."""
     if isinstance(value, float):
         return value if abs(value) != float("inf") and value == value else None  # noqa: PLR0124 - NaN is not itself
     if isinstance(value, Mapping):

@@ -1,4 +1,4 @@
-"""Lines, paragraphs and tables as HTML, for notebooks: the blocks that a terminal shows."""
+"""Lines, paragraphs and tables as HTML, for notebooks: the same blocks as on a terminal."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from procedures.blocks import Block, Grid, Line, Paragraph
 from rig.present.visible import visible
 
 _CONSOLE = Console(file=io.StringIO())
-"""Knows what styles are called; nothing is printed on it."""
+"""A console that only resolves the names of styles."""
 _LINE = "white-space:pre-wrap"
 _TABLE = "border-collapse:collapse;margin:0.5em 0"
 _CELL = "padding:0.1em 0.6em;white-space:pre-wrap"
@@ -25,7 +25,7 @@ _BOX = ";border:1px solid"
 
 
 def html(blocks: Iterable[Block]) -> str:
-    """Draw them one after the other; whatever is no markup of a block is escaped."""
+    """Draw the blocks in order. Text that is not markup of a block is escaped."""
     return f'<div class="rig">{"".join(map(_block, blocks))}</div>'
 
 

@@ -14,7 +14,7 @@ from procedures.blocks import Block, Grid, Line, Paragraph
 
 
 def show(blocks: Iterable[Block], console: Console) -> None:
-    """Print them one after the other."""
+    """Print the blocks in order."""
     for block in blocks:
         match block:
             case Line(text, wrapped):

@@ -1,4 +1,4 @@
-"""Text of others, made harmless to whoever looks at it."""
+"""Text from other sources, made safe for display."""
 
 from __future__ import annotations
 
@@ -8,5 +8,7 @@ _UNSEEN = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u202a-\u202
 
 
 def visible(text: str) -> str:
-    """Text with characters that would steer a terminal, turn its lines round, or are none, written out."""
+    """The text with escape sequences in place of control characters, characters that change the direction of text,
+    and invalid characters.
+    """
     return _UNSEEN.sub(lambda found: f"\\x{ord(found.group()):02x}", text)

@@ -1,4 +1,4 @@
-"""The report: one HTML file that needs nothing else, with the evidence a person signs on."""
+"""The report: one self-contained HTML file with the evidence for a signature."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from rig.atomic import write_whole
 
 
 def write_page(path: Path, page: Page) -> None:
-    """Write a self-contained HTML report, whole or not at all. Raises `UsageError` if the disk refuses."""
+    """Write a self-contained HTML report, completely or not at all. Raises `UsageError` if the disk refuses."""
     from rig.report.frame import render  # noqa: PLC0415 - templates are needed for reports alone
 
     text = render(page)

@@ -1,22 +1,162 @@
-"""The report of control charts: what changed, when the last calibration is due, and the charts."""
+"""The report of control charts: changes, due date of the last calibration, and charts."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from datetime import UTC, datetime
 from typing import Any
 
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LinearLocator
+
+from fitter.history import Between, QuantityChart
+from fitter.history.forecast import predict
+from fitter.quantiles import t_limit
 from procedures.numbers import with_error as estimate_and_error
+from procedures.pictures import grid, legend_below
 from procedures.results import Page
 from procedures.unused import Unused
 from procedures.words import capitalised
-from rig.closed_loop.chart import ControlCharts, SensorChart
+from rig.closed_loop.chart import DAYS, ControlCharts, SensorChart
 from rig.closed_loop.chart_inputs import as_table
 from rig.closed_loop.chart_words import due_date, probability, with_error
-from rig.report.chart_plots import error_chart, parameter_charts
+
+Array = np.ndarray[Any, np.dtype[np.float64]]
+
+_COLOURS = {Between.SCATTER: "#4477aa", Between.WALK: "#b3460b"}
+_WORDS = {Between.SCATTER: "if calibrations scatter", Between.WALK: "if the sensor wanders"}
+
+
+def parameter_charts(sensor: SensorChart) -> Figure:
+    """One chart a parameter: points with error bars, centre, limits, trend, forecast, due date."""
+    charts = sensor.chart.quantities
+    figure, axes = grid(len(charts), columns=2, height=3.0)
+    due = sensor.due(sensor.tolerance)
+    for axis, q in zip(axes, charts, strict=False):
+        _parameter(axis, q, sensor)
+        _dates(axis, due)
+    handles, labels = axes[0].get_legend_handles_labels()
+    legend_below(figure, handles, labels, 7)
+    return figure
+
+
+def _parameter(axis: Axes, q: QuantityChart, sensor: SensorChart) -> None:
+    how = sensor.view.shown[q.name]
+    series = q.series
+    start, when = float(series.values[0]), np.array([_day(one.when) for one in sensor.given])
+
+    def shown(values: Array | float) -> Any:
+        return how.scale * (np.asarray(values) - start)
+
+    bars = t_limit(0.95, series.df) * how.scale * np.sqrt(series.variance)
+    axis.errorbar(when, shown(series.values), bars, fmt="o", color="0.15", markersize=4, capsize=2, label="calibration")
+    if q.limits is not None:
+        axis.axhline(shown(q.limits.centre), color="0.55", linewidth=0.8, label="centre")
+        for half, style, words in ((q.limits.warning, "--", "95 % limits"), (q.limits.action, "-.", "99.7 % limits")):
+            for sign in (-1, 1):
+                edge = shown(q.limits.centre + sign * half)
+                axis.plot(when, edge, style, color="0.45", linewidth=0.9, label=words if sign > 0 else None)
+        out = q.limits.out
+        if out.any():
+            axis.plot(when[out], shown(series.values[out]), "o", color="#c00", ms=6)
+    if sensor.chart.bound is not None:
+        _forecast(axis, q, sensor, shown)
+    axis.set_title(f"{how.label}, change since {sensor.given[0].date} / {how.unit}", fontsize=9)
+    axis.grid(color="0.92", linewidth=0.6)
+
+
+def _forecast(axis: Axes, q: QuantityChart, sensor: SensorChart, shown: Any) -> None:
+    """Prediction of the parameter under the variation that the data favour, as far as the last due date shown."""
+    assert q.trend is not None
+    ages = np.linspace(0.0, _reach(sensor), 25)
+    found = predict(q.series, q.trend.favoured, ages)
+    mean, half = np.median(found.mean, axis=0), _quantile_half(found.mean, found.sd)
+    later = _later(sensor, ages)
+    last, colour = float(q.series.values[-1]), _COLOURS[q.trend.favoured]
+    axis.plot(later, shown(last + mean), color=colour, linewidth=1.2, label="forecast")
+    axis.fill_between(
+        later, shown(last + mean - half), shown(last + mean + half), color=colour, alpha=0.15, linewidth=0
+    )
+    slope, (t0, t1) = q.trend.per_year, (q.series.years[0], q.series.years[-1])
+    middle = float(np.mean(q.series.values)), float(np.mean(q.series.years))
+    ends = [middle[0] + slope * (t - middle[1]) for t in (t0, t1)]
+    axis.plot(
+        _later(sensor, q.series.years[[0, -1]] - t1),
+        shown(np.array(ends)),
+        color="#228833",
+        linewidth=1.2,
+        label="trend",
+    )
+
+
+def _quantile_half(mean: Array, sd: Array) -> Array:
+    """(T,) half-width of the 95 % interval about the median of a mixture of normal distributions."""
+    rng = np.random.default_rng(0)
+    node = np.arange(4096) % len(mean)
+    drawn = mean[node] + sd[node] * rng.standard_normal((len(node), 1))
+    return np.asarray(np.quantile(np.abs(drawn - np.median(mean, axis=0)), 0.95, axis=0))
+
+
+def error_chart(sensor: SensorChart) -> Figure:
+    """Bound on the error of the output over date, tolerance and due date."""
+    bound = sensor.chart.bound
+    assert bound is not None
+    figure, (axis,) = grid(1, columns=1, height=3.0, width=7.0)
+    unit, scale = sensor.view.drawn
+    shown = bound.years <= _reach(sensor) + 1e-9
+    for kind, values in bound.bounds.items():
+        later = _later(sensor, bound.years[shown])
+        axis.plot(later, scale * values[shown], color=_COLOURS[kind], label=_WORDS[kind])
+    axis.axhline(scale * sensor.tolerance, color="0.3", linewidth=0.9, linestyle="--", label="tolerance")
+    _dates(axis, sensor.due(sensor.tolerance))
+    axis.set_ylim(bottom=0)
+    axis.set_title(f"error of the last calibration's output, 95 % / {unit}", fontsize=9)
+    axis.grid(color="0.92", linewidth=0.6)
+    axis.legend(fontsize=7, frameon=False)
+    return figure
+
+
+def _reach(sensor: SensorChart) -> float:
+    """Years ahead that are worth showing: somewhat beyond the due date, within what is forecast."""
+    bound = sensor.chart.bound
+    assert bound is not None
+    held = bound.holds_for(sensor.tolerance) or 0.0
+    return float(min(bound.years[-1], max(1.5 * held, 0.25 * bound.years[-1])))
+
+
+def _later(sensor: SensorChart, ages: Array) -> Array:
+    """(T,) days since 1970 at these ages of the last calibration, in years."""
+    return np.asarray(_day(sensor.last) + DAYS * ages)
+
+
+def _day(moment: datetime) -> float:
+    return moment.timestamp() / 86400.0
+
+
+def _moment(day: float) -> datetime:
+    return datetime.fromtimestamp(86400.0 * day, UTC)
+
+
+def _dates(axis: Axes, due: dict[str, Any]) -> None:
+    if "date" in due:
+        axis.axvline(
+            _day(datetime.fromisoformat(due["date"]).replace(tzinfo=UTC)),
+            color="#c00",
+            linewidth=1.0,
+            linestyle=":",
+            label="due",
+        )
+    low, high = axis.get_xlim()
+    form = "%Y-%m" if high - low > 150 else "%Y-%m-%d"
+    axis.xaxis.set_major_locator(LinearLocator(5))
+    axis.xaxis.set_major_formatter(FuncFormatter(lambda day, _: f"{_moment(day):{form}}"))
+    axis.tick_params(labelsize=8)
 
 
 def chart_page(charted: ControlCharts) -> Page:
-    """The report."""
+    """The report as HTML."""
     result = charted.to_json()
     title = f"Control charts of {', '.join(charted.sensors)}"
     first, last = charted.given[0], charted.given[-1]

@@ -1,4 +1,4 @@
-"""The report of a confirmation: which explanation holds, and both models on a run that neither has seen."""
+"""The report of a confirmation: the remaining explanation, and both models on a run that neither has used."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from rig.report.frame import render
 from rig.tables import run_table
 
 _DRAWN = 3
-"""Sensors drawn for each effect, those that show most of it."""
+"""Maximum number of sensors drawn per effect; those with the largest effect."""
 
 
 def write_confirm_report(path: Path, confirmed: Confirmed) -> None:
-    """Write a self-contained HTML report, whole or not at all. Raises `UsageError` if the disk refuses."""
+    """Write a self-contained HTML report, completely or not at all. Raises `UsageError` if the disk refuses."""
     text = confirm_report(confirmed)
     write_whole(path, lambda file: file.write(text))
 
@@ -59,13 +59,13 @@ def _answer(confirmed: Confirmed, answer: Confirmation, told: dict[str, Any]) ->
                 "behind": f"{m.sigmas:.1f}",
                 "p_changed": f"{m.p_changed:.2g}",
                 "shown": f"{m.shown:.1f} (limit {m.limit:.1f}), p {chance(m.p_shown)}",
-                "sizes": sizes(m) or ["this run does not tell"],
+                "sizes": sizes(m) or ["not determined by this run"],
             }
             for m in answer.members
         ],
         "plots": [
             {
-                "alt": f"{name}: this run less what the first predicts, without {answer.effect} and with all effects",
+                "alt": f"{name}: this run minus the prediction by the first; without {answer.effect}; with all effects",
                 "figure": _plot(confirmed, answer, name),
             }
             for name in most[:_DRAWN]
@@ -74,7 +74,7 @@ def _answer(confirmed: Confirmed, answer: Confirmation, told: dict[str, Any]) ->
 
 
 def _plot(confirmed: Confirmed, answer: Confirmation, sensor: str) -> Figure:
-    """Residuals of the further run without and with one effect, over the variable its best explanation goes by."""
+    """Residuals of the further run without and with one effect, over the variable of its best explanation."""
     against, data, judged = answer.members[0].against, confirmed.data, confirmed.judged
     variables = {**confirmed.first.confirming.variables(), "elapsed_s": ("bench time / h", 1 / 3600.0)}
     name = against if against in variables and hasattr(data, against) else "elapsed_s"

@@ -1,23 +1,24 @@
-"""What every report has around its contents: title, SIMULATED, provenance, and the run hour by hour."""
+"""The frame of every report: title, SIMULATED mark, provenance, and events of the run."""
 
 from __future__ import annotations
 
 from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 import jinja2
 
 from procedures.pictures import png
 from procedures.results import Page
 from procedures.words import incomplete
-from rig.report.story import story
+from rig.run_file.reader import RunReader
 
 _HERE = "rig.report"
 
 
 @cache
 def _templates(package: str) -> jinja2.Environment:
-    """Templates of a package, which may extend and include ours."""
+    """Templates of a package; they may extend and include ours."""
     loaders = [jinja2.PackageLoader(name) for name in dict.fromkeys((package, _HERE))]
     found = jinja2.Environment(loader=jinja2.ChoiceLoader(loaders), autoescape=True, undefined=jinja2.StrictUndefined)
     found.filters["png"] = png
@@ -25,7 +26,7 @@ def _templates(package: str) -> jinja2.Environment:
 
 
 def render(page: Page) -> str:
-    """A report as HTML; everything that came from a file is escaped."""
+    """A report as HTML; text from files is escaped."""
     table, provenance = page.table, dict(page.table.provenance)
     software = provenance.pop("software", {})
     instruments = provenance.pop("instruments", {})
@@ -46,3 +47,23 @@ def render(page: Page) -> str:
             **page.contents,
         )
     )
+
+
+class Line(NamedTuple):
+    """One happening: when, in hours and minutes of bench time, and what."""
+
+    when: str
+    what: str
+
+
+def story(path: Path) -> list[Line]:
+    """The happenings of a run file, in order; what belongs to the ordinary course of a point is left out."""
+    with RunReader.open(path) as reader:
+        reader.about()  # a file that does not begin with its run is none
+        told = (r for r in reader.records() if not r.accepted and r.event.importance.page)
+        return [Line(_clock(record.elapsed_s), record.sentence()) for record in told]
+
+
+def _clock(seconds: float) -> str:
+    minutes = int(seconds // 60)
+    return f"{minutes // 60}:{minutes % 60:02d}"

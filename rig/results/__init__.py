@@ -1,1 +1,1 @@
-"""What commands give: the lines they print, their JSON, and the same from Python (`import rig`, docs/python.md)."""
+"""Results of commands: printed lines, JSON, and the same in Python (`import rig`, docs/python.md)."""

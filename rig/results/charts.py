@@ -19,18 +19,16 @@ from rig.closed_loop.chart import ControlCharts, chart_calibrations
 from rig.closed_loop.chart_together import read_together
 from rig.closed_loop.chart_words import due_date
 from rig.errors import UsageError
-from rig.present.as_json import finite
 from rig.results.data import Data
 from rig.results.frames import Frame, of_rows
 from rig.results.result import Reported
 
 
 class ControlChart(Reported):
-    """Parameters of sensors over several calibrations, and when the last is due again.
+    """Parameters of sensors over several calibrations, and the due date of the last.
 
     Attributes:
         charted: every sensor.
-
     """
 
     def __init__(self, charted: ControlCharts) -> None:
@@ -40,13 +38,8 @@ class ControlChart(Reported):
     def _told(self) -> dict[str, Any]:
         return self.charted.to_json()
 
-    def to_json(self) -> dict[str, Any]:
-        """What `rig chart --json` prints."""
-        found: dict[str, Any] = finite(self._told)
-        return found
-
     def blocks(self) -> Iterable[Block]:
-        """What a person reads of it."""
+        """Lines for people."""
         given = self.charted.given
         mark = simulated_mark(self.charted.simulated)
         yield Line(f"{mark}[bold]{len(given)} calibrations[/] from {given[0].date} to {given[-1].date}")
@@ -62,7 +55,7 @@ class ControlChart(Reported):
         return chart_page(self.charted)
 
     def frame(self) -> Frame:
-        """A row a calibration, sensor and parameter."""
+        """One row per calibration, sensor and parameter."""
         text, numbers = ("sensor", "date", "file", "parameter"), ("estimate", "stderr")
         return of_rows(self._rows(), text, numbers, {"simulated": int(self.charted.simulated)})
 
@@ -85,21 +78,21 @@ def chart(
     formula: str | None = None,
     today: str | date | None = None,
 ) -> ControlChart:
-    """Chart the parameters of sensors over several calibrations: is one drifting, and when is it due again?
+    """Chart the parameters of sensors over several calibrations: drift, and the next due date.
 
     Args:
         calibrations: run files, calibration files, or CSV tables with their date as in "table.csv@2026-01-15".
-        tolerance: error of the output that the last calibration may come to have, in its unit; None for the 95 %
-            interval of one reading.
-        usage: range they are used in, plus and minus, deg, for kinds that know one; None for the range calibrated last.
-        sensors: chart these only, such as "x_V".
-        formula: whole plots: the model, where not the one declared.
-        today: date that "in N days" counts from.
+        tolerance: maximum permitted error of the last calibration's output, in its unit; None for the 95 % interval of
+            one reading.
+        usage: range of use, plus and minus, degrees, for kinds that have one; None for the range of the last
+            calibration.
+        sensors: chart only these, such as "x_V".
+        formula: whole plots: the model, if not the declared one.
+        today: date for "in N days".
 
     Raises:
         UsageError: fewer than two calibrations can be charted together, or a file cannot be used.
         DataError: a table does not determine its model.
-
     """
     files = [str(one.path) if isinstance(one, Data) else str(one) for one in calibrations]
     given, left_out = read_together(files, formula, sensors)
@@ -115,7 +108,7 @@ def _today(given: str | date | None) -> datetime:
     try:
         moment = datetime.fromisoformat(str(given))
     except ValueError:
-        raise UsageError(f"--today: {given!r} is no date; write 2026-01-15") from None
+        raise UsageError(f"--today: {given!r} is not a date; write 2026-01-15") from None
     return moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment.astimezone(UTC)
 
 
@@ -137,7 +130,7 @@ def _sensor(name: str, view: View, found: Mapping[str, Any]) -> Iterator[Block]:
         yield Line(f"  {escape(sentence)}")
     if found["due"]["status"] == "too few":
         return
-    due_dates = Grid((f"tolerance / {found['due']['unit']}", "due", "if calibrations scatter", "if the sensor wanders"))
+    due_dates = Grid((f"tolerance / {found['due']['unit']}", "due", "if calibrations scatter", "for a random walk"))
     for due in found["due_by_tolerance"]:
         by_variation = (value or "-" for value in due["by_variation"].values())
         due_dates.add_row(f"{due['tolerance']:.2g}", due_date(due), *by_variation)

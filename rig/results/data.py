@@ -18,7 +18,6 @@ from rig.effects import laboratory_effects
 from rig.errors import UsageError
 from rig.inference import calibration_in
 from rig.options import chosen
-from rig.present.as_json import finite
 from rig.results.frames import Frame, of_rows
 from rig.results.inferred import Inferred, check_readings, infer_from
 from rig.results.observations import Observations
@@ -35,37 +34,44 @@ _EFFECTS = (
 )
 
 
-class Calibration(Reported):
-    """A fit of the declared model to every sensor.
+class Evaluated(Reported):
+    """A table that was fitted or traced.
 
     Attributes:
-        fitted: as its kind has it.
         kind: of calibration.
-        source: the file that was fitted.
+        source: the file.
 
     """
 
-    def __init__(self, fitted: Fitted, kind: Kind, source: str) -> None:
-        self.fitted = fitted
+    def __init__(self, evaluated: Fitted | Traced, kind: Kind, source: str) -> None:
+        self._evaluated = evaluated
         self.kind = kind
         self.source = source
 
     @cached_property
-    def _kept(self) -> dict[str, Any]:
-        return self.fitted.to_json()
-
-    def to_json(self) -> dict[str, Any]:
-        """What `rig fit --json` prints."""
-        found: dict[str, Any] = finite(self._kept)
-        return found
+    def _told(self) -> dict[str, Any]:
+        return self._evaluated.to_json()
 
     def blocks(self) -> Iterable[Block]:
         """What a person reads of it."""
-        return self.fitted.blocks()
+        return self._evaluated.blocks()
 
     def notes(self) -> Sequence[str]:
         """What of the table was not used."""
-        return sentences(self._kept["unused"])
+        return sentences(self._told["unused"])
+
+
+class Calibration(Evaluated):
+    """A fit of the declared model to every sensor.
+
+    Attributes:
+        fitted: as its kind has it.
+
+    """
+
+    def __init__(self, fitted: Fitted, kind: Kind, source: str) -> None:
+        super().__init__(fitted, kind, source)
+        self.fitted = fitted
 
     @cached_property
     def _page(self) -> Page:
@@ -77,68 +83,48 @@ class Calibration(Reported):
 
     def frame(self) -> Frame:
         """A row a coefficient and parameter. Raises `UsageError` where nothing was estimated."""
-        rows = list(_estimates(self._kept))
+        rows = list(_estimates(self._told))
         if not rows:
-            raise UsageError(f"what was asked of {self.source} is no calibration: it has no table of estimates")
+            raise UsageError(f"this result of {self.source} is not a calibration: it has no table of estimates")
         return of_rows(rows, *_ESTIMATES, {"source": self.source, "kind": self.kind.name})
 
     def save(self, path: str | Path) -> None:
         """Write it as `rig fit --out` does. Raises `UsageError` if the disk refuses."""
-        write_whole(Path(path), lambda file: json.dump(self._kept, file, indent=2, allow_nan=False))
+        write_whole(Path(path), lambda file: json.dump(self._told, file, indent=2, allow_nan=False))
 
     def infer(self, readings: Readings, *, out: str | Path | None = None, **options: Any) -> Inferred:
-        """Infer what it is a calibration of; arguments and errors as for `rig.infer`."""
+        """Infer the measured quantities; arguments and errors as for `rig.infer`."""
         check_readings(readings, out, [Path(self.source)], options)
-        file = calibration_in(json.dumps(self._kept), f"the fit of {self.source}")
+        file = calibration_in(json.dumps(self._told), f"the fit of {self.source}")
         return infer_from(file, readings, out, options)
 
     def __repr__(self) -> str:
         return f"<rig.Calibration of {self.source}: {self.kind.title}>"
 
 
-class Trace(Reported):
+class Trace(Evaluated):
     """What the declared model lacks.
 
     Attributes:
         traced: as its kind has it.
-        kind: of calibration.
-        source: the file that was traced.
 
     """
 
     def __init__(self, traced: Traced, kind: Kind, source: str) -> None:
+        super().__init__(traced, kind, source)
         self.traced = traced
-        self.kind = kind
-        self.source = source
-
-    @cached_property
-    def _told(self) -> dict[str, Any]:
-        return self.traced.to_json()
-
-    def to_json(self) -> dict[str, Any]:
-        """What `rig trace --json` prints."""
-        found: dict[str, Any] = finite(self._told)
-        return found
 
     @property
     def verdicts(self) -> Mapping[str, str]:
         """By sensor: "explained", "nothing to add", "partly explained" or "unexplained"."""
         return {name: str(found["verdict"]) for name, found in self._told["sensors"].items()}
 
-    def blocks(self) -> Iterable[Block]:
-        """What a person reads of it."""
-        return self.traced.blocks()
-
-    def notes(self) -> Sequence[str]:
-        """What of the table was not used."""
-        return sentences(self._told["unused"])
-
     @cached_property
     def _page(self) -> Page:
         return self.traced.page()
 
     def frame(self) -> Frame:
-        """A row a term of every effect and finding about the noise."""
+        """One row per term of every effect and per finding about noise."""
         return of_rows(_effects(self._told), *_EFFECTS, {"source": self.source})
 
     def __repr__(self) -> str:
@@ -147,11 +133,10 @@ class Trace(Reported):
 
 
 class Data:
-    """A run file or a CSV table, read when something is asked of it, once.
+    """A run file or a CSV table, read once at its first use.
 
     Attributes:
         path: the file.
-
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -161,7 +146,7 @@ class Data:
 
     @cached_property
     def table(self) -> Observations:
-        """Its observations: of a run those that were accepted. Raises `UsageError` or `RunFileError`."""
+        """Its observations; for a run the accepted ones. Raises `UsageError` or `RunFileError`."""
         return Observations(self._source.table if self._run else self._source.read(()))
 
     def fit(
@@ -175,21 +160,22 @@ class Data:
 
         Args:
             leave_out: "gross" for the gross errors found, or numbers of rows.
-            confirmed_by: a later run file, to keep the causes that it confirmed.
+            confirmed_by: a later run file; the calibration gets the causes that it confirmed.
             options: of `rig fit` for this kind of table, with underscores for hyphens.
 
         Raises:
-            UsageError: the table is of no kind that is known, or an option does not go with it.
-            DataError: it lacks something, or its rows do not determine the model.
+            UsageError: no kind matches the table, or it does not have an option.
+            DataError: columns or values are missing, or the rows do not determine the model.
             RunFileError: the run file is damaged.
-
         """
         rows = [leave_out] if isinstance(leave_out, (str, int)) else list(leave_out)
         later = None if confirmed_by is None else Path(confirmed_by)
         return fit_source(self._source, options, [str(row) for row in rows], later)
 
     def trace(self, **options: Any) -> Trace:
-        """Trace what the declared model lacks; options of `rig trace` for this kind of table, errors as for `fit`."""
+        """Find effects missing in the declared model; options of `rig trace` for this kind of table, errors as for
+        `fit`.
+        """
         return trace_source(self._source, options)
 
     def _repr_html_(self) -> str:
@@ -203,7 +189,7 @@ class Data:
 
 
 def open(path: str | Path) -> Data:  # noqa: A001 - rig.open, as one opens a file
-    """A run file or a CSV table. Raises `UsageError` where there is no such file."""
+    """A run file or a CSV table. Raises `UsageError` if the file does not exist."""
     return Data(path)
 
 
@@ -215,14 +201,14 @@ def fit_source(
     *,
     keep: bool = False,
 ) -> Calibration:
-    """`rig fit`: arguments and errors as for `Data.fit`; `keep` says that the result is to become a file."""
+    """`rig fit`: arguments and errors as for `Data.fit`; `keep` means that the result is written to a file."""
     kind, options = chosen(source, _asked(given), lambda one: one.fit_options)
     fitted: Fitted
     if confirmed_by is not None:
         from rig.closed_loop.confirm import fit_confirmed  # noqa: PLC0415 - which few fits need
 
         if leave_out:
-            raise UsageError("--confirmed-by keeps every row: leave --leave-out away")
+            raise UsageError("--confirmed-by uses all rows: omit --leave-out")
         fitted = fit_confirmed(source.path, confirmed_by, options)
     else:
         fitted = kind.fit(source, options, leave_out=leave_out, own=laboratory_effects(), keep=keep)
@@ -236,7 +222,7 @@ def trace_source(source: FileSource, given: Mapping[str, Any]) -> Trace:
 
 
 def _asked(given: Mapping[str, Any]) -> dict[str, Any]:
-    """Options that were given: None is not."""
+    """The given options: those that are not None."""
     return {name: value for name, value in given.items() if value is not None}
 
 

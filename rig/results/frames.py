@@ -19,18 +19,17 @@ if TYPE_CHECKING:
 ROW = "row"
 """Name of the one dimension of every labelled array."""
 _ENDS = ("_sd", "_lo95", "_hi95")
-"""Of columns whose unit stands before them."""
+"""Units of columns whose names do not end in them."""
 
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """A table of anything.
+    """A table.
 
     Attributes:
-        columns: (n,) values by name: numbers, text, truth values.
-        units: of columns that have one, by name.
-        about: what is known of all of it; numbers and text only, which every file format can hold.
-
+        columns: (n,) values by name: numbers, text, booleans.
+        units: unit by name, for columns that have one.
+        about: metadata; only numbers and text, which every file format can store.
     """
 
     columns: Mapping[str, np.ndarray[Any, Any]]
@@ -38,7 +37,9 @@ class Frame:
     about: Mapping[str, str | int | float] = field(default_factory=dict)
 
     def to_pandas(self) -> DataFrame:
-        """With `attrs["units"]`, a unit by column. Raises `UsageError` where pandas is not installed."""
+        """As a pandas data frame; `attrs["units"]` has the units by column. Raises `UsageError` if pandas is not
+        installed.
+        """
         frame: DataFrame = _library("pandas").DataFrame(dict(self.columns))
         frame.attrs["units"] = dict(self.units)
         for name, value in self.about.items():
@@ -46,7 +47,7 @@ class Frame:
         return frame
 
     def to_xarray(self) -> Dataset:
-        """With `attrs["units"]` at every variable that has one. Raises `UsageError` where xarray is not installed."""
+        """As an xarray dataset; variables have `attrs["units"]`. Raises `UsageError` if xarray is not installed."""
         variables = {
             name: (ROW, values, {"units": self.units[name]} if name in self.units else {})
             for name, values in self.columns.items()
@@ -56,7 +57,7 @@ class Frame:
 
 
 def of_columns(columns: Mapping[str, Any], about: Mapping[str, str | int | float]) -> Frame:
-    """Columns whose names end in their unit."""
+    """Units of columns whose names end in their unit."""
     units = {name: unit for name in columns if (unit := _unit(name))}
     arrays = {name: np.asarray(values) for name, values in columns.items()}
     return Frame({n: v.astype(str) if v.dtype == object else v for n, v in arrays.items()}, units, about)
@@ -69,15 +70,14 @@ def of_rows(
     about: Mapping[str, str | int | float],
     units: Mapping[str, str] | None = None,
 ) -> Frame:
-    """One row each; what a row does not have is "" in a column of text, NaN in one of numbers.
+    """A table from rows; a missing value is "" in a column of text, NaN in a column of numbers.
 
     Args:
         rows: values by column.
         text: columns of text, which come first.
         numbers: columns of numbers.
         about: see `Frame`.
-        units: of columns that have one.
-
+        units: unit by name, for columns that have one.
     """
     every = list(rows)
     words = {name: [row.get(name) for row in every] for name in text}

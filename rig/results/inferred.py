@@ -17,10 +17,9 @@ from rig import inference
 from rig.atomic import check_files
 from rig.inference import CalibrationFile, csv_reader, read_calibration
 from rig.options import options_of
-from rig.present.as_json import finite
 from rig.results.frames import Frame, of_columns
-from rig.results.observations import first_rows
-from rig.results.result import Plots, Result
+from rig.results.observations import Columned
+from rig.results.result import Plots
 from rig.tables.csv_tables import write_csv
 from rig.tables.given import table_given
 
@@ -31,14 +30,13 @@ if TYPE_CHECKING:
     """A CSV file, or columns by name."""
 
 
-class Inferred(Result):
+class Inferred(Columned):
     """What was inferred from readings, with standard deviations and 95 % intervals.
 
     Attributes:
-        found: columns of the readings and those that were added, notes, flags.
-        simulated: whether the calibration is of a simulated run.
-        file: that was written; None where none was.
-
+        found: columns of the readings and the added ones, notes, flags.
+        simulated: whether the calibration is from a simulated run.
+        file: the written file; None if there is none.
     """
 
     def __init__(self, found: Inference, *, simulated: bool, file: Path | None) -> None:
@@ -46,37 +44,30 @@ class Inferred(Result):
         self.simulated = simulated
         self.file = file
 
-    def __len__(self) -> int:
-        return len(next(iter(self.columns.values())))
-
-    def __getitem__(self, name: str) -> np.ndarray[Any, Any]:
-        """(n,) values of a column. Raises `KeyError`."""
-        return self.columns[name]
-
     @property
     def columns(self) -> Mapping[str, np.ndarray[Any, Any]]:
-        """(n,) values by column name: those of the readings, then those that were added."""
+        """(n,) values by column name: those of the readings, then the added ones."""
         return {name: np.asarray(values) for name, values in self.found.columns.items()}
 
-    def to_json(self) -> dict[str, Any]:
-        """What `rig infer --json` prints; "file" is None where none was written."""
+    @property
+    def _told(self) -> dict[str, Any]:
+        """With "file" None where none was written."""
         file = None if self.file is None else str(self.file)
-        found: dict[str, Any] = finite({"file": file, "simulated": self.simulated, **self.found.to_json()})
-        return found
+        return {"file": file, "simulated": self.simulated, **self.found.to_json()}
 
     @property
     def words(self) -> str:
-        """How many rows, how many flagged, and what was added."""
+        """Number of rows, number of flagged rows, and added columns."""
         added = f"{', '.join(self.found.quantities)} with _sd, _lo95, _hi95 and flag"
         return f"{len(self)} rows, {self.found.flagged} flagged; {added}"
 
     def blocks(self) -> Iterable[Block]:
-        """In short, and the first rows of what was inferred."""
+        """A summary, and the first rows of the inferred quantities."""
         yield Line(f"{simulated_mark(self.simulated)}{escape(self.words)}")
-        yield from first_rows({name: self.columns[name] for name in self.found.added})
+        yield from self._first_rows(self.found.added)
 
     def notes(self) -> Sequence[str]:
-        """Of the calibration and of the readings, and what of them was not used."""
+        """Notes about the calibration and the readings, and unused columns."""
         return (*self.found.notes, *sentences(self.found.unused.to_json()))
 
     def frame(self) -> Frame:
@@ -103,18 +94,17 @@ class Inferred(Result):
 
 
 def infer(calibration: str | Path, readings: Readings, *, out: str | Path | None = None, **options: Any) -> Inferred:
-    """Infer what a kept calibration is of.
+    """Infer the measured quantities of a calibration file.
 
     Args:
-        calibration: what `rig fit --out` or `Calibration.save` wrote.
+        calibration: file of `rig fit --out` or `Calibration.save`.
         readings: a CSV file, or columns by name, in which values may be missing.
         out: a CSV file to write; None for none.
         options: of `rig infer`, with underscores for hyphens.
 
     Raises:
-        UsageError: a file cannot be used, or an option does not go with this calibration.
+        UsageError: a file cannot be used, or this calibration does not have an option.
         DataError: a column is missing, or a value cannot be used.
-
     """
     path = Path(calibration)
     check_readings(readings, out, [path], options)
@@ -124,7 +114,7 @@ def infer(calibration: str | Path, readings: Readings, *, out: str | Path | None
 def infer_from(
     file: CalibrationFile, readings: Readings, out: str | Path | None, options: Mapping[str, Any]
 ) -> Inferred:
-    """The same with a calibration that was read; arguments and errors as for `infer`."""
+    """The same with a calibration that has been read; arguments and errors as for `infer`."""
     given = {name: value for name, value in options.items() if value is not None}
     chosen = options_of(file.kind, given, lambda kind: kind.infer_options, f"this calibration is of {file.kind.title}")
     found = inference.infer(file, _reader(readings), chosen)
@@ -136,7 +126,7 @@ def infer_from(
 def check_readings(
     readings: Readings, out: str | Path | None, read: Sequence[Path], options: Mapping[str, Any]
 ) -> None:
-    """Refuse to write over what is read. Raises `UsageError`."""
+    """Refuse to overwrite an input. Raises `UsageError`."""
     files = [readings] if isinstance(readings, (str, Path)) else []
     named = [value for value in options.values() if isinstance(value, Path)]
     check_files([None if out is None else Path(out)], [*read, *map(Path, files), *named])

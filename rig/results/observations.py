@@ -1,8 +1,9 @@
-"""Tables of observations: what a run measured, or a CSV file holds."""
+"""Tables of observations of a run or a CSV file."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from abc import abstractmethod
+from collections.abc import Collection, Iterable, Mapping
 from pathlib import PurePath
 from typing import Any
 
@@ -13,7 +14,6 @@ from procedures.blocks import Block, Grid, Line, headline
 from procedures.numbers import number
 from procedures.table import Table
 from procedures.unused import unit_of
-from rig.present.as_json import finite
 from rig.results.frames import Frame, of_columns
 from rig.results.result import Plots, Result
 
@@ -21,16 +21,13 @@ _SHOWN = 10
 _TIME = "elapsed_s"
 
 
-class Observations(Result):
-    """A table: columns of numbers and of text, with units in their names.
+class Columned(Result):
+    """Columns by name, one row an observation."""
 
-    Attributes:
-        table: as fits and traces take it.
-
-    """
-
-    def __init__(self, table: Table) -> None:
-        self.table = table
+    @property
+    @abstractmethod
+    def columns(self) -> Mapping[str, np.ndarray[Any, Any]]:
+        """(n,) values by column name."""
 
     def __len__(self) -> int:
         return len(next(iter(self.columns.values())))
@@ -39,38 +36,59 @@ class Observations(Result):
         """(n,) values of a column. Raises `KeyError`."""
         return self.columns[name]
 
+    def _first_rows(self, names: Collection[str]) -> Iterable[Block]:
+        """A table of the first rows of these columns, and how many more there are."""
+        grid = Grid([escape(name) for name in names], frame="rule")
+        every = [self.columns[name] for name in names]
+        for i in range(min(_SHOWN, len(every[0]))):
+            grid.add_row(*(_cell(values[i]) for values in every))
+        yield grid
+        if len(every[0]) > _SHOWN:
+            yield Line(f"... {len(every[0]) - _SHOWN} more rows")
+
+
+class Observations(Columned):
+    """A table: columns of numbers and of text, with units in their names.
+
+    Attributes:
+        table: the object used by fits and traces.
+    """
+
+    def __init__(self, table: Table) -> None:
+        self.table = table
+
     @property
     def columns(self) -> Mapping[str, np.ndarray[Any, Any]]:
-        """(n,) values by column name; a column with gaps in it is not here."""
+        """(n,) values by column name, without columns that have gaps."""
         return {**self.table.columns, **self.table.text}
 
     @property
     def simulated(self) -> bool:
-        """Whether no real instrument was involved, as far as is known."""
+        """Whether no real instrument was involved, if known."""
         return self.table.simulated
 
     @property
     def provenance(self) -> Mapping[str, Any]:
-        """What is known of where the numbers come from."""
+        """Provenance of the numbers."""
         return self.table.provenance
 
-    def to_json(self) -> dict[str, Any]:
+    @property
+    def _told(self) -> dict[str, Any]:
         """Where it comes from and all of its columns; no command prints this."""
         about = {"source": self.table.source, "simulated": self.simulated, "provenance": dict(self.provenance)}
-        found: dict[str, Any] = finite({**about, "columns": {n: v.tolist() for n, v in self.columns.items()}})
-        return found
+        return {**about, "columns": {n: v.tolist() for n, v in self.columns.items()}}
 
     def blocks(self) -> Iterable[Block]:
-        """Where it comes from, and its first rows."""
+        """Source and the first rows."""
         yield headline(PurePath(self.table.source).name, self.table)
-        yield from first_rows(self.columns)
+        yield from self._first_rows(self.columns)
 
     def frame(self) -> Frame:
         """All columns."""
         return of_columns(self.columns, {"source": self.table.source, "simulated": int(self.simulated)})
 
     def plot(self) -> Plots:
-        """One figure: every column of numbers that varies, in the order of the rows, or over time."""
+        """One figure: every column of numbers that varies, in the order of rows, or over time."""
         from procedures.pictures import grid  # noqa: PLC0415 - matplotlib takes a second to import
 
         shown = {n: v for n, v in self.table.columns.items() if n != _TIME and np.ptp(v) > 0}
@@ -87,17 +105,6 @@ class Observations(Result):
 
     def __repr__(self) -> str:
         return f"<rig.Observations of {self.table.source}: {len(self)} rows, {', '.join(self.columns)}>"
-
-
-def first_rows(columns: Mapping[str, np.ndarray[Any, Any]]) -> Iterable[Block]:
-    """A table of the first rows, and how many more there are."""
-    grid = Grid([escape(name) for name in columns], frame="rule")
-    every = list(columns.values())
-    for i in range(min(_SHOWN, len(every[0]))):
-        grid.add_row(*(_cell(values[i]) for values in every))
-    yield grid
-    if len(every[0]) > _SHOWN:
-        yield Line(f"... {len(every[0]) - _SHOWN} more rows")
 
 
 def _cell(value: Any) -> str:

@@ -1,4 +1,4 @@
-"""`rig plan`: the evening question."""
+"""`rig plan`: forecast of a run."""
 
 from __future__ import annotations
 
@@ -29,23 +29,21 @@ from rig.forecast import ALLOWANCE, SOAK_ALLOWANCE, Forecast, rehearse
 from rig.plans import Plan as Checked
 from rig.plans import load_plan
 from rig.plugins import driver_class
-from rig.present.as_json import finite
 from rig.results.frames import Frame, of_rows
 from rig.results.result import Plots, Result
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Plan(Result):
-    """What a run will take and give, and what is in its way.
+    """Expected duration and precision of a run, and problems.
 
     Attributes:
         checked: bench, procedure and run list.
-        precision: predicted.
-        advice: what is recommended for this kind of procedure, held against it.
-        forecast: how long it will take.
-        now: when it would be started.
-        disk: bytes that are free where its file would go, and that it needs.
-
+        precision: predicted precision.
+        advice: recommendations for this kind of procedure, compared with it.
+        forecast: expected duration.
+        now: assumed time of its start.
+        disk: free bytes in the folder of its file, and needed bytes.
     """
 
     checked: Checked
@@ -57,23 +55,23 @@ class Plan(Result):
 
     @property
     def finish(self) -> datetime:
-        """When it would be done, with nothing going wrong."""
+        """Expected end, without incidents."""
         return self.now + timedelta(seconds=self.forecast.total_s)
 
     @property
     def finish_latest(self) -> datetime:
-        """When it would be done at the latest."""
+        """Latest expected end."""
         return self.now + timedelta(seconds=self.forecast.latest_s)
 
     @property
     def overdue(self) -> Sequence[str]:
-        """Instruments whose own calibration is due before the end, or nobody knows, a sentence each."""
+        """Instruments whose own calibration is due before the end, or has no known date, one sentence each."""
         return list(_due(self.checked.bench.instruments, self.finish_latest.date()))
 
-    def to_json(self) -> dict[str, Any]:
-        """What `rig plan --json` prints."""
+    @property
+    def _told(self) -> dict[str, Any]:
         run_list, forecast = self.checked.run_list, self.forecast
-        told = {
+        return {
             "procedure": self.checked.procedure.name,
             "bench": self.checked.bench.name,
             "points": len(run_list),
@@ -103,15 +101,13 @@ class Plan(Result):
                 for a in self.advice
             ],
         }
-        found: dict[str, Any] = finite(told)
-        return found
 
     @property
     def _limits(self) -> Mapping[str, tuple[float, float]]:
         return Guard(self.checked.bench.limits, self.checked.bench.factors).limits
 
     def blocks(self) -> Iterable[Block]:
-        """What a person reads of it."""
+        """Lines for people."""
         checked, run_list = self.checked, self.checked.run_list
         yield Line(f"[bold]{escape(checked.procedure.name)}[/] on {escape(checked.bench.name)}")
         plots = f"{run_list.whole_plots} whole plots, " if run_list.whole_plots else ""
@@ -134,11 +130,11 @@ class Plan(Result):
 
     def _time(self) -> Iterator[Block]:
         found = self.forecast
-        yield Line(f"  started now, done {_when(self.finish)} ({duration(found.total_s)}),")
+        yield Line(f"  started now, it ends {_when(self.finish)} ({duration(found.total_s)}),")
         yield Line(f"  at the latest {_when(self.finish_latest)}")
-        soaks = "" if found.soak_s is None else f", {duration(found.soak_s)} a soak between whole plots"
+        soaks = "" if found.soak_s is None else f", {duration(found.soak_s)} per soak between whole plots"
         yield Line(
-            f"  {found.point_s:.1f} s a point (sd {found.point_sd_s:.1f} s, {found.rehearsed} points rehearsed),"
+            f"  {found.point_s:.1f} s per point (sd {found.point_sd_s:.1f} s, {found.rehearsed} points rehearsed),"
         )
         yield Line(f"  {duration(found.preparation_s)} of preparation{soaks};")
         for_soaks = "" if found.soak_s is None else f" and {SOAK_ALLOWANCE:.0%} for soaks"
@@ -150,20 +146,20 @@ class Plan(Result):
         followed = [str(a.number) for a in self.advice if a.holds and a.number]
         if followed:
             numbers = ", ".join(followed)
-            yield Line(f"  follows the paper's recommendations {numbers}; --json says with which numbers")
+            yield Line(f"  follows the paper's recommendations {numbers}; --json has the numbers")
 
     def _in_the_way(self) -> Iterator[Block]:
         for name, (low, high) in self.checked.run_list.extremes().items():
             allowed = self._limits.get(name)
             no_limit = "[yellow]no limit in the bench file[/]"
             shown = f"limits {allowed[0]:g} to {allowed[1]:g}: ok" if allowed else no_limit
-            yield Line(f"  {name} goes from {low:g} to {high:g}, overtravel included; {shown}")
+            yield Line(f"  {name} from {low:g} to {high:g}, with overtravel; {shown}")
         environment = _environment(self.checked)
         if environment:
             yield Line(f"  environment: {escape(environment)}")
         yield from (Line(f"  [yellow]{escape(line)}[/]") for line in self.overdue)
         if not self.overdue:
-            yield Line("  every instrument's own calibration is in date until then")
+            yield Line("  the calibrations of all instruments are valid until then")
         free, needed = self.disk
         verdict = "ok" if free > needed else "[red]not enough[/]"
         yield Line(f"  disk: needs {needed / 1e6:.0f} MB, {free / 1e9:.1f} GB free: {verdict}")
@@ -177,7 +173,7 @@ class Plan(Result):
         return of_rows(rows, text, numbers, {"procedure": self.checked.procedure.name}, units)
 
     def plot(self) -> Plots:
-        """One figure: every factor's setting, point by point."""
+        """One figure: the setting of every factor, point by point."""
         from procedures.pictures import grid  # noqa: PLC0415 - matplotlib takes a second to import
 
         run_list = self.checked.run_list
@@ -202,27 +198,26 @@ def plan(
     usage: float | None = None,
     on_progress: Callable[[Progress], None] = lambda _: None,
 ) -> Plan:
-    """Answer the evening question: how many points, done when and how sure, how precise, is anything in the way?
+    """Forecast a run: number of points, time of its end, precision, and problems.
 
     Args:
         procedure: the procedure file.
         bench: the bench file.
-        out: folder the run file would go to.
-        usage: range the sensors will be used in, plus and minus, deg, for kinds that know one; that of the procedure
-            if None.
-        on_progress: called with news of the rehearsal, often.
+        out: folder of the run file.
+        usage: range of use of the sensors, plus and minus, degrees, for kinds that have one; that of the procedure if
+            None.
+        on_progress: called often, with the progress of the rehearsal.
 
     Raises:
         ConfigurationError: a file is wrong, or the design does not determine a sensor.
-        UsageError: `usage` is given, and this kind knows of none.
+        UsageError: `usage` is given, and this kind has none.
         RigError: the rehearsal failed.
-
     """
     checked = load_plan(Path(procedure), Path(bench))
     try:
         precise = kind_of(checked.procedure).precision(checked.procedure, checked.run_list)
     except FitError as error:
-        why = f"the design does not determine a sensor: {error}; visit more settings"
+        why = f"the design does not determine a sensor: {error}; use more settings"
         raise ConfigurationError(f"{procedure}: {why}") from error
     advice = _advice(checked, usage)
     forecast = rehearse(checked, on_progress)
@@ -246,14 +241,14 @@ def _when(moment: datetime) -> str:
 
 
 def _zone(moment: datetime) -> str:
-    """The zone's name beside its offset, since names are not unique; the offset alone where it has no other name."""
+    """The zone's name and its offset, since names are not unique; only the offset if there is no other name."""
     offset, name = f"{moment:%z}", moment.tzname() or ""
     offset = f"UTC{offset[:3]}:{offset[3:5]}"
     return name if name == "UTC" else f"{name} ({offset})" if name.isalpha() else offset
 
 
 def _environment(checked: Checked) -> str | None:
-    """What the procedure asks of the environment, or that nothing on the bench can give it; None if not asked."""
+    """Environment required by the procedure, or a sentence that the bench cannot control it; None if not required."""
     wanted = checked.procedure.conduct.environment
     if wanted is None:
         return None
@@ -261,13 +256,13 @@ def _environment(checked: Checked) -> str | None:
     drivers: dict[str, Any] = {n: driver_class(i.driver) for n, i in checked.bench.instruments.items()}
     names = [name for name, driver in drivers.items() if issubclass(driver, Chamber)]
     if not names:
-        return f"the procedure wants {asked}; there is nothing on this bench to control it"
+        return f"the procedure requires {asked}; this bench has no instrument to control it"
     return f"{', '.join(names)}: {asked}"
 
 
 def _due(instruments: Mapping[str, Any], on: date) -> Iterator[str]:
     for name, instrument in instruments.items():
         if instrument.due is None:
-            yield f"{name}: the bench file does not say when its calibration is due"
+            yield f"{name}: the bench file has no due date of its calibration"
         elif instrument.due < on:
             yield f"{name}: its calibration is due {instrument.due}, before this run would end"

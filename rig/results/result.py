@@ -1,10 +1,10 @@
-"""What every result can do: JSON, HTML, text, figures, data frames."""
+"""Common methods of all results: JSON, HTML, text, figures, data frames."""
 
 from __future__ import annotations
 
 import io
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +13,7 @@ from rich.markup import escape
 
 from procedures.blocks import Block, Line
 from procedures.results import Page
+from rig.present.as_json import finite
 from rig.present.html import html
 from rig.present.terminal import show
 from rig.present.visible import visible
@@ -27,7 +28,7 @@ _WIDTH = 120
 
 
 class Plots(tuple["Figure", ...]):
-    """Figures, which a notebook shows one below the other."""
+    """Figures, shown by a notebook below one another."""
 
     __slots__ = ()
 
@@ -38,18 +39,24 @@ class Plots(tuple["Figure", ...]):
 
 
 class Result(ABC):
-    """A result: what a command prints, as an object."""
+    """A result: the output of a command, as an object."""
 
-    @abstractmethod
     def to_json(self) -> dict[str, Any]:
         """What the command prints with `--json`, read back: dictionaries, lists, text, numbers, None."""
+        found: dict[str, Any] = finite(self._told)
+        return found
+
+    @property
+    @abstractmethod
+    def _told(self) -> Mapping[str, Any]:
+        """The same with NaN and infinity as they are."""
 
     @abstractmethod
     def blocks(self) -> Iterable[Block]:
-        """What a person reads of it, for a terminal or a page."""
+        """Blocks for people, for a terminal or a page."""
 
     def notes(self) -> Sequence[str]:
-        """What a reader should know besides, a sentence each."""
+        """Notes for readers, one sentence each."""
         return ()
 
     @abstractmethod
@@ -58,10 +65,10 @@ class Result(ABC):
 
     @abstractmethod
     def plot(self) -> Plots:
-        """Matplotlib figures, which a notebook shows. Raises `UsageError` where it has none."""
+        """Matplotlib figures, shown by a notebook. Raises `UsageError` if there are none."""
 
     def to_pandas(self) -> DataFrame:
-        """Its numbers as a data frame; `attrs["units"]` has a unit by column. Raises `UsageError` without pandas."""
+        """Its numbers as a data frame; `attrs["units"]` has the units by column. Raises `UsageError` without pandas."""
         return self.frame().to_pandas()
 
     def to_xarray(self) -> Dataset:
@@ -91,14 +98,14 @@ class Reported(Result):
     @property
     @abstractmethod
     def _page(self) -> Page:
-        """Its report, with its figures drawn. Raises `UsageError` where it has none."""
+        """Its report, with figures. Raises `UsageError` if it has none."""
 
     def plot(self) -> Plots:
-        """The figures of its report. Raises `UsageError` where it has none."""
+        """The figures of its report. Raises `UsageError` if it has none."""
         return Plots(self._page.figures)
 
     def report(self, path: Path | str) -> None:
-        """Write its report as HTML that needs nothing else. Raises `UsageError` where it has none."""
+        """Write its report as self-contained HTML. Raises `UsageError` if it has none."""
         from rig.report import write_page  # noqa: PLC0415 - templates are needed for reports alone
 
         write_page(Path(path), self._page)

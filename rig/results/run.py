@@ -1,10 +1,10 @@
-"""`rig run`: a procedure carried out on a bench, dry unless asked otherwise."""
+"""`rig run`: a procedure carried out on a bench, dry by default."""
 
 from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
@@ -24,14 +24,13 @@ from rig.who import operator as operator_of
 
 
 class Run(Result):
-    """A run, as its session left it.
+    """Result of a session of a run.
 
     Attributes:
         path: the run file.
         outcome: "complete", "stopped", "interrupted", "fault" or "unsafe".
-        message: why, "" if there is nothing to explain.
-        head: hash of the run file's last record: kept elsewhere, it tells whether the file was changed.
-
+        message: the reason, "" if none is needed.
+        head: hash of the run file's last record; kept elsewhere, it shows later changes of the file.
     """
 
     def __init__(self, ended: Ended) -> None:
@@ -42,24 +41,25 @@ class Run(Result):
 
     @property
     def complete(self) -> bool:
-        """Whether every point was observed or given up for good."""
+        """Whether every point was observed or skipped finally."""
         return self.outcome == Outcome.COMPLETE.value
 
     @cached_property
     def data(self) -> Data:
-        """What it measured: to fit, to trace. Raises `RunFileError`."""
+        """Its observations, for fit and trace. Raises `RunFileError`."""
         return Data(self.path)
 
-    def to_json(self) -> dict[str, Any]:
+    @property
+    def _told(self) -> Mapping[str, Any]:
         """What `rig status RUN --json` prints."""
-        return status_of(self.path).to_json()
+        return status_of(self.path).told
 
     def blocks(self) -> Iterable[Block]:
-        """What `rig status RUN` shows."""
+        """The lines of `rig status RUN`."""
         return status_of(self.path).blocks()
 
     def notes(self) -> tuple[str, ...]:
-        """Why it ended, where there is something to explain."""
+        """Reason of the end, if there is one."""
         return (self.message,) if self.message else ()
 
     def frame(self) -> Frame:
@@ -86,23 +86,22 @@ def run(
 ) -> Run:
     """Carry out a procedure on a bench, to its end or an interrupt.
 
-    An interrupt from the keyboard stops motion and leaves the run resumable: `rig resume`. Nothing is logged or sent
-    and no instrument is watched after this process has ended: for a night, use `rig run`.
+    An interrupt from the keyboard stops motion and leaves the run resumable: `rig resume`. There is no log, no
+    notification, and no supervision of instruments after the end of this process: for an unattended run, use `rig run`.
 
     Args:
         procedure: the procedure file.
         bench: the bench file.
-        dry: let simulated instruments take the place of the real ones.
-        world: the truth behind the simulated bench.
-        out: folder for the run file.
-        operator: who runs it; None for RIG_OPERATOR or the login name.
-        on_progress: called with news, often.
+        dry: replace the real instruments by simulated ones.
+        world: the world file of the simulated bench.
+        out: folder of the run file.
+        operator: name of the operator; None for RIG_OPERATOR or the login name.
+        on_progress: called often, with the progress.
 
     Raises:
         ConfigurationError: a file is wrong.
         BenchFault: an instrument cannot be reached.
         BusyError: another controller has one of the addresses.
-
     """
     plan = load_plan(Path(procedure), Path(bench), dry=dry, world=None if world is None else Path(world))
     by = operator_of(operator)
@@ -113,7 +112,7 @@ def run(
 
 @contextmanager
 def _interruptible() -> Iterator[Signals]:
-    """Signals that SIGINT sets, where this is the thread that hears of it; afterwards it does what it did before."""
+    """Signals set by SIGINT, if this is the main thread; afterwards SIGINT has its earlier effect."""
     signals = Signals()
     if threading.current_thread() is not threading.main_thread():
         yield signals

@@ -1,4 +1,4 @@
-"""What `rig status` prints of a run, and `rig.run` gives."""
+"""State of a run, for `rig status` and `rig.run`."""
 
 from __future__ import annotations
 
@@ -31,21 +31,20 @@ from rig.run_file.verification import CUT_SHORT, glance
 
 _FAULTS_TOLD, _QUIET_S = 5, 60.0
 VERIFIED = 100_000
-"""A run of so many records at most is verified on the way: about two seconds."""
+"""Maximum number of records of a run that is verified for its status: about two seconds."""
 
 
 @dataclass(frozen=True)
 class Status:
-    """What a run has come to.
+    """State of a run.
 
     Attributes:
         path: the run file.
-        state: what its records say.
-        told: what `rig status --json` prints.
-        acceptance: of a complete run.
-        wrong: what is wrong with the file; None where nothing is, or it was not verified.
-        other: the file it goes on in.
-
+        state: state by its records.
+        told: the JSON of `rig status --json`.
+        acceptance: acceptance of a complete run.
+        wrong: defect of the file; None if there is none, or it was not verified.
+        other: the file in which it continues.
     """
 
     path: Path
@@ -57,16 +56,16 @@ class Status:
 
     @property
     def broken(self) -> bool:
-        """Whether the file was edited or damaged: more than cut short."""
+        """Whether the file was edited or damaged, not only truncated."""
         return self.wrong is not None and self.wrong.where not in CUT_SHORT
 
     def to_json(self) -> dict[str, Any]:
-        """What `rig status --json` prints."""
+        """The JSON of `rig status --json`."""
         found: dict[str, Any] = finite(self.told)
         return found
 
     def blocks(self) -> Iterable[Block]:
-        """What a person reads of it."""
+        """Lines for people."""
         with sensible(self.path):
             return list(self._blocks())
 
@@ -95,22 +94,22 @@ class Status:
         yield from self._way_forward(name)
 
     def _whole(self, name: str) -> Iterator[Block]:
-        """Whether the file is whole."""
+        """Lines about the integrity of the file."""
         if self.wrong is not None and not self.broken:
             again = "rig resume measures again what is gone"
             yield Line(f"  [bold yellow]cut short:[/] {escape(str(self.wrong))}; {again}")
         elif self.wrong is not None:
-            trust = f"Do not trust what is said here; rig verify {name} lists all"
+            trust = f"Do not trust these figures; rig verify {name} lists all defects"
             yield Line(f"  [bold red]NOT WHOLE:[/] edited or damaged: {escape(str(self.wrong))}. {trust}")
         elif self.told["whole"] is None:
-            yield Line(f"  not verified, {self.told['records']} records take a while: rig verify {name}")
+            yield Line(f"  not verified, {self.told['records']} records need some time: rig verify {name}")
 
     def _faults(self) -> Iterator[Block]:
-        """What went wrong so far, what was done about it, and what is still wrong."""
+        """Faults so far, decisions about them, and persistent problems."""
         state = self.state
         if state.decisions:
             counts = ", ".join(f"{decision} {count}x" for decision, count in state.decisions.items())
-            yield Line(f"  [yellow]faults, and what was done:[/] {escape(counts)}")
+            yield Line(f"  [yellow]faults and decisions:[/] {escape(counts)}")
             for record in list(state.faults)[-_FAULTS_TOLD:]:
                 yield Line(f"    {escape(f'{duration(record.elapsed_s)}: {record.sentence()}')}")
         if self.told["running"] or state.ended is not None:
@@ -125,18 +124,18 @@ class Status:
         state, running = self.state, self.told["running"]
         quiet_s = silent_s(self.path, RealClock().utc()) if running else 0.0
         if quiet_s > _QUIET_S:
-            yield Line(f"  [bold yellow]nothing heard from its controller for {duration(quiet_s)}[/]")
+            yield Line(f"  [bold yellow]no sign of life from its controller for {duration(quiet_s)}[/]")
         if self.other is not None:
-            yield Line("  [bold yellow]it was moved or replaced while it was written, and goes on in another file[/]")
+            yield Line("  [bold yellow]it was moved or replaced during the run, which continues in another file[/]")
         elif state.rescued:
-            lost = f"goes on in {escape(state.rescued)}, which is not there: look for it before you carry on here"
+            lost = f"continues in {escape(state.rescued)}, which does not exist: look for it before you resume here"
             yield Line(f"  [bold yellow]{lost}[/]")
         if not running and state.ended is None and not self.broken:
-            yield Line(f"  carry on with: rig resume {name if self.other is None else escape(str(self.other))}")
+            yield Line(f"  continue with: rig resume {name if self.other is None else escape(str(self.other))}")
 
 
 def status_of(run_file: Path) -> Status:
-    """What a run has come to, running or not. Raises `UsageError` or `RunFileError` where it cannot be read."""
+    """State of a run, running or not. Raises `UsageError` or `RunFileError` if it cannot be read."""
     with sensible(run_file):
         return _status(run_file)
 
@@ -186,14 +185,14 @@ def _status(run_file: Path) -> Status:
 
 
 def _left_when_resumed_s(reader: RunReader, state: RunState, run_file: Path) -> float | None:
-    """How long the rest of an interrupted run will take; None where that cannot be told."""
+    """Expected remaining time of an interrupted run, seconds; None if unknown."""
     if state.ended is not None or not has_plan(reader):
         return None
     try:
         plan = stored_plan(reader, run_file, None)
         return left_when_resumed_s(reader, state, plan.run_list, plan.procedure.conduct, plan.bench)
     except RigError:
-        return None  # what is wrong with the file stands elsewhere
+        return None  # defects of the file are reported elsewhere
 
 
 def _fault(record: Record) -> dict[str, Any]:

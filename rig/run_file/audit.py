@@ -1,7 +1,7 @@
-"""What is wrong with a run file: every break of it, where it is, and as much as can be known of what was changed.
+"""The audit of a run file: every defect, its place, and the change behind it as far as it can be found.
 
-A hash tells that something was changed, not what. But a record is mostly small words and numbers: where putting one
-column back to another possible value restores the hash, that was the change, and what stood there is known again.
+A hash shows that something was changed, not what. But a record is mostly short words and numbers. If another possible
+value of one column restores the hash, the change and the original value are known.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from rig.run_file.what_changed import changed_column
 from rig.version import VERSION
 
 _SEARCHED = 10
-"""In so many changed records at most it is searched for what was changed."""
+"""Maximum number of changed records in which the change is searched for."""
 
 Row = tuple[int, Record, bytes, bytes]
 End = tuple[int, Record, bytes]
@@ -35,16 +35,16 @@ Expand = Callable[[Mapping[str, str]], RunList | None]
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that is wrong.
+    """One defect.
 
     Attributes:
         where: "file", "schema", "record", "document", "run list", "log", "head" or "sense".
         what: a sentence.
-        record: sequence number, if it is about a record.
-        kind: that record's kind.
-        point: the point of the run list it is about.
-        column: the column that was changed, where that can be known.
-        name: of the document or object of the schema.
+        record: sequence number of its record, if any.
+        kind: kind of that record.
+        point: its point of the run list, if any.
+        column: the changed column, if known.
+        name: name of the document or object of the schema.
 
     """
 
@@ -66,7 +66,7 @@ class Finding:
 
 
 class Contents(Protocol):
-    """What is needed of a reader."""
+    """Methods of a reader that the audit uses."""
 
     @property
     def guarded(self) -> Guarded:
@@ -85,7 +85,7 @@ class Contents(Protocol):
         """Rows in order."""
 
     def record_rows(self) -> Iterator[list[StoredRow]]:
-        """All rows in order, some at a time."""
+        """All rows in order, a few hundred at a time."""
 
     def head(self) -> tuple[int, bytes]:
         """Number of records and the last one's hash."""
@@ -98,13 +98,13 @@ def findings(
     expand: Expand = lambda _: None,
     each: Callable[[Record], object] = lambda _: None,
 ) -> Iterator[Finding]:
-    """What is wrong, one after the other; nothing if the file is whole.
+    """Yield the defects, one after the other; none if the file is sound.
 
     Args:
         run: the file.
-        thorough: look at every index entry, and search for what was changed in a record.
-        expand: makes the run list again from the stored documents, to say which point of it was changed.
-        each: called with every record that follows the one before it and has its hash.
+        thorough: check every index entry, and search for the change in each changed record.
+        expand: generates the run list from the stored documents, to find the changed points.
+        each: called with every record that follows its predecessor and has the right hash.
 
     """
     ends: list[End] = []
@@ -140,7 +140,7 @@ def _points(run: Contents) -> int:
 
 
 def _records(run: Contents, thorough: bool, each: Callable[[Record], object], ends: list[End]) -> Iterator[Finding]:
-    """What is wrong with records and chain; end records are put into `ends`."""
+    """Defects of records and chain; end records are added to `ends`."""
     points = _points(run)
     sound, expected, broken_at = _sound(run, points, each, ends)
     if broken_at is None:
@@ -181,10 +181,10 @@ def _records(run: Contents, thorough: bool, each: Callable[[Record], object], en
 def _sound(
     run: Contents, points: int, each: Callable[[Record], object], ends: list[End]
 ) -> tuple[int, bytes, int | None]:
-    """Follow the chain while everything about it holds, as it does all the way in a whole file.
+    """Follow the chain up to its first defect; a sound file has none.
 
     Returns:
-        How many records are sound, the last one's hash, and the number of the first that is not (None: all are).
+        Number of sound records, hash of the last one, and number of the first defective record (None: no defect).
 
     """
     sound, head = 0, GENESIS
@@ -204,7 +204,7 @@ def _sound(
 
 
 def _holds(row: Row, points: int) -> bool:
-    """Whether a record that follows the one before it makes sense and has its hash."""
+    """Whether a record that follows its predecessor has valid contents and the right hash."""
     seq, record, previous, own = row
     return senseless(record, points) is None and link(previous, seq, record) == own
 
@@ -218,11 +218,11 @@ def _record(
         return Finding("record", what, seq, _kind(record), _point(record), column)
 
     wrong, change = senseless(record, points), None
-    with contextlib.suppress(TypeError, ValueError):  # a value of a kind that no record has cannot be hashed
+    with contextlib.suppress(TypeError, ValueError):  # a value of a type that no record has cannot be hashed
         change = changed_column(row, expected, None if after is None else after[2], points, search)
     if change is not None and change.column == "predecessor":
         if before is None or before[1]:
-            return  # the break is at the record before, and has been told
+            return  # the defect is in the record before, and has been reported
         yield finding(
             f"does not follow the record before it: record {before[0]} was replaced with a hash of its own, or "
             f"something was removed or inserted there"
@@ -234,7 +234,7 @@ def _record(
 
 
 def _kind(record: Record) -> str:
-    """What stands there as its kind, whatever it is."""
+    """The stored kind, of any type, as text."""
     return str(record.kind)[:40]
 
 
@@ -252,7 +252,7 @@ def _genesis(run: Contents, thorough: bool, expand: Expand, ends: list[End]) -> 
         return
     declared = _event(first[1])
     if not isinstance(declared, RunCreated):
-        return  # what is wrong with it was told
+        return  # its defect has been reported
     documents = run.documents()
     intact = dict(documents)
     for name, digest in declared.documents.items():
@@ -297,7 +297,9 @@ def _run_list(run: Contents, declared: RunCreated, planned: RunList | None) -> I
 
 
 def _factors(run: Contents) -> Iterator[Finding]:
-    """What the hash of the run list does not see, since it means the same: gaps in positions, a yes that is not 1."""
+    """Changes that the hash of the run list does not cover, because their meaning is the same: gaps in positions, a
+    true value other than 1.
+    """
     for at, row in enumerate(run.guarded.rows("SELECT name, position, hard, stays FROM factor ORDER BY position")):
         name, position, *answers = row
         if position != at:

@@ -1,9 +1,9 @@
-"""What lies beside a run file, its log and its journal: are they its own?
+"""The files beside a run file, log and journal: check that they belong to it.
 
-SQLite takes whatever has the right name. A log of the same run from earlier, or of another run, hides the records of
-the file or mixes with them (copying a finished run over an interrupted one leaves one behind), and a journal from
-elsewhere is rolled back into the file. A run file only grows: whatever record it holds by itself, it holds with its
-own log too; and its own journal changes nothing of it but the mode of its header.
+SQLite uses any file with the right name. An earlier log of the same run, or a log of another run, hides the records of
+the file or mixes with them. (Copying a finished run over an interrupted one leaves such a log.) A foreign journal is
+rolled back into the file. But a run file only grows: each of its own records is still there when its own log is added.
+And its own journal changes only the mode in its header.
 """
 
 from __future__ import annotations
@@ -27,7 +27,8 @@ from rig.run_file.schema import Guarded
 _WAL_HEADER, _FRAME_HEADER = 32, 24
 _JOURNAL_MAGIC = bytes.fromhex("d9d505f920a163d7")
 _MODE = (*range(18, 20), *range(24, 28), *range(92, 100))
-"""Bytes of page 1 that a change of mode changes: read and write version, change counter, by which version."""
+"""Bytes of page 1 that a change of mode changes: read and write version, change counter, and SQLite version of the
+change."""
 _TABLE_LEAF = 13
 _MOST_KEYS, _MOST_BYTES = 20_000, 256 << 20
 
@@ -43,11 +44,11 @@ class ForeignFileError(RunFileError):
 
 @dataclass(frozen=True)
 class Alone:
-    """What a run file holds by itself, whatever its log says.
+    """Contents of a run file without its log.
 
     Attributes:
-        records: how many.
-        known: number and hash of its last record and of others its log could hide; each has its hash.
+        records: number of records.
+        known: number and hash of its last record and of others that the log could hide; each hash was checked.
 
     """
 
@@ -56,21 +57,21 @@ class Alone:
 
 
 def has_log(path: Path) -> bool:
-    """Whether there is a log with anything in it."""
+    """Whether there is a log that is not empty."""
     with contextlib.suppress(OSError):
         return os.stat(f"{path}-wal").st_size > _WAL_HEADER
     return False
 
 
 def alone(path: Path, main: Guarded) -> Alone:
-    """Look at a run file by itself, before its log is looked at: a writer at work only adds to it.
+    """Read a run file without its log, before the log is read: a running writer only adds to the file.
 
     Args:
         path: the run file.
-        main: reads it without its log.
+        main: a connection that reads it without its log.
 
     Raises:
-        apsw.Error: it cannot be read by itself, as after a crash while its log was folded into it.
+        apsw.Error: it cannot be read without the log, for example after a crash during a checkpoint.
 
     """
     last = next(iter(main.rows(_LAST)))[0] or 0
@@ -81,21 +82,21 @@ def alone(path: Path, main: Guarded) -> Alone:
             content += sum(map(length_hint, row))
             if content > _MOST_BYTES:
                 raise apsw.TooBigError("a few of its records give more content than they can have")
-            if followed([row], key, row[10]):  # half a folding gives half a record
+            if followed([row], key, row[10]):  # half a checkpoint gives half a record
                 known.append((key, row[11]))
     return Alone(last, tuple(known))
 
 
 def check_log(path: Path, by_itself: Alone, view: Guarded) -> None:
-    """Refuse a log with which records are gone that the file holds by itself, or are not followed by their next.
+    """Refuse a log that hides records of the file, or with which a record is not followed by its successor.
 
     Args:
         path: the run file.
-        by_itself: what it holds without the log.
-        view: reads it with the log.
+        by_itself: contents without the log.
+        view: a connection that reads it with the log.
 
     Raises:
-        ForeignFileError: the log is not its own.
+        ForeignFileError: the log belongs to another file.
 
     """
     try:
@@ -114,12 +115,12 @@ def check_log(path: Path, by_itself: Alone, view: Guarded) -> None:
 
 
 def foreign_log(path: Path, records: int, seen: str) -> ForeignFileError:
-    """The log is not the file's own.
+    """The error for a log that belongs to another file.
 
     Args:
         path: the run file.
-        records: how many it holds by itself.
-        seen: what it does with the log.
+        records: number of records without the log.
+        seen: the result with the log; the end of a sentence.
 
     """
     return ForeignFileError(
@@ -129,10 +130,10 @@ def foreign_log(path: Path, records: int, seen: str) -> ForeignFileError:
 
 
 def check_journal(path: Path) -> None:
-    """Refuse what is no file beside a run, and a journal that would put anything but the mode back.
+    """Refuse anything beside a run that is not a regular file, and a journal that would change more than the mode.
 
     Raises:
-        ForeignFileError: it is not the file's own.
+        ForeignFileError: it belongs to another file.
 
     """
     for suffix in ("wal", "shm", "journal"):
@@ -141,7 +142,7 @@ def check_journal(path: Path) -> None:
         with open_regular(path.with_name(path.name + "-journal")) as file:
             header = file.read(28)
             if len(header) < 28 or header[:8] != _JOURNAL_MAGIC:
-                return  # SQLite takes nothing from it
+                return  # SQLite uses nothing of it
             count, nonce, pages, sector, size = struct.unpack_from(">5I", header, 8)
             file.seek(sector)
             data = file.read(size * 1000)
@@ -157,7 +158,9 @@ def check_journal(path: Path) -> None:
 
 
 def _must_be_a_file(path: Path, suffix: str) -> None:
-    """SQLite would wait for a pipe for ever, and opens no link. Raises `ForeignFileError`."""
+    """Refuse a pipe, for which SQLite would wait for ever, and a link, which it does not open. Raises
+    `ForeignFileError`.
+    """
     beside = path.with_name(f"{path.name}-{suffix}")
     try:
         check_regular(os.lstat(beside).st_mode, beside)
@@ -177,7 +180,7 @@ def _move(path: Path, suffix: str) -> str:
 
 
 def _hidden(path: Path) -> Iterator[int]:
-    """Numbers of rows, of any table, that end those leaves of the file which its log has other versions of."""
+    """Numbers of the last rows of all leaf pages that the log has other versions of."""
     with contextlib.suppress(OSError), path.open("rb") as main, open(f"{path}-wal", "rb") as log:
         header = log.read(_WAL_HEADER)
         size = struct.unpack_from(">I", header, 8)[0] if len(header) == _WAL_HEADER else 0
@@ -194,14 +197,14 @@ def _hidden(path: Path) -> Iterator[int]:
 
 
 def _last_key(page: bytes) -> int | None:
-    """Number of the last row of a table's leaf; None if the page is none."""
+    """Number of the last row of a table's leaf page; None for any other page."""
     if len(page) < 512 or page[0] != _TABLE_LEAF:
         return None
     (cells,) = struct.unpack_from(">H", page, 3)
     if not 0 < cells <= (len(page) - 8) // 2:
         return None
     (at,) = struct.unpack_from(">H", page, 8 + 2 * (cells - 1))
-    while at < len(page) and page[at] >= 0x80:  # the size of the row
+    while at < len(page) and page[at] >= 0x80:  # size of the row
         at += 1
     key = 0
     for byte in page[at + 1 : at + 9]:
@@ -212,7 +215,7 @@ def _last_key(page: bytes) -> int | None:
 
 
 def _put_back(main: int, data: bytes, count: int, nonce: int, pages: int, size: int) -> str:
-    """What of a file a journal would change beside the mode, "" if nothing."""
+    """What a journal would change besides the mode, "" if nothing."""
     there = os.fstat(main).st_size
     if pages * size != there:
         return f"the file would have {pages * size} bytes instead of {there}"
@@ -222,7 +225,7 @@ def _put_back(main: int, data: bytes, count: int, nonce: int, pages: int, size: 
         before = data[at + 4 : at + 4 + size]
         (check,) = struct.unpack_from(">I", data, at + 4 + size)
         if check != (nonce + sum(before[i] for i in range(size - 200, 0, -200))) & 0xFFFFFFFF:
-            break  # SQLite goes no further
+            break  # SQLite stops here
         now = bytearray(os.pread(main, size, (number - 1) * size))
         if number == 1:
             for i in _MODE:

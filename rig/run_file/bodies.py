@@ -1,7 +1,7 @@
-"""What a field of a record's body may be.
+"""Permitted values for the fields of a record's body.
 
-A hash proves that nobody changed a record without making the hash again, not that it is one of ours. Whoever opens an
-event gets what a controller writes there, or an error that names the record, the field and what is wrong.
+A correct hash does not prove that a controller wrote the record: anybody can compute a hash. A reader of an event gets
+values as a controller writes them, or an error that names the record, the field and the defect.
 """
 
 from __future__ import annotations
@@ -14,22 +14,22 @@ from typing import Annotated, Any
 from rig.errors import RunFileError
 
 LATEST_S = 2.5e11
-"""About the year 9900: a moment beyond has no date."""
+"""About the year 9900, seconds; later times cannot be shown as dates."""
 _WHOLE = 1 << 62
 _SHOWN = 60
 
 
 class ContentsError(RunFileError, ValueError):
-    """Something in a run file is not what a controller writes there, though its hash may be right."""
+    """A value in a run file that no controller writes there, even if its hash is right."""
 
 
 @dataclass(frozen=True)
 class Kind:
-    """What a field may be.
+    """A type of field.
 
     Attributes:
-        words: for people: "a number".
-        holds: whether a value is one.
+        words: its description for people: "a number".
+        holds: whether a value is of this type.
 
     """
 
@@ -62,7 +62,7 @@ def _channel(value: Any) -> bool:
 
 
 def _readings(value: Mapping[str, Any]) -> bool:
-    """Of every observation several: looked at together where they are what a controller writes."""
+    """Several fields of every observation; checked together if they are as a controller writes them."""
     readings = value.get("readings")
     if type(readings) is not list:
         return False
@@ -115,9 +115,9 @@ Arrivals = Annotated[Mapping[str, Sequence[float]], ARRIVALS]
 
 
 def shown(value: Any) -> str:
-    """A value in an error, short whatever it is."""
+    """A value in an error message, always short."""
     try:
         text = repr(value)
-    except (ValueError, RecursionError):  # whole numbers of thousands of digits
+    except (ValueError, RecursionError):  # integers of thousands of digits
         text = type(value).__name__
     return text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."

@@ -1,8 +1,8 @@
 """Records and the hash chain that binds them.
 
-A run is a sequence of records. Each carries the hash of the one before and of its own contents, so that a record
-cannot be changed, removed or inserted without breaking every later one. What the recovery needs is in fields of
-its own; `body` holds the evidence (readings, settling, identities) as JSON.
+A run is a sequence of records. Each has the hash of its predecessor and of its own contents, so a record
+cannot be changed, removed or inserted without breaking every later one. Values needed for recovery have columns of
+their own; `body` holds the evidence (readings, settling, identities) as JSON.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from rig.run_file.events.event import Event, body_of, decode
 from rig.run_file.events.points import ACCEPTED, Observed
 
 GENESIS = bytes(32)
-"""What the first record names as its predecessor."""
+"""Predecessor's hash in the first record."""
 
 StoredRow = tuple[Any, ...]
-"""A record as stored: its number, its own columns, its predecessor's hash and its own."""
+"""A record as stored: number, own columns, predecessor's hash, own hash."""
 
 
 class _Columns(NamedTuple):
@@ -38,25 +38,25 @@ class _Columns(NamedTuple):
 
 
 class Record(_Columns):
-    """One thing that happened.
+    """One record.
 
     Attributes:
-        session: which start of the controller, from 1; 0 for what was written when the run was created.
+        session: number of the controller's start, from 1; 0 for records written when the run was created.
         kind: "run", "session", "identity", "event", "observation"...: see `rig.run_file.events`.
         elapsed_s: bench seconds since the run was created; UTC-based across a reboot.
         utc_s: seconds since 1970-01-01.
-        run_index: the point it belongs to, if any.
-        whole_plot: the whole plot it belongs to, if any.
-        attempt: which attempt at that point, from 1.
-        status: for an observation "accepted" or "rejected"; for others a word of their own.
+        run_index: its point, if any.
+        whole_plot: its whole plot, if any.
+        attempt: number of the attempt at this point, from 1.
+        status: for an observation "accepted" or "rejected"; for other kinds a word of their own.
         body: JSON text.
 
-    A tuple of them in the order of the table's columns: a hundred thousand are made whenever a run is resumed.
+    A tuple in the order of the table's columns, for speed: resuming a run may create a hundred thousand of them.
 
     """
 
     seq = 0
-    """Its number, where it was read from a file."""
+    """Its number, if it was read from a file."""
 
     @cached_property
     def data(self) -> dict[str, Any]:
@@ -65,47 +65,47 @@ class Record(_Columns):
 
     @cached_property
     def event(self) -> Event:
-        """What it tells. Raises `ContentsError`."""
+        """Its event. Raises `ContentsError`."""
         return decode(self.kind, self.status, self.data)
 
     @property
     def accepted(self) -> bool:
-        """Whether it is an observation that counts; its body is not looked into."""
+        """Whether it is an accepted observation; the body is not read."""
         return self.kind == Observed.kind and self.status == ACCEPTED
 
     def sentence(self) -> str:
-        """It, in a person's words."""
+        """The record in words."""
         return self.event.sentence(self)
 
     def named(self) -> str:
-        """It, in a sentence."""
+        """The record's name, for sentences."""
         at = "" if self.run_index is None else f" of point {shown(self.run_index)}"
         number = "the record to be written" if not self.seq else f"record {self.seq}"
         return f"{number} ({str(self.kind)[:40]}{at})"
 
 
 def encode(body: Mapping[str, Any]) -> str:
-    """Body as compact JSON. Raises ValueError on NaN or infinity, which JSON does not have."""
+    """Body as compact JSON. Raises ValueError for NaN or infinity, which JSON cannot represent."""
     return json.dumps(body, separators=(",", ":"), allow_nan=False)
 
 
 def link(previous: bytes, seq: int, record: Record) -> bytes:
-    """Hash of a record given its predecessor's."""
+    """Hash of a record, given its predecessor's hash."""
     text = b"%b%b,%b]" % (previous, _fields(seq, record).encode(), _quoted(record.body))
     return hashlib.sha256(text).digest()
 
 
 def followed(rows: Sequence[StoredRow], seq: int, previous: bytes) -> int:
-    """How many rows, from the first on, are records that follow one another and have their hashes.
+    """Number of rows, from the first, that are consecutive records with correct hashes.
 
-    A record whose numbers and body are of the kinds they should be, with a body of ASCII, as nearly all are, is hashed
-    here and not by `link`, in half the time: nothing but quotation marks and backslashes of its body is escaped. No two
-    bodies come out alike that way, and none comes out as another does by `link`: control characters, which `link`
-    escapes as well, are left in and show. So what holds here is what was hashed.
+    Nearly all records have values of the right types and an ASCII body. They are hashed here instead of by `link`,
+    in half the time: only quotation marks and backslashes of the body are escaped. No two bodies get the same text
+    in this way, and none gets the text of another body by `link`: control characters, which `link` escapes too,
+    stay visible. So a hash that is correct here is correct by `link`.
 
     Args:
-        rows: as stored.
-        seq: the number that the first should have.
+        rows: rows as stored.
+        seq: expected number of the first.
         previous: hash of the record before it.
 
     """
@@ -137,12 +137,12 @@ def followed(rows: Sequence[StoredRow], seq: int, previous: bytes) -> int:
 def _holds(row: StoredRow) -> bool:
     try:
         return bool(link(row[10], row[0], Record._make(row[1:10])) == row[11])
-    except (TypeError, ValueError):  # what no record has, JSON may not have either
+    except (TypeError, ValueError):  # values that no record has may not be valid in JSON either
         return False
 
 
 def _fields(seq: int, record: Record) -> str:
-    """A record but for its body, as JSON without the closing bracket."""
+    """A record without its body, as JSON without the closing bracket."""
     session, kind, elapsed_s, utc_s, index, whole_plot, attempt, status, _ = record
     if not (
         type(elapsed_s) is type(utc_s) is float
@@ -169,7 +169,9 @@ _PLAIN = bytes(code for code in range(0x20, 0x7F) if code != ord("\\"))
 
 
 def _quoted(body: object) -> bytes:
-    """Body as a JSON string. Long and mostly plain, it is sooner searched as a whole than looked at by letters."""
+    """Body as a JSON string. It is long and mostly plain, so searching it is faster than going through its
+    characters.
+    """
     if isinstance(body, str) and body.isascii():
         plain = body.encode()
         if not plain.translate(None, _PLAIN):

@@ -1,4 +1,4 @@
-"""What a record must hold to mean anything, so that whoever folds a run file need not doubt it."""
+"""Required contents of a record, checked before a run file is folded."""
 
 from __future__ import annotations
 
@@ -28,7 +28,8 @@ def _plain_observation(record: Record, points: int) -> bool:
     session, kind, elapsed_s, utc_s, index, whole_plot, attempt, status, body = record
     return (
         kind == Observed.kind
-        and (status == ACCEPTED or status == REJECTED)  # noqa: PLR1714, SIM109 - twice as quick, once a record
+        and (status == ACCEPTED or status == REJECTED)  # noqa: PLR1714, SIM109 - twice as fast, and called for every
+        # record
         and type(index) is int
         and 0 <= index < points
         and type(elapsed_s) is float
@@ -44,7 +45,7 @@ def _plain_observation(record: Record, points: int) -> bool:
 
 
 def wrong_column(record: Record) -> tuple[str, str] | None:
-    """Which of a record's own columns cannot be one: (column, sentence); None if all can."""
+    """The first of a record's own columns with an impossible value: (column, sentence); None if there is none."""
     for column, holds in _COLUMNS.items():
         value = getattr(record, column)
         if not holds(value):
@@ -53,9 +54,10 @@ def wrong_column(record: Record) -> tuple[str, str] | None:
 
 
 def senseless(record: Record, points: int) -> tuple[str, str] | None:
-    """What makes no sense in a record of a run of so many points: (column, sentence); None if all does.
+    """The first inconsistent column of a record, given the run's number of points: (column, sentence); None if there is
+    none.
 
-    The body of an observation is not looked into: it is evidence, and whoever reads it checks it.
+    The body of an observation is not checked here: it is evidence, and its reader checks it.
     """
     if _plain_observation(record, points):  # nearly all of them are
         return None

@@ -1,4 +1,4 @@
-"""Creating a run file: what a run is goes in before anything moves, and is never changed again."""
+"""Creating a run file: the definition of the run is written before anything moves, and never changes."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from rig.run_file.storage import storage_of
 
 @dataclass(frozen=True)
 class Genesis:
-    """What a run is, fixed when it is created.
+    """The definition of a run, fixed at its creation.
 
     Attributes:
-        run_id: its name, also the file's.
+        run_id: name of the run and of its file.
         documents: the bench, procedure (and, for a dry run, world) files as given, by name.
         run_list: every point.
         simulated: whether no real instrument is involved.
-        about: versions and whatever else should travel with the run.
+        about: software versions and other facts to keep with the run.
 
     """
 
@@ -40,11 +40,11 @@ class Genesis:
 
 
 def create(path: Path, genesis: Genesis, *, elapsed_s: float, utc_s: float, vfs: str = "") -> None:
-    """Make a run file: whole and durable under its final name, or not there at all.
+    """Create a run file: either complete and durable under its final name, or not at all.
 
     Raises:
-        StorageError: the disk refuses.
-        RunFileError: something of that name exists.
+        StorageError: the file cannot be written.
+        RunFileError: the name exists already.
 
     """
     if path.exists():

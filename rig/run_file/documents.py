@@ -1,7 +1,7 @@
-"""The documents of a run file, read as far as tables and pages need them: typed, whichever version wrote them.
+"""The documents of a run file: typed access to the values that tables and pages need, for files of any version.
 
-What plans a run parses them whole (`rig.config`). What only shows or exports one takes a few values from them, and
-anybody can have changed each: it is of the kind that is asked for, or an error names document and field.
+Planning a run parses whole documents (`rig.config`). Showing or exporting a run takes only a few values. Anybody may
+have changed these, so each is checked: it has the requested type, or an error names document and field.
 """
 
 from __future__ import annotations
@@ -15,21 +15,21 @@ from rig.run_file.bodies import NUMBER, TABLE, TEXT, TRUTH, ContentsError, Kind,
 
 
 class Stored:
-    """A table of a stored document, or the whole of one."""
+    """A stored document, or a table in it."""
 
     def __init__(self, values: Mapping[str, Any], where: str) -> None:
         self._values, self._where = values, where
 
     @classmethod
     def of(cls, documents: Mapping[str, str], name: str) -> Stored:
-        """A document by its name; an empty one where it is not there. Raises `ContentsError`."""
+        """A document by name; an empty one if it is missing. Raises `ContentsError`."""
         try:
             return cls(parse_toml(documents.get(name, ""), name), name)
         except ConfigurationError as error:
             raise ContentsError(str(error)) from error
 
     def table(self, name: str) -> Stored:
-        """A table in it, empty where it is not there."""
+        """A table in it; empty if it is missing."""
         return Stored(self._value(name, TABLE, {}), f"{self._where}: {name}")
 
     def tables(self) -> Iterator[tuple[str, Stored]]:
@@ -41,23 +41,23 @@ class Stored:
         return str(self._value(name, TEXT, default))
 
     def maybe_text(self, name: str) -> str | None:
-        """A text, None where it is not there."""
+        """A text; None if it is missing."""
         return None if name not in self._values else self.text(name)
 
     def truth(self, name: str) -> bool:
-        """True or false, false where it is not there."""
+        """True or false; false if it is missing."""
         return bool(self._value(name, TRUTH, False))
 
     def texts(self) -> dict[str, str]:
-        """Everything in it, all texts."""
+        """All its values; every value must be a text."""
         return {name: self.text(name) for name in self._values}
 
     def numbers(self) -> dict[str, float]:
-        """Everything in it, all numbers."""
+        """All its values; every value must be a number."""
         return {name: float(self._value(name, NUMBER, 0.0)) for name in self._values}
 
     def everything(self) -> dict[str, Any]:
-        """Everything in it, unchecked."""
+        """All its values, unchecked."""
         return dict(self._values)
 
     def _value(self, name: str, kind: Kind, default: Any) -> Any:
@@ -71,14 +71,14 @@ class Stored:
 
 
 def kind_of_run(documents: Mapping[str, str]) -> str:
-    """The kind of calibration that its procedure names; "" where there is none."""
+    """The kind of calibration in the procedure; "" if there is none."""
     return Stored.of(documents, "procedure.toml").text("kind")
 
 
 def declared_model(documents: Mapping[str, str]) -> dict[str, Any]:
-    """What stands in `[model]` of the procedure, and always `formula`, None where it has none, and `temperature`.
+    """Table `[model]` of the procedure, always with `formula` (None if missing) and `temperature`.
 
-    What only one kind of calibration has there is as the file has it, and for that kind to check.
+    Keys that belong to one kind of calibration are passed on unchecked; that kind checks them.
     """
     procedure = Stored.of(documents, "procedure.toml")
     model = procedure.table("model")
@@ -87,5 +87,5 @@ def declared_model(documents: Mapping[str, str]) -> dict[str, Any]:
 
 
 def mounting_of(documents: Mapping[str, str]) -> dict[str, float]:
-    """How the package is turned by the procedure, degrees by "x_deg" and so on."""
+    """Orientation of the package by the procedure, degrees: "x_deg" and so on."""
     return Stored.of(documents, "procedure.toml").table("mounting").numbers()

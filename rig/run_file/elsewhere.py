@@ -1,4 +1,4 @@
-"""Whether a run goes on in another file than the one at hand: the copy that was rescued when this one lost its name."""
+"""Whether a run continues in another file: the copy rescued when this file was moved, deleted or replaced."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from rig.run_file.state import RunState
 
 
 def goes_on_in(run: RunReader, state: RunState, instead_of: Path | None = None) -> Path | None:
-    """The rescued copy in which a run goes on; None if it goes on here, or the copy is not to be found.
+    """The rescued copy in which a run continues; None if it continues here, or the copy cannot be found.
 
     Args:
-        run: the file at hand, which may have been moved since, or be an older copy that got its name.
-        state: what it says.
-        instead_of: the file it was restored from, beside which the copy would lie.
+        run: this file, which may have been moved since, or be an older copy under its name.
+        state: state of the run by this file.
+        instead_of: the file that this one was restored from; the copy would be beside it.
 
     """
     if state.ended is not None:
@@ -31,10 +31,10 @@ def goes_on_in(run: RunReader, state: RunState, instead_of: Path | None = None) 
 
 
 def _continues(other: Path, run: RunReader) -> bool:
-    """Whether another file holds all that this one does, and more.
+    """Whether another file holds all records of this one, and more.
 
-    The record that follows must hold: this file may be what was restored of the other, up to where that is damaged.
-    A record that only says where the other goes on is no more: this may be the copy that was rescued from it.
+    The next record must have a correct hash: this file may be restored from the other one, up to its damage. A next
+    record that only names the rescued copy does not count: this file may be that copy.
     """
     seq, own = run.head()
     with contextlib.suppress(RigError, OSError, TypeError, ValueError), RunReader.open(other) as copy:

@@ -1,7 +1,7 @@
-"""Sets and counts of point indexes: a byte a point where a run is dense, nothing where it is not.
+"""Sets and counts of point indexes: one byte per point in dense parts of a run, nothing elsewhere.
 
-A set of a million integers takes a hundred megabytes. These take one, and an index out of all bounds, as a damaged
-or edited file may hold, costs no more than another block.
+A set of a million integers takes a hundred megabytes. These take one. A huge index, as in a damaged or edited file,
+takes only one more block.
 """
 
 from __future__ import annotations
@@ -11,11 +11,11 @@ from collections.abc import Iterable, Iterator, MutableMapping, MutableSet
 _BITS = 12
 _LOW = (1 << _BITS) - 1
 _OTHER = 255
-"""Stands for a count that does not fit into a byte."""
+"""Marks a count that does not fit into a byte."""
 
 
 class _Bytes:
-    """A byte for every integer, 0 until it is set; kept in blocks where any is not 0."""
+    """One byte per integer, 0 until it is set; stored in blocks with at least one byte that is not 0."""
 
     def __init__(self) -> None:
         self._blocks: dict[int, bytearray] = {}
@@ -59,21 +59,21 @@ class IndexSet(_Bytes, MutableSet[int]):
         return f"IndexSet({list(self)})"
 
     def add(self, value: int) -> None:
-        """Put an index in."""
+        """Add an index."""
         self._set(value, 1)
 
     def discard(self, value: int) -> None:
-        """Take an index out, if it is in."""
+        """Remove an index, if it is in the set."""
         if value in self:
             self._set(value, 0)
 
     def difference_update(self, indexes: Iterable[int]) -> None:
-        """Take all of `indexes` out."""
+        """Remove all of `indexes`."""
         for index in indexes:
             self.discard(index)
 
     def intersection(self, indexes: Iterable[int]) -> set[int]:
-        """Those of `indexes` that are in."""
+        """Those of `indexes` that are in the set."""
         return {index for index in indexes if index in self}
 
 

@@ -1,9 +1,9 @@
-"""Beside a run file under way: how many records it has and the last one's hash, `RUN.head`.
+"""`RUN.head` beside a run file in progress: number of records and hash of the last one.
 
-A log that was cut exactly between two commits, or taken away, is indistinguishable from one that never was longer.
-This small file is written after every commit and never synced, so it may be behind the run file and never ahead of
-it. What it says that the run file does not hold was lost or taken away. A finished run carries count and hash in its
-end record instead.
+A log that was cut exactly between two commits, or removed, looks like a complete shorter log. This small file is
+written after every commit and never synced, so it may be behind the run file but never ahead of it. If it counts more
+records than the run file has, records were lost or removed. A finished run has count and hash in its end record
+instead.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ _SIZE = 8 + 32
 
 
 def head_path(run: Path) -> Path:
-    """Where the last word of a run file is."""
+    """Path of `RUN.head` of a run file."""
     return real_path(run).with_suffix(".head")
 
 
 def read_last_word(run: Path) -> tuple[int, bytes] | None:
-    """Number of records and hash of the last one; None if nothing is said."""
+    """Number of records and hash of the last one; None if there is no valid file."""
     try:
         with open_regular(head_path(run)) as file:
             data = file.read(_SIZE + 1)
@@ -34,7 +34,7 @@ def read_last_word(run: Path) -> tuple[int, bytes] | None:
 
 
 def _opened(path: Path) -> int:
-    """The file to write to; another one in its place where it is a link, or has a second name, of somebody's file."""
+    """Open the file for writing. A link, or a file with a second name, is replaced by a new file."""
     flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
     with contextlib.suppress(OSError):
         descriptor = os.open(path, flags, 0o644)
@@ -59,7 +59,7 @@ def _opened(path: Path) -> int:
 
 
 class LastWord:
-    """Writes it. Failing to write it never disturbs a run."""
+    """Writes `RUN.head`. A failure to write it never disturbs a run."""
 
     def __init__(self, run: Path) -> None:
         self._path = head_path(run)
@@ -68,13 +68,13 @@ class LastWord:
             self._file = _opened(self._path)
 
     def say(self, count: int, head: bytes) -> None:
-        """Write it; one write within a sector, so that it is never torn."""
+        """Write it in one write within a sector, so that it is never torn."""
         if self._file >= 0:
             with contextlib.suppress(OSError):
                 os.pwrite(self._file, count.to_bytes(8, "big") + head, 0)
 
     def close(self, *, finished: bool) -> None:
-        """Close it, and take it away if the run is finished."""
+        """Close it, and remove it if the run is finished."""
         if self._file >= 0:
             os.close(self._file)
             self._file = -1

@@ -1,7 +1,7 @@
-"""What a running controller says between commits, and how it is asked to hold, release or stop.
+"""The state that a running controller reports between commits, and requests to hold, release or stop.
 
-`RUN.live` is a small JSON file replaced atomically at most once a second; it is news, not record. `RUN.request`
-is written by `rig hold|release|stop` and acknowledged in `RUN.live`; a request meant for an earlier session is
+`RUN.live` is a small JSON file, replaced atomically at most once a second; it is a report, not a record. `RUN.request`
+is written by `rig hold|release|stop` and acknowledged in `RUN.live`. A request for an earlier session is
 ignored, so that last night's stop cannot stop tonight's run.
 """
 
@@ -25,18 +25,18 @@ VERBS = ("hold", "release", "stop")
 
 
 def live_path(run: Path) -> Path:
-    """Where the live state of a run file is."""
+    """Path of the live state of a run file."""
     return real_path(run).with_suffix(".live")
 
 
 def request_path(run: Path) -> Path:
-    """Where requests to the controller of a run file go."""
+    """Path of requests to the controller of a run file."""
     return real_path(run).with_suffix(".request")
 
 
 def replace_json(path: Path, content: Mapping[str, Any]) -> None:
-    """Write a small JSON file so that readers see the old or the new one, never a part."""
-    temporary = path.with_name(f".rig-{os.getpid()}-{secrets.token_hex(4)}.tmp")  # however long its own name is
+    """Replace a small JSON file atomically: readers see the old or the new one, never a part."""
+    temporary = path.with_name(f".rig-{os.getpid()}-{secrets.token_hex(4)}.tmp")  # for names of any length
     try:
         temporary.write_text(json.dumps(content) + "\n", encoding="utf-8")
         os.replace(temporary, path)
@@ -47,7 +47,7 @@ def replace_json(path: Path, content: Mapping[str, Any]) -> None:
 
 
 def read_json(path: Path) -> dict[str, Any] | None:
-    """A small JSON file's object; None if it is missing or not one. Never waits, as opening a pipe would."""
+    """The object in a small JSON file; None if it is missing or no object. Never blocks, as opening a pipe would."""
     try:
         with open(os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK), "rb") as file:
             if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
@@ -58,13 +58,13 @@ def read_json(path: Path) -> dict[str, Any] | None:
     return content if isinstance(content, dict) else None
 
 
-_MOST_BYTES = 1_000_000  # of a file that has a few hundred
+_MOST_BYTES = 1_000_000  # the file has a few hundred bytes
 
 
 def read_live(run: Path) -> dict[str, Any] | None:
-    """What the controller of a run says, if one is running.
+    """The live state of a run's controller, if one is running.
 
-    Where its news are missing or make no sense (a full disk), it still runs: the state is "running" then.
+    If the live state is missing or invalid (a full disk), the controller still runs: the state is then "running".
     """
     if not controller_alive(run):
         return None
@@ -76,7 +76,7 @@ def read_live(run: Path) -> dict[str, Any] | None:
 
 
 def silent_s(run: Path, utc_s: float) -> float:
-    """How long ago, at `utc_s`, the controller of a run last said something, seconds; 0 if that is not known."""
+    """Age of the controller's last report at `utc_s`, seconds; 0 if unknown."""
     try:
         return max(0.0, utc_s - live_path(run).stat().st_mtime)
     except OSError:
@@ -84,7 +84,7 @@ def silent_s(run: Path, utc_s: float) -> float:
 
 
 class LiveState:
-    """Writes `RUN.live`, sparingly. Failing to write it never disturbs a run."""
+    """Writes `RUN.live`, at most once a second. A failure to write it never disturbs a run."""
 
     def __init__(self, run: Path, stopwatch: Callable[[], float]) -> None:
         self._path = live_path(run)
@@ -101,14 +101,14 @@ class LiveState:
             replace_json(self._path, content())
 
     def remove(self) -> None:
-        """Take the file away at the end of a session."""
+        """Remove the file at the end of a session."""
         with contextlib.suppress(OSError):
             self._path.unlink(missing_ok=True)
 
 
 @dataclass(frozen=True)
 class Request:
-    """One request of a person: its own id and what is wanted."""
+    """A request of a person: its id and verb."""
 
     request_id: str
     verb: str
@@ -124,7 +124,7 @@ class Requests:
         self._looked = -1e9
         self._seen = ""
         with contextlib.suppress(OSError):
-            self._path.unlink(missing_ok=True)  # meant for an earlier session
+            self._path.unlink(missing_ok=True)  # for an earlier session
 
     def poll(self) -> Request | None:
         """A new request, once; None if there is none."""
@@ -148,10 +148,10 @@ class Requests:
 
 
 def send_request(run: Path, verb: str) -> str | None:
-    """Ask the controller of a run for something; returns the request's id, None if no controller is running.
+    """Send a request to the controller of a run; returns the request's id, None if no controller is running.
 
     Raises:
-        FileExistsError: another request is waiting to be seen; try again in a moment.
+        FileExistsError: another request has not been read yet; try again in a moment.
 
     """
     live = read_json(live_path(run))
@@ -163,14 +163,14 @@ def send_request(run: Path, verb: str) -> str | None:
     content = {"id": request_id, "session": live["session"], "verb": verb}
     try:
         temporary.write_text(json.dumps(content) + "\n", encoding="utf-8")
-        os.link(temporary, request)  # unlike a rename, this cannot push somebody else's request aside
+        os.link(temporary, request)  # unlike a rename, this cannot overwrite another request
     finally:
         temporary.unlink(missing_ok=True)
     return request_id
 
 
 def controller_alive(run: Path) -> bool:
-    """Whether a controller holds the lock of a run file, which ends with its process however that ends."""
+    """Whether a controller holds the lock of a run file. The lock ends with its process in any case."""
     try:
         descriptor = os.open(run, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
     except OSError:

@@ -1,4 +1,4 @@
-"""Opening a run file: what is looked at before anything is read from it, and what is said where it cannot be."""
+"""Opening a run file: checks before anything is read from it, and the errors if it cannot be read."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def _copy(path: Path) -> str:
 
 
 def check_header(path: Path) -> None:
-    """Refuse what is no run file before SQLite touches it."""
+    """Refuse a file that is no run file before SQLite opens it."""
     try:
         with open_regular(path) as file:
             start = file.read(100)
@@ -56,11 +56,11 @@ def check_header(path: Path) -> None:
 
 
 _WAL_MODE = b"\x02"
-"""In a database's header: a log may go with it, under its name."""
+"""Value in a database's header if a log of the same name may belong to it."""
 
 
 def check_name(path: Path) -> None:
-    """Refuse a second name (hard link) of a run under way: its log goes by the other. Raises `UsageError`."""
+    """Refuse a second name (hard link) of a run in progress: its log has the first name. Raises `UsageError`."""
     if os.stat(path).st_nlink < 2 or has_log(path) or head_path(path).exists():
         return
     with path.open("rb") as file:
@@ -77,7 +77,7 @@ def check_name(path: Path) -> None:
 
 
 def locked(descriptor: int) -> bool:
-    """Take the lock; somebody who only looks whether it is taken holds it for an instant, so try for half a second."""
+    """Take the lock. A program that only tests the lock holds it for a moment, so try for half a second."""
     clock = RealClock()
     for _ in range(10):
         try:
@@ -90,7 +90,7 @@ def locked(descriptor: int) -> bool:
 
 
 def opened_to_read(path: Path, uri: str) -> apsw.Connection:
-    """A connection that can do nothing but read. Raises `apsw.Error` or `RunFileError`."""
+    """A read-only connection. Raises `apsw.Error` or `RunFileError`."""
     db = apsw.Connection(uri, flags=_READ_ONLY)
     db.set_busy_timeout(2000)
     guard(db, writes=False)
@@ -98,7 +98,7 @@ def opened_to_read(path: Path, uri: str) -> apsw.Connection:
 
 
 def by_itself(path: Path) -> Alone | None:
-    """What a run file holds without its log; None if there is no log, or nothing can be said of the file alone."""
+    """Contents of a run file without its log; None if there is no log, or the file alone cannot be read."""
     if not has_log(path):
         return None
     with contextlib.suppress(apsw.Error, RunFileError, UnicodeDecodeError, ValueError, TypeError):
@@ -111,12 +111,12 @@ def by_itself(path: Path) -> Alone | None:
 
 
 def opened_without_log(path: Path) -> apsw.Connection:
-    """A connection that reads a file as if there were nothing beside it. Raises as `opened_to_read`."""
+    """A connection that ignores files beside the run file. Raises as `opened_to_read`."""
     return opened_to_read(path, f"{path.absolute().as_uri()}?mode=ro&immutable=1")
 
 
 def size_of(path: Path) -> int:
-    """Bytes of a run file and its log."""
+    """Size of a run file and its log, bytes."""
     found = 0
     for name in (str(path), f"{path}-wal"):
         with contextlib.suppress(FileNotFoundError):
@@ -125,10 +125,11 @@ def size_of(path: Path) -> int:
 
 
 def rolled_back(path: Path) -> bool:
-    """Let SQLite undo a half-written change of the file's mode; False if there is none, or somebody is at work.
+    """Let SQLite undo a half-written change of the file's mode; False if there is none, or another program is
+    writing.
 
-    Entering and leaving WAL mode is journalled, and a connection that only reads cannot finish with a journal that a
-    power cut left. Raises `ForeignFileError` if the journal is not the file's own.
+    Entering and leaving WAL mode uses a journal, and a read-only connection cannot apply a journal left by a
+    power cut. Raises `ForeignFileError` if the journal belongs to another file.
     """
     check_journal(path)
     if not path.with_name(path.name + "-journal").exists():
@@ -151,7 +152,7 @@ def rolled_back(path: Path) -> bool:
 
 
 def checked(path: Path, db: apsw.Connection) -> apsw.Connection:
-    """A connection to a file whose tables are those of a run file. SQLite opens lazily: this is the first look."""
+    """A connection to a file with the tables of a run file. SQLite opens lazily: this is the first access."""
     version = db.pragma("user_version")
     if version != SCHEMA_VERSION:
         raise RunFileError(
@@ -165,7 +166,7 @@ def checked(path: Path, db: apsw.Connection) -> apsw.Connection:
 
 
 def edited(path: Path, what: str) -> RunFileError:
-    """The file was changed by somebody or something else."""
+    """The error for a file that was changed by a person or another program."""
     return RunFileError(
         f"{path} was edited or damaged: {what}. `rig verify {path}` lists everything that is wrong. "
         f"{_way_forward(path)}"
@@ -173,7 +174,9 @@ def edited(path: Path, what: str) -> RunFileError:
 
 
 def makes_no_sense(path: Path, error: BaseException) -> RunFileError:
-    """It is a run file by its tables and hashes, and something in it is not what this program writes."""
+    """The error for a file with the tables and hashes of a run file, but with contents that this program does not
+    write.
+    """
     if not isinstance(error, ContentsError):
         error = ContentsError(f"{type(error).__name__}: {str(error)[:200]}")
     return RunFileError(
@@ -184,7 +187,7 @@ def makes_no_sense(path: Path, error: BaseException) -> RunFileError:
 
 @contextlib.contextmanager
 def sensible(path: Path) -> Iterator[None]:
-    """Around the use of what was read of a run file: says which file a `ContentsError` is about."""
+    """Context for code that uses contents of a run file: adds the file's name to a `ContentsError`."""
     try:
         yield
     except ContentsError as error:
@@ -192,5 +195,5 @@ def sensible(path: Path) -> Iterator[None]:
 
 
 def unreadable(path: Path, error: Exception) -> RunFileError:
-    """SQLite cannot make anything of the file."""
+    """The error for a file that SQLite cannot read."""
     return RunFileError(f"{path} is damaged and cannot be read ({error}). {_way_forward(path)}")

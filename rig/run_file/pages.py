@@ -1,8 +1,8 @@
-"""Rows of a run file read from its pages, without SQLite, which stops at the first thing that is wrong.
+"""Rows of a run file, read from its pages without SQLite, because SQLite stops at the first defect.
 
-By the file format (https://www.sqlite.org/fileformat2.html#b_tree_pages): the cells of table leaf pages, with their
-overflow pages. Nothing of it is believed: what a row is worth is for its reader to prove. No cell is read twice from a
-page, no overflow page twice for a cell, and no more altogether than files of this size account for.
+This follows the file format (https://www.sqlite.org/fileformat2.html#b_tree_pages): the cells of table leaf pages, with
+their overflow pages. Rows are not trusted; the caller must prove them. No cell is read twice from a page, and no
+overflow page twice for a cell. The total amount read is limited by the size of the files.
 """
 
 from __future__ import annotations
@@ -20,34 +20,34 @@ Value = int | float | str | bytes | None
 Row = tuple[int, tuple[Value, ...]]
 """Row number and columns, as stored."""
 Place = int
-"""Where a cell is: 4096 times where its page begins, in file and log taken as one, plus where in the page it begins."""
+"""Place of a cell: 4096 times the start of its page, in file and log taken together, plus its start in the page."""
 
 _PAGE = 4096
-"""What run files are made with; a header that says otherwise is damaged, or from elsewhere."""
+"""Page size of run files, bytes; a header with another value is damaged, or of another program."""
 _WAL_HEADER, _FRAME_HEADER = 32, 24
 _MOST_COLUMNS = 300
 _MOST_BYTES = 64 << 20
 _TIMES = 16
-"""So many times the size of the files is read from overflow pages: a page in the log is there in several versions."""
+"""Limit on bytes read from overflow pages, in sizes of the files: the log has several versions of a page."""
 _NO_BYTES, _REAL = (0, 8, 9), 7
 _INTEGERS = {1: 1, 2: 2, 3: 3, 4: 4, 5: 6, 6: 8}
 
 
 @dataclass
 class _Most:
-    """How much more may be read."""
+    """Budget of bytes that may still be read."""
 
     left: int
 
     def take(self, n: int) -> bool:
-        """Whether so much may still be read."""
+        """Whether this many bytes may still be read."""
         self.left -= n
         return self.left >= 0
 
 
 @dataclass(frozen=True)
 class _Cell:
-    """A cell as it stands in its page: what does not fit into it begins in page `following`."""
+    """A cell in its page: the part that does not fit begins in page `following`."""
 
     key: int
     types: list[int]
@@ -58,7 +58,7 @@ class _Cell:
 
 
 class Pages:
-    """The pages of a file and its log, in every version that is there.
+    """The pages of a file and its log, in all stored versions.
 
     Args:
         path: the file.
@@ -77,10 +77,10 @@ class Pages:
             self._logged.setdefault(number, []).append(at)
 
     def cells(self) -> Iterator[tuple[Place, Iterator[Row]]]:
-        """Every cell that may be a row, those of the file first; with what it may read, as of `rows`.
+        """Every cell that may be a row, those of the file first, each with its budget.
 
         Raises:
-            RunFileError: the pages lead to more than the files can hold.
+            RunFileError: the pages lead to more content than the files can hold.
 
         """
         self._overflow = _Most((1 << 20) + _TIMES * self._size)
@@ -90,14 +90,14 @@ class Pages:
                 yield at * _PAGE + pointer, self._rows(at, cell)
 
     def rows(self, place: Place) -> Iterator[Row]:
-        """What the cell at a place may read: more than one row where its overflow pages are there in versions."""
+        """Rows of the cell at a place: more than one if there are several versions of its overflow pages."""
         at, pointer = divmod(place, _PAGE)
         cell = _cell(self._page(at), pointer, _Most(_PAGE))
         if cell is not None:
             yield from self._rows(at, cell)
 
     def _frames(self) -> Iterator[int]:
-        """Where the pages of the log begin, whether they would be replayed or not."""
+        """Starts of the pages of the log, including pages that SQLite would not replay."""
         for at in range(_WAL_HEADER, len(self._log) - _FRAME_HEADER - _PAGE + 1, _FRAME_HEADER + _PAGE):
             yield len(self._main) + at + _FRAME_HEADER
 
@@ -107,7 +107,7 @@ class Pages:
         return bytes(self._log[at - len(self._main) : at - len(self._main) + _PAGE])
 
     def _versions(self, number: int) -> list[int]:
-        """Where a page is, the newest version first, that in the file last."""
+        """Starts of all versions of a page, the newest first, that of the file last."""
         main = [(number - 1) * _PAGE] if 1 <= number <= self._count else []
         return [*reversed(self._logged.get(number, ())), *main]
 
@@ -127,8 +127,9 @@ class Pages:
         main = len(self._main)
         choices: tuple[Callable[[list[int]], int], ...] = (
             lambda v: v[0],  # as SQLite reads it
-            lambda v: next((p for p in v if p <= at), v[-1]),  # as it stood when the cell's page was written
-            lambda v: v[-1] if v[-1] < main else v[0],  # as if the log were another's
+            lambda v: next((p for p in v if p <= at), v[-1]),  # the version at the time when the cell's page was
+            # written
+            lambda v: v[-1] if v[-1] < main else v[0],  # the version for a foreign log
             lambda v: v[-1],
         )
         tried: list[list[int]] = []
@@ -145,7 +146,7 @@ class Pages:
             yield b"".join((cell.here, *(self._page(p)[4:] for p in places)))[: cell.size]
 
     def _followed(self, cell: _Cell, choose: Callable[[list[int]], int]) -> list[int] | None:
-        """Where the overflow pages of a cell are; None if they are not all there, or lead to one another."""
+        """Starts of the overflow pages of a cell; None if a page is missing or they form a loop."""
         left, number = cell.size - len(cell.here), cell.following
         places: dict[int, int] = {}
         while left > 0:
@@ -167,11 +168,11 @@ def _mapped(path: Path) -> mmap.mmap | bytes:
 
 
 def _leaf(first_of_file: bool, page: bytes) -> Iterator[tuple[int, _Cell]]:
-    """The cells of a page taken for a table's leaf, whatever its header says: that may be what was damaged."""
+    """The cells of a page read as a table's leaf page, even if its header differs: the header may be damaged."""
     first, pointers = len(page), set()
     at = (100 if first_of_file else 0) + 8
-    types, content = _Most(_PAGE), _Most(2 * _PAGE)  # cells that lie in one another hold more than a page
-    while at + 2 <= first:  # pointers end at the latest where the first cell begins
+    types, content = _Most(_PAGE), _Most(2 * _PAGE)  # overlapping cells hold more than a page
+    while at + 2 <= first:  # pointers end where the first cell begins, or before
         (pointer,) = struct.unpack_from(">H", page, at)
         at += 2
         if not at <= pointer < _PAGE or pointer in pointers:
@@ -194,7 +195,7 @@ def _cell(page: bytes, at: int, most: _Most) -> _Cell | None:
             return None
         local = page[at : at + here]
         types, begin = _types(local, most)
-        if begin + sum(map(_size, types)) != size:  # before pages are followed that nothing leads to
+        if begin + sum(map(_size, types)) != size:  # checked before overflow pages are followed
             return None
         following = struct.unpack_from(">I", page, at + here)[0] if here < size else 0
         return _Cell(key - (key >> 63 << 64), types, begin, size, local, following)
@@ -203,7 +204,7 @@ def _cell(page: bytes, at: int, most: _Most) -> _Cell | None:
 
 
 def _here(size: int) -> int:
-    """How many bytes of a row of so many stand in its leaf page."""
+    """Number of bytes of a row that are in its leaf page, given its size in bytes."""
     if not 2 <= size <= _MOST_BYTES:
         raise ValueError("no record")
     most, least = _PAGE - 35, (_PAGE - 12) * 32 // 255 - 23
@@ -214,7 +215,7 @@ def _here(size: int) -> int:
 
 
 def _columns(payload: bytes, types: list[int], at: int) -> tuple[Value, ...]:
-    """A record's columns, the first of which begins at `at`. Raises ValueError or IndexError if it is none."""
+    """A record's columns; the first begins at `at`. Raises ValueError or IndexError for an invalid record."""
     found: list[Value] = []
     for kind in types:
         value, at = _value(payload, at, kind)
@@ -225,7 +226,7 @@ def _columns(payload: bytes, types: list[int], at: int) -> tuple[Value, ...]:
 
 
 def _types(payload: bytes, most: _Most) -> tuple[list[int], int]:
-    """What kind each column is of, and where the first begins. Raises as `_columns`."""
+    """Type of each column, and start of the first. Raises as `_columns`."""
     end, at = _varint(payload, 0)
     if not 1 < end <= min(len(payload), 9 * _MOST_COLUMNS):
         raise ValueError("no record")
@@ -239,7 +240,7 @@ def _types(payload: bytes, most: _Most) -> tuple[list[int], int]:
 
 
 def _size(kind: int) -> int:
-    """Bytes of a column of this kind."""
+    """Bytes of a column of this type."""
     return 0 if kind in _NO_BYTES else _INTEGERS.get(kind, 8 if kind == _REAL else (kind - 12) // 2)
 
 

@@ -1,8 +1,8 @@
-"""Which chains of records the pages of a run file still prove, and which of them is the run.
+"""Chains of records that the pages of a run file still prove, and the choice of the run's chain.
 
-Pages may hold several: a log of another run lies beside the file, or of a copy that was resumed elsewhere, or what was
-begun and not committed when the power went. A record's hash covers its number and the hash of the one before, so that
-the records that hold form trees; every path from a first record on is a chain.
+Pages may hold several chains: from a log of another run beside the file, from a copy that was resumed elsewhere, or
+from records that were not committed before a power cut. A record's hash covers its number and its predecessor's hash,
+so records with correct hashes form trees. Every path from a first record is a chain.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from rig.run_file.pages import Pages, Place, Row
 
 _COLUMNS = 12
 Chained = tuple[int, Record, bytes, bytes]
-"""Number, record, hash of the one before, own hash."""
+"""Number, record, predecessor's hash, own hash."""
 
 
 class _Node(NamedTuple):
@@ -34,10 +34,10 @@ class Other:
     """A chain that was found and not restored.
 
     Attributes:
-        run: the run's id, "" if its first record does not say.
-        records: how many.
-        head: hash of its last one, hexadecimal.
-        same_until: the last record that it has in common with the restored one, 0 if it is of another run.
+        run: the run's id, "" if it is not in its first record.
+        records: number of records.
+        head: hash of the last record, hexadecimal.
+        same_until: number of the last record in common with the restored chain, 0 for another run.
         ended: whether its last record ends the run.
 
     """
@@ -51,10 +51,10 @@ class Other:
 
 @dataclass
 class Chains:
-    """Every record that has its hash, by that, and what they form.
+    """Every record with a correct hash, by hash, and the chains they form.
 
     Attributes:
-        documents: where the texts are, by name and digest.
+        documents: places of the texts, by name and digest.
 
     """
 
@@ -65,7 +65,7 @@ class Chains:
 
     @classmethod
     def found_in(cls, pages: Pages) -> Chains:
-        """Look through all pages. Raises RunFileError if they lead in circles."""
+        """Read all pages. Raises RunFileError if they form a loop."""
         found = cls()
         for place, rows in pages.cells():
             for row in rows:
@@ -80,7 +80,7 @@ class Chains:
         return found
 
     def _take(self, place: Place, row: Row) -> bool:
-        """Whether the cell needs no other reading."""
+        """Whether the cell needs no other way of reading."""
         _, c = row
         if len(c) == 2 and isinstance(c[0], str) and isinstance(c[1], str):
             self.documents[c[0], hashlib.sha256(c[1].encode()).hexdigest()].append(place)
@@ -93,24 +93,24 @@ class Chains:
         return False
 
     def tips(self, head: str = "") -> list[bytes]:
-        """The last record of every chain that begins with a first one, the longest first, ended before not ended.
+        """The last record of every chain that has a first record; the longest first, ended chains before others.
 
         Args:
-            head: only of chains with a record whose hash begins so.
+            head: only chains with a record whose hash begins with these digits.
 
         """
         inner = {self._nodes[own].previous for own in self._first}
         tips = [own for own in self._first if own not in inner]
         if head:
             having: set[bytes] = set()
-            for own in self._first:  # those before come first
+            for own in self._first:  # predecessors come first
                 if own.hex().startswith(head) or self._nodes[own].previous in having:
                     having.add(own)
             tips = [own for own in tips if own in having]
         return sorted(tips, key=lambda own: (-self._nodes[own].seq, not self._nodes[own].ends, self._nodes[own].place))
 
     def first(self, own: bytes) -> bytes:
-        """The first record of the chain that a record is in."""
+        """The first record of a record's chain."""
         return self._first[own]
 
     def path(self, tip: bytes) -> list[bytes]:
@@ -121,7 +121,7 @@ class Chains:
         return path
 
     def read(self, own: bytes, pages: Pages) -> Chained:
-        """A record, from where it was found."""
+        """A record, read from its place."""
         for row in pages.rows(self._nodes[own].place):
             chained = proven(row)
             if chained is not None and chained[3] == own:
@@ -129,21 +129,21 @@ class Chains:
         raise OSError("the file changed while it was read")
 
     def known(self, first: bytes, last: tuple[int, bytes] | None) -> int:
-        """The highest number of a record that is known to be of a run, whether its chain holds or not.
+        """The highest known record number of a run, even if its chain is broken.
 
         Args:
             first: the run's first record.
-            last: number and hash of a last record, as said elsewhere.
+            last: number and hash of a last record, from another source.
 
         """
-        alone = len(set(self._first.values())) == 1  # what leads nowhere is this run's if there is no other
+        alone = len(set(self._first.values())) == 1  # a broken chain belongs to this run if there is no other run
         belongs: dict[bytes, bytes | None] = dict(self._first)
         said = {last[1]: last[0]} if last is not None and last[1] not in self._nodes else {}
         highest = 0
         for own, seq in [*((own, node.seq) for own, node in self._nodes.items()), *said.items()]:
             way, at = [], own
             while at not in belongs:
-                belongs[at] = None  # a way that comes back leads nowhere
+                belongs[at] = None  # a loop counts as a broken chain
                 way.append(at)
                 at = self._nodes[at].previous if at in self._nodes else self._claims.get(at, GENESIS)
             of = belongs[at]
@@ -153,7 +153,7 @@ class Chains:
         return highest
 
     def others(self, chosen: bytes, pages: Pages, most: int) -> list[Other]:
-        """Chains beside the chosen one: of its run every one, of other runs the longest."""
+        """Chains besides the chosen one: all of its run, the longest of each other run."""
         own_path, told = set(self.path(chosen)), {self._first[chosen]}
         found: list[Other] = []
         for tip in self.tips():
@@ -172,7 +172,7 @@ class Chains:
 
 
 def proven(row: Row) -> Chained | None:
-    """A row as a record of a run file that has its hash; None if it is none."""
+    """A row as a record with a correct hash; None for any other row."""
     seq, c = row
     if len(c) != _COLUMNS or c[0] is not None or not (isinstance(c[10], bytes) and isinstance(c[11], bytes)):
         return None
@@ -187,7 +187,7 @@ def proven(row: Row) -> Chained | None:
 
 
 def _typed(record: Record) -> bool:
-    """Whether every column is of the type that the table asks for."""
+    """Whether every column has the type of the table."""
     session, kind, elapsed_s, utc_s, index, whole_plot, attempt, status, body = record
     return (
         type(session) is int
@@ -199,5 +199,5 @@ def _typed(record: Record) -> bool:
 
 
 def _real(value: object) -> object:
-    """A column of real numbers, where whole ones are stored as such."""
+    """A column of real numbers, in which SQLite stores whole numbers as integers."""
     return float(value) if isinstance(value, int) else value

@@ -1,7 +1,7 @@
 """Reading a run file: one SQLite database that holds a run, append-only, durable, self-checking.
 
-Reading never stands in the writer's way and changes nothing. What a run file is made of is in `rig.run_file.schema`,
-how its records are chained by hash in `rig.run_file.chain`.
+Reading never blocks the writer and changes nothing. `rig.run_file.schema` defines the tables of a run file,
+`rig.run_file.chain` the hash chain of its records.
 """
 
 from __future__ import annotations
@@ -44,10 +44,10 @@ _COLUMNS = "session, kind, elapsed_s, utc_s, run_index, whole_plot, attempt, sta
 
 
 class RunReader:
-    """A run file opened read-only: short transactions, never in the writer's way."""
+    """A run file opened read-only, with short transactions that never block the writer."""
 
     only_reads = True
-    """What goes wrong while it is open comes of what it holds, not of a bench."""
+    """Errors while it is open come from its contents, not from a bench."""
 
     def __init__(self, path: Path, connection: apsw.Connection) -> None:
         self.path = path
@@ -57,7 +57,9 @@ class RunReader:
 
     @classmethod
     def open(cls, path: Path) -> Self:
-        """Open for reading. Raises `RunFileError` if this is not a run file, or what lies beside it not its own."""
+        """Open for reading. Raises `RunFileError` if this is not a run file, or if files beside it belong to another
+        one.
+        """
         path = real_path(path)
         check_header(path)
         check_name(path)
@@ -77,7 +79,7 @@ class RunReader:
                 if not rolled_back(path):
                     raise unreadable(path, error) from error
                 return cls.open(path)
-        # On a read-only medium SQLite cannot make its index of the log; without a log it needs none.
+        # On a read-only medium SQLite cannot create its index of the log; without a log it needs none.
         if any(path.with_name(path.name + suffix).exists() for suffix in ("-wal", "-journal")):
             raise UsageError(
                 f"{path} was not closed and lies in a read-only folder: copy it elsewhere with its -wal or -journal"
@@ -89,7 +91,7 @@ class RunReader:
 
     @classmethod
     def _checked(cls, path: Path, alone: Alone | None, db: apsw.Connection) -> Self:
-        """A reader of a file and its log, if the log is its own. Raises `ForeignFileError`, and closes then."""
+        """A reader of a file and its log, if the log belongs to it. Otherwise closes and raises `ForeignFileError`."""
         run = cls(path, db)
         try:
             if alone is not None:
@@ -100,7 +102,7 @@ class RunReader:
         return run
 
     def close(self) -> None:
-        """Close the database; idempotent. Folding the log into the file can wait: what it holds is durable."""
+        """Close the database; idempotent. No checkpoint is made: the contents of the log are durable."""
         with contextlib.suppress(apsw.Error):
             self._db.close()
 
@@ -108,17 +110,17 @@ class RunReader:
         return self
 
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
-        """Close. Contents that are not those of a run file are told with the file's name: `RunFileError`.
+        """Close. Errors of the contents become `RunFileError`, with the file's name.
 
-        Of contents come `ContentsError`, by whoever decodes them, and, where nothing is written, SQLite's own errors.
-        Anything else is a mistake of this program and is not hidden.
+        These are `ContentsError`, from decoding, and, where nothing is written, SQLite's own errors.
+        Any other error is a fault of this program and is passed on.
         """
         self.close()
         if isinstance(error, ContentsError) or (self.only_reads and isinstance(error, apsw.Error)):
             raise makes_no_sense(self.path, error) from error
 
     def documents(self) -> dict[str, str]:
-        """The files the run was made from, by name."""
+        """The files from which the run was created, by name."""
         found = self._all("SELECT name, body FROM document ORDER BY name")
         for name, body in found:
             if not isinstance(name, str) or not isinstance(body, str):
@@ -141,12 +143,12 @@ class RunReader:
             raise ContentsError(f"its run list is none: {error}") from error
 
     def run_list_sha256(self) -> str:
-        """Hash of the run list as stored, as `RunList.sha256`; no point is made of its rows."""
+        """Hash of the run list as stored, equal to `RunList.sha256`; computed without creating points."""
         factors = self.factors()
         return rows_sha256(factors, self.about().seed, self._point_rows(factors))
 
     def factors(self) -> tuple[Factor, ...]:
-        """What the run list varies."""
+        """Factors of the run list."""
         found = self._all("SELECT name, axis, overtravel, hard, stays FROM factor ORDER BY position")
         for name, axis, overtravel, _, _ in found:
             if not (TEXT.holds(name) and TEXT.holds(axis) and NUMBER.holds(overtravel)):
@@ -159,7 +161,7 @@ class RunReader:
         return self._slices(f"run_index, replication, whole_plot, {names} FROM point")
 
     def genesis(self) -> Record:
-        """The first record: what the run is."""
+        """The first record, which defines the run."""
         for _, record, _, _ in self.chained("seq = 1"):
             if (wrong := wrong_column(record)) is not None:
                 raise ContentsError(f"{record.named()}: {wrong[1]}")
@@ -169,23 +171,23 @@ class RunReader:
         raise RunFileError(f"{self.path} holds no records: it was never finished being created; delete it")
 
     def about(self) -> RunCreated:
-        """What the run is, as its first record says."""
+        """The definition of the run, by its first record."""
         event = self.genesis().event
         assert isinstance(event, RunCreated)
         return event
 
     def records(self, kind: str | None = None) -> Iterator[Record]:
-        """Records in order, all or of one kind. Raises `ContentsError` at one that makes no sense."""
+        """Records in order, all or of one kind. Raises `ContentsError` at an invalid record."""
         where, values = ("kind = ?", (kind,)) if kind else ("1", ())
         return self._sensible(where, values)
 
     def recent(self, most: int) -> Iterator[Record]:
-        """The last accepted observations, `most` at most, the earliest first."""
+        """The last accepted observations, at most `most`, the earliest first."""
         where = "seq IN (SELECT seq FROM record WHERE kind = ? AND status = ? ORDER BY seq DESC LIMIT ?)"
         return self._sensible(where, (Observed.kind, ACCEPTED, most))
 
     def salvage(self) -> Iterator[Record]:
-        """Every record that can still be read one by one, whatever the state of the others."""
+        """Every record that can still be read by itself, regardless of the others."""
         with contextlib.suppress(RunFileError):
             last, _ = self.head()
             for seq in range(1, last + 1):
@@ -201,11 +203,11 @@ class RunReader:
                 yield row[0], record, _bytes(row[10]), _bytes(row[11])
 
     def _sensible(self, where: str, values: tuple[Stored, ...]) -> Iterator[Record]:
-        """Records whose own columns and needed fields are of the kinds they should be; a body's others are as read."""
+        """Records with valid columns and valid required fields; other fields of a body are not checked."""
         return (self.sensible(row) for rows in self.record_rows(where, values) for row in rows)
 
     def sensible(self, row: StoredRow) -> Record:
-        """A record of a row that begins with its number and its own columns. Raises `ContentsError` at another."""
+        """A record from a row of its number and its own columns. Raises `ContentsError` for an invalid row."""
         if self._points is None:
             self._points = int(self._all("SELECT count(*) FROM point")[0][0])
         record = Record._make(row[1:10])
@@ -226,7 +228,7 @@ class RunReader:
         return 0, GENESIS
 
     def holds(self, seq: int, own: bytes) -> bool:
-        """Whether there is a record of that number and hash."""
+        """Whether there is a record with this number and hash."""
         if seq > _HIGHEST:
             return False
         return bool(self._all("SELECT 1 FROM record WHERE seq = ? AND hash = ?", (seq, own)))
@@ -235,10 +237,10 @@ class RunReader:
         """Check integrity, schema, run list, documents and chain.
 
         Args:
-            each: called with every record, as the chain is followed: a state can be folded in the same pass.
+            each: called with every record in order, so that a state can be folded in the same pass.
 
         Raises:
-            RunFileError: says what was changed first, and where; `rig verify` lists everything.
+            RunFileError: names the first defect and its place; `rig verify` lists all.
 
         """
         wrong = next(findings(self, thorough=False, each=each), None)
@@ -247,7 +249,7 @@ class RunReader:
             raise edited(self.path, str(wrong))
 
     def must_be_its_log(self) -> None:
-        """Of a file that does not verify: raise `ForeignFileError` if it does without its log."""
+        """For a file that does not verify: raise `ForeignFileError` if it verifies without its log."""
         if not has_log(self.path):
             return
         try:
@@ -260,12 +262,13 @@ class RunReader:
         raise foreign_log(self.path, records, "does not verify")
 
     def _slices(self, what: str, where: str = "1", values: tuple[Stored, ...] = ()) -> Iterator[list[Any]]:
-        """Rows in order of their key, in lists of a slice each: no list of all, and no transaction that stays open.
+        """Rows in order of their key, in lists of one slice each. No list of all rows is made and no transaction stays
+        open.
 
         Args:
             what: the key, other columns, and the table.
-            where: which rows.
-            values: for the marks in it.
+            where: condition for the rows.
+            values: values for the placeholders in `where`.
 
         """
         key = what.partition(",")[0]
@@ -274,7 +277,7 @@ class RunReader:
         while rows := self._all(statement, (since, *values)):
             yield rows
             last = rows[-1][0]
-            if last < since:  # a tree that leads in circles
+            if last < since:  # a loop in the tree
                 raise unreadable(self.path, ValueError(f"{key} {last} comes after {since - 1}"))
             if len(rows) < _SLICE or last == _HIGHEST:
                 return
@@ -288,7 +291,7 @@ class RunReader:
 
 
 def _is_point(row: Sequence[Any], width: int) -> bool:
-    """True of a row of the run list, whose setpoints are so many. Raises `ContentsError` for one that is none."""
+    """True for a valid row of the run list, given its number of setpoints. Raises `ContentsError` otherwise."""
     index, replication, whole_plot = row[:3]
     if not (
         COUNT.holds(replication)
@@ -301,5 +304,5 @@ def _is_point(row: Sequence[Any], width: int) -> bool:
 
 
 def _bytes(value: object) -> bytes:
-    """A hash as stored; what is none is one of nothing."""
+    """A stored hash; empty bytes for anything else."""
     return value if isinstance(value, bytes) else b""

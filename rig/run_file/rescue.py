@@ -1,4 +1,4 @@
-"""A run file that was moved, deleted, replaced or damaged while it was written: what was in it is saved."""
+"""Rescue of a run file that was moved, deleted, replaced or damaged while it was written: its contents are copied."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from rig.run_file.schema import INSERT_RECORD
 def is_still_at(path: Path, descriptor: int) -> bool:
     """Whether `path` still names the file that is open as `descriptor`.
 
-    A folder that cannot be looked at just now is no evidence: writing tells what is wrong with it.
+    A folder that cannot be read at the moment is no evidence; writing will show its defect.
     """
     try:
         there = os.stat(path)
@@ -35,21 +35,21 @@ def is_still_at(path: Path, descriptor: int) -> bool:
 def rescue(
     path: Path, happened: str, sources: Sequence[apsw.Connection | None], head: tuple[int, bytes]
 ) -> StorageError:
-    """Copy what a run file held, before the last to hold it open lets it go.
+    """Copy the contents of a run file before the last open connection is closed.
 
     Args:
         path: the run file.
-        happened: to it; the end of a sentence.
-        sources: connections that may still hold it, the file's own first; None for one that is not there.
+        happened: what happened to it; the end of a sentence.
+        sources: connections that may still have the contents, the file's own first; None for a missing one.
         head: number of records and hash of the last one, which a copy must have.
 
     Returns:
-        what to raise: what happened, where the copy is, what to do next.
+        the error to raise: what happened, where the copy is, what to do next.
 
     """
     what = f"{path}: while the run was writing, {happened}"
     own = sources[0]
-    if own is not None:  # closing it would write what is left of the log over a file that may be sound
+    if own is not None:  # closing it would write the rest of the log over a file that may be sound
         own.config(apsw.SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1)
     why = "nothing could be read"
     for copy in _places(path):
@@ -71,19 +71,19 @@ def rescue(
 
 
 def _places(path: Path) -> Iterator[Path]:
-    """Where a copy may go: beside the file, else where temporary files go, else here."""
+    """Folders for a copy: beside the file, the folder of temporary files, the current folder."""
     name = f"{path.stem}-rescued-{os.getpid()}.sqlite"
-    state = os.environ.get("STATE_DIRECTORY", "").partition(":")[0]  # of a service, whose temporary files go with it
+    state = os.environ.get("STATE_DIRECTORY", "").partition(":")[0]  # temporary files of a service are deleted with it
     folders = [path.parent, *([Path(state)] if state else []), Path(tempfile.gettempdir()), Path.cwd()]
     yield from (folder / name for folder in dict.fromkeys(folders))
 
 
 def _copy(source: apsw.Connection, copy: Path, head: tuple[int, bytes]) -> None:
-    """Copy a database; raises OSError, `apsw.Error` or `RigError` where that fails or the copy does not verify."""
+    """Copy a database. Raises OSError, `apsw.Error` or `RigError` if this fails or the copy does not verify."""
     copy.parent.mkdir(parents=True, exist_ok=True)
     os.close(os.open(copy, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o644))
     try:
-        source.pragma("shrink_memory")  # what SQLite has in memory is not what is left of the file
+        source.pragma("shrink_memory")  # SQLite's memory may differ from the file
         to = apsw.Connection(str(copy))
         try:
             with to.backup("main", source, "main") as backup:
@@ -101,10 +101,10 @@ def _copy(source: apsw.Connection, copy: Path, head: tuple[int, bytes]) -> None:
 
 
 def _hand_over(db: apsw.Connection, copy: Path) -> None:
-    """Leave word in the file that lost its name where the run goes on, so that nobody carries on with both.
+    """Record in the old file where the run continues, so that nobody continues both.
 
-    Its log stays behind under the old name: what is in there goes into the file, and the log is emptied, lest it be
-    taken for that of another file which gets the name.
+    Its log keeps the old name. The log is written into the file and emptied, so that it is not taken for the log of
+    another file that gets this name.
     """
     (row,) = db.execute("SELECT seq, session, elapsed_s, utc_s, hash FROM record ORDER BY seq DESC LIMIT 1")
     seq, session, elapsed_s, utc_s, head = row

@@ -1,7 +1,7 @@
-"""What a damaged run file still proves, in a new one: its records from the first on, as far as the chain holds.
+"""Restoring a damaged run file: a new file with its records from the first one, as far as the chain holds.
 
-Every record is held against its hash, every document and the run list against the digests in the first record: what is
-in the new file is what was written, to the last bit, or it is not there.
+Every record is checked against its hash, every document and the run list against the digests in the first record. So
+the new file contains only what was written originally, bit by bit.
 """
 
 from __future__ import annotations
@@ -36,12 +36,12 @@ _MOST_RUNS, _MOST_OTHERS = 10, 5
 
 @dataclass(frozen=True)
 class Restored:
-    """What was saved.
+    """The result of restoring.
 
     Attributes:
-        records: in the new file.
-        known: how many of this run the damaged one is known to have had at least.
-        others: other chains that were found, the longest first, five at most.
+        records: number of records in the new file.
+        known: known minimum number of records of this run in the damaged file.
+        others: other chains that were found, the longest first, at most five.
 
     """
 
@@ -52,7 +52,7 @@ class Restored:
 
 @dataclass(frozen=True)
 class _Run:
-    """What is written into the new file."""
+    """Contents of the new file."""
 
     tip: bytes
     documents: dict[str, str]
@@ -60,18 +60,19 @@ class _Run:
 
 
 def restore(path: Path, to: Path, expand: Expand, head: str = "") -> Restored:
-    """Write the longest proven chain of a damaged run file into a new one. Changes nothing in the old.
+    """Write the longest proven chain of a damaged run file into a new one. The old file is not changed.
 
     Args:
         path: the damaged file.
-        to: the new one, of which nothing may be there.
-        expand: makes the run list from documents, None if it cannot.
-        head: how the hash of a record begins that the chain must have, hexadecimal; "" for the longest of all.
+        to: the new file; neither it nor a file beside it may exist.
+        expand: generates the run list from documents; None if it cannot.
+        head: first hexadecimal digits of the hash of a record that the chain must have; "" for the longest
+            chain.
 
     Raises:
-        UsageError: the new file or one that goes with it exists already, or the old one does not.
-        RunFileError: not even what the run is can be read, or no chain has that record.
-        StorageError: the disk refuses.
+        UsageError: the new file or a file beside it exists already, or the old file does not exist.
+        RunFileError: not even the definition of the run can be read, or no chain has that record.
+        StorageError: the new file cannot be written.
 
     """
     _check_free(to)
@@ -99,7 +100,7 @@ def restore(path: Path, to: Path, expand: Expand, head: str = "") -> Restored:
         _check_free(to)
         disk.replace(part, to)
         disk.sync_folder(to.parent)
-        with RunReader.open(to) as written:  # under its name SQLite may see what it did not see before
+        with RunReader.open(to) as written:  # under the final name SQLite may find other files beside it
             if written.head() != (count, run.tip):
                 raise RunFileError(f"{to} is not what was written there: something else works in {to.parent}")
     except apsw.ConstraintError as error:
@@ -115,7 +116,7 @@ def restore(path: Path, to: Path, expand: Expand, head: str = "") -> Restored:
 
 
 def _check_free(to: Path) -> None:
-    """Refuse a name that is taken, or beside which lies what would be taken for the new file's."""
+    """Refuse an existing name, or a name with a file beside it that SQLite would take for a part of the new one."""
     if os.path.lexists(to):
         raise UsageError(f"{to} exists already; a run is never overwritten: choose another name")
     aside = (head_path(to), live_path(to), request_path(to))
@@ -130,7 +131,7 @@ def _check_free(to: Path) -> None:
 
 
 def _chosen(path: Path, chains: Chains, pages: Pages, expand: Expand, head: str) -> _Run:
-    """The longest chain of a run of which everything else can be read too."""
+    """The longest chain whose documents and run list can be read too."""
     tips = chains.tips(head)
     if not tips and head and (longest := chains.tips()):
         raise RunFileError(
@@ -157,7 +158,7 @@ def _chosen(path: Path, chains: Chains, pages: Pages, expand: Expand, head: str)
 
 
 def _fill(db: apsw.Connection, run: _Run, path: Iterable[bytes], chains: Chains, pages: Pages) -> int:
-    """Write it all; how many records there are."""
+    """Write everything; returns the number of records."""
     db.pragma("application_id", APPLICATION_ID)
     db.pragma("user_version", SCHEMA_VERSION)
     db.execute("BEGIN IMMEDIATE")
@@ -179,7 +180,7 @@ def _fill(db: apsw.Connection, run: _Run, path: Iterable[bytes], chains: Chains,
 
 
 def _declared(path: Path, first: Chained) -> RunCreated:
-    """What the first record says the run is."""
+    """The definition of the run, by the first record."""
     with contextlib.suppress(ContentsError):
         if isinstance(event := first[1].event, RunCreated):
             return event
@@ -208,7 +209,9 @@ def _texts(pages: Pages, place: int, name: str, digest: str) -> Iterator[str]:
 
 
 def _run_list(path: Path, declared: RunCreated, documents: Mapping[str, str], pages: Pages, expand: Expand) -> RunList:
-    """The run list, made again from the procedure or read; it must have the digest that the first record names."""
+    """The run list, generated from the procedure or read from the pages; it must have the digest in the first
+    record.
+    """
     ways: tuple[Callable[[], RunList | None], ...] = (
         lambda: expand(documents),
         lambda: _stored_run_list(pages, declared.seed, latest=False),
@@ -218,13 +221,13 @@ def _run_list(path: Path, declared: RunCreated, documents: Mapping[str, str], pa
         with contextlib.suppress(ValueError, TypeError, KeyError):
             run_list = make()
             if run_list is not None and run_list.sha256() == declared.run_list:
-                statements([factor.name for factor in run_list.factors])  # raises where one has no name for a column
+                statements([factor.name for factor in run_list.factors])  # raises for a name that cannot be a column's
                 return run_list
     raise RunFileError(f"{path}: its run list can neither be made again nor read: nothing can be restored")
 
 
 def _stored_run_list(pages: Pages, seed: int, *, latest: bool) -> RunList:
-    """The run list as the pages have it: as the file or, where they differ, as the end of the log has it."""
+    """Run lists from the pages: of the file and, if it differs, of the end of the log."""
     factors: dict[int, Factor] = {}
     points: dict[int, tuple[Any, ...]] = {}
     for _, rows in pages.cells():

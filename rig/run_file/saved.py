@@ -1,4 +1,4 @@
-"""Copies beside a run file into which its controllers have saved what was in it (`rig.run_file.rescue`)."""
+"""Rescued copies beside a run file (`rig.run_file.rescue`)."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from pathlib import Path
 
 
 def saved_in(path: Path) -> tuple[str, ...]:
-    """Where its controller has saved what was in a file that is not whole: a sentence without its end, or none."""
+    """A sentence without its full stop that names the rescued copy of a damaged file; "" if there is none."""
     return tuple(f"what its controller saved of it is in {copy}: rig resume {copy}" for copy in _copies(path)[:1])
 
 
 def saved_words(path: Path) -> str:
-    """The same as a sentence before others, or nothing."""
+    """The same as a complete sentence with a space after it; "" if there is none."""
     return "".join(f"{words[0].upper()}{words[1:]}. " for words in saved_in(path))
 
 
 def _copies(path: Path) -> list[Path]:
-    """The last one first."""
+    """Rescued copies, the latest first."""
     with contextlib.suppress(OSError):
         named = (one for one in path.absolute().parent.iterdir() if one.name.startswith(f"{path.stem}-rescued-"))
         copies = [one for one in named if one.suffix == ".sqlite" and one.is_file() and one != path.absolute()]

@@ -1,10 +1,10 @@
-"""What a run file consists of, and how it is opened so that a hostile one can do nothing.
+"""The schema of a run file, and safe connections to files that may be hostile.
 
-Nothing in a run file is executed. A connection to one runs in SQLite's defensive mode with an untrusted schema;
-reading connections refuse triggers and views, every statement they run is one of ours (an authorizer lets nothing
-but reads pass), lengths and depths are limited, and no statement may take more steps or give more content than a
-file of its size can account for (`Guarded`). The four tables must be exactly ours before anything is read from them,
-so that none can be a view, a virtual table or have computed columns. Bodies are JSON; nothing is ever unpickled.
+Nothing in a run file is executed. A connection runs in SQLite's defensive mode with an untrusted schema. Reading
+connections refuse triggers and views; an authorizer permits only reads. Lengths and depths are limited, and the steps
+and content of a statement are limited by the size of the file (`Guarded`). The four tables must be exactly ours before
+anything is read from them. So none of them can be a view or a virtual table, or have computed columns. Bodies are JSON;
+nothing is ever unpickled.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ SCHEMA_VERSION = 2
 TABLES = ("document", "factor", "point", "record")
 INSERT_RECORD = f"INSERT INTO record VALUES ({', '.join('?' * 12)})"
 
-# As they stand in every run file of this format, line breaks included: what is compared is the text.
+# Exactly as in every run file of this format, line breaks included: the texts are compared.
 _FIXED = {
     "document": "CREATE TABLE document (name TEXT PRIMARY KEY, body TEXT NOT NULL) STRICT",
     "factor": "CREATE TABLE factor (position INTEGER PRIMARY KEY, name TEXT NOT NULL, axis TEXT NOT NULL, "
@@ -67,7 +67,7 @@ _FUNCTIONS = {"count", "ifnull", "typeof", "group_concat", "max", "min", "length
 
 
 def write_run_list(db: apsw.Connection, runs: RunList) -> None:
-    """Every factor and point, into tables that are there."""
+    """Write every factor and point into the existing tables."""
     db.executemany(
         "INSERT INTO factor VALUES (?, ?, ?, ?, ?, ?)",
         [(i, f.name, f.axis, f.overtravel, int(f.hard), int(f.stays)) for i, f in enumerate(runs.factors)],
@@ -80,10 +80,10 @@ def write_run_list(db: apsw.Connection, runs: RunList) -> None:
 
 
 def statements(factors: Sequence[str]) -> dict[str, str]:
-    """What creates every object of a run file, by its name, for factors of these names.
+    """SQL statements that create the objects of a run file, by object name, for these factor names.
 
     Raises:
-        ValueError: a factor's name is not one.
+        ValueError: a factor's name is invalid.
 
     """
     if len(factors) > _MOST_FACTORS or len(set(factors)) < len(factors):
@@ -107,7 +107,7 @@ def statements(factors: Sequence[str]) -> dict[str, str]:
 
 
 def guard(db: apsw.Connection, *, writes: bool) -> None:
-    """Let a connection do what a run file needs and nothing else."""
+    """Restrict a connection to what a run file needs."""
     db.config(apsw.SQLITE_DBCONFIG_DEFENSIVE, 1)
     db.config(apsw.SQLITE_DBCONFIG_TRUSTED_SCHEMA, 0)
     db.config(apsw.SQLITE_DBCONFIG_ENABLE_VIEW, 0)
@@ -130,11 +130,11 @@ def _only_reads(action: int, first: str | None, second: str | None, _database: s
 
 
 class Guarded:
-    """Runs statements that may not take more than a file of its size can account for.
+    """Runs statements whose steps and content are limited by the size of the file.
 
     Args:
         db: the connection.
-        size: of the file with its log, in bytes, asked for whenever a statement begins.
+        size: returns the size of the file with its log, bytes; called at the start of every statement.
 
     """
 
@@ -154,22 +154,22 @@ class Guarded:
         """The rows of a statement, one after the other.
 
         Raises:
-            apsw.Error: it cannot be run, or takes longer or gives more than the file can account for.
-            UnicodeDecodeError: text in it is not text.
+            apsw.Error: it cannot be run, or exceeds its limit of steps or content.
+            UnicodeDecodeError: a text in it is not UTF-8.
 
         """
         size, content = self._size(), 0
         self._steps, self._most_steps = 0, 20_000_000 + 20 * size
         most = (64 << 20) + 8 * size
         for row in self._db.execute(statement, values):
-            content += sum(map(length_hint, row))  # of texts and blobs; numbers and NULL have none
+            content += sum(map(length_hint, row))  # texts and blobs have a length; numbers and NULL have none
             if content > most:
                 raise apsw.TooBigError("it gives more content than a file of its size can hold")
             yield row
 
 
 def strange_tables(guarded: Guarded) -> str | None:
-    """Why the tables of a file cannot be read as those of a run file; None if they can."""
+    """Why the tables of a file are not those of a run file; None if they are."""
     found = {
         (kind, name): sql
         for kind, name, sql in guarded.rows("SELECT type, name, sql FROM sqlite_master LIMIT 10000")
@@ -188,13 +188,13 @@ def strange_tables(guarded: Guarded) -> str | None:
 
 
 def differences(guarded: Guarded) -> list[tuple[str, str]]:
-    """Objects of the schema that are not as they were created: (what and its name, what about it)."""
+    """Objects of the schema that differ from their creation: (type and name, difference)."""
     names = [str(n) for (n,) in guarded.rows("SELECT name FROM factor ORDER BY position")]
     expected = statements(names)
     found = {
         name: (kind, sql)
         for kind, name, sql in guarded.rows("SELECT type, name, sql FROM sqlite_master LIMIT 10000")
-        if not (kind == "index" and sql is None)  # what a PRIMARY KEY brings along
+        if not (kind == "index" and sql is None)  # created by SQLite for a PRIMARY KEY
     }
     says = []
     for name, sql in expected.items():

@@ -1,4 +1,4 @@
-"""The state of a run, folded from its records. Nothing else remembers anything."""
+"""The state of a run, folded from its records. There is no other source of state."""
 
 from __future__ import annotations
 
@@ -23,36 +23,36 @@ _FAULTS_KEPT = 20
 
 @dataclass
 class RunState:
-    """What a run has come to.
+    """The state of a run.
 
     Attributes:
         points: length of the run list.
-        sessions: how often a controller has been started on it.
+        sessions: number of starts of a controller.
         accepted: indexes of points with an accepted observation.
-        prepared: whether set-up, homing and environment have been completed since they were last found wanting.
+        prepared: whether set-up, homing and environment are complete, and have not been found incomplete since.
         worked_s: elapsed time of the last observation or completed preparation; None before the first.
-        rested: how the last session ended: "interrupted" (nothing was said), "stopped" or "faulted".
+        rested: how the last session ended: "interrupted" (without a record), "stopped" or "faulted".
         skipped: index to reason, for points given up for good.
-        put_off: indexes of points that were skipped once, to be tried again at the end.
+        put_off: indexes of postponed points, to be tried again at the end.
         attempts: index to number of attempts so far.
-        elapsed_s: of the last record.
-        utc_s: of the last record.
-        latest_zero_s: UTC at which elapsed time was zero, by the session whose clock was ahead of all others'.
-        identities: who the instruments were, by name, as last accepted.
-        operators: who ran the sessions, each once, as far as they say.
-        session: how the last one began: boot id, clock reading and the elapsed time that went with it.
-        last_index: the point last observed.
-        whole_plot: identity of the whole plot that is open, or was last; None before the first and after one was lost.
-        planned: which planned whole plot it is a measurement of.
-        whole_plots: identities given so far.
+        elapsed_s: elapsed time of the last record.
+        utc_s: UTC of the last record.
+        latest_zero_s: UTC at which elapsed time was zero, by the session with the latest such value.
+        identities: last accepted identities of the instruments, by name.
+        operators: known operators of the sessions, each once.
+        session: start of the last session: boot id, clock reading and elapsed time.
+        last_index: index of the last observed point.
+        whole_plot: identity of the open or last whole plot; None before the first and after a loss.
+        planned: number of its planned whole plot.
+        whole_plots: number of identities given so far.
         left_for: the planned whole plot for which temperatures have been left since the last was measured.
         lost: identity to reason, for whole plots that were given up and measured again.
-        decisions: how often each decision was taken about each class of fault ("no_reply: retry").
-        faults: the last of them, for people: their records.
-        safe: how the bench was last brought to its safe state: body of that event.
+        decisions: number of decisions, by class of fault and decision ("no_reply: retry").
+        faults: records of the last faults, for people.
+        safe: body of the last event of bringing the bench to its safe state.
         ended: status of the end record, None while the run can be resumed.
-        rescued: the copy in which the run goes on since this file lost its name; "" if it goes on here.
-        simulated: no real instrument involved.
+        rescued: the rescued copy in which the run continues; "" if it continues here.
+        simulated: whether no real instrument is involved.
 
     """
 
@@ -92,9 +92,9 @@ class RunState:
         return self.points - len(self.accepted) - len(self.skipped)
 
     def add(self, record: Record) -> None:
-        """Take one more record, in order."""
+        """Take the next record."""
         _, kind, self.elapsed_s, self.utc_s, index, _, attempt, _, _ = record
-        if kind == Observed.kind:  # nearly all of them; its body is not needed
+        if kind == Observed.kind:  # nearly all records; the body is not needed
             assert index is not None
             self.attempts[index] = attempt or 1
             if record.accepted:
@@ -156,7 +156,7 @@ class RunState:
             self.rested = "faulted"
 
     def _whole_plot(self, record: Record, event: TemperaturesLeft | WholePlotBegan | WholePlotLost) -> None:
-        """Points of one that was lost are to be observed again; what was accepted stays data of its identity."""
+        """Note a lost whole plot: its points are observed again; accepted readings remain data of its identity."""
         match event:
             case TemperaturesLeft():
                 self.left_for = event.planned
@@ -184,10 +184,10 @@ def fold(records: Iterable[Record]) -> RunState:
 
 
 def read_state(reader: RunReader) -> RunState:
-    """State of a run file; one whose contents make no sense is said to be damaged or edited, and where.
+    """State of a run file.
 
     Raises:
-        RunFileError: the file does not verify, or its records make no sense together.
+        RunFileError: the file does not verify, or its records contradict one another; names the place.
 
     """
     try:
@@ -198,7 +198,9 @@ def read_state(reader: RunReader) -> RunState:
 
 
 def is_simulated(reader: RunReader) -> bool:
-    """Whether a run involves no real instrument, without reading all of it. Raises `RunFileError` as `read_state`."""
+    """Whether a run involves no real instrument; reads only a part of the file. Raises `RunFileError` as
+    `read_state`.
+    """
     try:
         return reader.about().simulated
     except ContentsError:

@@ -1,7 +1,7 @@
-"""What a run file needs of a folder and of a disk beside SQLite: entries made durable, a log written again.
+"""Operations on folders and files that SQLite does not offer: durable folder entries, rewriting a log.
 
-SQLite reaches the disk through a VFS; what it does not do (a rename, the entry of a new file in its folder) is here,
-under the same name as the VFS, so that a simulated disk can take power away from both (`proving.disk`).
+SQLite accesses the disk through a VFS. The other operations (a rename, the entry of a new file in its folder) are here.
+They are registered under the name of the VFS, so that a simulated disk can cut the power of both (`proving.disk`).
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ _CHUNK = 1 << 20
 
 
 class Storage:
-    """A real disk. Every method raises OSError if the disk refuses."""
+    """A real disk. Every method raises OSError if the operation fails."""
 
     def make_folder(self, folder: Path) -> None:
-        """Make a folder and those above it; each durable before anything is put into it."""
+        """Create a folder and its parents; each is durable before anything is put into it."""
         new = []
         while not folder.exists():
             new.append(folder)
@@ -44,8 +44,9 @@ class Storage:
     def rewrite(self, path: Path) -> None:
         """Write a file's bytes over themselves and sync it.
 
-        After a failed fsync Linux keeps the data in memory, marked as written, although the disk never took them: a
-        later fsync succeeds and a power cut still loses them. Written again they are on their way once more.
+        After a failed fsync Linux keeps the data in memory and marks them as written, although the disk never took
+                them. A later fsync succeeds, but a power cut still loses them. Rewriting them makes the next fsync
+        write them.
         """
         with path.open("r+b", buffering=0) as file:
             at = 0
@@ -60,19 +61,19 @@ _storages: dict[str, Storage] = {"": Storage()}
 
 
 def storage_of(vfs: str) -> Storage:
-    """The storage that goes with a VFS; the real disk if nobody registered another."""
+    """The storage of a VFS; the real disk if no other is registered."""
     return _storages.get(vfs, _storages[""])
 
 
 def register(vfs: str, storage: Storage) -> Storage | None:
-    """Let `storage` go with a VFS ("": the default one); returns what it takes the place of."""
+    """Register `storage` for a VFS ("": the default one); returns its predecessor."""
     before = _storages.get(vfs)
     _storages[vfs] = storage
     return before
 
 
 def unregister(vfs: str, before: Storage | None) -> None:
-    """Put back what `register` returned."""
+    """Restore the predecessor that `register` returned."""
     if before is None:
         _storages.pop(vfs, None)
     else:

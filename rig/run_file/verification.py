@@ -1,4 +1,4 @@
-"""A run file held against itself, against what was last said of it, and against a head hash written down elsewhere."""
+"""Verification of a run file: against itself, against `RUN.head`, and against a head hash noted elsewhere."""
 
 from __future__ import annotations
 
@@ -24,26 +24,26 @@ from rig.run_file.sense import Judged, judged
 from rig.run_file.state import RunState, read_state
 
 MOST = 1000
-"""So many findings are told at most."""
+"""Maximum number of reported findings."""
 
 _SURE = 16
-"""Digits of a head hash below which another file with the same ones can be found by trying."""
+"""Minimum number of digits of a head hash; with fewer, a matching forgery can be found by trial."""
 
 CUT_SHORT = ("head", "log")
-"""Findings about records that are not there any more: what is there holds, and a resume goes on from it."""
+"""Places of findings about missing records: the existing records are sound, and a resume continues from them."""
 
 
 @dataclass(frozen=True)
 class Verification:
-    """What a run file is found to be.
+    """The result of a verification.
 
     Attributes:
         path: the file.
-        records: how many it holds, 0 if it cannot be opened.
+        records: number of its records, 0 if it cannot be opened.
         head: hash of the last record.
-        simulated: whether no real instrument was involved, None if that cannot be known.
-        findings: what is wrong; empty if the file is whole.
-        notes: what is worth knowing and not wrong.
+        simulated: whether no real instrument was involved, None if unknown.
+        findings: defects; empty if the file is sound.
+        notes: remarks that are not defects.
 
     """
 
@@ -56,20 +56,20 @@ class Verification:
 
     @property
     def whole(self) -> bool:
-        """Whether nothing is wrong."""
+        """Whether there are no findings."""
         return not self.findings
 
 
 def verify_file(path: Path, expected_head: str | None = None) -> Verification:
-    """Look at everything that can be known of a run file; changes nothing.
+    """Check everything about a run file. Nothing is changed.
 
     Args:
         path: the run file.
-        expected_head: the head hash as printed in a report or by an earlier look, hexadecimal, lower case.
+        expected_head: the head hash from a report or an earlier verification, hexadecimal, lower case.
 
     Raises:
         UsageError: this is no run file.
-        ForeignFileError: what lies beside it is not its own.
+        ForeignFileError: a file beside it belongs to another file.
 
     """
     path = real_path(path)
@@ -87,7 +87,8 @@ def verify_file(path: Path, expected_head: str | None = None) -> Verification:
                     break
             if found:
                 run.must_be_its_log()
-            sense = Judged((), ()) if found else judged(run, MOST)  # of what was changed otherwise no sense is asked
+            sense = Judged((), ()) if found else judged(run, MOST)  # consistency is not checked if the file has other
+            # defects
             found += [*sense.findings, *_cut_off(run, path, log)]
             heads, notes = _held_against(run, expected_head)
             notes += sense.doubts
@@ -95,7 +96,7 @@ def verify_file(path: Path, expected_head: str | None = None) -> Verification:
             count, head = run.head()
             simulated = _simulated(run)
     except ForeignFileError:
-        raise  # what it says to do comes before anything else
+        raise  # its advice comes before anything else
     except RunFileError as error:
         return Verification(path, 0, "", None, (Finding("file", str(error).split(". ", 1)[0]),), saved_in(path))
     if found:
@@ -106,15 +107,15 @@ def verify_file(path: Path, expected_head: str | None = None) -> Verification:
 
 
 def glance(path: Path, most: int) -> tuple[RunReader, RunState, Finding | None, bool]:
-    """Open a run file to tell what it has come to, and look whether it is whole while its records are read anyway.
+    """Open a run file, read its state, and verify it in the same pass.
 
     Args:
         path: the run file.
-        most: a file of more records is not looked at more closely, which would take seconds.
+        most: a file with more records is not verified, because that would take seconds.
 
     Returns:
-        the reader, which the caller closes; the state; what is wrong first, None if nothing is known to be; whether
-        it was looked for.
+        the reader, which the caller closes; the state; the first defect, None if none is known; whether the file
+        was verified.
 
     Raises:
         RunFileError: it cannot be read at all.
@@ -146,7 +147,7 @@ def _elsewhere(run: RunReader, state: RunState) -> list[str]:
 
 
 def restored(path: Path, to: Path, head: str = "") -> Restored:
-    """What a damaged run file still proves, in a new one; see `rig.run_file.restored.restore`."""
+    """Restore a damaged run file into a new one; see `rig.run_file.restored.restore`."""
     path = real_path(path)
     if controller_alive(path):
         raise UsageError(f"a controller is at work on {path}: nothing to restore while it writes")
@@ -154,10 +155,10 @@ def restored(path: Path, to: Path, head: str = "") -> Restored:
 
 
 def _expanded(documents: Mapping[str, str]) -> RunList | None:
-    """The run list that the stored procedure makes; None if this version of rig makes none of it."""
+    """The run list generated from the stored procedure; None if this version of rig cannot generate it."""
     try:
         return parse_procedure(documents["procedure.toml"], "procedure.toml", strict=False).expand()
-    except (RigError, KeyError):  # whatever is wrong with a stored procedure, its digest tells whether it was changed
+    except (RigError, KeyError):  # the digest of a stored procedure shows whether it was changed, even if it is invalid
         return None
 
 
@@ -169,7 +170,7 @@ def _simulated(run: RunReader) -> bool | None:
 
 
 def _cut_off(run: RunReader, path: Path, log: wal.WalState) -> list[Finding]:
-    """What had been written and is not there any more."""
+    """Findings about missing records."""
     last = read_last_word(path)
     if last is not None:
         if run.holds(*last):

@@ -1,8 +1,8 @@
-"""Whether anybody else has changed a run file, or its log, since its writer last did.
+"""Detection of changes to a run file, or its log, by other programs than its writer.
 
-SQLite takes what it has in memory for what is in the files: a log that is cut, removed or overwritten under it is not
-noticed until somebody else reads. While a run writes, nobody else may: so size, time of change and identity of both
-files are what they were after the last commit, or somebody has been at work.
+SQLite assumes that the files agree with its memory. A log that is cut, removed or overwritten is not noticed until
+another program reads it. While a run writes, nobody else may write. So size, time of change and identity of both
+files must be the same as after the last commit.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ class _Seen(NamedTuple):
 
 
 def _look(path: Path) -> _Seen | None:
-    """What there is; None if nothing is. Raises OSError if it cannot be looked at."""
+    """Size, time of change and identity of a file; None if it is missing. Raises OSError if it cannot be read."""
     try:
         found = os.stat(path)
     except (FileNotFoundError, NotADirectoryError):
@@ -46,15 +46,15 @@ class Vigil:
         self.note()
 
     def note(self) -> None:
-        """What is there now is as its writer left it."""
+        """Note the present state as the writer's."""
         for what, path in self._paths.items():
             try:
                 self._seen[what] = _look(path)
             except OSError:
-                self._seen.pop(what, None)  # a folder that cannot be looked at is no evidence of anything
+                self._seen.pop(what, None)  # a folder that cannot be read is no evidence
 
     def changed(self) -> str:
-        """What somebody else has done since, "" if nothing: the end of a sentence."""
+        """The change by another program since then: the end of a sentence, "" if none."""
         for what, path in self._paths.items():
             if what not in self._seen:
                 continue
@@ -74,12 +74,12 @@ class Vigil:
 
 
 MOST_BYTES = 128 << 20
-"""Of a run file that is kept in memory besides. Runs of a night have a tenth of it."""
+"""Maximum size of a run file that is also kept in memory, bytes. Runs of a night have a tenth of it."""
 _LOOK_EVERY = 256
 
 
 class Mirror:
-    """What a run file holds, in memory too: what is left of it when the file is damaged under its writer.
+    """A copy of a run file in memory, for the case that the file is damaged while it is open.
 
     Args:
         db: the file, opened.
@@ -97,7 +97,7 @@ class Mirror:
             backup.step()
 
     def add(self, rows: list[tuple[Stored, ...]]) -> None:
-        """The records that were just committed."""
+        """Add the records that were just committed."""
         if self.db is None:
             return
         self.db.executemany(self._insert, rows)

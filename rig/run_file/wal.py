@@ -1,8 +1,8 @@
-"""A look at a write-ahead log before SQLite opens it.
+"""Inspection of a write-ahead log before SQLite opens it.
 
-SQLite recovers by replaying the log up to the last commit whose checksums hold, and drops whatever follows
-without a word. For a run file that silence is not acceptable, so the log is read here first, by the file format
-(https://www.sqlite.org/fileformat2.html#the_write_ahead_log), and what will be dropped is counted.
+SQLite recovers by replaying the log up to the last commit with correct checksums, and silently drops the rest.
+This is not acceptable for a run file. So the log is read here first, by the file format
+(https://www.sqlite.org/fileformat2.html#the_write_ahead_log), and the dropped frames are counted.
 """
 
 from __future__ import annotations
@@ -22,19 +22,19 @@ _HEADER = struct.Struct(">8I")
 _FRAME = struct.Struct(">6I")
 _MAGIC_LITTLE, _MAGIC_BIG = 0x377F0682, 0x377F0683
 _GENERATIONS = 1 << 24
-"""A log is begun again every few hundred points; more generations than this no run has."""
+"""Maximum number of generations of a log: it restarts every few hundred points."""
 
 
 @dataclass(frozen=True)
 class WalState:
-    """What a write-ahead log holds.
+    """Contents of a write-ahead log.
 
     Attributes:
         frames: frames belonging to the log's present generation.
-        replayed: of those, how many SQLite will replay (up to the last good commit).
+        replayed: number of these that SQLite will replay (up to the last good commit).
         lost_commits: commit marks among the frames that it will not replay: transactions that were once durable
             and are not any more. Frames without a commit mark were never durable.
-        damage: what is wrong, "" if nothing.
+        damage: description of the damage, "" if none.
 
     """
 
@@ -45,7 +45,7 @@ class WalState:
 
     @property
     def dropped(self) -> int:
-        """Frames SQLite will drop silently."""
+        """Number of frames that SQLite will drop silently."""
         return self.frames - self.replayed
 
 
@@ -58,8 +58,8 @@ Order = Literal["<", ">"]
 def _checksum(data: bytes, order: Order, s0: int, s1: int) -> tuple[int, int]:
     """Add to the format's running checksum: for each pair of words, s0 += x + s1, then s1 += y + s0, modulo 2^32.
 
-    That is linear: n pairs multiply (s0, s1) by the nth power of [[1, 1], [1, 2]], and each pair adds (x, x + y)
-    multiplied by as many powers as there are pairs after it.
+    This is linear: n pairs multiply (s0, s1) by the nth power of [[1, 1], [1, 2]]. Each pair adds (x, x + y),
+    multiplied by the power of its number of later pairs.
     """
     words = np.frombuffer(data, np.dtype(np.uint32).newbyteorder(order)).astype(np.uint32)
     x, both = words[::2], words[::2] + words[1::2]
@@ -136,10 +136,10 @@ def _frames(data: bytes, page: int, order: Order, salts: tuple[int, int], runnin
 
 
 def _present(data: bytes, places: range, salts: tuple[int, int]) -> int:
-    """How many frames belong to the log's present generation: up to the last that says so, and damaged ones after it.
+    """Number of frames of the log's present generation: up to the last valid one, and damaged ones after it.
 
-    What follows is left over from earlier generations. Their first salt counts up to the present one and their second
-    is random; a frame that shares either with the present generation is one of its own, damaged.
+    The rest is left over from earlier generations. Their first salt is smaller than the present one and their
+    second is random. A frame that shares one salt with the present generation belongs to it and is damaged.
     """
     whole = [_FRAME.unpack_from(data, at)[2:4] for at in places if at + _FRAME.size <= len(data)]
     count = max((i for i, own in enumerate(whole, 1) if own == salts), default=0)
@@ -151,7 +151,7 @@ def _present(data: bytes, places: range, salts: tuple[int, int]) -> int:
 
 
 def _unusable(data: bytes, page: int, damage: str) -> WalState:
-    """A log whose header cannot be trusted: none of its frames is replayed, every commit mark counts as lost."""
+    """A log with an invalid header: none of its frames is replayed, every commit mark counts as lost."""
     if not (512 <= page <= 65536 and page & (page - 1) == 0):
         page = 4096
     places = range(_HEADER.size, len(data) - _FRAME.size + 1, _FRAME.size + page)

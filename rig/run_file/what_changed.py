@@ -1,4 +1,4 @@
-"""What was changed in a record, found by putting it back: the change that restores the hash is the one."""
+"""Search for the change in a record: the original value is the one that restores the hash."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from rig.run_file.events.event import kinds
 
 _STATUS = (None, "accepted", "rejected", "retry", "skip", "final", "later", "hold", "abort", "complete", "prepared")
 _LONGEST_BODY = 6000
-"""Characters of a body in which a single flipped bit is searched for; of one three times as long, nothing is."""
+"""Maximum number of characters of a body that is searched for a flipped bit."""
 
 
 @dataclass(frozen=True)
 class Change:
-    """What was changed in a record.
+    """A change in a record.
 
     Attributes:
-        column: where, None if that cannot be known; "predecessor" if the record itself is whole.
+        column: changed column, None if unknown; "predecessor" if the record itself is sound.
         what: a sentence.
 
     """
@@ -34,14 +34,14 @@ class Change:
 def changed_column(
     row: tuple[int, Record, bytes, bytes], expected: bytes, claimed: bytes | None, points: int, search: bool
 ) -> Change | None:
-    """What is wrong between a record and its hashes; None if all holds.
+    """The defect of a record by its hashes; None if there is none.
 
     Args:
         row: number, record, the predecessor's hash and its own, as stored.
         expected: the predecessor's hash.
         claimed: this record's hash according to the record after it, None for the last one.
-        points: of the run list.
-        search: try what could have stood there.
+        points: number of points of the run list.
+        search: try possible original values.
 
     """
     seq, record, previous, own = row
@@ -67,7 +67,7 @@ def changed_column(
 
 
 def _candidates(seq: int, record: Record, points: int) -> Iterator[tuple[str, str, int, Record]]:
-    """Records that differ in one column."""
+    """Records that differ in one column from the given one."""
     for other in range(max(1, seq - 5), seq + 6):
         yield "seq", f"{other}, so records were removed or inserted before it", other, record
     tries: dict[str, Any] = {
@@ -97,7 +97,7 @@ def _flipped_float(number: float) -> Iterator[float]:
 
 
 def _flipped_bit(previous: bytes, seq: int, record: Record, own: bytes) -> int | None:
-    """Which character of the body had one bit flipped; None if none had."""
+    """Index of the character of the body with one flipped bit; None if there is none."""
     body = record.body
     if len(body) > _LONGEST_BODY or not body.isascii():
         return None

@@ -1,8 +1,8 @@
-"""Writing a run file: by one connection, ever.
+"""Writing a run file, always by a single connection.
 
-Write-ahead log with synchronous=FULL: a commit that returned survives a power cut. Triggers refuse UPDATE and DELETE,
-records are chained by hash (`rig.run_file.chain`), and a partial unique index makes a second accepted observation of a
-point in one whole plot impossible. A finished run leaves WAL mode: one ordinary file.
+The write-ahead log runs with synchronous=FULL: a commit that returned survives a power cut. Triggers refuse UPDATE and
+DELETE. Records are chained by hash (`rig.run_file.chain`). A partial unique index prevents a second accepted
+observation of a point in one whole plot. A finished run leaves WAL mode and is one ordinary file.
 """
 
 from __future__ import annotations
@@ -43,12 +43,13 @@ class RunWriter(RunReader):
 
     @classmethod
     def open(cls, path: Path, *, vfs: str = "", verified: tuple[int, bytes] | None = None) -> Self:
-        """Lock, look at the log, open, verify. Raises `BusyError` or `RunFileError`.
+        """Lock, inspect the log, open, verify. Raises `BusyError` or `RunFileError`.
 
         Args:
             path: the run file.
-            vfs: what it lies on.
-            verified: the head it had when it was verified a moment ago, which need not be done again while it has it.
+            vfs: name of its VFS.
+            verified: head at a verification a moment ago; the file is not verified again while it has this
+                head.
 
         """
         path = real_path(path)
@@ -82,8 +83,8 @@ class RunWriter(RunReader):
     def _start(self) -> None:
         try:
             self._db.set_busy_timeout(10_000)
-            self._db.set_progress_handler(None)  # from here on it is our own statements on a file that verifies
-            self._db.pragma("synchronous", "extra")  # entering WAL mode, which journals its own way, is durable too
+            self._db.set_progress_handler(None)  # from here on only our own statements run, on a verified file
+            self._db.pragma("synchronous", "extra")  # entering WAL mode uses a journal of its own; it is durable too
             self._db.pragma("journal_mode", "wal")
             self._db.pragma("synchronous", "full")
         except apsw.Error as error:
@@ -95,28 +96,28 @@ class RunWriter(RunReader):
         self._mirror = Mirror(self._db, INSERT_RECORD)
         self.dropped = self._cut_off(self.dropped)
         self._last_word = LastWord(self.path)
-        if self._seq > 1 and not self.dropped.lost_commits:  # what is lost is known until a record says so
+        if self._seq > 1 and not self.dropped.lost_commits:  # known to be lost, not yet recorded
             self._last_word.say(self._seq, self._hash)
         self._vigil = Vigil(self.path)
 
     def _cut_off(self, dropped: wal.WalState) -> wal.WalState:
-        """What was dropped, in the light of how many records the last session is known to have written."""
+        """The dropped records, given the number that the last session is known to have written."""
         last = read_last_word(self.path)
         if last is None:
             return dropped
         if self.holds(*last):
-            return replace(dropped, lost_commits=0)  # what is cut short at the end had not been acknowledged
+            return replace(dropped, lost_commits=0)  # an incomplete frame at the end had not been acknowledged
         missing = last[0] - self._seq
         damage = f"its last {missing} record(s) are not there" if missing > 0 else f"record {last[0]} is another one"
         return replace(dropped, damage=dropped.damage or damage, lost_commits=max(1, missing))
 
     @property
     def written(self) -> tuple[int, bytes]:
-        """Number of records that are durable, and the last one's hash."""
+        """Number of durable records, and hash of the last one."""
         return self._seq, self._hash
 
     def append(self, record: Record, *, commit: bool = True) -> None:
-        """Add a record; without `commit` it becomes durable together with the next one that has it.
+        """Add a record; without `commit` it becomes durable together with the next committed one.
 
         Raises:
             StorageError: the record could not be made durable; the run must stop. It may still be found in the file
@@ -145,8 +146,8 @@ class RunWriter(RunReader):
             if isinstance(error, apsw.ConstraintError):
                 raise
             with contextlib.suppress(apsw.Error):
-                # A COMMIT also fails where only the log could not be moved into the file afterwards: the records are
-                # there, and must not be written again with what is still said of the failure.
+                # A COMMIT also fails if only the checkpoint after it failed. The records are then in the log,
+                # and must not be written again with later records about the failure.
                 if self.head() == (self._pending[-1][0], self._pending[-1][3]):
                     self._committed()
             raise _not_durable(self.path, error) from error
@@ -160,14 +161,14 @@ class RunWriter(RunReader):
         self._last_word.say(self._seq, self._hash)
 
     def _must_be_there(self) -> None:
-        """What is in a file that lost its name, or was changed under its writer, is put where it is safe."""
+        """Copy the contents of a file that was moved, deleted, replaced or changed by others to a safe place."""
         if self._lost is None:
             if not is_still_at(self.path, self._lock):
                 self._lost = self._rescued("it was moved, deleted or replaced")
             elif (changed := self._vigil.changed()) and not self._holds_all():
                 self._lost = self._rescued(changed)
             elif changed:
-                self._vigil.note()  # touched, and nothing of it
+                self._vigil.note()  # only touched, contents unchanged
         if self._lost is not None:
             raise self._lost
 
@@ -175,7 +176,7 @@ class RunWriter(RunReader):
         return rescue(self.path, happened, [self._db, self._mirror.db], (self._seq, self._hash))
 
     def _holds_all(self) -> bool:
-        """Whether file and log, read by nobody's memory of them, hold every record that was written."""
+        """Whether file and log, read again from disk, hold every record that was written."""
         try:
             with RunReader(self.path, opened_to_read(self.path, f"{self.path.absolute().as_uri()}?mode=ro")) as fresh:
                 return fresh.head() == (self._seq, self._hash) and next(findings(fresh, thorough=False), None) is None
@@ -199,11 +200,11 @@ class RunWriter(RunReader):
             )
         except StorageError:
             if self._pending:
-                self._pending.clear()  # what is still written about the failure must not follow an end
+                self._pending.clear()  # records about the failure must not follow an end record
                 raise
-            # The end is there: only the log could not be moved into the file, which is tried again below.
+            # The end record is written; only the checkpoint failed, which is repeated below.
         self._db.set_busy_timeout(200)
-        # A reader is looking, or the disk refuses: every record is safe, only the log file stays.
+        # A reader is open, or the disk refuses: every record is safe, only the log file remains.
         with contextlib.suppress(apsw.Error, OSError):
             self._db.wal_checkpoint(mode=apsw.SQLITE_CHECKPOINT_TRUNCATE)
             self._db.pragma("synchronous", "extra")
@@ -215,9 +216,9 @@ class RunWriter(RunReader):
         self._finished = True
 
     def close(self) -> None:
-        """Close; records not committed are lost, as they would be in a crash."""
+        """Close; uncommitted records are lost, as in a crash."""
         try:
-            if self._lost is None and self._vigil.changed():  # what is left of the log may be another's
+            if self._lost is None and self._vigil.changed():  # the log may belong to another file
                 self._db.config(apsw.SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1)
             super().close()
         finally:
@@ -229,10 +230,10 @@ class RunWriter(RunReader):
 
 
 def _connected(path: Path, vfs: str, alone: Alone | None) -> apsw.Connection:
-    """A connection that writes, and until it is told otherwise leaves the log as it is when it is closed.
+    """A writing connection. By default it leaves the log unchanged when it is closed.
 
     Raises:
-        RunFileError: this is no run file, or what lies beside it is not its own.
+        RunFileError: this is no run file, or a file beside it belongs to another one.
 
     """
     try:
@@ -249,7 +250,7 @@ def _connected(path: Path, vfs: str, alone: Alone | None) -> apsw.Connection:
 
 
 def _renew_log(path: Path, vfs: str) -> None:
-    """Write the log over itself before anything is built on it: a failed fsync may have left it in memory only.
+    """Rewrite the log in place before it is used: after a failed fsync it may exist only in memory.
 
     Raises `StorageError`: nothing can be made durable.
     """

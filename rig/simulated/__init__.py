@@ -1,1 +1,1 @@
-"""The one place where the controller meets the simulation: dry runs, `rig sim`, `rig demo`."""
+"""The only link between controller and simulation: dry runs, `rig sim`, `rig demo`."""

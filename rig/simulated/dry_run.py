@@ -1,4 +1,4 @@
-"""A dry run: the same bench file, every address replaced by that driver's twin, under virtual time."""
+"""A dry run: the same bench file, with every address replaced by the driver's twin, under virtual time."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _keys = itertools.count(1)
 
 @cache
 def twin_class(driver: str) -> MakesTwins:
-    """The twin registered for a driver, entry-point group `rig.twins`; raises `ConfigurationError` if it has none."""
+    """The twin registered for a driver, entry-point group `rig.twins`. Raises `ConfigurationError` if it has none."""
     known = installed("rig.twins")
     if driver not in known:
         raise ConfigurationError(f"driver {driver!r} has no twin, so it cannot run dry (twins: {', '.join(known)})")
@@ -35,7 +35,9 @@ def twin_class(driver: str) -> MakesTwins:
 
 
 def twin_classes(config: BenchConfig) -> dict[str, MakesTwins]:
-    """The twins a bench needs, by driver name. Raises `ConfigurationError` naming the instrument that has none."""
+    """The twins of a bench, by driver name. Raises `ConfigurationError` with the name of an instrument that has
+    none.
+    """
     found = {}
     for name, instrument in config.instruments.items():
         try:
@@ -46,7 +48,7 @@ def twin_classes(config: BenchConfig) -> dict[str, MakesTwins]:
 
 
 def plain(config: BenchConfig) -> dict[str, Any]:
-    """A bench file as the plain values the simulation takes, contracts filled in."""
+    """A bench file as plain values for the simulation, with its contracts."""
     values = config.model_dump(mode="json", exclude_none=True)
     for name, instrument in config.instruments.items():
         values["instruments"][name] |= with_contracts(instrument.driver, instrument.options)
@@ -58,12 +60,12 @@ class DryBench:
 
     Args:
         config: the bench file as given.
-        truth: the world file's values; {} for a world without surprises.
+        truth: the world file's values; {} for the default world.
         start: virtual seconds at which its time begins.
         where: the world file's name, for messages.
-        tap: sees every byte on every wire.
-        key: of its addresses, unique in this process; "" for one of our own making.
-        record_tape: keep what truly happens in `sim.tape`, for checkers.
+        tap: called for every transfer on every wire.
+        key: part of its addresses, unique in this process; "" to generate one.
+        record_tape: keep the true events in `sim.tape`, for checkers.
 
     Raises:
         ConfigurationError: the world file is wrong, or a driver has no twin.
@@ -97,5 +99,5 @@ class DryBench:
         self.wires = Wires(self.clock, simulated=self.sim.transports(), tap=tap)
 
     def close(self) -> None:
-        """Take the simulated addresses away."""
+        """Remove the simulated addresses."""
         self.sim.close()

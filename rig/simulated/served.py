@@ -1,4 +1,4 @@
-"""`rig sim`: the simulated bench behind the operating system's own ports, for controllers in other processes."""
+"""`rig sim`: the simulated bench on ports of the operating system, for controllers in other processes."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ def serve_bench(
 
     Args:
         bench: the bench file.
-        world: the truth behind it; a plain world if None.
+        world: the world file; the default world if None.
         speed: bench seconds per real second.
         live: where to write the bench file with the addresses served; removed at the end.
-        seconds: real seconds after which to stop by itself; None for never.
-        tape: to which every answer and what truly happens is added; None for no tape.
+        seconds: real seconds after which it stops by itself; None for never.
+        tape: file to which all answers and true events are appended; None for no tape.
         announce: called with a line for each instrument.
 
     Raises:
         ConfigurationError: one of the files is wrong.
-        UsageError: `tape` is one of the other files, a run file, or no file.
+        UsageError: `tape` is one of the other files, a run file, or not a regular file.
         RigError: a port cannot be opened, or `live` or `tape` cannot be written.
 
     """
@@ -47,7 +47,7 @@ def serve_bench(
     config, _ = read_bench(bench)
     check_options(config, str(bench))
     truth = {} if world is None else parse_toml(read_text(world, "world"), str(world))
-    announce("SIMULATED bench; nothing here is a real instrument")
+    announce("SIMULATED bench; no instrument is real")
     try:
         serve(
             plain(config),

@@ -1,4 +1,4 @@
-"""Tables in and out: CSV with units in the column names, and the observations of a run file."""
+"""Reading and writing tables: CSV with units in the column names, and the observations of a run file."""
 
 from collections.abc import Collection
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ __all__ = [
 
 
 def is_run(path: Path) -> bool:
-    """Whether a file is a run file, else taken for a CSV table. Raises `UsageError` where there is no such file."""
+    """Whether a file is a run file, otherwise treated as a CSV table. Raises `UsageError` if it does not exist."""
     if not path.exists():
         raise UsageError(f"there is no file {path}")
     if path.is_dir():
@@ -38,13 +38,15 @@ def is_run(path: Path) -> bool:
 
 
 def read_table(path: Path) -> Table:
-    """A CSV file or the accepted observations of a run file. Raises `UsageError` or `RunFileError`."""
+    """A table from a CSV file or from the accepted observations of a run file. Raises `UsageError` or
+    `RunFileError`.
+    """
     return run_table(path) if is_run(path) else read_csv(path)
 
 
 @dataclass(frozen=True)
 class FileSource:
-    """A run file, or a CSV file, read when it is asked for. See `procedures.results.Source`."""
+    """A run file, or a CSV file, read at its first use. See `procedures.results.Source`."""
 
     path: Path
 
@@ -55,9 +57,9 @@ class FileSource:
 
     @cached_property
     def table(self) -> Table:
-        """All of it. Raises `UsageError` or `RunFileError`."""
+        """The whole table. Raises `UsageError` or `RunFileError`."""
         return read_table(self.path)
 
     def read(self, needed: Collection[str]) -> Table:
-        """A CSV table of anything. Raises `UsageError`."""
+        """Any CSV table. Raises `UsageError`."""
         return read_any_csv(self.path, needed)

@@ -1,4 +1,4 @@
-"""CSV in and out. What is wrong with a table is said in one line: file, row, column, what to do."""
+"""Reading and writing CSV. Defects are reported in one line: file, row, column, next step."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _MOST_COLUMNS = 2000
 _BLANK = frozenset(("\n", "\r\n", "\r"))
 _LONGEST_LINE = 1 << 20
 _MOST_NUMBERS, _MOST_CELLS = 2 << 30, 32 << 20
-"""Bytes of a table of numbers only, and of one that is looked at cell by cell, which takes many times its memory."""
+"""Maximum size in bytes of a table of numbers, and of one read cell by cell, which needs much more memory."""
 
 
 def _regular(path: Path, most: int) -> BinaryIO:
@@ -36,7 +36,7 @@ def _regular(path: Path, most: int) -> BinaryIO:
     if os.fstat(file.fileno()).st_size > most:
         file.close()
         raise UsageError(
-            f"{path} is larger than {most:,} bytes, the most that is read of "
+            f"{path} is larger than {most:,} bytes, the maximum for "
             f"{'a table' if most == _MOST_NUMBERS else 'a table that is not all finite numbers'}; leave out what is "
             "not needed"
         )
@@ -61,11 +61,10 @@ def read_any_csv(path: Path, needed: Collection[str]) -> Table:
 
     Args:
         path: the file.
-        needed: columns that must be there, complete; others may have gaps, and are then left out.
+        needed: required columns, without gaps; others may have gaps, and are then left out.
 
     Raises:
-        UsageError: a needed column is missing, or a value in it is.
-
+        UsageError: a required column is missing, or a value in it is.
     """
     known = _all_numbers(path)
     names, body = (list(known[0]), []) if known is not None else _cells_of(path)
@@ -93,15 +92,14 @@ def read_any_csv(path: Path, needed: Collection[str]) -> Table:
 
 
 def read_gappy_csv(path: Path, numbers: Collection[str]) -> Table:
-    """A CSV table in which values may be missing: NaN in a column of numbers, nothing in one of text.
+    """A CSV table with missing values: NaN in a column of numbers, "" in one of text.
 
     Args:
         path: the file.
-        numbers: columns that are of numbers, as far as they are there. Others are, if every value in them is a number.
+        numbers: columns of numbers, if they exist. Other columns are numbers if every value is.
 
     Raises:
-        UsageError: the file cannot be read, or one of those columns holds what is no number.
-
+        UsageError: the file cannot be read, or one of those columns has a value that is not a number.
     """
     if not path.is_file():
         raise UsageError(f"there is no file {path}")
@@ -127,9 +125,10 @@ def read_gappy_csv(path: Path, numbers: Collection[str]) -> Table:
 
 
 def _all_numbers(path: Path) -> tuple[dict[str, FloatArray], Sequence[int]] | None:
-    """Columns of a table of nothing but finite numbers and `Table.rows`; None: it has to be looked at cell by cell.
+    """Columns of a table that has only finite numbers, and `Table.rows`; None if it must be read cell by cell.
 
-    NumPy reads a million rows in a fifth of the time and a tenth of the memory, but does not say what is wrong.
+    NumPy reads a million rows in a fifth of the time and a tenth of the memory, but does not report the place of a
+    defect.
     """
     try:
         with (
@@ -153,7 +152,7 @@ def _all_numbers(path: Path) -> tuple[dict[str, FloatArray], Sequence[int]] | No
 
 
 def _noting_blank(lines: Iterable[str], blank: list[int]) -> Iterator[str]:
-    """The lines of a file after its first; NumPy skips blank ones, whose numbers are put into `blank`."""
+    """The lines of a file after its first. NumPy skips blank ones; their numbers are put into `blank`."""
     for number, line in enumerate(lines, start=2):
         if line in _BLANK:
             blank.append(number)
@@ -173,7 +172,7 @@ def _cells_of(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
         lines = csv.reader(io.StringIO(text), strict=True)
         first = next(lines, [])
         if len(first) > _MOST_COLUMNS:
-            raise UsageError(f"{path} has {len(first):,} columns; a table has {_MOST_COLUMNS:,} at most")
+            raise UsageError(f"{path} has {len(first):,} columns; the maximum is {_MOST_COLUMNS:,}")
         rows = [first, *lines]
     except csv.Error as error:
         raise UsageError(f"{path} is not a CSV table: {error}") from error
@@ -183,13 +182,13 @@ def _cells_of(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
     names = [cell.strip() for cell in rows[0]]
     for name in names:
         if names.count(name) > 1:
-            raise UsageError(f"{path}, row 1: column {name!r} stands there twice; rename one")
+            raise UsageError(f"{path}, row 1: column {name!r} occurs twice; rename one")
     body = [(number, row) for number, row in enumerate(rows[1:], start=2) if any(cell.strip() for cell in row)]
     if not body:
         raise UsageError(f"{path} has column names and no rows")
     for number, row in body:
         if len(row) != len(names):
-            raise UsageError(f"{path}, row {number}: {len(row)} values for {len(names)} columns; mend the row")
+            raise UsageError(f"{path}, row {number}: {len(row)} values for {len(names)} columns; correct the row")
     return names, body
 
 
@@ -202,7 +201,7 @@ def _is_number(cell: str) -> bool:
 
 
 def _float(cell: str) -> float:
-    """A number as other programs write it; Python's own underscores, as in 1_5, would be read as no one meant them."""
+    """A number in the notation of other programs; Python would also accept underscores, as in 1_5."""
     if "_" in cell or not cell.isascii():
         raise ValueError("no number")
     return float(cell)
@@ -222,7 +221,7 @@ def _number(path: Path, row: int, column: str, cell: str) -> float:
 
 
 def write_csv(columns: Mapping[str, Sequence[float] | np.ndarray[Any, Any]], path: Path) -> None:
-    """Write a table of numbers and text whole or not at all. Raises `UsageError` if the disk refuses."""
+    """Write a table of numbers and text completely or not at all. Raises `UsageError` if the disk refuses."""
 
     def rows(file: IO[str]) -> None:
         writer = csv.writer(file, lineterminator="\n")

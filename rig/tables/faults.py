@@ -1,4 +1,4 @@
-"""What went wrong during a run and what was decided about it, as a table: the other half of `rig export --all`."""
+"""Faults of a run and the decisions about them, as a table: the second file of `rig export --all`."""
 
 from __future__ import annotations
 
@@ -31,13 +31,15 @@ COLUMNS = (
 
 
 def faults(run: Path) -> list[list[object]]:
-    """Faults, decisions, skips, holds of a run and how they ended, a row of `COLUMNS` each. Raises `RunFileError`."""
+    """Faults, decisions, skips and holds of a run with their results, one row of `COLUMNS` each. Raises
+    `RunFileError`.
+    """
     with RunReader.open(run) as reader:
         return [_row(record) for record in reader.records() if not record.accepted and record.event.exported]
 
 
 def check_replaceable(path: Path) -> None:
-    """Refuse a file that is there and was not written by `write_faults`: nobody named it. Raises `UsageError`."""
+    """Refuse to overwrite a file that `write_faults` did not write. Raises `UsageError`."""
     try:
         with open_regular(path) as file:
             theirs = file.readline(1000).decode("utf-8", "replace").rstrip() != ",".join(COLUMNS)
@@ -47,13 +49,13 @@ def check_replaceable(path: Path) -> None:
         raise UsageError(f"{path} cannot be written: {error.strerror}; choose another name for --out") from error
     if theirs:
         raise UsageError(
-            f"{path}, where faults and decisions go with --all, is there and no table of them: it is not overwritten; "
+            f"{path}, the file of faults and decisions with --all, is not such a table and is not overwritten; "
             "choose another name for --out"
         )
 
 
 def write_faults(rows: Sequence[Sequence[object]], path: Path) -> None:
-    """Write rows of `faults` as CSV, whole or not at all. Raises `UsageError`."""
+    """Write rows of `faults` as CSV, completely or not at all. Raises `UsageError`."""
 
     def write(file: IO[str]) -> None:
         writer = csv.writer(file, lineterminator="\n")

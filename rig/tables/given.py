@@ -1,4 +1,4 @@
-"""Tables that are handed over in Python: columns by name, or a data frame."""
+"""Tables passed in Python: columns by name, or a data frame."""
 
 from __future__ import annotations
 
@@ -15,27 +15,28 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
     Columns = Mapping[str, ArrayLike] | DataFrame
-    """(n,) values by column name; values that are missing are NaN, None or pandas' own."""
+    """(n,) values by column name; missing values are NaN, None or pandas' own."""
 
-SOURCE = "the table given"
+SOURCE = "the given table"
 
 
 def table_given(columns: Columns) -> Table:
-    """A table of columns: numbers, or text. Values may be missing: NaN in a column of numbers, "" in one of text.
+    """A table of columns of numbers or of text. Missing values: NaN in a column of numbers, "" in one of text.
 
     Raises:
-        UsageError: there are no columns or no rows, a column's length is another, or a value cannot be used.
-
+        UsageError: there are no columns or no rows, a column has another length, or a value cannot be used.
     """
     numbers: dict[str, np.ndarray[Any, np.dtype[np.float64]]] = {}
     text: dict[str, np.ndarray[Any, np.dtype[np.str_]]] = {}
     rows: int | None = None
     for name, given in columns.items():
         if not isinstance(name, str):
-            raise UsageError(f"{SOURCE}: a column is called {name!r}, which is no text; rename it")
+            raise UsageError(f"{SOURCE}: a column is called {name!r}, which is not a text; rename it")
         values = np.asarray(given)
         if values.ndim != 1:
-            raise UsageError(f"{SOURCE}, column {name}: it is of shape {values.shape}; a column has one value a row")
+            raise UsageError(
+                f"{SOURCE}, column {name}: it has the shape {values.shape}; a column has one value per row"
+            )
         rows = len(values) if rows is None else rows
         if len(values) != rows:
             raise UsageError(f"{SOURCE}, column {name}: {len(values)} values, where other columns have {rows}")

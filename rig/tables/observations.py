@@ -24,7 +24,7 @@ from rig.run_file.reader import RunReader
 from rig.run_file.state import read_state
 
 _MOUNTING = ("mounting_x_deg", "mounting_y_deg", "mounting_z_deg")
-"""Columns of a package that was turned: about x, then y, then z."""
+"""Columns for the orientation of a turned package: about x, then y, then z."""
 
 
 def run_table(path: Path, *, everything: bool = False, salvage: bool = False) -> Table:
@@ -32,12 +32,11 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False) ->
 
     Args:
         path: the run file.
-        everything: rejected and doubted observations too (missing values are NaN), with a column `accepted`.
-        salvage: take what can still be read of a file that does not verify.
+        everything: include rejected and doubtful observations (missing values are NaN), with a column `accepted`.
+        salvage: use readable parts of a file that fails verification.
 
     Raises:
         RunFileError: the file was damaged or edited (unless salvaged), or holds no observations.
-
     """
     with RunReader.open(path) as reader:
         if not salvage:
@@ -80,7 +79,7 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False) ->
         ended = not salvage and any(True for _ in reader.records(Ended.kind))
         skipped = [] if salvage else _skipped(reader, run_list)
     if not rows:
-        raise RunFileError(f"{path} holds no observations yet; `rig resume {path}` makes some")
+        raise RunFileError(f"{path} holds no observations yet; `rig resume {path}` measures some")
     columns = {name: np.array([row.get(name, math.nan) for row in rows], float) for name in _all_names(rows)}
     provenance = {
         "file": path.name,
@@ -108,7 +107,7 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False) ->
 
 
 def _package_temperature(columns: Columns, bench: Stored) -> Columns:
-    """With the package's temperature under the name that tables have for it; a bench may call it otherwise."""
+    """The table with the package's temperature under its standard name; a bench may use another name."""
     if SENSOR_TEMPERATURE in columns:
         return columns
     for name, entry in bench.table("temperatures").tables():
@@ -118,13 +117,13 @@ def _package_temperature(columns: Columns, bench: Stored) -> Columns:
 
 
 def _operators(reader: RunReader) -> list[str]:
-    """Who ran the sessions, each once, as far as they say."""
+    """Operators of the sessions, each once, if known."""
     began = (record.event for record in reader.records(SessionBegan.kind))
     return list(dict.fromkeys(event.by for event in began if isinstance(event, SessionBegan) and event.by))
 
 
 def _instruments(reader: RunReader) -> dict[str, str]:
-    """Who the instruments were, and until when their own calibration is in date, by name."""
+    """Identities of the instruments, and due dates of their own calibrations, by name."""
     found: dict[str, str] = {}
     for event in (record.event for record in reader.records(Identified.kind)):
         assert isinstance(event, Identified)
@@ -134,10 +133,10 @@ def _instruments(reader: RunReader) -> dict[str, str]:
 
 
 def _doubted(records: Iterable[Record]) -> dict[int | None, float]:
-    """Elapsed time from which on what was accepted in a whole plot that was lost is in doubt, by its identity."""
+    """Elapsed time from which accepted observations of a lost whole plot are in doubt, by its identity."""
     found: dict[int | None, float] = {}
     for record in records:
-        with contextlib.suppress(ContentsError):  # one that is damaged says nothing
+        with contextlib.suppress(ContentsError):  # a damaged record has no information
             lost = None if record.kind == Observed.kind else record.event
             since = lost.doubted_s if isinstance(lost, WholePlotLost) else None
             if since is not None and 0 <= since <= record.elapsed_s:
@@ -146,7 +145,7 @@ def _doubted(records: Iterable[Record]) -> dict[int | None, float]:
 
 
 def _skipped(reader: RunReader, run_list: RunList) -> list[dict[str, Any]]:
-    """Points that were given up for good: which, where, why."""
+    """Finally skipped points: index, settings, reason."""
     skips = (record.event for record in reader.records(Skipped.kind))
     if not any(isinstance(event, Skipped) and event.final for event in skips):
         return []
@@ -169,16 +168,15 @@ def _utc(seconds: float) -> str:
 
 
 def _row(record: Record, run_list: RunList, order: int, factors: Mapping[str, str]) -> dict[str, float]:
-    """One observation as a row: where, when, how approached, what was read.
+    """One observation as a row: place, time, approach, readings.
 
-    A factor whose value was measured is a column with that value, and one with its setpoint (`Factor.set_name`).
+    A measured factor has a column with its value, and one with its setpoint (`Factor.set_name`).
 
     Args:
         record: the observation.
-        run_list: what its point means.
+        run_list: has its point.
         order: executed position, from 1.
-        factors: which instrument sets which factor.
-
+        factors: instrument of each factor.
     """
     point, seen = run_list.points[int(record.run_index or 0)], record.event
     assert isinstance(seen, Observed)

@@ -1,6 +1,6 @@
-"""Unattended life: what keeps a night going without anybody, and who is told of it.
+"""Unattended operation: checks before a run, logs, messages to people, the service manager.
 
-The log, notifications, the service manager, the evening's doctor. None of it can end a run.
+None of them can end a run.
 """
 
 from rig.unattended.happenings import Happening, Kind, RunFacts

@@ -1,4 +1,4 @@
-"""How the session before this one ended, as far as the run file tells."""
+"""How the previous session ended, by the run file."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _LOOK_BACK = 20
 
 
 def ended_without_a_word(reader: RunReader) -> bool:
-    """Whether the last session was cut off: a power cut, a crash, a kill. False where there was none."""
+    """Whether the last session ended without a record: a power cut, a crash, a kill. False if there was none."""
     count, _ = reader.head()
     rows = reader.chained("seq > ?", (count - _LOOK_BACK,))
     for _, record, _, _ in reversed(list(rows)):

@@ -1,4 +1,4 @@
-"""What happens during a session, as people and logs are told it: one happening, one line of plain words."""
+"""Reports of a session to people and logs: each is one line of plain words."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from rig.run_file.events.sessions import SessionBegan
 
 
 class Kind(StrEnum):
-    """What sort of thing happened. The first ten are what `notify.toml` may list under `on`."""
+    """Kinds of reports. `notify.toml` may list the first ten under `on`."""
 
     START = "start"
     CRASH = "crash"
@@ -37,16 +37,16 @@ class Kind(StrEnum):
 
 @dataclass(frozen=True)
 class RunFacts:
-    """Which run it is.
+    """Facts about the run.
 
     Attributes:
-        path: the run file, None while there is none yet.
-        run_id: its name, "" while there is none yet.
+        path: the run file, None before it exists.
+        run_id: its name, "" before it exists.
         bench: the bench's name.
         procedure: the procedure's name.
-        simulated: no real instrument involved.
-        after_crash: the session before ended without a word (power cut, SIGKILL).
-        served: systemd started this session and starts it again after a fault.
+        simulated: whether no real instrument is involved.
+        after_crash: whether the previous session ended without a record (power cut, SIGKILL).
+        served: whether systemd started this session, and starts it again after a fault.
 
     """
 
@@ -61,17 +61,17 @@ class RunFacts:
 
 @dataclass(frozen=True)
 class Happening:
-    """One thing that happened.
+    """One report.
 
     Attributes:
-        kind: what sort of thing.
+        kind: kind of the report.
         level: "info", "warning" or "error".
         text: one line of plain words.
         utc_s: seconds since 1970-01-01, bench time.
-        elapsed_s: bench seconds since the run was created, None where there is no run.
-        data: what else is known, for logs that programs read.
-        unsafe: not everything is in its safe state: somebody has to go there.
-        event: of the run file, if it is one.
+        elapsed_s: bench seconds since the run was created, None without a run.
+        data: further values, for logs that programs read.
+        unsafe: whether something is not in its safe state, so that a person has to go there.
+        event: event of the run file, if any.
 
     """
 
@@ -86,11 +86,11 @@ class Happening:
 
 
 _CONTROLS = frozenset({"Cc", "Cf", "Cs", "Zl", "Zp"})
-"""Unicode's categories of what makes a new line, moves a cursor, or turns the order of letters."""
+"""Unicode categories of characters that start a new line, move the cursor, or change the direction of text."""
 
 
 def one_line(text: str) -> str:
-    """Text without line ends and control characters, which instruments, names, servers and notes may hold."""
+    """Text without line ends and control characters, which texts of instruments, servers and people may contain."""
     marked = "".join("\0" if category(c) in _CONTROLS else c for c in text.replace("\n", "; "))
     return re.sub("\0+", " ", marked).strip()
 
@@ -101,11 +101,11 @@ def utc_text(utc_s: float) -> str:
 
 
 def from_record(record: Record, *, after_crash: bool) -> Happening | None:
-    """What a record of the run file tells logs and people; None for what they are not told, or in another way.
+    """The report of a record of the run file; None for records without a report, or with another one.
 
     Args:
-        record: as it was written.
-        after_crash: the session before this one ended without a word.
+        record: the record.
+        after_crash: whether the previous session ended without a record.
 
     """
     if record.accepted or not record.event.importance.level:
@@ -114,7 +114,7 @@ def from_record(record: Record, *, after_crash: bool) -> Happening | None:
     kind, level = Kind(event.importance.message), event.importance.level
     if isinstance(event, SessionBegan) and after_crash and record.session > 1:
         kind, level = Kind.CRASH, "warning"
-        text += "; the one before ended without a word (power cut, crash or kill)"
+        text += "; the previous one ended without a record (power cut, crash or kill)"
     place = {"point": record.run_index, "whole_plot": record.whole_plot, "attempt": record.attempt}
     about = {k: v for k, v in place.items() if v is not None}
     data = {"record": record.kind, "status": record.status, "session": record.session, **about, "body": _short(record)}
@@ -122,5 +122,5 @@ def from_record(record: Record, *, after_crash: bool) -> Happening | None:
 
 
 def _short(record: Record) -> Any:
-    """A record's body for a log, or where to find it if it is long: evidence belongs to the run file."""
+    """A record's body for a log; for a long body its place in the run file."""
     return record.data if len(record.body) <= 2000 else f"{len(record.body)} characters, see the run file"

@@ -1,6 +1,7 @@
-"""Who listens to a session: the log, people, the service manager. One face for the controller, which waits for none.
+"""The listeners of a session: log, notifications, service manager. The controller sees one observer and never waits for
+it.
 
-Whatever goes wrong in here costs news and never a run.
+An error in a listener loses reports, but never ends a run.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from rig.unattended.happenings import Happening, Kind, RunFacts, from_record, on
 from rig.unattended.logs import Log
 from rig.unattended.manager import ServiceManager
 
-if TYPE_CHECKING:  # mail and web are imported where somebody is to be told
+if TYPE_CHECKING:  # mail and web are imported only if they are needed
     from rig.unattended.notify.notifier import Failure, Notifier
 
 _PROGRESS_S = 3600.0
@@ -38,16 +39,16 @@ _ENDINGS = {
 
 
 class Listeners:
-    """Everybody who listens to a session; the controller's observer.
+    """All listeners of a session, as the controller's observer.
 
     Args:
-        facts: which run it is; a new run's file is made known by `opened`.
+        facts: facts about the run; a new run's file is set by `opened`.
         manager: the service manager.
 
     Attributes:
-        facts: which run it is.
-        logs: where lines go.
-        notifier: who tells people, None if nobody is to be told.
+        facts: facts about the run.
+        logs: logs that receive lines.
+        notifier: sends messages to people, None if nobody is notified.
 
     """
 
@@ -67,7 +68,7 @@ class Listeners:
         self._trouble = ""
 
     def opened(self, path: Path, run_id: str) -> None:
-        """The run file exists."""
+        """Note that the run file exists."""
         self.facts = replace(self.facts, path=path, run_id=run_id)
 
     # --- what the controller calls --------------------------------------------------------------------------------
@@ -79,11 +80,11 @@ class Listeners:
             happening = from_record(record, after_crash=self.facts.after_crash)
             if happening is not None:
                 self._spread(happening)
-        except Exception as error:  # see the module's first lines
+        except Exception as error:  # an error here must not end a run
             self._in_trouble(error)
 
     def to_note(self) -> Sequence[Event]:
-        """See `Observer.to_note`: what could not be told to people."""
+        """See `Observer.to_note`: messages that could not be sent."""
         noted = []
         while self._failures:
             failure = self._failures.popleft()
@@ -91,7 +92,7 @@ class Listeners:
         return noted
 
     def progress(self, news: Progress) -> None:
-        """The sequencer's news; often."""
+        """Take the sequencer's progress; called often."""
         try:
             self._manager.progress(news)
             self._last = news
@@ -102,12 +103,12 @@ class Listeners:
             self._in_trouble(error)
 
     def ended(self, outcome: Outcome, message: str, *, note: str = "", head: str = "") -> None:
-        """The session is over and the bench as safe as it will be.
+        """Report the end of the session, after the safe state.
 
         Args:
             outcome: how it ended.
-            message: why, "" if there is nothing to explain.
-            note: what else there is to say: "outside acceptance".
+            message: reason, "" if none is needed.
+            note: further remark: "outside acceptance".
             head: hash of the run file's last record, "" if there is none.
 
         """
@@ -127,31 +128,31 @@ class Listeners:
         self._spread(happening)
 
     def failed(self, error: BaseException) -> None:
-        """The session could not begin, or ended in a way nobody foresaw."""
+        """Report that the session could not begin, or ended with an unexpected error."""
         text = f"could not go on: {error or type(error).__name__}"
         self._manager.failed(text)
         happening = Happening(Kind.ENDED_BY_FAULT, "error", one_line(text), self._utc_s(None))
         began = self._utc_minus_elapsed is not None
         if began or (self.facts.served and not isinstance(error, UsageError)):
             self._spread(happening)
-        else:  # somebody has just typed the command and reads the message; or another controller goes on undisturbed
+        else:  # the person who typed the command sees the message; or another controller continues undisturbed
             self._log(happening)
 
     def say(self, level: str, text: str) -> None:
-        """A line for the logs alone."""
+        """Write a line to the logs only."""
         self._log(Happening(Kind.LOG, level, one_line(text), self._utc_s(None)))
 
     def close(self) -> list[str]:
-        """Let what waits go out, for a limited time.
+        """Send waiting messages and lines, for a limited time.
 
         Returns:
-            what a terminal has not shown yet, a sentence each: messages that reached nobody, lines that no log has.
+            sentences not yet shown on a terminal: messages that reached nobody, lines missing in the log.
 
         """
         if self.notifier is not None:
             self.notifier.close()
         if self._trouble:
-            self.say("warning", f"listening went wrong: {self._trouble}")
+            self.say("warning", f"a report failed: {self._trouble}")
         for log in self.logs:
             log.close()
         if any(log.on_stderr for log in self.logs):
@@ -160,9 +161,9 @@ class Listeners:
         return [*self._not_told(), *([f"{lost} line(s) of the log could not be written"] if lost else [])]
 
     def _not_told(self) -> list[str]:
-        """A channel's failures, a sentence for each reason. The run file has those that came before its last record."""
+        """A channel's failures, one sentence per reason. The run file has those before its last record."""
         told = []
-        for (channel, why), counts in list(self._untold.items()):  # a channel's thread may still be at it
+        for (channel, why), counts in list(self._untold.items()):  # a channel's thread may still be running
             about = ", ".join(f"{kind}{f' ({n} times)' if n > 1 else ''}" for kind, n in list(counts.items()))
             told.append(f"{channel} was not told of {about}: {why}")
         return told
@@ -170,7 +171,7 @@ class Listeners:
     # --- from the channels' threads -------------------------------------------------------------------------------
 
     def not_told(self, failure: Failure) -> None:
-        """A message did not reach a channel: into the log now, into the run file with its next record."""
+        """Report a message that could not be sent: in the log now, in the run file with its next record."""
         self._failures.append(failure)
         reason = (failure.channel, one_line(failure.why))
         if reason not in self._untold and len(self._untold) >= _REASONS:
@@ -179,7 +180,7 @@ class Listeners:
         self.say("warning", f"{failure.channel} was not told of {failure.about}: {failure.why}")
 
     def told(self, label: str, headline: str) -> None:
-        """A message went out."""
+        """Report that a message was sent."""
         self.say("info", f"{label} was told: {headline}")
 
     # --- spreading ------------------------------------------------------------------------------------------------
@@ -195,7 +196,7 @@ class Listeners:
             log.happened(happening, self.facts)
 
     def _tell_phase(self, news: Progress) -> None:
-        """Lines for changes of state, where the states of a point count as one, and for progress now and then."""
+        """Lines for changes of state (the states of a point count as one), and for progress from time to time."""
         phase = "observing" if news.state in AT_POINT else str(news.state)
         data = {"state": str(news.state), "done": news.done, "points": news.total}
         if phase != self._phase:
@@ -214,7 +215,9 @@ class Listeners:
         self._log(Happening(kind, "info", one_line(text), self._utc_s(news.elapsed_s), news.elapsed_s, data))
 
     def _utc_s(self, elapsed_s: float | None) -> float:
-        """Bench time's UTC: from the records, since news tell bench seconds only, and a simulated bench has its own."""
+        """UTC of bench time, from the records: progress has only bench seconds, and a simulated bench has its own
+        UTC.
+        """
         if elapsed_s is None and self._last is not None and self.facts.simulated:
             elapsed_s = self._last.elapsed_s
         if elapsed_s is None or self._utc_minus_elapsed is None:

@@ -1,8 +1,8 @@
-"""The log of a session: one line an event, as text or as JSON, in UTC.
+"""The log of a session: one line per event, as text or as JSON, in UTC.
 
-The run file is the record; a log is for eyes and for tools that collect lines. It never decides whether a night
-lives: lines are written by a thread of its own, and a full disk, a missing folder or a network drive that hangs
-costs lines and nothing else. Every line opens the file again, so that whatever rotates it may do so at any time.
+The run file is the record; a log is for people and for tools that collect lines. It never ends a run: lines are
+written by a separate thread. A full disk, a missing folder or a network drive that hangs costs lines and nothing else.
+Every line opens the file again, so that it can be rotated at any time.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _PRIORITY = {"info": 6, "warning": 4, "error": 3}
 
 
 def default_log(run: Path) -> Path:
-    """Where the log of a run goes if nobody says otherwise: beside the run file, where it is found in the morning."""
+    """Default path of a run's log: beside the run file."""
     return real_path(run).with_suffix(".log")
 
 
@@ -58,11 +58,11 @@ def as_json(happening: Happening, facts: RunFacts) -> str:
 FORMATS: dict[LogFormat, Formatter] = {"text": as_text, "json": as_json}
 
 
-_ADD = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC | os.O_NONBLOCK  # a pipe may wait for ever for its reader
+_ADD = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC | os.O_NONBLOCK  # opening a pipe may block for ever
 
 
 def file_writer(path: Path) -> Callable[[str], None]:
-    """What appends a line to a file, in one write; raises OSError."""
+    """A function that appends a line to a file, in one write; it raises OSError."""
 
     def write(line: str) -> None:
         descriptor = os.open(path, _ADD, 0o644)
@@ -75,7 +75,7 @@ def file_writer(path: Path) -> Callable[[str], None]:
 
 
 def stderr_writer() -> Callable[[str], None]:
-    """What prints a line on stderr; raises OSError."""
+    """A function that prints a line on stderr; it raises OSError."""
 
     def write(line: str) -> None:
         print(line, file=sys.stderr, flush=True)
@@ -84,16 +84,16 @@ def stderr_writer() -> Callable[[str], None]:
 
 
 class Log:
-    """Writes happenings as lines; a listener of a session.
+    """Writes reports as lines; a listener of a session.
 
     Args:
-        write: takes a line; an OSError costs that line.
+        write: writes a line; after an OSError this line is lost.
         form: "text" or "json".
-        journal: put systemd's priority (`<4>`) before every line.
-        on_stderr: the lines go where progress would be shown.
+        journal: start every line with systemd's priority (`<4>`).
+        on_stderr: whether the lines go to stderr, where progress would be shown.
 
     Attributes:
-        lost: lines that could not be written.
+        lost: number of lines that could not be written.
 
     """
 
@@ -114,13 +114,13 @@ class Log:
         self._worker: Worker[tuple[Happening, RunFacts]] = Worker("log", self._line, _WAITING)
 
     def happened(self, happening: Happening, facts: RunFacts) -> None:
-        """Have a line written soon."""
+        """Queue a line."""
         if not self._worker.put((happening, facts)):
             self.lost += 1
             self._untold += 1
 
     def close(self) -> None:
-        """Write what waits, for a few seconds at most."""
+        """Write queued lines, for a few seconds at most."""
         self.lost += len(self._worker.close(_CLOSE_S))
 
     def _line(self, item: tuple[Happening, RunFacts]) -> None:
@@ -146,7 +146,7 @@ class Log:
 
 
 def logged_by_journal() -> bool:
-    """Whether stderr is connected to systemd's journal, which then takes lines with priorities."""
+    """Whether stderr is connected to systemd's journal, which accepts lines with priorities."""
     stream = os.environ.get("JOURNAL_STREAM", "")
     try:
         found = os.fstat(2)

@@ -1,7 +1,7 @@
-"""What systemd is told of a session: ready, alive, what it does, stopping. sd_notify(3) in a few lines.
+"""Messages to systemd about a session: ready, alive, status, stopping. A small implementation of sd_notify(3).
 
-`WATCHDOG=1` goes out only with the sequencer's own news, so that a driver call that hangs is noticed although the
-process lives.
+`WATCHDOG=1` is sent only with the sequencer's own progress, so that a driver call that hangs is noticed although the
+process is alive.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ _STATUS_S = 5.0
 
 
 class ServiceManager:
-    """Tells the service manager; a listener of a session. Does nothing where there is none.
+    """Notifies the service manager; a listener of a session. Does nothing without a service manager.
 
     Args:
-        environment: where `NOTIFY_SOCKET`, `WATCHDOG_USEC` and `WATCHDOG_PID` are.
+        environment: has `NOTIFY_SOCKET`, `WATCHDOG_USEC` and `WATCHDOG_PID`.
         clock: real time.
 
     """
@@ -43,11 +43,11 @@ class ServiceManager:
 
     @property
     def present(self) -> bool:
-        """Whether a service manager wants to know."""
+        """Whether there is a service manager."""
         return self._address is not None
 
     def progress(self, news: Progress) -> None:
-        """The sequencer is alive: say so, at half the watchdog's time or more often, and what it does."""
+        """Report that the sequencer is alive, and its status, at half the watchdog's time or more often."""
         if self._address is None:
             return
         now = self._clock.now()
@@ -69,33 +69,35 @@ class ServiceManager:
             self._alive = now
 
     def happened(self, happening: Happening, _facts: RunFacts) -> None:
-        """Ready once every instrument has answered; stopping when the session is over."""
+        """Report ready after every instrument has answered, and stopping at the end of the session."""
         if isinstance(happening.event, AsFound) and not self._ready:
             self._ready = True
             self._alive = self._clock.now()
             self._send(["READY=1", "WATCHDOG=1"])
 
     def ended(self, text: str) -> None:
-        """The session is over, well or not. One that never became ready has nothing more to become ready for."""
+        """Report the end of the session; a session that never became ready reports ready in the same message."""
         lines = [] if self._ready else ["READY=1"]
         self._ready = self._stopping = True
         self._send([*lines, f"STATUS={one_line(text)}", "STOPPING=1"], patience_s=1.0)
 
     def failed(self, text: str) -> None:
-        """The session could not begin or go on."""
+        """Report that the session could not begin or continue."""
         self._send([f"STATUS={one_line(text)}"], patience_s=1.0)
 
     def close(self) -> None:
-        """Nothing to close: every message has its own socket."""
+        """Does nothing: every message has its own socket."""
 
     def _send(self, lines: list[str], patience_s: float = 0.0) -> bool:
-        """Whether it was sent, within so many real seconds. What could not be sent now goes with the next news."""
+        """Send a message within this many real seconds; returns whether it was sent. An unsent message is sent with
+        the next one.
+        """
         if self._address is None:
             return False
         lines = [*self._unsent, *lines]
         try:
             with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_CLOEXEC) as wire:
-                wire.settimeout(patience_s)  # zero: never wait, a manager that is busy must not delay a night
+                wire.settimeout(patience_s)  # zero: never wait, a busy manager must not delay a run
                 wire.sendto("\n".join(lines).encode(), self._address)
         except OSError:
             self._unsent = [line for line in lines if line in ("READY=1", "STOPPING=1")]
@@ -105,14 +107,14 @@ class ServiceManager:
 
 
 def _address(text: str) -> str | None:
-    """A path, or a name in the abstract namespace, which is written with an @ for its leading zero byte."""
+    """A path, or a name in the abstract namespace, written with an @ for its leading zero byte."""
     if text.startswith("@"):
         return "\0" + text[1:]
     return text if Path(text).is_absolute() else None
 
 
 def _watchdog_s(env: Mapping[str, str]) -> float:
-    """The watchdog's time in seconds; 0 if there is none or it is another process's."""
+    """The watchdog's time, seconds; 0 if there is none, or if it belongs to another process."""
     pid = env.get("WATCHDOG_PID", "")
     if pid and pid != str(os.getpid()):
         return 0.0

@@ -1,4 +1,4 @@
-"""Where the file lies that says who is told. Apart from what reads it, which takes a while to import."""
+"""Place of `notify.toml`. Separate from the module that reads it, because that one is slow to import."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 
 
 def find_settings(explicit: Path | None) -> Path | None:
-    """The file that says who is told: `explicit`, $RIG_NOTIFY, the user's, the machine's; None if there is none."""
+    """Path of `notify.toml`: `explicit`, $RIG_NOTIFY, the user's, or the machine's; None if there is none."""
     if explicit is not None:
         return explicit
     named = os.environ.get("RIG_NOTIFY")

@@ -1,4 +1,4 @@
-"""A systemd unit that carries a run on whatever happens, and gives up where only a person can help."""
+"""A systemd unit that continues a run after failures, and gives up if only a person can help."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from rig.errors import ExitCode, UsageError
 from rig.quantities import ATMOSPHERE_PSIA
 
 WATCHDOG_S = 900.0
-"""Without news for so long the controller hangs. The longest that it is silent for a good reason is while a pressure
-line goes to the atmosphere: from 15 psi at 0.2 psi/s about four minutes."""
+"""Seconds without a sign of life after which the controller counts as hanging. Its longest normal silence is while a
+pressure line is vented to the atmosphere: from 15 psi at 0.2 psi/s about four minutes."""
 
 _VENT_S = 120.0
 
@@ -30,11 +30,11 @@ FINAL = (
     ExitCode.INTERRUPTED,
     ExitCode.CONFIGURATION,
 )
-"""Exit codes after which another attempt would be wrong or useless. What is left is a fault with the bench safe (1),
-a signal, a watchdog, a machine that went down."""
+"""Exit codes after which another attempt would be wrong or useless. The unit starts again after a fault with the
+bench safe (1), a signal, the watchdog, or a crash of the machine."""
 
 GOOD = (ExitCode.OUTSIDE_ACCEPTANCE, ExitCode.STOPPED, ExitCode.INTERRUPTED)
-"""Exit codes besides 0 that are no failure of the service."""
+"""Exit codes besides 0 that are not a failure of the service."""
 
 
 @dataclass(frozen=True)
@@ -45,12 +45,12 @@ class ServiceUnit:
         run: the run file, absolute.
         run_id: its name.
         about: procedure and bench, for people.
-        system: a unit of the machine; otherwise of the user, who must be allowed to linger.
-        user: whom a system unit runs as.
+        system: whether it is a unit of the machine; otherwise of the user, who must be allowed to linger.
+        user: user of a system unit.
         watchdog_s: see `WATCHDOG_S`.
         bench: another bench file for `rig resume`, absolute.
-        also_write: folders besides the run's that may be written to.
-        addresses: of the bench's instruments; a system unit reaches their devices and no others.
+        also_write: further writable folders besides the run's.
+        addresses: addresses of the bench's instruments; a system unit has access to no other devices.
 
     """
 
@@ -71,7 +71,7 @@ class ServiceUnit:
 
     @property
     def path(self) -> Path:
-        """Where it is installed."""
+        """Path for its installation."""
         if self.system:
             return Path("/etc/systemd/system") / self.name
         home = Path(os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config")
@@ -79,12 +79,12 @@ class ServiceUnit:
 
     @property
     def command(self) -> tuple[str, ...]:
-        """What it starts. -P keeps a file called rig.py in the run's folder from being taken for this program."""
+        """Its command. -P prevents that a file rig.py in the run's folder is taken for this program."""
         bench = () if self.bench is None else ("--bench", str(self.bench))
         return (sys.executable, "-P", "-m", "rig", "resume", str(self.run), "--unless-stopped", *bench)
 
     def check_paths(self) -> None:
-        """Raise `UsageError` for a path that cannot be written in a unit: systemd would refuse all of it."""
+        """Raise `UsageError` for a path that cannot be written in a unit: systemd would refuse the whole unit."""
         for path in (self.run, self.bench, *self.also_write):
             if path is not None and re.search(r"[\x00-\x1f\x7f\ud800-\udfff]", str(path)):
                 raise UsageError(
@@ -120,7 +120,7 @@ class ServiceUnit:
         )
 
     def _confined(self, writable: str) -> str:
-        """What a unit of the machine takes away; a unit of a user has no right to."""
+        """Restrictions of a unit of the machine; a user's unit may not set them."""
         reached = [parse_address(address) for address in self.addresses]
         families = " AF_CAN" if any(isinstance(one, CanAddress) for one in reached) else ""
         devices = sorted({_device_class(one.device) for one in reached if one.device is not None})
@@ -128,7 +128,7 @@ class ServiceUnit:
         return _SYSTEM_HARDENING.format(families=families) + f"{allowed}ReadWritePaths={writable}\n"
 
     def next_steps(self) -> list[str]:
-        """Commands that set it to work, and those that look at it."""
+        """Commands that install it, and commands that show its state."""
         control = "systemctl" if self.system else "systemctl --user"
         journal = f"journalctl {'' if self.system else '--user '}-u {self.name}"
         linger = [] if self.system else [f"loginctl enable-linger {getpass.getuser()}   # lives on after you log out"]
@@ -186,9 +186,9 @@ WantedBy={target}.target
 
 
 def _device_class(device: str) -> str:
-    """The kind of device an address means, as systemd lets it be used: a port that comes back may have another number.
+    """Kind of an address's device, as systemd's permission: a port that is connected again may have another number.
 
-    A name that leads nowhere at the moment, or to a device of no known kind, is allowed by itself.
+    A name without a device at the moment, or with a device of unknown kind, is permitted by itself.
     """
     name = os.path.basename(os.path.realpath(device))
     kind = next((kind for kind in _DEVICE_KINDS if re.fullmatch(rf"{kind}[0-9]+", name)), None)
@@ -226,7 +226,9 @@ ProtectHome=read-only
 
 
 def patience_s(config: BenchConfig) -> float:
-    """The watchdog's time for a bench: twice the longest way of a pressure line to the atmosphere, if that is more."""
+    """The watchdog's time for a bench, seconds: twice the longest venting time of its pressure lines, if that is
+    more.
+    """
     longest = 0.0
     for options in check_options(config, "bench").values():
         slew, high = getattr(options, "vent_psi_per_s", None), getattr(options, "high_psia", None)
@@ -237,11 +239,11 @@ def patience_s(config: BenchConfig) -> float:
 
 
 def _plain(text: str) -> str:
-    """A value that is one text or one whole path: no quotes there, specifiers doubled."""
+    """A value that is one text or one path: without quotes, specifiers doubled."""
     return re.sub(r"[\x00-\x1f\x7f\ud800-\udfff]+", " ", text).replace("%", "%%").strip()
 
 
 def _quoted(text: str) -> str:
-    """A word of a list: in quotes where needed, specifiers doubled."""
+    """A word of a list: in quotes if needed, specifiers doubled."""
     escaped = text.replace("\\", "\\\\").replace('"', '\\"').replace("%", "%%")
     return f'"{escaped}"' if re.search(r"[^A-Za-z0-9_./:=@+,$%-]", text) else escaped

@@ -1,6 +1,6 @@
-"""A thread of its own for what may take time or never answer: mail servers, webhooks, a log on a network drive.
+"""A thread for work that may be slow or never end: mail servers, webhooks, a log on a network drive.
 
-It does real input and output and knows nothing of bench time; the sequencer hands things over and never waits.
+It does real input and output and does not know bench time. The sequencer hands over work and never waits.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ _LAST_PAUSE_S = 2.0
 
 
 class Worker(Generic[Item]):
-    """Does one thing after another in a thread that ends with the process, whatever it hangs in.
+    """Does tasks in order, in a thread that ends with the process even if it hangs.
 
     Args:
-        name: of the thread.
-        do: does one thing; must not raise.
-        limit: how many things may wait; more are refused.
+        name: name of the thread.
+        do: does one task; must not raise.
+        limit: maximum number of waiting tasks; more are refused.
 
     """
 
@@ -36,7 +36,7 @@ class Worker(Generic[Item]):
         self._thread.start()
 
     def put(self, item: Item) -> bool:
-        """Hand something over; False if too much waits already, or it is over."""
+        """Hand over a task; False if too many are waiting, or after the end."""
         with self._changed:
             if len(self._waiting) >= self._limit or self._closing.is_set():
                 return False
@@ -45,24 +45,24 @@ class Worker(Generic[Item]):
             return True
 
     def pause(self, seconds: float) -> None:
-        """Called by `do`: wait, in real seconds; when the session is over, a moment at most."""
+        """Called by `do`: wait, in real seconds; after the end of the session only for a moment."""
         if not self._closing.wait(seconds):
             return
         threading.Event().wait(min(seconds, _LAST_PAUSE_S))
 
     def idle(self) -> bool:
-        """Whether everything handed over has been done."""
+        """Whether all tasks are done."""
         with self._changed:
             return not self._waiting and not self._in_hand
 
     def finish(self) -> None:
-        """Take nothing more and end when what waits is done."""
+        """Refuse new tasks, and end after the waiting ones."""
         with self._changed:
             self._closing.set()
             self._changed.notify()
 
     def close(self, within_s: float) -> list[Item]:
-        """Do what waits, for at most so many real seconds; returns what was not done by then."""
+        """Do the waiting tasks, for at most this many real seconds; returns those not done."""
         self.finish()
         self._thread.join(within_s)
         with self._changed:

@@ -1,6 +1,6 @@
-"""The live page of a run: a process of its own that reads the run file and `RUN.live`, and nothing else.
+"""The live page of a run: a separate process that only reads the run file and `RUN.live`.
 
-It opens no instrument and writes no file. Losing it, or starting three of it, never matters to a run.
+It opens no instrument and writes no file. A crash of it, or several of them, never affects a run.
 """
 
 from rig.watch.access import Access

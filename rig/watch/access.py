@@ -1,4 +1,4 @@
-"""Who may look: GET only, known host names, a token where it is asked for; and the headers every answer carries."""
+"""Access to the page: GET only, known host names, a token if required; and the headers of every answer."""
 
 from __future__ import annotations
 
@@ -29,22 +29,21 @@ _HEADERS = {
 
 @dataclass(frozen=True)
 class Access:
-    """What is asked of whoever looks.
+    """Conditions for access.
 
     Attributes:
-        token: to be given once as `?token=`, then kept in a cookie; "" if none is asked for.
-        names: host names the page is reached by, besides addresses and localhost.
-
+        token: given once as `?token=`, then kept in a cookie; "" if none is required.
+        names: host names of the page, besides IP addresses and localhost.
     """
 
     token: str = ""
     names: frozenset[str] = field(default_factory=lambda: frozenset({platform.node().lower()}))
 
     def host_known(self, host: str) -> bool:
-        """Whether a Host header is one of ours.
+        """Whether a Host header names this server.
 
-        A page of another site whose name was made to lead here (DNS rebinding) sends that name: addresses and our own
-        names are safe, every other name is refused.
+        A page of another site whose name resolves to this server (DNS rebinding) sends that name. IP addresses and our
+        own names are safe; every other name is refused.
         """
         name = _without_port(host)
         if name == "localhost" or name in self.names:
@@ -56,7 +55,7 @@ class Access:
         return True
 
     def admits(self, given: str) -> bool:
-        """Whether a token is the one; takes as long for a wrong one."""
+        """Whether a token is correct; takes equally long for a wrong one."""
         return hmac.compare_digest(given.encode("utf-8", "replace"), self.token.encode())
 
 
@@ -84,19 +83,19 @@ class Guarded:
         await (self._app if refusal is None else refusal)(scope, receive, answer)
 
     def _refusal(self, scope: Scope) -> Response | None:
-        """What is answered instead of the page; None to go on."""
+        """The answer instead of the page; None to continue."""
         headers = Headers(scope=scope)
         if scope["method"] not in ("GET", "HEAD"):
-            return PlainTextResponse("This page can only be looked at.\n", 405, {"allow": "GET, HEAD"})
+            return PlainTextResponse("This page is read-only.\n", 405, {"allow": "GET, HEAD"})
         if not self._access.host_known(headers.get("host", "")):
-            return PlainTextResponse("This is not a name of this page's server; use its address.\n", 421)
+            return PlainTextResponse("This host name does not belong to this page's server; use its IP address.\n", 421)
         if not self._access.token:
             return None
         asked = parse_qs(scope["query_string"].decode("latin-1"))
         if "token" in asked:
             if not self._access.admits(asked.pop("token")[0]):
                 return _ask_for_token()
-            # Out of the address bar at once: addresses are shown, kept and copied.
+            # The token is removed from the address bar at once: addresses are shown, kept and copied.
             query = f"?{urlencode(asked, doseq=True)}" if asked else ""
             here = RedirectResponse("/" + quote(scope["path"].lstrip("/")) + query, 303)
             here.set_cookie(COOKIE, self._access.token, httponly=True, samesite="strict", path="/")

@@ -1,4 +1,4 @@
-"""The pages and their stream of news."""
+"""The pages and their stream of events."""
 
 from __future__ import annotations
 
@@ -38,10 +38,9 @@ def make_app(shelf: Shelf, access: Access, pause: Pause, *, streams: int = _MOST
 
     Args:
         shelf: the runs it shows.
-        access: what is asked of whoever looks.
-        pause: lets so many seconds pass without holding up other requests.
-        streams: pages that can be open at once.
-
+        access: conditions for access.
+        pause: waits this many seconds without blocking other requests.
+        streams: maximum number of pages open at once.
     """
     pages = _Pages(shelf, pause, streams)
     routes = [
@@ -57,7 +56,7 @@ def make_app(shelf: Shelf, access: Access, pause: Pause, *, streams: int = _MOST
 
 class _Page(HTMLResponse):
     def render(self, content: Any) -> bytes:
-        """As Starlette does; halves of characters, which run files may hold in their texts, are written out."""
+        """As in Starlette; lone surrogates, which texts of run files may contain, are escaped."""
         return str(content).encode("utf-8", "backslashreplace")
 
 
@@ -71,14 +70,14 @@ class _Pages:
         self._templates.filters["utc"] = _utc
 
     async def start(self, _request: Request) -> Response:
-        """The one run, or the list of them."""
+        """The one run, or the list of runs."""
         if self._shelf.only is not None:
             return RedirectResponse(f"/run/{quote(self._shelf.only, safe='')}", 307)
         entries = await to_thread.run_sync(self._shelf.entries)
         return _Page(self._templates.get_template("runs.html.j2").render(entries=entries))
 
     async def run(self, request: Request) -> Response:
-        """The page of one run; what it shows comes with the stream."""
+        """The page of one run; its contents come with the stream."""
         name = request.path_params["name"]
         if self._shelf.feed(name) is None:
             return await _not_found(request, None)
@@ -86,7 +85,7 @@ class _Pages:
         return _Page(self._templates.get_template("run.html.j2").render(name=name, alone=alone))
 
     async def state(self, request: Request) -> Response:
-        """All the page shows, once, as JSON."""
+        """All contents of the page, once, as JSON."""
         feed = self._shelf.feed(request.path_params["name"])
         if feed is None:
             return await _not_found(request, None)
@@ -95,7 +94,7 @@ class _Pages:
         return Response(encoded(content), media_type="application/json")
 
     async def events(self, request: Request) -> Response:
-        """News as server-sent events; `Last-Event-ID` says which record the page has seen already."""
+        """The state of the run as server-sent events; `Last-Event-ID` names the last record that the page has."""
         feed = self._shelf.feed(request.path_params["name"])
         if feed is None:
             return await _not_found(request, None)
@@ -141,7 +140,7 @@ async def _static(request: Request) -> Response:
 
 
 async def _not_found(_request: Request, _error: Exception | None) -> Response:
-    return PlainTextResponse("There is no such page here; / leads to what there is.\n", 404)
+    return PlainTextResponse("There is no such page here; see / for the existing ones.\n", 404)
 
 
 def _utc(seconds: float) -> str:

@@ -1,4 +1,4 @@
-"""Connections to the page: none is held by somebody who never asks anything."""
+"""Connections to the page: a connection without a request is closed after a time."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from h11 import LocalProtocolError
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 HEADERS_S = 10.0
-"""Real seconds in which a connection that was opened has to have asked for something."""
+"""Real seconds within which a new connection must have sent a request."""
 MOST_OF_ONE = 64
-"""Connections from one address: so many pages, and no more."""
+"""Maximum number of connections, and so of pages, from one address."""
 
 
 class BoundedProtocol(H11Protocol):
-    """HTTP whose connections are bounded: by the time to the first whole request, and by number from one address.
+    """HTTP with bounded connections: bounded time to the first whole request, bounded number per address.
 
-    Where an address has too many, that of them goes which has asked nothing for longest, and the new one only if all
-    have: half-open connections keep nobody out.
+    If an address has too many, its connection that has been without a request for longest is closed. The new one is
+    closed only if all have sent a request: half-open connections keep nobody out.
     """
 
     def __init__(self, *given: Any, **options: Any) -> None:
@@ -34,26 +34,26 @@ class BoundedProtocol(H11Protocol):
         own = [c for c in self.connections if isinstance(c, BoundedProtocol) and c.client and c.client[0] == host]
         if len(own) > MOST_OF_ONE:
             silent = [c for c in own if c is not self and c._too_late is not None]
-            # The earliest deadline is that of the longest silence.
+            # The earliest deadline is that of the connection that has been silent for longest.
             first = min(silent, key=lambda c: c._too_late.when() if c._too_late else 0.0, default=self)
             first._give_up()
 
     def handle_events(self) -> None:
-        """See `H11Protocol`; a request that has come whole may take its time to be answered."""
+        """See `H11Protocol`; there is no time limit for the answer to a whole request."""
         super().handle_events()
         if self.cycle is not None:
             self._asked()
 
     def send_400_response(self, msg: str) -> None:
-        """See `H11Protocol`: said to what is no request, unless an answer to another has begun on this connection."""
+        """See `H11Protocol`: the answer to an invalid request, unless another answer has begun on this connection."""
         under_way = self.cycle
         if under_way is not None and not under_way.response_complete:
-            under_way.disconnected = True  # the application has nobody left to answer
+            under_way.disconnected = True  # the connection is closed, so the application cannot answer any more
             under_way.message_event.set()
             if under_way.response_started:
                 self.transport.close()
                 return
-        with contextlib.suppress(LocalProtocolError):  # an answer to HEAD has no words
+        with contextlib.suppress(LocalProtocolError):  # an answer to HEAD has no body
             super().send_400_response(msg)
         self.transport.close()
 

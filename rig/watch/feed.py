@@ -1,4 +1,4 @@
-"""One run as the page shows it, kept up to date by reading what is new."""
+"""One run as shown by the page, updated by reading new records."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ from rig.watch.sample import Sample
 from rig.watch.words import expected_end, number, settling_now, state_now
 
 _LEAST_S = 0.5
-"""However many pages are open, a run file is looked at no more often."""
+"""Minimum seconds between two reads of a run file, however many pages are open."""
 _CHARTS_S = 4.0
-"""Charts are made again no more often."""
+"""Minimum seconds between two updates of charts."""
 _TICK_S = 2.0
-"""A file's time of change is coarse on some file systems: two writes within it may show as one."""
+"""Resolution of a file's time of change, seconds: on some file systems two writes within it have the same time."""
 
 
 @dataclass
 class _Charts:
-    """What is drawn over the whole run, and of how many records it was drawn."""
+    """Charts of the whole run, and the number of records they show."""
 
     seq: int = 0
     made: float = -1e9
@@ -43,17 +43,16 @@ class _Charts:
 
 
 class RunFeed:
-    """One run file, read as it grows. May be asked from several threads.
+    """One run file, read as it grows. May be called from several threads.
 
     Args:
         path: the run file.
-        reference: a previous calibration to hold observations against.
+        reference: a previous calibration to compare observations with.
         stopwatch: real seconds.
         utc: real seconds since 1970-01-01.
 
     Attributes:
-        seq: the last record taken in.
-
+        seq: number of the last record read.
     """
 
     def __init__(
@@ -81,11 +80,11 @@ class RunFeed:
         self._error = ""
 
     def check(self) -> None:
-        """Whether there is a run file to show at all. Raises `UsageError` or `RunFileError`."""
+        """Check that there is a run file to show. Raises `UsageError` or `RunFileError`."""
         WatchReader.open(self.path).close()
 
     def refresh(self) -> None:
-        """Take in what is new; what cannot be read is said on the page, never raised."""
+        """Read new records; an error is shown on the page, never raised."""
         with self._lock:
             now = self._stopwatch()
             if now - self._looked < _LEAST_S:
@@ -100,7 +99,7 @@ class RunFeed:
                 self._error = f"{self.path.name} cannot be read: {error.strerror}"
 
     def view(self) -> dict[str, Any]:
-        """Everything the page shows, by section, JSON-ready; always of bounded size."""
+        """All contents of the page, by section, as JSON values of bounded size."""
         with self._lock:
             live = read_json(live_path(self.path)) or {}
             running = bool(live) and controller_alive(self.path)
@@ -122,7 +121,7 @@ class RunFeed:
             }
 
     def lines(self, after: int) -> dict[str, Any]:
-        """What happened after record `after`, in plain words, and how many lines there are in all."""
+        """The events after record `after`, in plain words, and the total number of lines."""
         with self._lock:
             return {"lines": self._lines.after(after), "told": self._lines.told, "seq": self.seq}
 
@@ -133,8 +132,8 @@ class RunFeed:
         if seen == self._print:
             return
         if self._utc() - changed < _TICK_S:
-            seen = ()  # more may be written without a file's time or size showing it
-        while True:  # a transaction a batch; the writer is never in the way of one for long
+            seen = ()  # more may be written without a change of the file's time or size
+        while True:  # one transaction per batch; the writer is never blocked for long
             with WatchReader.open(self.path) as reader:
                 if not self.seq:
                     self._begin(reader)
@@ -174,7 +173,7 @@ class RunFeed:
             self._last_seq = seq
         self.seq = seq
 
-    # --- what is shown ------------------------------------------------------------------------------------------
+    # # --- sections ---------------------------------------------------------------------------------------------
 
     def _now(self, live: Mapping[str, Any], running: bool, news_s: float | None) -> dict[str, Any]:
         fold = self._state
@@ -260,7 +259,9 @@ def _temperatures(shown: list[Seen]) -> dict[str, Any]:
 
 
 def _print(path: Path) -> tuple[tuple[object, ...], float]:
-    """What changes whenever a run file or its log does, and when that was last, seconds since 1970-01-01."""
+    """Values that change whenever a run file or its log does, and the time of the last change, seconds since
+    1970-01-01.
+    """
     found: list[object] = []
     changed = 0.0
     real = real_path(path)
@@ -275,7 +276,7 @@ def _print(path: Path) -> tuple[tuple[object, ...], float]:
 
 
 def encoded(value: object) -> str:
-    """JSON with numbers JSON has."""
+    """JSON without NaN and infinity."""
     try:
         return json.dumps(value, separators=(",", ":"), allow_nan=False)
     except ValueError:

@@ -1,4 +1,4 @@
-"""What happened, for the page: lines in plain words with how much they matter, sessions, whole plots."""
+"""Events for the page: lines in plain words with their level, sessions, whole plots."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from rig.run_file.events.points import WholePlotBegan, WholePlotLost
 from rig.run_file.events.sessions import SessionBegan
 
 LINES = 300
-"""Lines kept; of earlier ones the page says how many there are."""
+"""Maximum number of kept lines; the page gives only the number of earlier ones."""
 _SESSIONS, _WHOLE_PLOTS = 50, 200
 
 _QUIET_GAP_S = 5.0
 
 
 class Lines:
-    """Everything but observations, bounded."""
+    """All records except observations, bounded."""
 
     def __init__(self) -> None:
         self.lines: deque[dict[str, Any]] = deque(maxlen=LINES)
@@ -30,7 +30,7 @@ class Lines:
         self.faults = 0
 
     def add(self, seq: int, record: Record) -> None:
-        """Take one more record, in order. Raises `ContentsError` where a record makes no sense."""
+        """Take one more record, in order. Raises `ContentsError` for a record that makes no sense."""
         if record.accepted:
             self._observed(record)
         else:

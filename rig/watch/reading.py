@@ -1,4 +1,4 @@
-"""What the page reads of a run file: new records by their number, a few observations whole, in short transactions."""
+"""Reading run files for the page: new records by number, and a few complete observations, in short transactions."""
 
 from __future__ import annotations
 
@@ -13,28 +13,27 @@ from rig.run_file.events.points import Observed
 from rig.run_file.reader import RunReader
 
 BATCH = 20_000
-"""Records read at once: the first look at a long run is many short transactions, not one long."""
+"""Records per read: a long run is read in many short transactions."""
 
 _ASKED = 500
 
 
 @dataclass(frozen=True)
 class Seen:
-    """One accepted observation, as much of it as the page shows.
+    """The parts of an accepted observation that the page shows.
 
     Attributes:
-        seq: of its record.
-        elapsed_s: when it was made.
-        utc_s: when it was made.
-        index: its point.
-        whole_plot: it belongs to, if any.
+        seq: number of its record.
+        elapsed_s: bench seconds since the run was created.
+        utc_s: seconds since 1970-01-01.
+        index: index of its point.
+        whole_plot: its whole plot, if any.
         setpoints: by factor name.
         outputs: by column name: mean, standard deviation of one reading, number of readings.
-        temperatures: the same.
-        references: the same.
+        temperatures: likewise.
+        references: likewise.
         environment: temperature of every chamber, degrees Celsius.
         flags: as recorded.
-
     """
 
     seq: int
@@ -50,7 +49,7 @@ class Seen:
     flags: Sequence[str]
 
     def mean(self, name: str) -> float | None:
-        """What a factor was: measured, where it was, else as it was set."""
+        """Value of a factor: measured if there is a measurement, otherwise its setpoint."""
         for group in (self.references, self.temperatures):
             if name in group:
                 return group[name][0]
@@ -58,10 +57,10 @@ class Seen:
 
 
 class WatchReader(RunReader):
-    """A run file opened read-only for one look. Raises `RunFileError` where it cannot be read."""
+    """A run file opened read-only for one update. Raises `RunFileError` if it cannot be read."""
 
     def since(self, seq: int) -> list[tuple[int, Record]]:
-        """The next records after `seq`, at most `BATCH`; bodies of observations are left where they are."""
+        """The next records after `seq`, at most `BATCH`, without the bodies of observations."""
         rows = self._all(
             "SELECT seq, session, kind, elapsed_s, utc_s, run_index, whole_plot, attempt, status, "
             "CASE kind WHEN 'observation' THEN '{}' ELSE body END FROM record WHERE seq > ? ORDER BY seq LIMIT ?",
@@ -70,7 +69,7 @@ class WatchReader(RunReader):
         return [(row[0], self.sensible(row)) for row in rows]
 
     def observations(self, seqs: Iterable[int], factors: Sequence[Factor]) -> list[Seen]:
-        """Observations by their records' numbers; one whose contents make no sense is left out."""
+        """Observations by the numbers of their records; one whose contents make no sense is left out."""
         wanted, found = sorted(set(seqs)), []
         for first in range(0, len(wanted), _ASKED):
             some = tuple(wanted[first : first + _ASKED])
@@ -88,7 +87,7 @@ class WatchReader(RunReader):
         return found
 
     def accepted(self) -> int:
-        """Points with an accepted observation; the index of accepted observations answers that by itself."""
+        """Number of points with an accepted observation; the index of accepted observations is sufficient for it."""
         return int(
             self._all(
                 "SELECT count(DISTINCT run_index) FROM record WHERE kind = 'observation' AND status = 'accepted'"
@@ -96,13 +95,13 @@ class WatchReader(RunReader):
         )
 
     def ended(self) -> str:
-        """How the run ended, "" if it has not."""
+        """Status of the run's end, "" if it has not ended."""
         for (status,) in self._all("SELECT status FROM record WHERE kind = 'end' ORDER BY seq DESC LIMIT 1"):
             return str(status)
         return ""
 
     def planned_whole_plots(self) -> int:
-        """Whole plots of the run list; 0 where nothing is hard to change."""
+        """Number of whole plots of the run list; 0 if no factor is hard to change."""
         return int(self._all("SELECT count(DISTINCT whole_plot) FROM point")[0][0])
 
 
@@ -127,7 +126,7 @@ def _seen(row: Sequence[Any], record: Record, factors: Sequence[Factor]) -> Seen
             flags=list(seen.flags),
         )
     except ContentsError:
-        return None  # not what a controller writes; `rig verify` says more
+        return None  # not written by a controller; `rig verify` says more
 
 
 def _channels(group: Mapping[str, Any]) -> dict[str, tuple[float, float, int]]:

@@ -1,4 +1,4 @@
-"""Residuals so far, for a chart: of a previous calibration, or of the declared model fitted to the observations."""
+"""Residuals so far, for a chart: from a previous calibration, or from the declared model fitted to the observations."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from rig.watch.against import columns_of, model_columns
 from rig.watch.reading import Seen
 
 _SPARE = 6
-"""Observations beyond the model's columns before its residuals mean anything."""
+"""Minimum number of observations beyond the model's columns, for meaningful residuals."""
 
 
 def residuals(
@@ -24,15 +24,14 @@ def residuals(
     declared: Mapping[str, Any],
     mounting: Mapping[str, float],
 ) -> dict[str, Any]:
-    """Residuals of every sensor, and what they are residuals of, JSON-ready.
+    """Residuals of every sensor, and their predictor, as JSON values.
 
     Args:
         seen: the observations to show, in order.
         reference: a previous calibration, if any.
-        kind: of calibration, by name.
+        kind: kind of calibration, by name.
         declared: `[model]` of the procedure.
-        mounting: how the package is turned.
-
+        mounting: orientation of the package.
     """
     names = sorted({name for s in seen for name in s.outputs})
     outputs = {n: np.array([s.outputs[n][0] if n in s.outputs else np.nan for s in seen]) for n in names}
@@ -63,7 +62,7 @@ def _fitted(
     usable = np.all(np.isfinite(columns), axis=1)
     rank = int(np.linalg.matrix_rank(columns[usable])) if usable.any() else 0
     if usable.sum() < rank + _SPARE or rank < 2:
-        return {}, f"{int(usable.sum())} points are too few for the model yet"
+        return {}, f"{int(usable.sum())} points are not enough for the model yet"
     found = {}
     for name, y in outputs.items():
         rows = usable & np.isfinite(y)

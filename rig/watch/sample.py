@@ -1,4 +1,4 @@
-"""A bounded number of observations that stands for all of them, however long the run."""
+"""A random sample of bounded size of the observations of a run of any length."""
 
 from __future__ import annotations
 
@@ -6,16 +6,16 @@ import heapq
 from collections import deque
 
 KEPT = 500
-"""Observations kept out of all; every one is as likely to be among them as any other."""
+"""Size of the sample; every observation has the same probability to be in it."""
 RECENT = 100
-"""The last ones, which are always there."""
+"""Number of last observations that are always shown."""
 
 
 class Sample:
-    """Which observations the page shows: `KEPT` of all and the last `RECENT`, by record number.
+    """Selects the observations shown by the page: `KEPT` of all and the last `RECENT`, by record number.
 
-    The choice is by a hash of the record's number, so that a restarted server shows the same points, and a design that
-    repeats itself every so many points does not meet a sample that does so too.
+    The choice is by a hash of the record's number. So a restarted server shows the same points, and a design with a
+    period does not meet a sample with the same period.
     """
 
     def __init__(self) -> None:
@@ -23,21 +23,21 @@ class Sample:
         self._recent: deque[int] = deque(maxlen=RECENT)
 
     def add(self, seq: int) -> None:
-        """Consider one more accepted observation."""
+        """Take one more accepted observation."""
         self._recent.append(seq)
-        item = (-_hash(seq), seq)  # a heap's first is its smallest; ours is to be the largest hash
+        item = (-_hash(seq), seq)  # the first of a heap is its smallest; here it must be the largest hash
         if len(self._heap) < KEPT:
             heapq.heappush(self._heap, item)
         elif item > self._heap[0]:
             heapq.heapreplace(self._heap, item)
 
     def seqs(self) -> set[int]:
-        """Numbers of the records chosen."""
+        """Numbers of the chosen records."""
         return {seq for _, seq in self._heap}.union(self._recent)
 
 
 def _hash(number: int) -> int:
-    """Splitmix64: numbers next to one another come out far apart."""
+    """Splitmix64: neighbouring numbers get very different hashes."""
     mask = (1 << 64) - 1
     z = (number + 0x9E3779B97F4A7C15) & mask
     z = ((z ^ (z >> 30)) * 0xBF58476D1CE4E5B9) & mask

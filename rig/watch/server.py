@@ -1,4 +1,4 @@
-"""Serving the page: our own socket, one process, nothing written."""
+"""Server of the page: with its own socket, one process, and no writes."""
 
 from __future__ import annotations
 
@@ -40,15 +40,14 @@ def serve(
         where: the run file or folder.
         host: address to listen on.
         port: 0 for any that is free.
-        token: what is asked of whoever looks; where None, one is made if `host` can be reached from other machines.
-        against: a previous calibration, or an earlier run, to hold observations against.
+        token: token that a visitor must give; if None, one is generated if `host` can be reached from other machines.
+        against: a previous calibration, or an earlier run, to compare observations with.
         stopwatch: real seconds.
         utc: real seconds since 1970-01-01.
         announce: called once with the address to open.
 
     Raises:
-        UsageError: there is nothing there, or the port is taken.
-
+        UsageError: there is no such file or folder, or the port is taken.
     """
     if not where.exists():
         raise UsageError(f"there is no run file or folder {where}")
@@ -72,11 +71,11 @@ def serve(
 
 
 def configuration(app: ASGIApp) -> uvicorn.Config:
-    """How the page is served: bounded, without lines about who asked for what."""
+    """Settings of the server: bounded, without a log of requests."""
     return uvicorn.Config(
         app,
-        log_level="critical",  # what it says at its end is of no use to anybody
-        access_log=False,  # a token may stand in the first address
+        log_level="critical",  # its messages at the end are of no use
+        access_log=False,  # the first address may contain a token
         lifespan="off",
         ws="none",
         http=BoundedProtocol,
@@ -89,7 +88,7 @@ def configuration(app: ASGIApp) -> uvicorn.Config:
 
 
 def only_this_machine(host: str) -> bool:
-    """Whether an address can be reached from this machine alone."""
+    """Whether an address can be reached only from this machine."""
     if host == "localhost":
         return True
     try:

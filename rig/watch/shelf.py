@@ -1,4 +1,4 @@
-"""Which runs the page shows: one, or all of a folder, the newest first."""
+"""The runs shown by the page: one, or all of a folder, newest first."""
 
 from __future__ import annotations
 
@@ -25,17 +25,16 @@ class Entry:
     """One run in the list.
 
     Attributes:
-        name: of the file, without its ending.
+        name: name of the file, without its ending.
         procedure: its name; "" if the file cannot be read.
         bench: its name.
-        state: in a word or two.
+        state: in one or two words.
         running: whether a controller has it.
-        done: points observed.
-        points: points in all.
-        began_utc_s: when it was created.
-        simulated: no real instrument involved.
+        done: number of observed points.
+        points: number of all points.
+        began_utc_s: time of its creation.
+        simulated: whether no real instrument is involved.
         problem: why it cannot be read, "" if it can.
-
     """
 
     name: str
@@ -55,10 +54,9 @@ class Shelf:
 
     Args:
         where: a run file, or a folder of them.
-        reference: a previous calibration to hold observations against.
+        reference: a previous calibration to compare observations with.
         stopwatch: real seconds.
         utc: real seconds since 1970-01-01.
-
     """
 
     def __init__(
@@ -72,11 +70,11 @@ class Shelf:
 
     @property
     def only(self) -> str | None:
-        """The run's name where there is but one."""
+        """The run's name if there is only one."""
         return None if self._where.is_dir() else _name_of(self._where)
 
     def feed(self, name: str) -> RunFeed | None:
-        """The run of that name; None if there is none. Names are looked up, never made into paths."""
+        """The run of that name; None if there is none. Names are looked up and never used as paths."""
         path = self._paths().get(name)
         if path is None:
             return None
@@ -86,7 +84,7 @@ class Shelf:
             return self._feeds[name]
 
     def entries(self) -> list[Entry]:
-        """The runs, the newest first; one whose file has not changed is not read again."""
+        """The runs, newest first; a run whose file is unchanged is not read again."""
         found = []
         for name, path in self._paths().items():
             changed = _changed(path)
@@ -105,12 +103,12 @@ class Shelf:
 
 
 def _name_of(path: Path) -> str:
-    """What a run is called in the page and its address: of a file's name that is no text, its bytes written out."""
+    """Name of a run on the page and in its address; bytes of a file name that are not text are escaped."""
     return os.fsencode(path.stem).decode("utf-8", "backslashreplace")
 
 
 def _made(name: str, changed: float) -> str:
-    """When a run was made, for sorting: by its name, which begins with it; a dry run's own clock is no help."""
+    """Sort key by time of creation: the name, which begins with it; a dry run's clock has no real time."""
     if re.match(r"\d{8}T\d{6}", name):
         return name[:15]
     return datetime.fromtimestamp(changed, UTC).strftime("%Y%m%dT%H%M%S")

@@ -1,4 +1,4 @@
-"""What a running controller says, in the page's words. `RUN.live` is a file like any other: not trusted."""
+"""The state of a running controller in words for the page. `RUN.live` is a file like any other, and is not trusted."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _DOING = {
     "ready": "starting",
     "checking": "checking instruments",
     "preparing": "preparing",
-    "recovering": "finding the way to the next point",
+    "recovering": "planning the path to the next point",
     "moving": "moving",
     "settling": "settling",
     "measuring": "reading the sensors",
@@ -34,14 +34,13 @@ _RESTED = {
 
 
 def state_now(fold: RunState, live: Mapping[str, Any], running: bool, path: Path) -> dict[str, str]:
-    """Word, sentence, tone ("good", "busy", "hold", "bad") and what a person can type next.
+    """Word, sentence, tone ("good", "busy", "hold", "bad") and the next command for a person.
 
     Args:
-        fold: what the run file says.
-        live: what a running controller says; {} if there is none.
-        running: whether there is one.
+        fold: state of the run by its file.
+        live: state by a running controller; {} if there is none.
+        running: whether a controller is running.
         path: the run file, for commands to type.
-
     """
     file = shlex.quote(str(path))
     if running:
@@ -64,7 +63,7 @@ def state_now(fold: RunState, live: Mapping[str, Any], running: bool, path: Path
 
 
 def expected_end(live: Mapping[str, Any]) -> float | None:
-    """When the run will be done by the bench's clock, seconds since 1970-01-01."""
+    """Expected end of the run by the bench's clock, seconds since 1970-01-01."""
     now, left = number(live.get("utc_s")), number(live.get("remaining_s"))
     return None if now is None or left is None else now + left
 
@@ -75,7 +74,7 @@ def number(value: object) -> float | None:
 
 
 def settling_now(live: Mapping[str, Any], factors: Sequence[Factor]) -> list[dict[str, Any]]:
-    """What is being waited for to settle: name, unit, target, band, outcome, samples as [seconds ago, value]."""
+    """The quantity that is settling: name, unit, target, band, outcome, samples as [seconds ago, value]."""
     given, found = live.get("settling"), []
     units = {f.axis: f.name.rpartition("_")[2] for f in factors if not f.hard}
     for name, one in given.items() if isinstance(given, Mapping) else ():

@@ -1,4 +1,4 @@
-"""What goes wrong on a simulated bench, and when: the [[faults]] of a world file (docs/faults.md)."""
+"""Faults of a simulated bench: the [[faults]] of a world file (docs/faults.md)."""
 
 from sims.faults.fault import Fault, Kind, Option, Striking
 from sims.faults.faulty_wire import FaultyWire

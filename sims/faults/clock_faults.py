@@ -1,4 +1,4 @@
-"""Faults that happen to the bench as a whole: those of the clock."""
+"""Faults of the whole bench: those of the clock."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def _change_local_time(striking: Striking) -> Over:
 
 
 _FOR_EVER = float("inf")
-_AMOUNT = Option(3600.0, "s", "how far forward, negative back")
+_AMOUNT = Option(3600.0, "s", "size of the step; negative is backwards")
 
 OF_THE_BENCH = (
     Kind(

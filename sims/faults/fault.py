@@ -1,4 +1,4 @@
-"""What a fault is: its kind, whom it happens to, when, and how it is made to happen."""
+"""Faults: kind, target, time, and effect."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ if TYPE_CHECKING:
     from sims.world import World
 
 Counts = Literal["", "exchanges", "frames", "readings"]
-"""What `times` counts; "" if the kind happens once or lasts."""
+"""Unit counted by `times`; "" if the kind happens once or lasts."""
 
 WHEN = ("at_s", "exchange", "probability")
-"""Keys of which exactly one says when."""
+"""Keys for the time of a fault; exactly one is given."""
 
 
 @dataclass(frozen=True)
@@ -27,9 +27,8 @@ class Option:
         default: its value if not given.
         unit: "" for words and plain numbers.
         meaning: one line.
-        words: what a word may be; () for a number, or for any word.
+        words: permitted words; () for a number, or for any word.
         low, high: range of a number.
-
     """
 
     default: float | str
@@ -42,21 +41,20 @@ class Option:
 
 @dataclass(frozen=True)
 class Kind:
-    """What may go wrong.
+    """A kind of fault.
 
-    A fault of an instrument is declared by its twin (`sims.twin.TwinClass.faults`), be it one of
+    A fault of an instrument is declared by its twin (`sims.twin.TwinClass.faults`). It is one of
     `sims.faults.instrument_faults` or the twin's own.
 
     Attributes:
-        name: as a world file has it.
-        sentence: what happens.
-        act: makes it happen; None for faults of wires, which `sims.faults.faulty_wire` makes happen.
-        wires: kinds of wire it happens on; () if it is no fault of a wire.
-        of_bench: it happens to the bench as a whole.
-        counts: what `times` counts.
-        lasts_s: default of `for_s`; 0 if it is over at once.
+        name: name in a world file.
+        sentence: description of the effect.
+        act: makes it happen; None for faults of wires, which `sims.faults.faulty_wire` executes.
+        wires: kinds of wire on which it happens; () if it is not a fault of a wire.
+        of_bench: whether it happens to the whole bench.
+        counts: unit counted by `times`.
+        lasts_s: default of `for_s`; 0 if it has no duration.
         options: its own keys.
-
     """
 
     name: str
@@ -71,18 +69,17 @@ class Kind:
 
 @dataclass(frozen=True)
 class Fault:
-    """What goes wrong, where and when. Exactly one of `at_s`, `exchange` and `probability` says when.
+    """One planned fault. Exactly one of `at_s`, `exchange` and `probability` gives its time.
 
     Attributes:
         what: its kind.
-        on: the instrument's name on the bench; "" for the bench as a whole.
-        at_s: world time.
-        exchange: the nth message from host to instrument in this session, from 1.
-        probability: of every exchange.
-        times: how many exchanges, frames or readings are affected from then on.
-        for_s: how long, 0 for the kind's own; of what is counted, everything within this time, if not 0.
-        options: the kind's own; those not given have their defaults when a world is made of it.
-
+        on: the instrument's name on the bench; "" for the whole bench.
+        at_s: world time, seconds.
+        exchange: number of a message from host to instrument in this session, from 1.
+        probability: probability per exchange.
+        times: number of affected exchanges, frames or readings.
+        for_s: duration, seconds; 0 for the kind's default; for counted kinds, everything within this time, if not 0.
+        options: the kind's own options; missing ones get their defaults when a world is made.
     """
 
     what: Kind
@@ -101,11 +98,11 @@ class Fault:
 
     @property
     def lasts_s(self) -> float:
-        """How long it lasts, seconds; 0 if it is over at once."""
+        """Its duration, seconds; 0 if it has none."""
         return self.for_s or self.what.lasts_s
 
     def table(self) -> dict[str, Any]:
-        """The entry as a world file has it, without what is the default."""
+        """The entry as in a world file, without defaults."""
         given = {"kind": self.kind, "on": self.on, "at_s": self.at_s, "exchange": self.exchange}
         found = {key: value for key, value in given.items() if value not in ("", None)}
         if self.probability:
@@ -139,17 +136,16 @@ class Fault:
 
 @dataclass(frozen=True)
 class Striking:
-    """A fault that happens now, and what it happens to.
+    """A fault at the time it happens, and its targets.
 
     Attributes:
-        fault: which.
-        until: world time at which it is over; infinite if it is over at once or never.
-        note: told what happens, in words.
+        fault: the fault.
+        until: world time of its end; infinite if it has no duration or never ends.
+        note: called with a sentence about the event.
         world: virtual time.
-        plant: what is physically there.
-        twin: the instrument's; None of a fault of the bench as a whole.
-        wire: the instrument's; likewise.
-
+        plant: the physical state.
+        twin: the instrument's twin; None for a fault of the whole bench.
+        wire: the instrument's wire; likewise.
     """
 
     fault: Fault
@@ -163,4 +159,4 @@ class Striking:
 
 Over = Callable[[], None]
 Act = Callable[[Striking], Over | None]
-"""Makes a fault happen; what it returns is called when the fault is over."""
+"""Makes a fault happen; its return value is called at the end of the fault."""

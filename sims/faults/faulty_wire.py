@@ -1,7 +1,7 @@
-"""What faults do to the messages between the host and one instrument.
+"""Effects of faults on messages between the host and one instrument.
 
-A message is a line of text, a Modbus frame, or a CAN frame with its identifier in front. An exchange is one message
-from host to instrument. A wire keeps order: what is late makes all that follows late.
+A message is a line of text, a Modbus frame, or a CAN frame preceded by its identifier. An exchange is one message from
+host to instrument. A wire keeps the order of messages, so a late message delays all later ones.
 """
 
 from __future__ import annotations
@@ -18,20 +18,19 @@ from sims.world import World
 Deliver = Callable[[bytes], None]
 Note = Callable[[Fault, str], None]
 
-_EXCEPTION_S = 0.010  # a device that refuses answers at once
+_EXCEPTION_S = 0.010  # a refusal is answered at once
 _FRAMES = ("lost-frame", "repeated-frame")
 _DOWN = ("unplugged", "bus-off")
 
 
 @dataclass
 class _Armed:
-    """A fault that is under way.
+    """An active fault.
 
     Attributes:
-        left: exchanges or frames still to be affected.
-        until: world time at which it is over.
-        skip: frames to let pass before.
-
+        left: number of exchanges or frames still to be affected.
+        until: world time of its end.
+        skip: number of frames to pass before.
     """
 
     fault: Fault
@@ -46,15 +45,15 @@ class FaultyWire:
     Args:
         world: virtual time.
         medium: "serial", "modbus" or "can".
-        begins: told the number of every exchange before its message goes on its way.
-        note: told what happens, in words.
+        begins: called with the number of every exchange before its message is sent.
+        note: called with a sentence about each event.
         others: the latest reply of another instrument on a wire of this kind; b"" if there is none.
 
     Attributes:
-        exchanges: messages from the host so far.
-        connection: a number that changes when the connection is lost: who has an earlier one holds a dead end.
+        exchanges: number of messages from the host so far.
+        connection: a number that changes when the connection is lost: a holder of an earlier number has a dead
+            connection.
         latest: the latest reply.
-
     """
 
     def __init__(
@@ -77,7 +76,7 @@ class FaultyWire:
 
     @property
     def unplugged(self) -> bool:
-        """Whether there is no way to open it."""
+        """Whether it cannot be opened."""
         return self._world.now() < self._down_until["unplugged"]
 
     @property
@@ -86,7 +85,7 @@ class FaultyWire:
         return self._world.now() < self._down_until["bus-off"]
 
     def strike(self, fault: Fault, until: float) -> None:
-        """Have a fault begin; `until` is when it is over, of one that lasts."""
+        """Start a fault; `until` is the end of one with a duration."""
         if fault.kind in _DOWN:
             self._down(fault.kind, until)
             self._note(fault, f"{fault.kind} until {until:.3f} s")
@@ -98,7 +97,7 @@ class FaultyWire:
         self._armed.append(_Armed(fault, fault.times if counted else inf, inf if counted else until, skip))
 
     def deafen(self, until: float) -> None:
-        """The instrument is off: it neither hears nor answers, and a network connection to it is lost."""
+        """The instrument is off: it neither receives nor answers, and a network connection to it is lost."""
         self._down("deaf", until)
         if self._medium == "modbus":
             self.connection += 1
@@ -108,18 +107,17 @@ class FaultyWire:
 
         Args:
             message: what the host sends.
-            forward: passes a message on to the instrument.
-            deliver: passes a reply on to the host, for what the wire itself answers.
-
+            forward: passes on a message to the instrument.
+            deliver: passes on a reply to the host, for answers of the wire itself.
         """
         self.exchanges += 1
         self._begins(self.exchanges)
         if self._medium != "serial":
-            self._due.clear()  # on these every message is answered
+            self._due.clear()  # with these kinds every message is answered
         self._request = message
         if self._dead():
             return
-        if not (self._armed or self._due):  # nearly always
+        if not (self._armed or self._due):  # the most frequent case
             forward(message)
             return
         for armed in self._current():
@@ -139,11 +137,11 @@ class FaultyWire:
         forward(message)
 
     def to_host(self, message: bytes, deliver: Deliver) -> None:
-        """A message from the instrument; `deliver` passes on what comes of it."""
+        """A message from the instrument; `deliver` passes on the resulting messages."""
         before, self.latest = self.latest, message
         if self._dead():
             return
-        if not (self._armed or self._due):  # nearly always
+        if not (self._armed or self._due):  # the most frequent case
             self._send(message, deliver, 0.0)
             return
         late = 0.0
@@ -163,7 +161,7 @@ class FaultyWire:
                 case "no-reply":
                     self._note(fault, f"reply {_shown(message)} lost")
                     if self._medium == "can":
-                        self._due = due  # all that this exchange brings about is lost
+                        self._due = due  # all replies to this exchange are lost
                     return
                 case "late-reply":
                     late = fault.number("delay_s")
@@ -190,7 +188,7 @@ class FaultyWire:
                 return message[:6] + bytes((int(fault.number("unit")),)) + message[7:]
             case "wrong-reply" if fault.options["of"] == "another":
                 other = self._others()
-                if self._medium == "modbus" and other:  # a gateway that has mixed up whom it asked
+                if self._medium == "modbus" and other:  # a gateway that has confused its requests
                     return self._request[:4] + other[4:6] + self._request[6:7] + other[7:]
                 return other or before or message
             case "wrong-reply":
@@ -223,14 +221,16 @@ class FaultyWire:
 
 
 def _garbled(message: bytes, medium: str) -> bytes:
-    """Every third byte with its top bit turned over; of a Modbus frame the protocol identifier, always 0."""
+    """Every third byte with its top bit inverted; for a Modbus frame the protocol identifier, always 0."""
     if medium == "modbus":
         return message[:2] + b"\x40\x00" + message[4:]
     return bytes(b ^ 0x80 if n % 3 == 0 else b for n, b in enumerate(message))
 
 
 def _cut(message: bytes, lost: str, medium: str) -> bytes:
-    """Without its last third, its first two bytes, or two in the middle; of the tail a text's end mark goes, too."""
+    """Without its last third, its first two bytes, or two in the middle; without its tail a text has no end mark
+    either.
+    """
     middle = len(message.strip()) // 2
     match lost:
         case "head":
@@ -241,7 +241,7 @@ def _cut(message: bytes, lost: str, medium: str) -> bytes:
 
 
 def _refusal(request: bytes, code: int) -> bytes:
-    """A Modbus exception to a request, both with their MBAP heads."""
+    """A Modbus exception to a request, both with their MBAP headers."""
     return struct.pack(">4sHBBB", request[:4], 3, request[6], request[7] | 0x80, code)
 
 

@@ -1,7 +1,7 @@
-"""Faults of instruments, and of what is behind them, that twins of several makers may have.
+"""Faults of instruments, and of equipment behind them, that twins of several makers may have.
 
-A twin declares those that it can have; what a kind asks of the twin stands at its group. A twin with a fault of its own
-declares a `Kind` of its own beside them.
+A twin declares its possible faults; the requirements of a group of kinds on the twin are given at the group. A twin
+with a fault of its own declares a `Kind` of its own.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ OF_HEADS = (
         },
     ),
 )
-"""Those of a head, whose twin moves the plant's head and has `trip(axis, why)`: a drive fails, in words."""
+"""Faults of a head, whose twin moves the plant's head and has `trip(axis, why)`: a drive fails; returns a sentence."""
 
 
 def _overflow(striking: Striking) -> None:
@@ -71,7 +71,7 @@ def _overflow(striking: Striking) -> None:
 ERROR_QUEUE = Kind(
     "error-queue-overflow", "The instrument's error queue runs over with errors nobody caused.", _overflow
 )
-"""Of a twin that has `overflow_errors()`."""
+"""Faults of a twin that has `overflow_errors()`."""
 
 
 def _power_cycle(striking: Striking) -> Over:
@@ -94,7 +94,7 @@ POWER = Kind(
     _power_cycle,
     lasts_s=2.0,
 )
-"""Of every instrument; no twin declares it."""
+"""Faults of every instrument; no twin declares them."""
 
 
 def _lose_source(striking: Striking) -> None:
@@ -115,7 +115,7 @@ SUPPLY = Kind(
         "supply_psia": Option(0.0, "psia", "what the supply falls to", low=0.0),
     },
 )
-"""Of a controller of the plant's pressure line."""
+"""Faults of a controller of the plant's pressure line."""
 
 
 def _alarm(striking: Striking) -> Over:
@@ -141,7 +141,7 @@ def _break_sensor(striking: Striking) -> Over:
 
 
 OWN_SENSOR = replace(OPEN_CIRCUIT, act=_break_sensor)
-"""The same of a temperature controller, whose twin has `sensor_broken`."""
+"""The fault of reading faults "open-sensor" for a temperature controller, whose twin has `sensor_broken`."""
 ALARM = Kind(
     "chamber-alarm",
     "The temperature controller raises an alarm; it goes on controlling.",
@@ -153,7 +153,7 @@ ALARM = Kind(
         "limit_degC": Option(60.0, "degC", "the limit that it says was passed"),
     },
 )
-"""Of a temperature controller whose twin has `set_alarm(number, state, kind, limit_degC)`."""
+"""Faults of a temperature controller whose twin has `set_alarm(number, state, kind, limit_degC)`."""
 DOOR = Kind(
     "door-open",
     "The chamber's door stands open: it does not control, and its air goes to the laboratory's.",
@@ -161,4 +161,4 @@ DOOR = Kind(
     lasts_s=300.0,
     options={"time_constant_s": Option(120.0, "s", "how fast the air goes there", low=1.0)},
 )
-"""Of any controller of one of the plant's chambers."""
+"""Faults of any controller of one of the plant's chambers."""

@@ -1,4 +1,4 @@
-"""Which kinds of faults there are: the common ones, and what the twins of a bench declare besides."""
+"""The existing kinds of faults: the common ones, and those declared by the twins of a bench."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ COMMON: tuple[Kind, ...] = (
     DOOR,
     *OF_THE_BENCH,
 )
-"""Kinds that have nothing to do with one instrument alone. The order is that in which nights draw them."""
+"""Kinds that do not concern one instrument alone. Random nights draw them in this order."""
 
 
 def kinds_of(twin: TwinClass) -> dict[str, Kind]:
-    """By name, what may happen to an instrument: faults of its wire, of its power, and those that its twin declares."""
+    """Possible faults of an instrument, by name: faults of its wire, of its power, and those declared by its twin."""
     of_wire = (kind for kind in OF_WIRES if twin.wire in kind.wires)
     return {kind.name: kind for kind in (*of_wire, POWER, *twin.faults)}
 
 
 def kinds_on(twins: Iterable[TwinClass]) -> dict[str, Kind]:
-    """By name, the common kinds and those of a bench's twins."""
+    """The common kinds and those of a bench's twins, by name."""
     own = (kind for twin in twins for kind in twin.faults)
     return {kind.name: kind for kind in (*COMMON, *own)}

@@ -1,4 +1,4 @@
-"""Faults of readings: what an instrument says instead of what is at its input. For twins that have `inputs`."""
+"""Faults of readings: a reported value that differs from the input's value. For twins that have `inputs`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from sims.noise import event_at, normal
 
 
 def tamper_with(striking: Striking) -> Over:
-    """Have readings of the twin's `inputs` go wrong from now on; every one is told of. Returns what ends it."""
+    """Alter readings of the twin's `inputs` from now on, with a note for each. Returns a function that ends it."""
     fault, seed, note = striking.fault, striking.plant.truth.seed, striking.note
     inputs: Inputs = striking.twin.inputs
     lasting = bool(fault.lasts_s)
@@ -81,4 +81,4 @@ OPEN_CIRCUIT = Kind(
 )
 
 OF_READINGS = (OVERLOAD, FROZEN, SPIKE, OPEN_CIRCUIT)
-"""Those of a meter or data-acquisition unit."""
+"""Faults of a meter or data-acquisition unit."""

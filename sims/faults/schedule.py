@@ -1,4 +1,4 @@
-"""When each fault of a world strikes, and what has happened."""
+"""Times of the faults of a world, and a record of those that have happened."""
 
 from __future__ import annotations
 
@@ -17,13 +17,12 @@ from sims.world import World
 
 
 class Happening(NamedTuple):
-    """Something that went wrong.
+    """A fault that has happened.
 
     Attributes:
-        t_s: world time.
-        fault: the entry that made it happen.
-        what: in words.
-
+        t_s: world time, seconds.
+        fault: its entry.
+        what: a sentence.
     """
 
     t_s: float
@@ -32,7 +31,7 @@ class Happening(NamedTuple):
 
 
 class Bench(Protocol):
-    """What faults need of a simulated bench."""
+    """Parts of a simulated bench that faults need."""
 
     world: World
     plant: Plant
@@ -45,7 +44,7 @@ class Bench(Protocol):
 
 @dataclass(frozen=True)
 class _Entry:
-    """A fault and the channel of its chances."""
+    """A fault and the noise channel of its probability."""
 
     fault: Fault
     chances: str
@@ -55,13 +54,12 @@ class Faults:
     """The faults of one session on a simulated bench.
 
     Args:
-        bench: to which they happen.
+        bench: the affected bench.
         faults: the entries.
 
     Attributes:
-        happened: what went wrong so far, in order.
+        happened: faults so far, in order.
         wires: by instrument.
-
     """
 
     def __init__(self, bench: Bench, faults: Sequence[Fault]) -> None:
@@ -78,7 +76,7 @@ class Faults:
             )
             for name, medium in media.items()
         }
-        # A later session has other chances at the same exchange: its exchanges are not those of the first.
+        # A later session has other random numbers for the same exchange number: its exchanges are different ones.
         session = f"@{event_at(world.now())}" if world.now() else ""
         for n, fault in enumerate(faults):
             if fault.at_s is not None:
@@ -90,12 +88,11 @@ class Faults:
                 self._by_chance.setdefault(fault.on, []).append(entry)
 
     def strike(self, fault: Fault, until: float | None = None) -> None:
-        """Have a fault happen now.
+        """Make a fault happen now.
 
         Args:
-            fault: which; when it says that it happens does not matter.
-            until: world time at which it is over, of one that lasts; by its own `for_s` if None.
-
+            fault: the fault; its own time is ignored.
+            until: world time of its end, for one with a duration; by its own `for_s` if None.
         """
         if until is None:
             until = self._world.now() + fault.lasts_s if fault.lasts_s else inf
@@ -114,7 +111,7 @@ class Faults:
             self._world.call_in(at - now, partial(self.strike, fault))
             return
         until = at + fault.lasts_s
-        if until > now:  # from before this session, and not over
+        if until > now:  # began before this session and is still active
             self.strike(fault, until)
 
     def _exchange(self, name: str, number: int) -> None:

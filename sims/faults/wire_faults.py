@@ -1,4 +1,4 @@
-"""Faults of wires: what may go wrong with messages on any serial line, Modbus or CAN, whoever is at its end."""
+"""Faults of wires: possible errors of messages on any serial line, Modbus or CAN, with any instrument."""
 
 from __future__ import annotations
 

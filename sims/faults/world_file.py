@@ -1,4 +1,4 @@
-"""Reading a world file's [[faults]]: every entry checked against what the twins of the bench can have."""
+"""Reading a world file's [[faults]]: every entry is checked against the possible faults of the bench's twins."""
 
 from __future__ import annotations
 
@@ -22,8 +22,7 @@ def read_faults(values: object, twins: Mapping[str, TwinClass]) -> tuple[Fault, 
         twins: by instrument.
 
     Raises:
-        WorldError: naming the entry and the key, what is wrong with it and what would be right.
-
+        WorldError: with the entry, the key, its defect and permitted values.
     """
     if values is None:
         return ()
@@ -68,7 +67,7 @@ def _read(item: object, where: str, known: Mapping[str, Kind], twins: Mapping[st
 
 
 def _whom(item: Mapping[str, Any], where: str, kind: Kind, twins: Mapping[str, TwinClass]) -> tuple[str, Kind]:
-    """Whom an entry names, and the kind as that instrument has it."""
+    """The instrument named by an entry, and its version of the kind."""
     on = item.get("on", "")
     if kind.of_bench:
         if on:

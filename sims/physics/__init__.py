@@ -1,8 +1,7 @@
-"""What is physically there on a simulated bench: head, package, chambers, line, sensors, and what nobody declared.
+"""The physical state of a simulated bench: head, package, chambers, line, sensors, and undeclared effects.
 
-Written from rotations, heat and gas flow, a second time and independently of the models the fitter knows. Everything
-is a function of virtual time in closed form, so that neither the order nor the number of questions asked of it
-can change an answer.
+It is written from rotations, heat and gas flow, independently of the models of the fitter. Everything is a closed-form
+function of virtual time, so neither the order nor the number of queries changes an answer.
 """
 
 from sims.physics.plant import Plant

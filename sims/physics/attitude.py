@@ -1,4 +1,4 @@
-"""What an accelerometer in the package puts out: gravity along its sensitive axis, in volts."""
+"""Output of an accelerometer in the package: gravity along its sensitive axis, in volts."""
 
 # ruff: noqa: N802  (a quantity's name ends in its unit, and units keep their own case)
 
@@ -12,15 +12,14 @@ from sims.physics.undeclared import Effects, of_sensor
 
 
 def sensitive_axis(axis: str, coning_deg: float, azimuth_deg: float) -> Vector:
-    """Direction of a sensor's sensitive axis in package axes.
+    """Unit vector (3,) of a sensor's sensitive axis in package axes.
 
     The row of the sensor's misalignment that belongs to its nominal axis: eq. (114) for x, (115) for y, (116) for z.
 
     Args:
         axis: "x", "y" or "z".
         coning_deg: half angle Omega of the cone about that axis.
-        azimuth_deg: place A on the cone.
-
+        azimuth_deg: azimuth A on the cone.
     """
     coning, azimuth = radians(coning_deg), radians(azimuth_deg)
     if axis == "x":
@@ -34,11 +33,10 @@ class Accelerometer:
     """One sensor of the package.
 
     Args:
-        name: its name on the bench, which keys its noise.
+        name: its name on the bench, and the key of its noise.
         axis: package axis it is nominally aligned with.
-        truth: what it is.
-        effects: what nobody declared.
-
+        truth: its true parameters.
+        effects: undeclared effects.
     """
 
     __slots__ = (
@@ -62,13 +60,12 @@ class Accelerometer:
         self._sensitivity_t = of_sensor(effects.sensitivity_drift.ppm_per_h, name) * 1e-6 / 3600.0
 
     def output_V(self, gravity: Vector, degC: float, t: float) -> float:
-        """Output without noise.
+        """Output without noise, volts.
 
         Args:
             gravity: in the axes of the package's sensors, g.
             degC: temperature of the package.
             t: virtual time.
-
         """
         g = dot(self._direction, gravity)
         offset = self._offset + self._offset_T * (degC - self._reference_b) + self._offset_t * t

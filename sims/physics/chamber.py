@@ -1,6 +1,6 @@
 """A temperature chamber: air under a control loop, walls that follow slowly, and a body that follows both.
 
-Between one command and the next all of it is linear, so that there is a closed form (`sims.physics.modes`):
+Between two commands the system is linear, so there is a closed form (`sims.physics.modes`):
 
     air'  = (lab - air) / free + (wall - air) / exchange + heat
     wall' = (air - wall) / wall_time_constant
@@ -30,7 +30,7 @@ _AIR, _WALL, _BODY, _INTEGRAL = range(4)
 
 @dataclass(frozen=True, slots=True)
 class _Stretch:
-    """From one command, or the end of its ramp, to the next."""
+    """The chamber between two commands, or from the end of a ramp to the next command."""
 
     controlled: bool
     ramp: Ramp
@@ -38,18 +38,17 @@ class _Stretch:
 
 
 class Chamber:
-    """A chamber with a body in it; the same commands and questions as `sims.physics.thermal.Enclosure`.
+    """A chamber with a body in it; the same commands and queries as `sims.physics.thermal.Enclosure`.
 
     Args:
-        truth: what it is.
-        lab: what is around it.
-        start: virtual time from which on it is known; it is in its steady state there.
+        truth: its true parameters.
+        lab: its surroundings.
+        start: virtual time of its first known state, which is steady.
 
     Attributes:
         controlled: whether the control loop is closed.
-        told: told of what is commanded.
-        temperatures: what it was sent to, a step for every change of temperature that makes a new whole plot.
-
+        told: called with every command.
+        temperatures: its setpoints, with a step for every change of temperature that begins a new whole plot.
     """
 
     def __init__(self, truth: ChamberTruth, lab: Lab, start: float) -> None:
@@ -68,7 +67,7 @@ class Chamber:
             ]
         )
         self._proportional = 2.0 * t.damping / t.time_constant_s
-        self._integral = 1.0 / t.time_constant_s  # of the error over tau, so that the state is all in degrees
+        self._integral = 1.0 / t.time_constant_s  # integral of the error over tau, so that all states are in degrees
         closed = np.zeros((4, 4))
         closed[:3, :3] = alone
         closed[_AIR, _AIR] -= self._proportional
@@ -79,11 +78,12 @@ class Chamber:
         self._surroundings = np.array([free, 0.0, body * t.body_sees_lab, 0.0])
         self._free = free
         self.told: Told | None = None
-        self._door: float | None = None  # how fast the air goes to the laboratory's, per second, while it is open
+        # rate at which the air approaches the laboratory's, per second, while the door is open
+        self._door: float | None = None
         self.assume_steady(t.start_setpoint_degC, start, controlled=t.start_controlled)
 
     def assume_steady(self, setpoint_degC: float, now: float, *, controlled: bool = True) -> None:
-        """Forget the past: at `now` this setpoint has stood long enough for every transient to be over."""
+        """Reset the state: at `now` this setpoint has been in force long enough for all transients to have decayed."""
         self.controlled = controlled
         self._stretches: list[_Stretch] = []
         self._append(Ramp(now, setpoint_degC, 0.0, now, setpoint_degC), now, None)
@@ -91,24 +91,23 @@ class Chamber:
 
     @property
     def setpoint_degC(self) -> float:
-        """The setpoint as commanded, whether or not a ramp has reached it."""
+        """The commanded setpoint, also during a ramp to it."""
         return self._stretches[-1].ramp.setpoint_degC
 
     def active_setpoint_degC(self, t: float) -> float:
-        """The setpoint in force at `t`, part of the way there during a ramp."""
+        """The setpoint in force at `t`; on the ramp during a ramp."""
         return self._stretch(t).ramp.at(t)
 
     def command(
         self, now: float, setpoint_degC: float, *, controlled: bool = True, ramp_degC_per_min: float = inf
     ) -> None:
-        """Set the setpoint and switch control on or off, from `now` on.
+        """Command a setpoint, with control on or off, from `now` on.
 
         Args:
             now: virtual time.
-            setpoint_degC: where to go.
+            setpoint_degC: the new setpoint.
             controlled: whether the control loop is closed; open, the air follows the laboratory.
-            ramp_degC_per_min: no faster than this; the chamber's own slew is the limit otherwise.
-
+            ramp_degC_per_min: maximum rate; None for the chamber's own slew.
         """
         if self.told is not None:
             self.told("setpoint_degC", setpoint_degC)
@@ -120,7 +119,7 @@ class Chamber:
         end = now + abs(away) / slew if controlled else now
         changed = max(abs(setpoint_degC - air), abs(setpoint_degC - self.temperatures.value(now)))
         if self._door is not None:
-            end = now  # nothing drives it
+            end = now  # without control
         elif controlled and changed > self._truth.new_draw_degC:
             self.temperatures.set(now, setpoint_degC, end - now)
         ramp = Ramp(now, begin, slew if away > 0 else -slew, end, setpoint_degC)
@@ -135,14 +134,14 @@ class Chamber:
             self._append(ramp, end, self._stretches[-1].response.state(end))
 
     def open_door(self, now: float, time_constant_s: float) -> None:
-        """Its door is opened: the control loop rests, and the air follows the laboratory this fast."""
+        """Open its door: control stops, and the air approaches the laboratory's at this rate."""
         if self.told is not None:
             self.told("door", "open")
         self._door = 1.0 / time_constant_s
         self._again(now)
 
     def close_door(self, now: float) -> None:
-        """Its door is closed: it does again what was commanded last."""
+        """Close its door: the last command is in force again."""
         if self.told is not None:
             self.told("door", "closed")
         self._door = None
@@ -153,7 +152,7 @@ class Chamber:
         self.command(now, self.setpoint_degC, controlled=self.controlled, ramp_degC_per_min=rate)
 
     def air_degC(self, t: float) -> float:
-        """Temperature of the air, which the controller's own sensor sees."""
+        """Temperature of the air, as seen by the controller's sensor."""
         return self._stretch(t).response.at(_AIR, t)
 
     def wall_degC(self, t: float) -> float:
@@ -165,7 +164,7 @@ class Chamber:
         return self._stretch(t).response.at(_BODY, t)
 
     def power_pct(self, t: float) -> float:
-        """Control output: full heating 100, full cooling -100, 0 when control is off."""
+        """Control output, percent: full heating 100, full cooling -100, 0 when control is off."""
         stretch = self._stretch(t)
         if not stretch.controlled:
             return 0.0
@@ -175,7 +174,7 @@ class Chamber:
         return min(100.0, max(-100.0, 100.0 * heat / full))
 
     def drifted(self, t: float) -> bool:
-        """Whether it has been left alone and is no longer where it was sent."""
+        """Whether it has no control and has left its last setpoint."""
         if self._stretch(t).controlled:
             return False
         return abs(self.air_degC(t) - self.temperatures.value(t)) > self._truth.new_draw_degC

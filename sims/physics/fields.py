@@ -1,7 +1,7 @@
-"""How the tables of a world file are declared and read: dataclass fields that carry what they accept.
+"""Declaration and reading of world-file tables: dataclass fields with their permitted values.
 
-A world file is checked in full before anything is simulated: an unknown key, a number out of range or a word
-where a number belongs is a `WorldError` that says where it is and what would be right.
+A world file is checked completely before the simulation starts. An unknown key, a number out of range or a value of a
+wrong type is a `WorldError` with its place and permitted values.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ _KIND = "world file"
 
 
 class WorldError(ValueError):
-    """A world file says something that is not known or cannot be."""
+    """A world file has an unknown key or an impossible value."""
 
 
 class Kind(Protocol):
-    """What one key accepts."""
+    """Permitted values of one key."""
 
     def read(self, value: object, where: str, axes: Mapping[str, str]) -> Any:
-        """The checked value. `where` is the key's place in the file, `axes` the bench's sensors, axis by name,
-        "" for a pressure transducer.
+        """The checked value. `where` is the key's place in the file, `axes` the axis by sensor name, "" for a pressure
+        transducer.
         """
         ...
 
@@ -63,7 +63,7 @@ class Whole:
 
 @dataclass(frozen=True)
 class NumberBySensor:
-    """A number, or a table of numbers by the names of the bench's transducers, or else of its attitude sensors."""
+    """A number, or a table of numbers by the names of the bench's transducers, or otherwise of its attitude sensors."""
 
     transducers: bool
 
@@ -104,7 +104,7 @@ class Switch:
 
 @dataclass(frozen=True)
 class Moment:
-    """A date and time, UTC unless it says otherwise; kept as seconds since 1970-01-01."""
+    """A date and time, UTC unless it has an offset; kept as seconds since 1970-01-01."""
 
     def read(self, value: object, where: str, axes: Mapping[str, str]) -> float:
         """See `Kind.read`."""
@@ -148,7 +148,7 @@ def quantity(default: float, low: float = -inf, high: float = inf) -> Any:
 
 
 def known_keys(given: Mapping[str, object], known: Collection[str], where: str, what: str = "known") -> None:
-    """Refuse keys that are not among the known ones, naming both."""
+    """Refuse keys that are not among the known ones; the message has both."""
     for name in given:
         if name not in known:
             near = get_close_matches(name, list(known), n=1)
@@ -158,13 +158,12 @@ def known_keys(given: Mapping[str, object], known: Collection[str], where: str, 
 
 
 def read_table(base: Table, values: object, where: str, axes: Mapping[str, str]) -> Table:
-    """A copy of the dataclass `base` with the keys that `values` gives.
+    """A copy of the dataclass `base` with the values of `values`.
 
-    A field that says what it accepts is a key; one that does not is an inner table, a dataclass itself.
+    A field with a declaration is a key; a field without one is an inner table, itself a dataclass.
 
     Raises:
-        WorldError: naming the key, what is wrong with it and what would be right.
-
+        WorldError: with the key, its defect and permitted values.
     """
     if not isinstance(values, Mapping):
         raise WorldError(f"{where} must be a table, [{where}] (it is {values!r})")

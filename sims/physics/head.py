@@ -1,8 +1,8 @@
-"""The dividing head's mechanics: two axes, their encoders, and where the table really is.
+"""The dividing head's mechanics: two axes, their encoders, and the true angle of the table.
 
-An encoder's angle is counted from its mark here. A controller that was switched on does not know the mark until its
-homing has found it at 0 deg; keeping count is the controller's business. Errors the encoder cannot see (hidden
-play, harmonics of the head) are on the table's side: `true_deg`.
+Here an encoder's angle is counted from its mark. After power-on a controller does not know the mark until homing has
+found it at 0 deg; its count is the controller's own. Errors that the encoder cannot see (hidden play, harmonics of the
+head) are between encoder and table: `true_deg`.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from sims.physics.undeclared import ARCSEC, Backlash, HeadError
 
 AXES = ("pitch", "roll")
 _REMEMBERED_S = 3600.0
-"""Moves older than this are forgotten; no reading lasts that long."""
+"""Age of moves that are discarded, seconds; every reading is shorter."""
 
 
 class Now(Protocol):
-    """What the mechanics need of a world."""
+    """Parts of a world that the mechanics need."""
 
     def now(self) -> float:
         """Virtual seconds."""
@@ -33,8 +33,7 @@ class Axis:
     """One axis: its moves and its errors.
 
     Attributes:
-        told: told of its motion.
-
+        told: called with its motion.
     """
 
     def __init__(self, world: Now, start_deg: float, mechanics: Mechanics, errors: Sequence[HeadError]) -> None:
@@ -64,7 +63,7 @@ class Axis:
         return self.leg(t).speed(t)
 
     def side(self, t: float) -> int:
-        """From which side it came to where it is at `t`: 1 from below, going up, or -1."""
+        """Direction of its last approach at `t`: 1 upwards, -1 downwards."""
         return round(self.leg(t).course.direction)
 
     def moving(self, t: float) -> bool:
@@ -81,15 +80,15 @@ class Axis:
         return true
 
     def true_deg(self, t: float) -> float:
-        """Where the table really is."""
+        """True angle of the table, degrees."""
         return self._table(self.leg(t).angle(t), t)
 
     def seen_deg(self, t: float) -> float:
-        """The table's angle as the pendulum shows it, behind its lag."""
+        """The table's angle behind the lag of the pendulum, degrees."""
         return self._table(self.leg(t).seen(t), t)
 
     def move(self, target: float, speed: float, acceleration: float) -> None:
-        """Go to an encoder angle; both speed (deg/s) and acceleration (deg/s^2) must be positive."""
+        """Move to an encoder angle; both speed (deg/s) and acceleration (deg/s^2) must be positive."""
         if not (speed > 0.0 and acceleration > 0.0):
             raise ValueError(f"speed {speed} and acceleration {acceleration} must be positive")
         if self.told is not None:
@@ -112,7 +111,7 @@ class Axis:
             self.told("reached_deg", target, self._legs[-1].end - self._world.now())
 
     def stop(self, deceleration_deg_per_s2: float | None = None) -> None:
-        """Come to rest as soon as the deceleration allows (the last move's, unless another is given)."""
+        """Stop with this deceleration, deg/s^2; by default that of the last move."""
         now = self._interrupt()
         leg = self.leg(now)
         if now < leg.end:
@@ -124,7 +123,7 @@ class Axis:
                 self.told("stopped_deg", self._legs[-1].course.target)
 
     def stall(self, until: float) -> None:
-        """Stand still where it is, whatever is commanded, until a virtual time."""
+        """Stall at the present angle until a virtual time, whatever is commanded."""
         now = self._interrupt()
         leg = self.leg(now)
         if now < leg.end:
@@ -134,7 +133,7 @@ class Axis:
         self._stalled_until = until
 
     def slip(self, amount_deg: float, *, encoder: bool) -> None:
-        """The table jumps and stays there, with its encoder or against it; a motion under way is at an end."""
+        """The table jumps, with its encoder or relative to it; a running motion ends."""
         now = self._world.now()
         if not encoder:
             self._slips.append((now, amount_deg))
@@ -144,7 +143,7 @@ class Axis:
         self._append(now, Course(1.0 if amount_deg >= 0 else -1.0, (), leg.angle(now) + amount_deg, 0.0))
 
     def _interrupt(self) -> float:
-        """Forget what was to come, and what is long past; returns the time."""
+        """Discard future moves, and very old ones; returns the time."""
         now = self._world.now()
         legs = [leg for leg in self._legs if leg.start <= now]
         while len(legs) > 1 and legs[1].start < now - _REMEMBERED_S:
@@ -161,19 +160,18 @@ class HeadMechanics:
     """Both axes of the head, by name ("pitch", "roll").
 
     Args:
-        world: whose `now()` is the moment a command takes effect.
+        world: its `now()` is the time at which a command takes effect.
         truth: the head's ordinary mechanics.
         backlash: play behind the encoders.
         errors: harmonics of the head.
-        pendulum_s: time constant of the sensors that watch.
-
+        pendulum_s: time constant of the sensors' pendulum.
     """
 
     def __init__(
         self, world: Now, truth: HeadTruth, backlash: Backlash, errors: Sequence[HeadError], pendulum_s: float
     ) -> None:
         creep_s = truth.creep_time_constant_s
-        if abs(creep_s - pendulum_s) < 1e-6 * pendulum_s:  # the lag's closed form divides by their difference
+        if abs(creep_s - pendulum_s) < 1e-6 * pendulum_s:  # the closed form of the lag divides by their difference
             creep_s *= 1.0 + 1e-6
         starts = {"pitch": truth.start_pitch_deg, "roll": truth.start_roll_deg}
         self.axes = {
@@ -197,7 +195,7 @@ class HeadMechanics:
         self.axes[axis].move(target_deg, speed, accel)
 
     def stop(self, axis: str, decel: float | None = None) -> None:
-        """Come to rest at `decel` deg/s^2, the last move's acceleration unless given."""
+        """Stop with `decel` deg/s^2; by default the last move's acceleration."""
         self.axes[axis].stop(decel)
 
     def encoder_deg(self, axis: str, t: float) -> float:
@@ -209,7 +207,7 @@ class HeadMechanics:
         return self.axes[axis].speed_deg_per_s(t)
 
     def true_deg(self, axis: str, t: float) -> float:
-        """Where the table really is, head errors and hidden play included."""
+        """True angle of the table, with head errors and hidden play."""
         return self.axes[axis].true_deg(t)
 
     def moving(self, axis: str, t: float) -> bool:

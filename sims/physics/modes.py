@@ -1,8 +1,8 @@
 """Linear differential equations with constant coefficients, solved by their modes.
 
-x' = A x + u f(t) + w g(t), where f is a constant and a ramp, and g the laboratory's temperature: a constant, a ramp
-and the day's sine. The solution is that of the drive alone plus a decaying exponential for every eigenvalue of A, and
-both are known once for the whole stretch.
+x' = A x + u f(t) + w g(t). Here f is a constant and a ramp; g is the laboratory's temperature: a constant, a ramp and
+the daily sine. The solution is the particular solution plus a decaying exponential for every eigenvalue of A; both are
+computed once for the whole interval.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from sims.physics.thermal import OMEGA, Lab
 Array = NDArray[np.float64]
 
 _SEPARATION = 1e-6
-"""Relative change of the coefficients that tells coinciding eigenvalues apart; their vectors would be parallel."""
+"""Relative change of the coefficients that separates coinciding eigenvalues; their vectors would be parallel."""
 
 
 class Response:
@@ -30,8 +30,7 @@ class Response:
         surroundings: (n,) w.
         setpoint: f at `start`, and its slope per second.
         lab: g.
-        begin: (n,) state at `start`; None for the state that all transients have left.
-
+        begin: (n,) state at `start`; None for the steady state.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""Everything that is physically there, for the twins to look at."""
+"""The whole physical state, for the twins."""
 
 # ruff: noqa: N802  (a quantity's name ends in its unit, and units keep their own case)
 
@@ -23,11 +23,11 @@ _GAUSS_3 = ((-sqrt(0.6), 5.0 / 18.0), (0.0, 8.0 / 18.0), (sqrt(0.6), 5.0 / 18.0)
 """Nodes on -1..1 and weights (summing to 1) of three-point Gauss-Legendre quadrature."""
 
 _QUIET = 12.0
-"""Pendulum time constants after a motion profile's end until a window's middle stands for the whole of it."""
+"""Pendulum time constants after the end of a motion profile until a window's middle represents the whole window."""
 
 
 class Time(Protocol):
-    """What the plant needs of a world."""
+    """Parts of a world that the plant needs."""
 
     def now(self) -> float:
         """Virtual seconds."""
@@ -39,23 +39,21 @@ class Time(Protocol):
 
 
 class Plant:
-    """All that is physically there: head, package, pressure, temperatures. Pure functions of virtual time.
+    """The whole physical state: head, package, pressure, temperatures. Pure functions of virtual time.
 
     Args:
         world: virtual time.
-        truth: values of the world file; {} for a world without surprises.
-        bench: values of the bench file; its [sensors] and [temperatures] say what is wired to which channel, its
-            [factors] which instrument drives the transducers' line and which chambers they and their electronics
-            are in.
+        truth: values of the world file; {} for the default world.
+        bench: values of the bench file. Its [sensors] and [temperatures] give the channel of each sensor; its [factors]
+            give the instrument of the transducers' line and of the chambers of transducers and electronics.
 
     Attributes:
         enclosure: around the package of an attitude bench.
-        head: that the package is on.
+        head: carries the package.
         stand: pressure line, chambers and transducers of a pressure bench.
 
     Raises:
-        WorldError: the world file says something that is not known or cannot be.
-
+        WorldError: the world file has an unknown key or an impossible value.
     """
 
     def __init__(self, world: Time, truth: Mapping[str, object], bench: Mapping[str, object]) -> None:
@@ -84,7 +82,9 @@ class Plant:
         self._places = {_wire(table): str(table.get("place", "package")) for table in temperatures}
 
     def chamber(self, instrument: str) -> Chamber | Enclosure:
-        """What a temperature controller of the bench controls: a chamber, or else the enclosure around the package."""
+        """The object of a temperature controller of the bench: a chamber, or otherwise the enclosure around the
+        package.
+        """
         return self.stand.chamber(instrument) or self.enclosure
 
     def pressure_line(self, instrument: str) -> PressureLine:
@@ -100,7 +100,7 @@ class Plant:
     def sensor_V(self, sensor: str, t0: float, t1: float) -> float:
         """Mean output of a sensor over an integration window, noise included.
 
-        The noise belongs to the window: whoever integrates the same sensor over the same window reads the same.
+        The noise is a function of the window: the same sensor and the same window give the same reading.
 
         Args:
             sensor: its name on the bench.
@@ -109,7 +109,6 @@ class Plant:
 
         Returns:
             Volts.
-
         """
         if sensor in self.stand.transducers:
             return self._clean(sensor, t0, t1) + self.stand.noise_V(sensor, t0, t1)
@@ -118,12 +117,12 @@ class Plant:
         return self._clean(sensor, t0, t1) + noise * normal(self._seed, accelerometer.channel, event_at(t0))
 
     def clean_V(self, instrument: str, channel: str, t0: float, t1: float) -> float:
-        """What the sensor at an input gave over a window, without noise; 0 V where there is none."""
+        """Mean output of the sensor at an input over a window, without noise; 0 V without a sensor."""
         sensor = self._volts.get((instrument, channel))
         return 0.0 if sensor is None else self._clean(sensor, t0, t1)
 
     def _clean(self, sensor: str, t0: float, t1: float) -> float:
-        """Mean output of a sensor without noise; the latest window of each is remembered."""
+        """Mean output of a sensor without noise; the latest window of each is cached."""
         latest = self._latest.get(sensor)
         if latest is not None and latest[0] == (t0, t1):
             return latest[1]
@@ -146,7 +145,7 @@ class Plant:
         )
 
     def factors(self, t0: float, t1: float) -> Mapping[str, float]:
-        """What is true of the factors over a window, whatever any readback says; by the names run files use."""
+        """True values of the factors over a window, by their names in run files."""
         t = (t0 + t1) / 2.0
         if self.stand.transducers:
             return {
@@ -161,16 +160,18 @@ class Plant:
         }
 
     def sides(self, t: float) -> Mapping[str, int]:
-        """From which side each factor that is easily changed truly came to where it is: 1 going up, -1, 0 if neither.
+        """True direction of the last approach of each easy-to-change factor: 1 upwards, -1 downwards, 0 if neither.
 
-        An axis that has never moved counts as one that went up.
+        An axis that has never moved counts as approached upwards.
         """
         if self.stand.transducers:
             return {"pressure_psia": self.stand.side(t)}
         return {"pitch_deg": self._pitch.side(t), "roll_deg": self._roll.side(t)}
 
     def stay(self, t: float) -> int:
-        """Number of the stay at a pair of temperatures, as the transducers' own errors count; 0 without transducers."""
+        """Number of the stay at a pair of temperatures, as for the transducers' whole-plot errors; 0 without
+        transducers.
+        """
         return self.stand.whole_plot(t) if self.stand.transducers else 0
 
     def temperature_degC(self, place: str, t: float) -> float:
@@ -193,18 +194,18 @@ class Plant:
         return self._lab.degC(t)
 
     def channel_V(self, instrument: str, channel: str, t0: float, t1: float) -> float:
-        """What is at an instrument's voltage input, a mean over the window; an input left open reads 0 V."""
+        """Mean voltage at an instrument's input over the window; an open input reads 0 V."""
         sensor = self._volts.get((instrument, channel))
         return 0.0 if sensor is None else self.sensor_V(sensor, t0, t1)
 
     def channel_degC(self, instrument: str, channel: str, t: float) -> float:
-        """Temperature of the thermometer at an instrument's input; infinite where none is connected."""
+        """Temperature of the thermometer at an instrument's input; infinite without a thermometer."""
         place = self._places.get((instrument, channel))
         return inf if place is None else self.temperature_degC(place, t)
 
 
 def _mounted(truth: MountingTruth, seed: int) -> Matrix | None:
-    """From the table's axes to the package's; None where it was never turned."""
+    """Rotation from the table's axes to the package's, 3x3; None if the package is not turned."""
     turns = (truth.x_deg, truth.y_deg, truth.z_deg)
     if not any(turns):
         return None
@@ -223,5 +224,5 @@ def _tables(bench: Mapping[str, object], name: str) -> Mapping[str, Any]:
 
 
 def _wire(table: Mapping[str, object]) -> tuple[str, str]:
-    """(instrument, channel) that a sensor or thermometer is wired to."""
+    """(instrument, channel) of a sensor or thermometer."""
     return str(table["reader"]), str(table.get("channel", "input"))

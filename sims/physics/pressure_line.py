@@ -1,8 +1,8 @@
-"""A pressure controller and the line behind it, in closed form: slew, settling, overshoot, leak, vent, lost sources.
+"""A pressure controller and its line, in closed form: slew, settling, overshoot, leak, vent, lost sources.
 
-The state is the gas pressure at the transducers. Between one command and the next it is a chain of stretches, each
-a first-order system that follows a straight line, so that pressures and their means over a window are closed forms
-of time, and nothing depends on how often anybody looks. Pressures are absolute, psi; a rate is psi per second.
+The state is the gas pressure at the transducers. Between two commands it is a chain of intervals; in each, a
+first-order system follows a straight line. So pressures and their means over a window are closed-form functions of
+time, and do not depend on the number of queries. Pressures are absolute, psi; rates are in psi/s.
 """
 
 from __future__ import annotations
@@ -20,39 +20,38 @@ ATMOSPHERE_PSIA = 14.695949
 """Standard atmosphere."""
 
 _HEAD_PER_M = 0.0280134 * 9.80665 / (8.314463 * 296.15)  # barometric formula, nitrogen at 23 degrees Celsius
-_AT_AMBIENT_PSI = 0.01  # a vent is over when it is this near
+_AT_AMBIENT_PSI = 0.01  # maximum distance from the atmosphere at the end of a vent
 _REMEMBERED_S = 3600.0
 _DAY_S = 86400.0
-_Outage = tuple[float, float, float | None]  # from, until (virtual seconds), what is left of the source (psia)
+_Outage = tuple[float, float, float | None]  # from, until (virtual seconds), remaining pressure of the source (psia)
 _PERIODS_S = (40.0, 21.4, 11.4, 6.11, 3.27, 1.75, 0.935, 0.5)  # of the control noise
 
 
 @dataclass(frozen=True)
 class LineTruth:
-    """A pressure controller and its line: `[pressure_line]`.
+    """Parameters of a pressure controller and its line: `[pressure_line]`.
 
     Attributes:
-        supply_psia: pressure of the source that it raises pressure from.
-        vacuum_psia: pressure of the pump that it lowers pressure with.
+        supply_psia: pressure of the supply.
+        vacuum_psia: pressure of the vacuum pump.
         supply_lost_h: hours after the world's start at which the supply is lost; never if not given.
-        supply_back_h: and when it is back; never if not given.
-        vacuum_lost_h: the same of the vacuum pump.
-        vacuum_back_h: and when it is back.
-        ambient_psia: the atmosphere that it vents to.
-        start_psia: pressure in the line when the world starts, control being off.
-        surroundings_psia: what is around the line, and leaks into it: the atmosphere, or a chamber's vacuum.
-        leak_time_constant_s: how fast a line left alone follows its surroundings (volume over conductance).
-        restriction_s: pressure lost between controller and transducers for each psi per second of leak.
-        control_time_constant_s: how fast control brings the line to its setpoint when the slew is over.
-        valve_psi_per_s: how fast the line changes with a valve fully open.
-        overshoot_fraction: of a step, by which the pressure goes too far when overshoot is allowed.
-        control_noise_psi: standard deviation of the pressure under control, with periods of 0.5 s to 40 s.
-        height_m: how much higher the transducers are than the controller's reference.
-        reference_gain_ppm: error of the controller's own sensor, of reading.
+        supply_back_h: end of that loss, hours; never if not given.
+        vacuum_lost_h: hours after the world's start at which the vacuum pump is lost; never if not given.
+        vacuum_back_h: end of that loss, hours; never if not given.
+        ambient_psia: pressure of the atmosphere, for vents.
+        start_psia: pressure in the line at the start of the world, with control off.
+        surroundings_psia: pressure around the line, to which it leaks: the atmosphere, or a chamber's vacuum.
+        leak_time_constant_s: time constant of the leak of an uncontrolled line (volume over conductance).
+        restriction_s: pressure drop between controller and transducers per psi/s of leak.
+        control_time_constant_s: time constant of control near its setpoint, after the slew.
+        valve_psi_per_s: rate of change with a valve fully open.
+        overshoot_fraction: overshoot as a fraction of the step, if overshoot is permitted.
+        control_noise_psi: standard deviation of the controlled pressure, with periods of 0.5 s to 40 s.
+        height_m: height of the transducers above the controller's reference level.
+        reference_gain_ppm: relative error of the controller's own sensor.
         reference_offset_psi: its error at zero.
-        reference_drift_psi_per_day: growth of that error.
+        reference_drift_psi_per_day: drift of that error.
         reference_noise_psi: standard deviation of one reading of it.
-
     """
 
     supply_psia: float = quantity(45.0, 0.0, 10_000.0)
@@ -78,19 +77,18 @@ class LineTruth:
 
 
 class PressureLine:
-    """The line under a controller's commands. Starts uncontrolled.
+    """The line under a controller's commands. It starts uncontrolled.
 
     Args:
-        truth: what it is like.
+        truth: its parameters.
         name: the controller's name on the bench, the key of its noise.
-        seed: the world's.
-        start: virtual time from which on it is known, seconds.
+        seed: the world's seed.
+        start: virtual time of its first known state, seconds.
 
     Attributes:
-        setpoint_psia: as last commanded.
+        setpoint_psia: last commanded setpoint.
         controlling: whether the control loop is closed.
-        told: told of what is commanded.
-
+        told: called with every command.
     """
 
     def __init__(self, truth: LineTruth, name: str, seed: int, start: float = 0.0) -> None:
@@ -99,7 +97,8 @@ class PressureLine:
         self.controlling = False
         self._seed = seed
         self._channel = f"{name}/reference"
-        # What the controller's port has more than the transducers: the gas column's weight, and the leak's flow.
+        # Difference of pressure between the controller's port and the transducers: weight of the gas column, flow of
+        # the leak.
         self._column = exp(_HEAD_PER_M * truth.height_m)
         self._flow = truth.restriction_s / truth.leak_time_constant_s
         self._gain = 1.0 + truth.reference_gain_ppm * 1e-6
@@ -120,14 +119,13 @@ class PressureLine:
     # Commands
 
     def command(self, now: float, setpoint_psia: float, slew_psi_per_s: float, *, overshoot: bool = False) -> None:
-        """Control to a setpoint, which is what the controller's own reading shall become.
+        """Control to a setpoint of the controller's own reading.
 
         Args:
             now: virtual time.
-            setpoint_psia: where to.
-            slew_psi_per_s: no faster than this; `inf` leaves it to the valves.
-            overshoot: whether it may go past the setpoint on its way.
-
+            setpoint_psia: the setpoint.
+            slew_psi_per_s: maximum rate; `inf` for the valves' own.
+            overshoot: whether the pressure may overshoot.
         """
         self._begin(now, controlling=True)
         self.setpoint_psia = setpoint_psia
@@ -140,7 +138,7 @@ class PressureLine:
             self.told("control", "on")
 
     def control_off(self, now: float) -> None:
-        """Close all valves; the line is left to its leak. Also ends a vent."""
+        """Close all valves; only the leak acts on the line. Also ends a vent."""
         if self.told is not None:
             self.told("control", "off")
             self.told("vent", "off")
@@ -149,7 +147,7 @@ class PressureLine:
         self._stretches.append(self._leaking(now, here))
 
     def vent(self, now: float, rate_psi_per_s: float) -> None:
-        """Let the line go to the atmosphere, no faster than this; the vent stays open until the next command."""
+        """Vent the line to the atmosphere at this maximum rate; the vent stays open until the next command."""
         truth, here = self.truth, self.pressure_psia(now)
         self._begin(now, controlling=False)
         away = truth.ambient_psia - here
@@ -171,24 +169,23 @@ class PressureLine:
         Args:
             now: virtual time.
             source: "supply" or "vacuum".
-            until: when it is back.
-            to_psia: what it falls to; the atmosphere if None.
-
+            until: end of the failure.
+            to_psia: its pressure meanwhile; the atmosphere if None.
         """
         self._outages[source].append((now, until, to_psia))
         if self.controlling:
             self._plan_from(now)
 
-    # What is there
+    # State
 
     def pressure_psia(self, t: float) -> float:
-        """The true pressure at the transducers."""
+        """The true pressure at the transducers, psia."""
         return self._smooth(t) + (self._ripple(t) if self._under_control(t) else 0.0)
 
     def mean_psia(self, t0: float, t1: float) -> float:
-        """The mean of the true pressure over a window of more than no length."""
+        """The mean of the true pressure over a window of positive length, psia."""
         stretch = self._stretch(t1)
-        if stretch.start <= t0:  # nearly every window
+        if stretch.start <= t0:  # the most frequent case
             ripple = self._ripple_integral(t0, t1) if self._under_control(t0) else 0.0
             return (stretch.integral(t0, t1) + ripple) / (t1 - t0)
         starts = [s.start for s in self._stretches]
@@ -199,7 +196,7 @@ class PressureLine:
         return total / (t1 - t0)
 
     def reading_psia(self, t: float) -> float:
-        """What the controller's own sensor reads; the same for everybody who looks at that moment."""
+        """Reading of the controller's own sensor, psia; the same for all queries at one time."""
         noise = self.truth.reference_noise_psi * normal(self._seed, self._channel, event_at(t))
         ripple = self._ripple(t) if self._under_control(t) else 0.0
         return self._read(self._smooth(t), t) + ripple + noise
@@ -225,7 +222,7 @@ class PressureLine:
         return self._vent_over is not None and t >= self._vent_over
 
     def effort_pct(self, t: float) -> float:
-        """How far the valves are open: positive lets gas in, negative out, 100 is all they can; 0 uncontrolled."""
+        """Opening of the valves, percent: positive lets gas in, negative out, 100 is fully open; 0 uncontrolled."""
         if not self._under_control(t):
             return 0.0
         stretch = self._stretch(t)
@@ -236,15 +233,14 @@ class PressureLine:
         return 100.0 * max(-1.0, min(1.0, flow / self.truth.valve_psi_per_s))
 
     def settled_since(self, t: float, band_psi: float) -> float | None:
-        """From when on the controller's reading, noise apart, has been within a band about the setpoint.
+        """Time since which the controller's reading, without noise, has been within a band about the setpoint.
 
         Args:
             t: virtual time, not before the last command.
-            band_psi: half its width.
+            band_psi: half width of the band.
 
         Returns:
             Virtual seconds, not before the last command; None if it is outside at `t` or uncontrolled.
-
         """
         if not self._under_control(t) or abs(self._error(t)) > band_psi:
             return None
@@ -257,10 +253,10 @@ class PressureLine:
             end = stretch.start
         return commanded
 
-    # How it works
+    # Internals
 
     def _begin(self, now: float, *, controlling: bool) -> None:
-        """Drop what would have come after `now`, and what is so old that nobody can ask for it."""
+        """Discard intervals after `now`, and those too old for any query."""
         kept = [s for s in self._stretches if s.start <= now]
         old = max((i for i, s in enumerate(kept) if s.start < now - _REMEMBERED_S), default=0)
         self._stretches = kept[old:]
@@ -271,13 +267,13 @@ class PressureLine:
         self._vent_over = None
 
     def _plan_from(self, now: float) -> None:
-        """Plan what control does from `now` on, and at every moment at which a source goes or comes."""
+        """Plan the control from `now` on, with a new plan at each loss or return of a source."""
         edges = (at for outages in self._outages.values() for begin, end, _ in outages for at in (begin, end))
         for at in (now, *sorted(at for at in edges if now < at < inf)):
             self._plan(at, self._slew, overshoot=self._overshoot)
 
     def _plan(self, at: float, slew: float, *, overshoot: bool) -> None:
-        """Append what control does from `at` on, as far as the sources of that moment allow."""
+        """Append the control from `at` on, within the limits of the sources at that time."""
         self._stretches = [s for s in self._stretches if s.start <= at]
         truth, here = self.truth, self._smooth(at)
         supply = self._source_psia("supply", at)
@@ -296,14 +292,14 @@ class PressureLine:
             self._stretches.append(self._leaking(at, here, saturated=True))
             ratio = (goal - surroundings) / (here - surroundings) if here != surroundings else inf
             if not 0.0 < ratio < 1.0:
-                return  # the leak does not lead there
+                return  # the leak does not lead to the setpoint
             arrival = at - truth.leak_time_constant_s * log(ratio)
         begin, tau = self._smooth(arrival), truth.control_time_constant_s
         settled = self._line_for(reachable, arrival)
         self._stretches.append(
             Stretch(
                 arrival,
-                settled + self._goal_slope * tau,  # it keeps up with the reference's drift
+                settled + self._goal_slope * tau,  # control follows the drift of its reference
                 self._goal_slope,
                 tau,
                 begin,
@@ -313,7 +309,7 @@ class PressureLine:
         )
         leak = (surroundings - goal) / truth.leak_time_constant_s
         if not (down if leak > 0 else up) and leak:
-            # Nothing holds against the leak: it takes over when the approach has become slower than it is.
+            # No source acts against the leak: the leak dominates once the approach is slower than it.
             alone = arrival + tau * log(max(1.0, (begin - settled) / tau / -leak))
             self._stretches.append(self._leaking(alone, self._smooth(alone), saturated=True))
 
@@ -322,7 +318,7 @@ class PressureLine:
         return Stretch(at, truth.surroundings_psia, 0.0, truth.leak_time_constant_s, here, saturated=saturated)
 
     def _available(self, source: str, t: float, here: float) -> bool:
-        """Whether a source moves gas at `t`; one that has fallen still does as long as it is above the line."""
+        """Whether a source moves gas at `t`; a failed one still does while it is above the line."""
         return not any(lost <= t < back and (to is None or to <= here) for lost, back, to in self._outages[source])
 
     def _source_psia(self, source: str, t: float) -> float:
@@ -338,13 +334,13 @@ class PressureLine:
         return self._gain * (self._column * line - flow) + self.truth.reference_offset_psi + self._drift * t
 
     def _line_for(self, reading: float, t: float) -> float:
-        """The line pressure at which the controller, controlling, reads this."""
+        """The line pressure at which the controller reads this while controlling."""
         port = (reading - self.truth.reference_offset_psi - self._drift * t) / self._gain
         return (port + self._flow * self.truth.surroundings_psia) / (self._column + self._flow)
 
     @property
     def _goal_slope(self) -> float:
-        """How the line pressure moves while the reading stays."""
+        """Rate of the line pressure at a constant reading."""
         return -self._drift / self._gain / (self._column + self._flow)
 
     def _stretch(self, t: float) -> Stretch:
@@ -358,7 +354,7 @@ class PressureLine:
 
     def _under_control(self, t: float) -> bool:
         since, on = self._controlled_from[-1]
-        if since <= t:  # nearly always
+        if since <= t:  # the most frequent case
             return on
         return next((on for since, on in reversed(self._controlled_from) if since <= t), False)
 
@@ -374,14 +370,14 @@ class PressureLine:
         return self._read(self._smooth(t), t) - self.setpoint_psia
 
     def _farthest(self, stretch: Stretch, end: float) -> list[float]:
-        """Where within a stretch the reading may be farthest from the setpoint, latest first."""
+        """Times within an interval at which the reading may be farthest from the setpoint, latest first."""
         if not stretch.bump:
             return [stretch.start]
         top = stretch.start + stretch.tau * (1.0 - stretch.fading / (stretch.bump * e))
         return [top, stretch.start] if stretch.start < top < end else [stretch.start]
 
     def _entered(self, outside: float, inside: float, band_psi: float) -> float:
-        """When the reading entered the band, to a microsecond."""
+        """Time at which the reading entered the band, to a microsecond."""
         while inside - outside > 1e-6:
             middle = (outside + inside) / 2.0
             if abs(self._error(middle)) > band_psi:
@@ -392,5 +388,5 @@ class PressureLine:
 
 
 def _outage(lost_h: float | None, back_h: float | None) -> _Outage:
-    """The outage that a world file's keys ask for."""
+    """The outage described by a world file's keys."""
     return (inf if lost_h is None else lost_h * 3600.0), (inf if back_h is None else back_h * 3600.0), None

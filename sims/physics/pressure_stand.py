@@ -1,4 +1,4 @@
-"""A pressure bench: one line, two chambers, and the transducers that hang on all three."""
+"""A pressure bench: one line, two chambers, and the transducers connected to all three."""
 
 # ruff: noqa: N802  (a quantity's name ends in its unit, and units keep their own case)
 
@@ -18,20 +18,20 @@ from sims.physics.transpiration import at_the_sensor_psia
 from sims.physics.truth import Truth
 
 PRESSURE, SENSORS, SSE = "pressure_psia", "sensor_temperature_degC", "sse_temperature_degC"
-"""Factors, as a bench file's `[factors]` names them."""
+"""Factors, as named in a bench file's `[factors]`."""
 
 
 class Line(PressureLine):
-    """A pressure line that remembers what it was set to.
+    """A pressure line with a history of its settings.
 
     Args:
-        world: the whole of its truth.
-        name: of the controller on the bench.
-        start: virtual time from which on it is known.
+        world: the whole truth of the world.
+        name: the controller's name on the bench.
+        start: virtual time of its first known state.
 
     Attributes:
-        settings: pressures it was set to; a setting is a command to another pressure, or one after control was off.
-
+        settings: history of set pressures; a setting is a command to another pressure, or the first one after control
+            was off.
     """
 
     def __init__(self, world: Truth, name: str, start: float) -> None:
@@ -55,17 +55,16 @@ class Line(PressureLine):
 
 
 class PressureStand:
-    """The transducers and all that acts on them. Pure functions of virtual time between commands.
+    """The transducers and all influences on them. Pure functions of virtual time between commands.
 
     Args:
         truth: the world.
-        factors: the bench's `[factors]`: instrument by factor. What no instrument sets stays as the laboratory is.
-        lab: what is around it.
-        start: virtual time from which on it is known.
+        factors: the bench's `[factors]`: instrument by factor. A factor without instrument has the laboratory's value.
+        lab: its surroundings.
+        start: virtual time of its first known state.
 
     Attributes:
         transducers: by name on the bench.
-
     """
 
     def __init__(self, truth: Truth, factors: Mapping[str, str], lab: Lab, start: float) -> None:
@@ -92,7 +91,7 @@ class PressureStand:
         return self._lines[instrument]
 
     def chamber(self, instrument: str) -> Chamber | None:
-        """The chamber behind a temperature controller, if it sets one of the factors."""
+        """The chamber of a temperature controller, if it sets one of the factors."""
         return self._chambers.get(instrument)
 
     def sensors_degC(self, t: float) -> float:
@@ -114,24 +113,23 @@ class PressureStand:
     def clean_V(self, sensor: str, t0: float, t1: float) -> float:
         """Mean output of a transducer over an integration window, without noise.
 
-        Within a window the temperatures are those of its middle.
+        The temperatures are those at the middle of the window.
 
         Args:
             sensor: its name on the bench.
             t0: begin of the window, virtual seconds.
             t1: its end, later than `t0`.
-
         """
         return self.transducers[sensor].output_mV(self.conditions(t0, t1)) * 1e-3
 
     def noise_V(self, sensor: str, t0: float, t1: float) -> float:
-        """Noise of a transducer's mean output, which belongs to the window."""
+        """Noise of a transducer's mean output; a function of the window."""
         transducer = self.transducers[sensor]
         noise = normal(self._truth.seed, transducer.channel, event_at(t0))
         return transducer.noise_mV / sqrt(t1 - t0) * noise * 1e-3
 
     def conditions(self, t0: float, t1: float) -> Conditions:
-        """What the transducers see over a window."""
+        """Influences on the transducers over a window."""
         t = (t0 + t1) / 2.0
         effects, settings = self._truth.effects, self._line.settings
         pressure, sensor = self._line.mean_psia(t0, t1), self.sensors_degC(t)
@@ -158,11 +156,13 @@ class PressureStand:
         )
 
     def side(self, t: float) -> int:
-        """From which side the pressure came to its setting: 1 going up, -1 down, 0 if it was never set."""
+        """Direction of the last approach of the pressure: 1 upwards, -1 downwards, 0 if it was never set."""
         return self._line.settings.direction(t)
 
     def whole_plot(self, t: float) -> int:
-        """A number for the stay at a pair of temperatures: when the last one changed, and which have drifted off."""
+        """A number for the stay at a pair of temperatures: time of the last change, and the chambers that have drifted
+        off.
+        """
         chambers = [c for c in (self._sensors, self._sse) if c]
         latest = max((c.temperatures.since(t) for c in chambers), default=self._start)
         drifted = sum(c.drifted(t) << bit for bit, c in enumerate(chambers))

@@ -1,4 +1,4 @@
-"""A first-order system that follows a straight line: one stretch of a pressure line, in closed form."""
+"""A first-order system that follows a straight line: one interval of a pressure line, in closed form."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from math import e, exp, expm1
 
 @dataclass(frozen=True, slots=True)
 class Stretch:
-    """constant + slope * (t - start), followed with a lag, from the pressure `begin` on; maybe past it and back.
+    """A lag behind constant + slope * (t - start), from the pressure `begin`, with or without overshoot.
 
-    `bump` is an overshoot's height; `saturated` says that a valve is fully open in vain.
+    `bump` is the height of an overshoot; `saturated` means that a valve is fully open without success.
     """
 
     start: float
@@ -23,7 +23,7 @@ class Stretch:
 
     @property
     def fading(self) -> float:
-        """How far it is from the line it follows, at its start, psi."""
+        """Distance from the followed line at its start, psi."""
         return self.begin - self.constant + self.slope * self.tau
 
     def at(self, t: float) -> float:
@@ -39,7 +39,7 @@ class Stretch:
         return self.slope + (self.bump * e * (1.0 - u) - self.fading) * exp(-u) / self.tau
 
     def integral(self, t0: float, t1: float) -> float:
-        """Of the pressure over time, psi s; differences of exponentials are taken without cancellation."""
+        """Integral of the pressure over time, psi s; differences of exponentials are computed without cancellation."""
         d0, length, tau = t0 - self.start, t1 - t0, self.tau
         u0, u1 = d0 / tau, (t1 - self.start) / tau
         straight = self.constant + self.slope * (d0 + length / 2.0 - tau)

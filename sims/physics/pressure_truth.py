@@ -1,4 +1,4 @@
-"""What a world file may say about a pressure bench: its chambers and its transducers."""
+"""World-file tables of a pressure bench: its chambers and its transducers."""
 
 from __future__ import annotations
 
@@ -13,20 +13,19 @@ class ChamberTruth:
     """A chamber and the body in it: `[sensor_chamber]` and `[sse_chamber]`.
 
     Attributes:
-        start_setpoint_degC: setpoint when the world starts.
-        start_controlled: whether control is on then; the chamber is in its steady state either way.
-        time_constant_s: how fast control brings the air to a new setpoint.
-        damping: of that control; below 1 the air overshoots.
-        slew_degC_per_min: no faster than this, whatever the setpoint: its power is limited.
-        free_time_constant_s: how fast the air follows the laboratory when control is off.
-        authority_degC: how far above or below the laboratory full power would bring it.
-        wall_time_constant_s: how fast walls and load follow the air.
-        wall_exchange_s: how fast the air would follow them, left alone with them.
-        body_time_constant_s: how fast the body (transducers or electronics) follows what is around it.
-        body_sees_wall: fraction of its surroundings that is wall; the controller's own sensor does not see it.
-        body_sees_lab: fraction that is laboratory, by leads and tubes: the gradient between sensor and body.
-        new_draw_degC: a temperature that changes by more than this makes a new whole plot of it.
-
+        start_setpoint_degC: setpoint at the start of the world.
+        start_controlled: whether control is on at the start; the chamber is in its steady state in both cases.
+        time_constant_s: time constant of the control of air temperature.
+        damping: damping ratio of that control; below 1 the air overshoots.
+        slew_degC_per_min: maximum rate of the air, by its limited power.
+        free_time_constant_s: time constant of the air relative to the laboratory with control off.
+        authority_degC: difference from the laboratory that full power reaches.
+        wall_time_constant_s: time constant of walls and load relative to the air.
+        wall_exchange_s: time constant of the air relative to the walls alone.
+        body_time_constant_s: time constant of the body (transducers or electronics) relative to its surroundings.
+        body_sees_wall: wall's fraction of its surroundings; the controller's own sensor does not see it.
+        body_sees_lab: laboratory's fraction, by leads and tubes: the gradient between sensor and body.
+        new_draw_degC: change of temperature above which a new whole plot begins.
     """
 
     start_setpoint_degC: float = quantity(23.0, -200.0, 200.0)
@@ -48,27 +47,26 @@ class ChamberTruth:
 class TransducerTruth:
     """A pressure transducer with its support electronics (SSE): `[sensors.NAME]`, NAME as on the bench.
 
-    A strain-gauge bridge whose offset and sensitivity move with its own temperature, and electronics that add to the
-    offset and change the gain with theirs. All of it together is the full second order of the paper's eq. (1).
+    A strain-gauge bridge whose offset and sensitivity depend on its temperature. The electronics add to the offset and
+    change the gain with their own temperature. The result is the full second order of the paper's eq. (1).
 
     Attributes:
         offset_mV: output at zero pressure and both reference temperatures.
-        sensitivity_mV_per_psi: output per psi there.
-        nonlinearity_uV_per_psi2: the diaphragm stiffens as it bends.
-        sensor_reference_degC: temperature of the bridge that its figures hold at.
-        offset_uV_per_degC: offset with the bridge's temperature.
-        offset_nV_per_degC2: the same, its curvature.
-        sensitivity_ppm_per_degC: sensitivity with the bridge's temperature.
-        sse_reference_degC: temperature of the electronics that their figures hold at.
-        sse_offset_uV_per_degC: offset with the electronics' temperature.
-        sse_offset_nV_per_degC2: the same, its curvature.
-        sse_gain_ppm_per_degC: gain with the electronics' temperature.
-        cross_offset_nV_per_degC2: offset with the product of both temperatures.
-        wholeplot_mV: standard deviation of the error that every change of a temperature draws again.
-        subplot_mV: standard deviation of the error that every setting of the pressure draws again, at zero pressure.
-        subplot_mV_per_psi: how that grows with pressure.
+        sensitivity_mV_per_psi: output per psi at both reference temperatures.
+        nonlinearity_uV_per_psi2: quadratic term of the diaphragm.
+        sensor_reference_degC: reference temperature of the bridge.
+        offset_uV_per_degC: temperature coefficient of the offset, bridge.
+        offset_nV_per_degC2: quadratic temperature coefficient of the offset, bridge.
+        sensitivity_ppm_per_degC: temperature coefficient of the sensitivity, bridge.
+        sse_reference_degC: reference temperature of the electronics.
+        sse_offset_uV_per_degC: temperature coefficient of the offset, electronics.
+        sse_offset_nV_per_degC2: quadratic temperature coefficient of the offset, electronics.
+        sse_gain_ppm_per_degC: temperature coefficient of the gain, electronics.
+        cross_offset_nV_per_degC2: coefficient of the offset for the product of both temperatures.
+        wholeplot_mV: standard deviation of the whole-plot error, new at every change of a temperature.
+        subplot_mV: standard deviation of the subplot error, new at every setting of the pressure, at zero pressure.
+        subplot_mV_per_psi: growth of that standard deviation with pressure.
         noise_mV: standard deviation of a mean over 1 s; over t seconds it is this divided by sqrt(t).
-
     """
 
     offset_mV: float = quantity(0.0, -1000.0, 1000.0)
@@ -90,11 +88,11 @@ class TransducerTruth:
 
 
 _TURN = 0.6180339887498949
-"""Multiples of the golden section fall evenly between 0 and 1."""
+"""Multiples of the golden section are distributed evenly between 0 and 1."""
 
 
 def ordinary(number: int) -> TransducerTruth:
-    """The transducer of a world that does not describe it: no two numbers (1, 2, ...) get the same one."""
+    """The default transducer of a world without its table; every number (1, 2, ...) gets another one."""
 
     def about(middle: float, spread: float, key: int) -> float:
         return middle + spread * (2.0 * ((number * _TURN * key) % 1.0) - 1.0)

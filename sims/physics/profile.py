@@ -1,8 +1,8 @@
-"""Motion of one axis in closed form: trapezoidal speed, then a creep to the target.
+"""Motion of one axis in closed form: a trapezoidal speed profile, then creep to the target.
 
-A leg never turns back. It is a list of phases of constant acceleration and then an exponential creep, so that
-angle, speed, and angle behind a first-order lag (the sensors' pendulum) are closed forms of time. Angles are in
-degrees, speeds in degrees per second.
+A leg never turns back. It is a list of phases of constant acceleration and then an exponential creep. So angle, speed,
+and the angle behind a first-order lag (the sensors' pendulum) are closed forms of time. Angles are in degrees, speeds
+in degrees per second.
 """
 
 from __future__ import annotations
@@ -14,15 +14,14 @@ from math import exp, sqrt
 
 @dataclass(frozen=True, slots=True)
 class Mechanics:
-    """What shapes an axis's motion.
+    """Parameters of an axis's motion.
 
     Attributes:
-        lag_s: time constant of the pendulum that watches.
-        creep_deg: how far before the target the last phase ends.
+        lag_s: time constant of the sensors' pendulum.
+        creep_deg: distance from the target at which the last phase ends.
         creep_s: time constant of the creep.
-        gear_play_deg: the motor crosses this on a reversal while the axis waits.
+        gear_play_deg: play that the motor crosses on a reversal while the axis waits.
         hidden_play_deg: play behind the encoder; the table trails the encoder by half of it.
-
     """
 
     lag_s: float
@@ -34,14 +33,13 @@ class Mechanics:
 
 @dataclass(frozen=True, slots=True)
 class Course:
-    """Where a leg goes.
+    """Course of a leg.
 
     Attributes:
         direction: +1 upwards, -1 downwards.
         phases: (duration, speed, acceleration) of each phase, along the direction.
-        target: where it comes to rest.
-        creep: how far before the target, along the direction, the phases end.
-
+        target: final angle.
+        creep: distance from the target, along the direction, at the end of the phases.
     """
 
     direction: float
@@ -65,7 +63,7 @@ class _Phase:
         return self.angle + (self.speed + self.bend * dt) * dt
 
     def seen_at(self, t: float, lag: float) -> float:
-        """A first-order lag's answer to the parabola: its steady response, and what fades of the past."""
+        """Response of a first-order lag to the parabola: its steady response and a decaying transient."""
         dt = t - self.start
         steady = self.angle + self.speed * (dt - lag) + self.bend * (dt * (dt - 2.0 * lag) + 2.0 * lag * lag)
         at_start = self.angle - self.speed * lag + 2.0 * self.bend * lag * lag
@@ -76,13 +74,12 @@ class Leg:
     """Motion in one direction, from `start` until the next leg begins.
 
     Args:
-        start: when it begins.
-        angle: encoder angle at that moment.
-        seen: lagged angle at that moment.
-        trail: table minus encoder at that moment, by the play between them.
-        course: where to.
-        mechanics: of the axis.
-
+        start: its begin, virtual time.
+        angle: encoder angle at its begin.
+        seen: lagged angle at its begin.
+        trail: table minus encoder at its begin, by the play between them.
+        course: its course.
+        mechanics: parameters of the axis.
     """
 
     __slots__ = ("_angle", "_creep", "_m", "_phases", "_seen_creep", "_seen_fading", "_trail", "course", "end", "start")
@@ -121,7 +118,7 @@ class Leg:
         return self._phase(t).angle_at(t)
 
     def speed(self, t: float) -> float:
-        """Encoder speed; the creep counts as standing."""
+        """Encoder speed; zero during the creep."""
         if t >= self.end:
             return 0.0
         phase = self._phase(t)
@@ -145,14 +142,14 @@ class Leg:
 
 
 def stopping(angle: float, speed: float, acceleration: float) -> Course:
-    """Come to a stop from a speed, at a deceleration."""
+    """Stop from a speed, with a deceleration."""
     sign = 1.0 if speed > 0 else -1.0
     distance = speed * speed / (2.0 * acceleration)
     return Course(sign, [(abs(speed) / acceleration, abs(speed), -acceleration)], angle + sign * distance, 0.0)
 
 
 def overshoots(angle: float, speed: float, target: float, acceleration: float) -> bool:
-    """Whether an axis at this speed can no longer stop before the target, or moves away from it."""
+    """Whether an axis at this speed cannot stop before the target, or moves away from it."""
     return speed != 0.0 and (target - stopping(angle, speed, acceleration).target) * speed < 0.0
 
 
@@ -164,12 +161,11 @@ def towards(
     Args:
         angle: where the axis is.
         speed: its speed, not away from the target and not too fast to stop before it (see `overshoots`).
-        target: where it shall rest.
-        cruise: speed it may reach.
-        acceleration: of both ramps.
-        creep: how far before the target the creep begins, if there is so much way.
-        wait: seconds of standing before anything moves.
-
+        target: final angle.
+        cruise: maximum speed.
+        acceleration: acceleration of both ramps.
+        creep: distance from the target at which the creep begins, at most the whole distance.
+        wait: seconds before the motion begins.
     """
     sign = 1.0 if target >= angle else -1.0
     v = abs(speed)

@@ -1,8 +1,8 @@
 """Rotations of NASA/TP-1999-209835, appendix A, as 3x3 matrices.
 
 Left-hand rotations of coordinates: a vector's components in the turned frame are matrix times components in the
-frame before. Matrices are tuples of rows and vectors tuples, since a simulated reading rotates a handful of
-vectors and an array library costs more than the arithmetic. Angles are in radians.
+previous frame. Matrices are tuples of rows and vectors tuples, since a simulated reading rotates a handful of vectors
+and an array library costs more than the arithmetic. Angles are in radians.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A quantity that is set again from time to time: since when, which way it went, what still lags behind it."""
+"""A quantity that is set from time to time: time and direction of its last change, and its decaying lag."""
 
 from __future__ import annotations
 
@@ -6,16 +6,15 @@ from bisect import bisect_right
 from math import exp, expm1
 
 _OVER = 40.0
-"""Time constants after which nothing of a step is left in a double."""
+"""Number of time constants after which a step has decayed below double precision."""
 
 
 class Steps:
-    """Values and the moments from which on they hold.
+    """Values and the times from which they hold.
 
     Args:
-        start: virtual time from which on the first value holds; it is the answer for all earlier times too.
+        start: virtual time of the first value, which also holds for all earlier times.
         value: the first value.
-
     """
 
     def __init__(self, start: float, value: float) -> None:
@@ -24,13 +23,13 @@ class Steps:
         self._takes = [0.0]
 
     def set(self, now: float, value: float, takes_s: float = 0.0) -> None:
-        """From `now` on, which is never earlier than the last call's, it goes to this, a ramp of so many seconds."""
+        """Change to this value from `now` on, with a ramp of this many seconds; `now` never decreases between calls."""
         self._times.append(now)
         self._values.append(value)
         self._takes.append(takes_s)
 
     def since(self, t: float) -> float:
-        """When the value in force at `t` was set."""
+        """Time at which the value in force at `t` was set."""
         return self._times[self._at(t)]
 
     def value(self, t: float) -> float:
@@ -38,7 +37,7 @@ class Steps:
         return self._values[self._at(t)]
 
     def direction(self, t: float) -> int:
-        """Which way the last change before `t` went: 1 up, -1 down, 0 if there was none."""
+        """Direction of the last change before `t`: 1 up, -1 down, 0 if there was none."""
         values = self._values
         for i in range(self._at(t), 0, -1):
             if values[i] != values[i - 1]:
@@ -46,7 +45,9 @@ class Steps:
         return 0
 
     def behind(self, t: float, time_constant_s: float) -> float:
-        """How far a first-order lag is above what it follows at `t`; it was at rest before the first change."""
+        """Difference between a first-order lag and the followed value at `t`; the lag was at rest before the first
+        change.
+        """
         above = 0.0
         for i in range(self._at(t), 0, -1):
             gone, ramp = (t - self._times[i]) / time_constant_s, self._takes[i] / time_constant_s

@@ -1,8 +1,8 @@
-"""Temperatures: the laboratory's day, the enclosure that holds it off, the package that lags behind.
+"""Temperatures: the laboratory's daily cycle, the enclosure that attenuates it, the package that lags behind.
 
-Enclosure air and package are first-order systems driven by a constant, a ramp and the day's sine, so that both
-have closed forms between one command and the next. A command starts a new stretch with the temperatures of the
-moment; nothing is integrated step by step.
+Enclosure air and package are first-order systems driven by a constant, a ramp and the daily sine. So both have closed
+forms between two commands. A command begins a new interval with the present temperatures; nothing is integrated step by
+step.
 """
 
 # ruff: noqa: N802  (a quantity's name ends in its unit, and units keep their own case)
@@ -42,7 +42,7 @@ class Lab:
 
 @dataclass(frozen=True, slots=True)
 class _Drive:
-    """What a first-order system follows: constant + slope * (t - start) + amplitude * sin(omega t + phase)."""
+    """Input of a first-order system: constant + slope * (t - start) + amplitude * sin(omega t + phase)."""
 
     constant: float
     slope: float
@@ -64,7 +64,7 @@ class _Drive:
 
 
 class _Stretch:
-    """Both temperatures from `start` until the next stretch."""
+    """Both temperatures from `start` until the next interval."""
 
     __slots__ = (
         "_air",
@@ -109,7 +109,7 @@ class _Stretch:
 
 @dataclass(frozen=True, slots=True)
 class Ramp:
-    """Setpoint against time from `start` on: a ramp of `slope` until `end`, then the setpoint."""
+    """Setpoint as a function of time from `start` on: a ramp of `slope` until `end`, then the setpoint."""
 
     start: float
     begin_degC: float
@@ -126,14 +126,13 @@ class Enclosure:
     """An enclosure under closed-loop control, with the package in it.
 
     Args:
-        truth: how well and how fast it is controlled.
+        truth: its true parameters.
         package_tau_s: thermal time constant of the package.
-        lab: what is around it.
-        start: virtual time from which on it is known; it is in its steady state there.
+        lab: its surroundings.
+        start: virtual time of its first known state, which is steady.
 
     Attributes:
-        told: told of what is commanded.
-
+        told: called with every command.
     """
 
     def __init__(self, truth: EnclosureTruth, package_tau_s: float, lab: Lab, start: float) -> None:
@@ -142,11 +141,11 @@ class Enclosure:
         self._lab = lab
         self._rate = inf
         self.told: Told | None = None
-        self._door_s: float | None = None  # how fast the air goes to the laboratory's while the door is open
+        self._door_s: float | None = None  # rate at which the air approaches the laboratory's while the door is open
         self.assume_steady(truth.start_setpoint_degC, start, controlled=truth.start_controlled)
 
     def assume_steady(self, setpoint_degC: float, now: float, *, controlled: bool = True) -> None:
-        """Forget the past: at `now` this setpoint has stood long enough for every transient to be over."""
+        """Reset the state: at `now` this setpoint has been in force long enough for all transients to have decayed."""
         self.controlled = controlled
         self._command = Ramp(now, setpoint_degC, 0.0, now, setpoint_degC)
         drive, tau = self._drive(setpoint_degC, 0.0, now)
@@ -156,24 +155,23 @@ class Enclosure:
 
     @property
     def setpoint_degC(self) -> float:
-        """The setpoint as commanded, whether or not a ramp has reached it."""
+        """The commanded setpoint, also during a ramp to it."""
         return self._command.setpoint_degC
 
     def active_setpoint_degC(self, t: float) -> float:
-        """The setpoint in force at `t`, part of the way there during a ramp."""
+        """The setpoint in force at `t`; on the ramp during a ramp."""
         return self._command.at(t)
 
     def command(
         self, now: float, setpoint_degC: float, *, controlled: bool = True, ramp_degC_per_min: float = inf
     ) -> None:
-        """Set the setpoint and switch control on or off, from `now` on.
+        """Command a setpoint, with control on or off, from `now` on.
 
         Args:
             now: virtual time.
-            setpoint_degC: where to go.
+            setpoint_degC: the new setpoint.
             controlled: whether the control loop is closed; open, the air follows the laboratory.
-            ramp_degC_per_min: no faster than this; the enclosure's own slew is the limit otherwise.
-
+            ramp_degC_per_min: maximum rate; None for the enclosure's own slew.
         """
         if self.told is not None:
             self.told("setpoint_degC", setpoint_degC)
@@ -192,27 +190,27 @@ class Enclosure:
         self._append(end, setpoint_degC, 0.0)
 
     def open_door(self, now: float, time_constant_s: float) -> None:
-        """Its door is opened: the control loop rests, and the air follows the laboratory this fast."""
+        """Open its door: control stops, and the air approaches the laboratory's at this rate."""
         if self.told is not None:
             self.told("door", "open")
         self._door_s = time_constant_s
         self._again(now)
 
     def close_door(self, now: float) -> None:
-        """Its door is closed: it does again what was commanded last, from where its air is now."""
+        """Close its door: the last command is in force again, from the present air temperature."""
         if self.told is not None:
             self.told("door", "closed")
         air = self.air_degC(now)
         self._door_s = None
         ramp = self._command
-        self._command = Ramp(now, air, 0.0, now, air)  # the setpoint in force starts at the air
+        self._command = Ramp(now, air, 0.0, now, air)  # the setpoint in force starts at the air temperature
         self.command(now, ramp.setpoint_degC, controlled=self.controlled, ramp_degC_per_min=self._rate)
 
     def _again(self, now: float) -> None:
         self.command(now, self.setpoint_degC, controlled=self.controlled, ramp_degC_per_min=self._rate)
 
     def _cut(self, now: float) -> None:
-        """Drop what would have come after `now`, and what is so old that nobody can ask for it."""
+        """Discard intervals after `now`, and those too old for any query."""
         kept = [s for s in self._stretches if s.start <= now]
         old = max((i for i, s in enumerate(kept) if s.start < now - 3600.0), default=0)
         self._stretches = kept[old:]
@@ -223,7 +221,7 @@ class Enclosure:
         self._stretches.append(_Stretch(at, drive, tau, self._package_tau, (last.air(at), last.package(at))))
 
     def _drive(self, constant: float, slope: float, at: float) -> tuple[_Drive, float]:
-        """What the air follows from `at` on, and how fast."""
+        """The input of the air from `at` on, and its time constant."""
         lab, truth = self._lab, self._truth
         if not self.controlled or self._door_s is not None:
             free_s = truth.free_time_constant_s if self._door_s is None else self._door_s
@@ -239,7 +237,7 @@ class Enclosure:
         return self._stretches[0]
 
     def air_degC(self, t: float) -> float:
-        """Temperature of the enclosure's air, which the controller's own sensor sees."""
+        """Temperature of the enclosure's air, as seen by the controller's sensor."""
         return self._stretch(t).air(t)
 
     def package_degC(self, t: float) -> float:
@@ -247,7 +245,7 @@ class Enclosure:
         return self._stretch(t).package(t)
 
     def power_pct(self, t: float) -> float:
-        """Control output from the heat balance: full heating 100, full cooling -100, 0 when control is off."""
+        """Control output from the heat balance, percent: full heating 100, full cooling -100, 0 when control is off."""
         if not self.controlled or self._door_s is not None:
             return 0.0
         stretch = self._stretch(t)

@@ -1,4 +1,4 @@
-"""Who wants to know what is commanded (`sims.tape`)."""
+"""Listeners to commands (`sims.tape`)."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from typing import Protocol
 
 
 class Told(Protocol):
-    """Told of what is commanded, or reached."""
+    """Called with a command, or with a state that was reached."""
 
     def __call__(self, what: str, value: float | str, after_s: float = 0.0, /) -> None:
-        """From now on, or in so many seconds unless something else comes before, this is so."""
+        """This value holds from now on, or after this many seconds unless another command comes before."""
         ...

@@ -1,4 +1,4 @@
-"""What a pressure transducer with its electronics puts out, in millivolts."""
+"""Output of a pressure transducer with its electronics, in millivolts."""
 
 # ruff: noqa: N802  (a quantity's name ends in its unit, and units keep their own case)
 
@@ -13,21 +13,20 @@ from sims.physics.undeclared import Effects, of_sensor
 
 @dataclass(frozen=True, slots=True)
 class Conditions:
-    """All that the transducers' output depends on, at one moment.
+    """All influences on the transducers' output, at one time.
 
     Attributes:
         t: virtual time.
         pressure_psia: at the transducers.
         sensor_degC: temperature of the transducers.
         sse_degC: temperature of their electronics.
-        loop: hysteresis: width of the loop as a fraction of the widest, negative where the pressure went up.
-        creep_psi: what a first-order lag has still to come down after the pressures set before.
-        lag_degC: the same after the temperatures set before.
-        degC_per_h: how fast the transducers' temperature changes.
-        setting: number of the setting of the pressure, which keys the subplot error.
-        set_psia: pressure that was set.
-        whole_plot: number of the temperatures' last change, which keys the whole-plot error.
-
+        loop: hysteresis: width of the loop as a fraction of the maximum, negative after an upward approach.
+        creep_psi: remaining first-order lag of earlier pressures.
+        lag_degC: remaining first-order lag of earlier temperatures.
+        degC_per_h: rate of change of the transducers' temperature.
+        setting: number of the setting of the pressure, the key of the subplot error.
+        set_psia: set pressure.
+        whole_plot: number of the last change of temperature, the key of the whole-plot error.
     """
 
     t: float
@@ -47,11 +46,10 @@ class Transducer:
     """One transducer of the bench.
 
     Args:
-        name: its name on the bench, which keys its errors and its noise.
-        truth: what it is.
-        effects: what nobody declared.
+        name: its name on the bench, and the key of its errors and its noise.
+        truth: its true parameters.
+        effects: undeclared effects.
         seed: key of all noise.
-
     """
 
     def __init__(self, name: str, truth: TransducerTruth, effects: Effects, seed: int) -> None:
@@ -77,21 +75,21 @@ class Transducer:
         self._excitation_t = of_sensor(e.excitation_drift.ppm_per_h, name) * 1e-6 / 3600.0
 
     def output_mV(self, c: Conditions) -> float:
-        """Output without the noise of a reading."""
+        """Output without noise of the reading, mV."""
         supply = 1.0 + self._excitation_sse * (c.sse_degC - self._truth.sse_reference_degC)
         return supply * (self._offset(c) + self._response(c)) + self.wholeplot_error_mV(c) + self.subplot_error_mV(c)
 
     def wholeplot_error_mV(self, c: Conditions) -> float:
-        """The error that stays while the temperatures stay."""
+        """The whole-plot error: constant while the temperatures are."""
         return self._truth.wholeplot_mV * normal(self._seed, f"{self.channel} whole plot", c.whole_plot)
 
     def subplot_error_mV(self, c: Conditions) -> float:
-        """The error that stays while the pressure stays set."""
+        """The subplot error: constant while the set pressure is."""
         sd = self._truth.subplot_mV + self._truth.subplot_mV_per_psi * max(0.0, c.set_psia)
         return sd * normal(self._seed, f"{self.channel} setting", c.setting)
 
     def _offset(self, c: Conditions) -> float:
-        """Output at zero pressure: bridge, electronics, and what both temperatures have left behind."""
+        """Output at zero pressure: bridge, electronics, and lags of both temperatures."""
         t = self._truth
         sensor, sse = c.sensor_degC - t.sensor_reference_degC, c.sse_degC - t.sse_reference_degC
         bridge = sensor * (
@@ -105,7 +103,7 @@ class Transducer:
         return t.offset_mV + bridge + electronics + cross + moved + (self._jump if c.t >= self._jump_at else 0.0)
 
     def _response(self, c: Conditions) -> float:
-        """What the pressure adds."""
+        """Output due to pressure."""
         t = self._truth
         sensor, sse = c.sensor_degC - t.sensor_reference_degC, c.sse_degC - t.sse_reference_degC
         p = c.pressure_psia + self._creep * c.creep_psi

@@ -1,4 +1,4 @@
-"""Thermal transpiration: pressures at the ends of a narrow line differ where the ends differ in temperature."""
+"""Thermal transpiration: the pressures at the ends of a narrow line differ if the temperatures of its ends differ."""
 
 from __future__ import annotations
 
@@ -11,18 +11,17 @@ _A, _B, _C = 12.0e5, 10.0e2, 14.0
 
 
 def at_the_sensor_psia(pressure_psia: float, bore_mm: float, sensor_degC: float, gauge_degC: float) -> float:
-    """Pressure at the sensor's end of a line whose other end stands at `pressure_psia`.
+    """Pressure at the sensor's end of a line whose other end is at `pressure_psia`, psia.
 
-    Takaishi and Sensui, Trans. Faraday Soc. 59 (1963) 2503: with r the ratio of the cold to the warm pressure,
-    (r - m) / (1 - m) = (A X^2 + B X + C sqrt X) / (A X^2 + B X + C sqrt X + 1), where m is the root of the ratio of
-    the temperatures, to which r falls in a vacuum, and X = 2 p d / (T1 + T2). Air is taken for nitrogen.
+    Takaishi and Sensui, Trans. Faraday Soc. 59 (1963) 2503: with r the ratio of the cold to the warm pressure, (r - m)
+    / (1 - m) = (A X^2 + B X + C sqrt X) / (A X^2 + B X + C sqrt X + 1), where m is the root of the ratio of the
+    temperatures, the limit of r in a vacuum, and X = 2 p d / (T1 + T2). Air is taken for nitrogen.
 
     Args:
         pressure_psia: at the gauge's end.
         bore_mm: diameter d of the line.
         sensor_degC: temperature of the sensor's end.
         gauge_degC: temperature of the gauge's end.
-
     """
     if pressure_psia <= 0.0:
         return pressure_psia

@@ -1,7 +1,7 @@
-"""What a world file (`world.toml`) may say: the truth behind a simulated bench.
+"""World files (`world.toml`): the truth behind a simulated bench.
 
-The fit and the trace never read it. Every key carries its unit; docs/worlds.md explains each. Without a file the
-world is a plain one: ideal effects, ordinary sensors, an ordinary day.
+The fit and the trace never read it. Every key carries its unit; docs/worlds.md explains each. The default world has
+ideal effects, ordinary sensors and an ordinary day.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from sims.physics.undeclared import Effects
 from sims.physics.undeclared_pressure import PressureEffects
 
 FAULTS = "faults"
-"""The key of what goes wrong, which is no physics (`sims.faults`)."""
+"""The key of the faults, which are not physics (`sims.faults`)."""
 
 __all__ = [
     "FAULTS",
@@ -37,9 +37,9 @@ __all__ = [
 class SensorTruth:
     """One accelerometer: `[sensors.NAME]`, NAME as on the bench.
 
-    Its sensitive axis lies on a cone about the package axis it is named for: coning is the cone's half angle,
-    azimuth the place on it (appendix A). A single axis without roll, eq. (1), is an x sensor with azimuth 90 deg,
-    its coning being the misalignment phi.
+    Its sensitive axis is on a cone about its package axis: coning is the half angle of the cone, azimuth the position
+    on it (appendix A). A single axis without roll, eq. (1), is an x sensor with azimuth 90 deg; its coning is the
+    misalignment phi.
 
     Attributes:
         offset_V: output at zero g.
@@ -47,7 +47,6 @@ class SensorTruth:
         coning_deg: half angle of the cone.
         azimuth_deg: position on the cone.
         noise_V: standard deviation of a mean over 1 s; over t seconds it is this divided by sqrt(t).
-
     """
 
     offset_V: float = quantity(0.0, -10.0, 10.0)
@@ -62,7 +61,7 @@ SENSORS: Mapping[str, SensorTruth] = {
     "y": SensorTruth(offset_V=-0.0087, sensitivity_V_per_g=4.97, coning_deg=0.34, azimuth_deg=-118.0),
     "z": SensorTruth(offset_V=0.0045, sensitivity_V_per_g=5.05, coning_deg=0.15, azimuth_deg=152.0),
 }
-"""The sensors of a world that does not describe them, by axis."""
+"""Default sensors of a world without their tables, by axis."""
 
 
 @dataclass(frozen=True)
@@ -70,10 +69,9 @@ class PackageTruth:
     """The package that holds the sensors: `[package]`.
 
     Attributes:
-        pendulum_time_constant_s: the sensors' output follows a change of attitude with this first-order lag
-            (0.3 s is the 0.5 Hz filter that static attitude sensors carry).
-        thermal_time_constant_s: the package's temperature follows the enclosure's.
-
+        pendulum_time_constant_s: time constant of the sensors' first-order lag behind the attitude (0.3 s is the 0.5 Hz
+            filter of static attitude sensors).
+        thermal_time_constant_s: time constant of the package's temperature behind the enclosure's.
     """
 
     pendulum_time_constant_s: float = quantity(0.3, 1e-3, 60.0)
@@ -82,14 +80,13 @@ class PackageTruth:
 
 @dataclass(frozen=True)
 class MountingTruth:
-    """How the package sits on the head's table: `[mounting]`. A dry run puts there what the procedure asks for.
+    """Orientation of the package on the head's table: `[mounting]`. A dry run sets it as the procedure requires.
 
     Attributes:
-        x_deg: turned about the package's x axis, first.
-        y_deg: about its y axis, second.
-        z_deg: about its z axis, last.
-        error_deg: a package that was turned never sits quite as it should: standard deviation about each axis.
-
+        x_deg: rotation about the package's x axis, first.
+        y_deg: rotation about its y axis, second.
+        z_deg: rotation about its z axis, last.
+        error_deg: standard deviation of the error of a mounted orientation, about each axis.
     """
 
     x_deg: float = quantity(0.0, -180.0, 180.0)
@@ -104,10 +101,9 @@ class LabTruth:
 
     Attributes:
         mean_degC: mean over a day, at the start of the world.
-        daily_amplitude_degC: half of the day's swing.
+        daily_amplitude_degC: amplitude of the daily cycle.
         warmest_hour_utc: hour of the day at which it is warmest.
-        drift_degC_per_day: slow change on top.
-
+        drift_degC_per_day: additional slow drift.
     """
 
     mean_degC: float = quantity(21.5, -50.0, 60.0)
@@ -118,17 +114,16 @@ class LabTruth:
 
 @dataclass(frozen=True)
 class EnclosureTruth:
-    """The enclosure around the package, whose temperature a controller holds: `[enclosure]`.
+    """The enclosure around the package, with temperature control: `[enclosure]`.
 
     Attributes:
-        start_setpoint_degC: setpoint when the world starts; it has stood there long enough to be steady.
-        start_controlled: whether control is on when the world starts.
-        leak: fraction of the laboratory's change that gets past the controller.
-        time_constant_s: how fast control brings the air to a new setpoint.
-        slew_degC_per_min: no faster than this, whatever the setpoint.
-        free_time_constant_s: how fast the air follows the laboratory when control is off.
-        authority_degC: how far above or below the laboratory full power would bring it.
-
+        start_setpoint_degC: setpoint at the start of the world; its state is steady there.
+        start_controlled: whether control is on at the start of the world.
+        leak: fraction of the laboratory's changes that passes the control.
+        time_constant_s: time constant of the control of air temperature.
+        slew_degC_per_min: maximum rate of the air.
+        free_time_constant_s: time constant of the air relative to the laboratory with control off.
+        authority_degC: difference from the laboratory that full power reaches.
     """
 
     start_setpoint_degC: float = quantity(23.0, -100.0, 200.0)
@@ -145,14 +140,13 @@ class HeadTruth:
     """The dividing head's mechanics: `[head]`.
 
     Attributes:
-        start_pitch_deg: where the pitch axis stands when the world starts, counted from its encoder's mark.
-        start_roll_deg: the same of the roll axis.
-        backlash_arcsec: play in the gear. The encoder sits on the table, behind the gear: on a reversal the table
-            waits while the motor crosses the play, and no angle is wrong. Play that the encoder cannot see is
-            an effect, `[effects.backlash]`.
-        creep_arcsec: how far before its target an axis is when its motion profile ends; the rest it creeps.
-        creep_time_constant_s: how fast it creeps.
-
+        start_pitch_deg: angle of the pitch axis at the start of the world, counted from its encoder's mark.
+        start_roll_deg: angle of the roll axis, likewise.
+        backlash_arcsec: play in the gear. The encoder is on the table, behind the gear: on a reversal the table waits
+            while the motor crosses the play, and no angle is wrong. Play that the encoder cannot see is an effect,
+            `[effects.backlash]`.
+        creep_arcsec: distance from its target at the end of the motion profile; the axis creeps the rest.
+        creep_time_constant_s: time constant of the creep.
     """
 
     start_pitch_deg: float = quantity(4.0, -180.0, 180.0)
@@ -164,7 +158,7 @@ class HeadTruth:
 
 @dataclass(frozen=True)
 class _SensorTables:
-    """`[sensors.NAME]` tables; every sensor on the bench gets one, an ordinary sensor's where none is given."""
+    """`[sensors.NAME]` tables; a sensor of the bench without a table gets default values."""
 
     def read(self, value: object, where: str, axes: Mapping[str, str]) -> Mapping[str, SensorTruth | TransducerTruth]:
         """See `fields.Kind.read`."""
@@ -182,9 +176,8 @@ class Truth:
 
     Attributes:
         seed: key of all noise.
-        epoch: UTC at virtual time zero, seconds since 1970-01-01; None leaves it to whoever makes the world.
+        epoch: UTC at virtual time zero, seconds since 1970-01-01; None leaves it to the caller.
         sensors: truth by sensor name, one for every sensor on the bench.
-
     """
 
     seed: int = field(default=1, metadata=accepts(Whole()))
@@ -212,12 +205,11 @@ def read_truth(values: Mapping[str, object], axes: Mapping[str, str]) -> Truth:
     """Check the values of a world file.
 
     Args:
-        values: the file's plain values, {} for a world without surprises; its faults are checked elsewhere.
+        values: the file's plain values, {} for the default world; its faults are checked elsewhere.
         axes: see `sensor_axes`.
 
     Raises:
-        WorldError: naming the key, what is wrong with it and what would be right.
-
+        WorldError: with the key, its defect and permitted values.
     """
     own = {key: value for key, value in values.items() if key != FAULTS}
     truth = read_table(Truth(), {"sensors": {}, **own}, "", axes)

@@ -1,8 +1,7 @@
-"""Effects nobody declared, each in the terms of its physical cause.
+"""Undeclared effects, each in terms of its physical cause.
 
-Every class is one `[effects.NAME]` table of a world file; all of them are off unless the file switches them on.
-An effect of the sensors may be given once for all of them or by sensor: `uV_per_degC = 40` or
-`uV_per_degC = { x = 40, z = -15 }`.
+Every class is one `[effects.NAME]` table of a world file; all of them are off by default. An effect of the sensors is
+given once for all of them or by sensor: `uV_per_degC = 40` or `uV_per_degC = { x = 40, z = -15 }`.
 """
 
 from __future__ import annotations
@@ -23,10 +22,11 @@ _BY_SENSOR = accepts(NumberBySensor(transducers=False))
 
 @dataclass(frozen=True)
 class IsolationPad:
-    """Pads under the sensors sag: the package tips about y under its weight along x, about x under that along y.
+    """Pads under the sensors deflect: the package tilts about y under its weight along x, about x under its weight
+    along y.
 
-    It tips further the way it already leans. Tipping by c times g_x about y turns a part -c g_x g_z of the weight into
-    the x axis. That is (c/2) sin(2 pitch) cos(roll): two periods of pitch, one of roll, as NASA/TP-1999-209835 found.
+    The tilt increases the present tilt. Tilting by c times g_x about y turns a part -c g_x g_z of the weight into the x
+    axis. That is (c/2) sin(2 pitch) cos(roll): two periods of pitch, one of roll, as in NASA/TP-1999-209835.
     """
 
     pitch_compliance_deg_per_g: float = quantity(0.0, -1.0, 1.0)
@@ -41,7 +41,7 @@ class IsolationPad:
 
 @dataclass(frozen=True)
 class OffsetTemperature:
-    """A sensor's offset moves with the package's temperature."""
+    """A sensor's offset depends on the package's temperature."""
 
     uV_per_degC: BySensor = field(default=0.0, metadata=_BY_SENSOR)
     reference_degC: float = quantity(23.0, -100.0, 200.0)
@@ -49,7 +49,7 @@ class OffsetTemperature:
 
 @dataclass(frozen=True)
 class SensitivityTemperature:
-    """A sensor's sensitivity moves with the package's temperature."""
+    """A sensor's sensitivity depends on the package's temperature."""
 
     ppm_per_degC: BySensor = field(default=0.0, metadata=_BY_SENSOR)
     reference_degC: float = quantity(23.0, -100.0, 200.0)
@@ -57,14 +57,14 @@ class SensitivityTemperature:
 
 @dataclass(frozen=True)
 class OffsetDrift:
-    """A sensor's offset moves with time, counted from the start of the world."""
+    """A sensor's offset drifts with time, counted from the start of the world."""
 
     uV_per_h: BySensor = field(default=0.0, metadata=_BY_SENSOR)
 
 
 @dataclass(frozen=True)
 class SensitivityDrift:
-    """A sensor's sensitivity moves with time, counted from the start of the world."""
+    """A sensor's sensitivity drifts with time, counted from the start of the world."""
 
     ppm_per_h: BySensor = field(default=0.0, metadata=_BY_SENSOR)
 
@@ -99,7 +99,7 @@ class Backlash:
 class HeadError:
     """One harmonic of the head's error: the table is ahead of the encoder by amplitude * sin(periods * angle + phase).
 
-    One period a turn is an eccentric encoder disc, two an elliptic one.
+    One period per turn is an eccentric encoder disc, two an elliptic one.
     """
 
     axis: str = field(default="pitch", metadata=accepts(Word(("pitch", "roll"))))
@@ -115,7 +115,7 @@ class HeadError:
 
 @dataclass(frozen=True)
 class AttitudeEffects:
-    """The `[effects]` of a world that an attitude bench can have."""
+    """The possible `[effects]` of an attitude bench."""
 
     isolation_pad: IsolationPad = field(default_factory=IsolationPad)
     offset_temperature: OffsetTemperature = field(default_factory=OffsetTemperature)
@@ -130,9 +130,9 @@ class AttitudeEffects:
 
 @dataclass(frozen=True)
 class Effects(PressureEffects, AttitudeEffects):
-    """The `[effects]` of a world. Absent ones are their own neutral selves."""
+    """The `[effects]` of a world. Missing ones have neutral values."""
 
 
 def of_sensor(values: float | Mapping[str, float], sensor: str) -> float:
-    """What a by-sensor value says about one sensor; sensors it does not name have none of it."""
+    """The value for one sensor; 0 for sensors that are not named."""
     return values.get(sensor, 0.0) if isinstance(values, Mapping) else values

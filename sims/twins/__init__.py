@@ -1,1 +1,1 @@
-"""Simulated instruments, one module for each driver; they answer bytes with bytes."""
+"""Simulated instruments, one module per driver; they answer bytes with bytes."""

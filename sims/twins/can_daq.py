@@ -1,7 +1,7 @@
-"""Simulated data-acquisition unit on CAN: four inputs, measured when a command says so.
+"""Simulated data-acquisition unit on CAN: four inputs, measured on command.
 
-Where the numbers are in the frames is what the DBC in the options says; what the unit does with them is here. It
-sends nothing by itself, so that a simulated week without readings costs nothing.
+The DBC in the options gives the positions of numbers in the frames. The unit sends nothing by itself, so a simulated
+week without readings costs no time.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ REPLY_S = 0.001
 """Seconds from a command to its answer."""
 
 NONE, OPEN, SHORT, RANGE = range(4)
-"""What may be wrong with an input."""
+"""Possible faults of an input."""
 
 _INPUTS = {
     "sensor_temperature": "Readings.SensorTemperature",
@@ -31,9 +31,9 @@ _INPUTS = {
     "spare_temperature": "Readings.SpareTemperature",
     "spare_voltage": "Readings.SpareVoltage",
 }
-_NOISE = {"degC": 0.002, "V": 5e-6}  # of a reading that integrates for 0.1 s
+_NOISE = {"degC": 0.002, "V": 5e-6}  # noise of a reading that integrates for 0.1 s
 _ACCURACY = {"degC": Accuracy(1.3e-2, digit=6e-5), "V": Accuracy(8e-6)}
-_OUT_OF_RANGE = 1e6  # beyond what a signal can carry, in any unit
+_OUT_OF_RANGE = 1e6  # beyond the range of a signal, in any unit
 _PRODUCT, _FIRMWARE = 4, (1, 2)
 _STOP, _ACQUIRE, _IDENTIFY = range(3)
 
@@ -41,7 +41,7 @@ Transmit = Callable[[int, bytes], None]
 
 
 class Seeded(Protocol):
-    """A world's truth, as far as noise goes."""
+    """The part of a world's truth about noise."""
 
     @property
     def seed(self) -> int:
@@ -50,7 +50,7 @@ class Seeded(Protocol):
 
 
 class Plant(Protocol):
-    """What is at the inputs."""
+    """Values at the inputs."""
 
     @property
     def truth(self) -> Seeded:
@@ -62,7 +62,7 @@ class Plant(Protocol):
         ...
 
     def channel_degC(self, instrument: str, channel: str, t: float) -> float:  # noqa: N802
-        """Temperature of the sensor at an input, degrees Celsius; infinite where there is none."""
+        """Temperature of the sensor at an input, degrees Celsius; infinite without a sensor."""
         ...
 
 
@@ -71,18 +71,17 @@ class CanDaqTwin:
 
     Args:
         name: the bench's name for it.
-        options: its options in the bench file; `dbc` (text) and `channels` matter here.
+        options: its options in the bench file; uses `dbc` (text) and `channels`.
         world: virtual time.
-        plant: what is at its inputs.
-        serial: serial number; its digits are what the unit answers.
+        plant: values at its inputs.
+        serial: serial number; the unit reports its digits.
 
     Attributes:
-        wrong: what is wrong with inputs, by signal, over what the plant says.
-        inputs: what becomes of its readings.
+        wrong: faults of inputs, by signal, in place of the plant's values.
+        inputs: path of its readings to its answers.
 
     Raises:
-        WorldError: the DBC is another unit's, which does not measure on command.
-
+        WorldError: the DBC belongs to a unit that does not measure on command.
     """
 
     wire: ClassVar[Medium] = "can"
@@ -113,7 +112,7 @@ class CanDaqTwin:
         self._under_way: Timer | None = None
 
     def accuracy(self, channel: str, unit: str) -> Accuracy:
-        """Of a reading that integrates for 0.1 s; temperatures go out in steps."""
+        """Accuracy of a reading that integrates for 0.1 s; temperatures are quantised."""
         return _ACCURACY[unit]
 
     def on_frame(self, can_id: int, data: bytes, tx: Transmit) -> None:
@@ -133,7 +132,7 @@ class CanDaqTwin:
                 self._next(self._world.now(), 1, int(command["Sweeps"]), command["Period"] / 1000.0, tx)
 
     def power_cycle(self) -> None:
-        """Off and on again: nothing is under way, no session is known."""
+        """Power off and on: no measurement, no session."""
         self._stop()
         self._session = 0
 
@@ -149,7 +148,7 @@ class CanDaqTwin:
         )
 
     def _next(self, begin: float, sweep: int, sweeps: int, period_s: float, tx: Transmit) -> None:
-        """Have a sweep measured from `begin` to one period later, and then those after it."""
+        """Measure a sweep from `begin` to one period later, and then the following ones."""
 
         def measured() -> None:
             self._under_way = None
@@ -160,7 +159,7 @@ class CanDaqTwin:
         self._under_way = self._world.call_in(begin + period_s - self._world.now(), measured)
 
     def _send(self, begin: float, seconds: float, sweep: int, tx: Transmit) -> None:
-        """Send a sweep: what is wrong, then every group of readings."""
+        """Send a sweep: fault signals, then every group of readings."""
         values, wrong = self._measure(begin, seconds)
         self._tell_status(begin, sweep, tx, wrong)
         groups: dict[int | None, dict[str, float]] = {}
@@ -178,7 +177,7 @@ class CanDaqTwin:
         tx(self._status.can_id, self._status.pack({"Session": self._session, "Sweep": sweep} | flags))
 
     def _measure(self, begin: float, seconds: float, *, sent: bool = True) -> tuple[dict[str, float], dict[str, int]]:
-        """Values of all inputs over a window, and what is wrong with them; `sent` if they go out as readings."""
+        """Values of all inputs over a window, and their faults; `sent` if they are sent as readings."""
         values, wrong = {}, {}
         for signal, entry in _inputs(self._readings).items():
             label = self._labels.get(signal, signal)

@@ -1,6 +1,6 @@
 """Simulated pair of CiA 402 drives on one CAN bus: the dividing head's pitch and roll.
 
-What the nodes offer is what the data sheet in the options describes; the drives themselves are in `cia402_drive`.
+The data sheet in the options describes the objects of the nodes; the drives themselves are in `cia402_drive`.
 """
 
 from __future__ import annotations
@@ -37,14 +37,13 @@ class CiA402PairTwin:
     Args:
         name: the bench's name for it.
         options: its options in the bench file; `eds` (text), `pitch_node`, `roll_node`, `counts_per_degree` and the
-            units of speed and acceleration matter here.
+            units of speed and acceleration are used.
         world: virtual time.
-        plant: offers `head`.
-        serial: serial number; its digits and the node are what the drives answer.
+        plant: has `head`.
+        serial: serial number; the drives report its digits and the node.
 
     Attributes:
         drives: by axis.
-
     """
 
     wire: ClassVar[Medium] = "can"
@@ -88,13 +87,13 @@ class CiA402PairTwin:
             self._world.call_in(REPLY_S, partial(tx, _SDO_REPLY + node, reply))
 
     def trip(self, axis: str, why: str) -> str:
-        """Let a drive fail; `why` is "drive-fault" or "following-error". Returns what happened, in words."""
+        """Make a drive fail; `why` is "drive-fault" or "following-error". Returns a sentence."""
         code = FOLLOWING_ERROR if why == "following-error" else OVERCURRENT
         self.drives[axis].fault(code)
         return f"error {code:04X}h, power off"
 
     def power_cycle(self) -> None:
-        """Off and on again: parameters and references are lost, the mechanics stay where they are."""
+        """Power off and on: parameters and references are lost, the mechanics do not move."""
         for node, drive in self._nodes.items():
             self._states[node] = _PRE_OPERATIONAL
             drive.power_cycle()
@@ -115,7 +114,7 @@ class CiA402PairTwin:
                 self._world.call_in(REPLY_S, partial(tx, _BOOT_UP + node, b"\0"))
 
     def _set_heartbeat(self, node: int, seconds: float) -> None:
-        """1017h: send the node's state from now on at this interval; 0 sends none."""
+        """1017h: send the node's state at this interval from now on; 0 sends none."""
         self._beats[node] += 1
         if seconds > 0:
             self._world.call_in(seconds, partial(self._beat, node, seconds, self._beats[node]))

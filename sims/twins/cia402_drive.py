@@ -2,7 +2,7 @@
 
 Source: CiA 402 (IEC 61800-7-201): states and controlword commands, set-point handshake, statusword. Positions are
 encoder counts; speeds and accelerations have the units of `cia402_rates`. The mechanics behind the encoder are the
-plant's; the drive counts from wherever it was switched on until homing has found the mark.
+plant's. The drive counts from its position at power-on until homing has found the mark.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ _BRAKE_S = 0.05  # the brake releases before the axis may move
 _HISTORY, _REMEMBERED = 0x1003, 4
 _SAVE = 0x65766173
 _NOT_KEPT = (_HISTORY, 0x1010, 0x6040, 0x6060, 0x607A)
-_MODE_SHOWN_S = 0.004  # a drive shows its mode of operation a little later than it takes it
-_OWN_WINDOW = 100  # counts, where nobody can set the position window
-_HOMING_METHODS = (33, 34, 35, 37)  # to the mark, either way round; or "here"
+_MODE_SHOWN_S = 0.004  # a drive reports a new mode of operation with a delay
+_OWN_WINDOW = 100  # counts, for drives without a settable position window
+_HOMING_METHODS = (33, 34, 35, 37)  # to the mark from either side; or "here"
 
 
 class Drive:
@@ -39,12 +39,11 @@ class Drive:
         head: the mechanics.
         axis: "pitch" or "roll".
         counts_per_degree: encoder resolution.
-        rates: what 1 deg/s and 1 deg/s^2 are on the wire.
-        objects: what the data sheet describes; of the others the drive has settings of its own.
+        rates: units of speed and acceleration on the wire.
+        objects: objects of the data sheet; for others the drive has fixed settings.
         serial: serial number.
         emergency: sends an emergency message: error code, error register.
-        heartbeat: is told at which interval to send heartbeats, seconds; 0 for none.
-
+        heartbeat: called with the interval of heartbeats, seconds; 0 for none.
     """
 
     def __init__(
@@ -92,7 +91,7 @@ class Drive:
         self.power_cycle()
 
     def power_cycle(self) -> None:
-        """Off and on again: parameters and reference are lost, the axis stops where it is."""
+        """Power off and on: parameters and reference are lost, the axis stops."""
         self._head.stop(self._axis)
         self._values = {key: o.default for key, o in self._objects.items() if isinstance(o.default, int)}
         self._values |= self._stored
@@ -111,7 +110,7 @@ class Drive:
         self._heartbeat(self._values.get((0x1017, 0), 0) / 1000.0)
 
     def fault(self, code: int) -> None:
-        """Fail with an error code: motion stops, power goes off, an emergency message tells."""
+        """Fail with an error code: motion stops, power goes off, an emergency message is sent."""
         self._head.stop(self._axis, self._braking(0x6085))
         self._state, self._error = FAULT, code
         self._history = [code, *self._history][:_REMEMBERED]
@@ -152,7 +151,7 @@ class Drive:
             self._values[index, subindex] = value
 
     def _braking(self, index: int) -> float:
-        """Deceleration of a stop (6084h) or a quick stop (6085h), deg/s^2; its own where the data sheet has none."""
+        """Deceleration of a stop (6084h) or a quick stop (6085h), deg/s^2; a fixed one if the data sheet has none."""
         own = self._values[0x6083, 0] * (4 if index == 0x6085 else 1)
         return (self._values.get((index, 0)) or own) / self._per_deg_s2
 
@@ -162,7 +161,7 @@ class Drive:
         self._history.clear()
 
     def _store(self, signature: int) -> None:
-        """Keep settings without power; the signature is "save"."""
+        """Save settings to non-volatile memory; the signature is "save"."""
         if signature != _SAVE:
             raise sdo.Aborted(sdo.NOT_STORED)
         kept = {key for key, o in self._objects.items() if o.access == "rw" and key[0] not in _NOT_KEPT}
@@ -175,7 +174,7 @@ class Drive:
             known = any(i == index for i, _ in self._objects)
             raise sdo.Aborted(sdo.NO_SUBINDEX if known else sdo.NO_OBJECT) from None
 
-    # Power: controlword commands by the states they lead to.
+    # Power: controlword commands by their target states.
 
     def _control(self, word: int) -> None:
         rising, falling = word & ~self._controlword, self._controlword & ~word
@@ -223,13 +222,13 @@ class Drive:
         self._halted = bool(self._controlword & _HALT)
 
     def _give_up(self) -> None:
-        """Forget set-points, homing, and what was to happen later."""
+        """Discard set-points, homing, and scheduled actions."""
         self._epoch += 1
         self._waiting = None
         self._acknowledged = self._limited = self._halted = self._homing = False
 
     def _later(self, seconds: float, action: Callable[[], None]) -> None:
-        """Have something happen unless the drive gives up before."""
+        """Schedule an action that is cancelled if the drive fails before."""
         self._epoch += 1
         epoch = self._epoch
 
@@ -239,7 +238,7 @@ class Drive:
 
         self._world.call_in(seconds, due)
 
-    # Motion: what bits 4 to 8 of the controlword mean in the mode of operation.
+    # Motion: meaning of bits 4 to 8 of the controlword in the mode of operation.
 
     def _operate(self, word: int, rising: int, falling: int) -> None:
         if rising & _HALT:
@@ -306,7 +305,7 @@ class Drive:
         self._later(self._ends() - self._world.now(), lambda: self._reference(0.0))
 
     def _reference(self, mark_deg: float) -> None:
-        """The encoder angle `mark_deg` is the home position from now on."""
+        """The encoder angle `mark_deg` becomes the home position."""
         self._zero_deg = mark_deg - self._values.get((0x607C, 0), 0) / self._scale
         self._target = self._values.get((0x607C, 0), 0)
         self._homing = False
@@ -328,7 +327,7 @@ class Drive:
         if method not in (0, *_HOMING_METHODS):
             raise sdo.Aborted(sdo.OUT_OF_RANGE)
 
-    # What can be seen.
+    # Observable state.
 
     def _ends(self) -> float:
         return self._head.axes[self._axis].leg(inf).end
@@ -340,12 +339,12 @@ class Drive:
         return round((self._head.encoder_deg(self._axis, t) - self._zero_deg) * self._scale)
 
     def _demand(self) -> int:
-        """Where the profile generator is: on the way, or at the target while the axis still creeps."""
+        """Angle of the profile generator: on the way, or at the target while the axis still creeps."""
         arrived = self._state == ENABLED and not self._halted and not self._moving()
         return self._target if arrived else self._counts(self._world.now())
 
     def _reached(self) -> bool:
-        """Bit 10. In position means inside the window for its time; the axis only creeps nearer after a move."""
+        """Bit 10. In position means inside the window for its time; after a move the axis only creeps nearer."""
         if self._values[0x6060, 0] == HOMING:
             return not self._homing and not self._moving()
         if self._halted or self._state != ENABLED:

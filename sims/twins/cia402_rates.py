@@ -1,4 +1,4 @@
-"""In which units a simulated CiA 402 drive counts speeds and accelerations.
+"""Units of speed and acceleration of a simulated CiA 402 drive.
 
 Source: CiA 402-2, objects 60A9h and 60AAh; their codes are CiA 303-2's (B5h increments, B4h revolutions, 41h degrees,
 C0h revolutions per minute, 03h seconds, 47h minutes, 57h seconds squared).
@@ -17,13 +17,12 @@ _VELOCITY, _ACCELERATION = (0x60A9, 0), (0x60AA, 0)
 def rates(
     options: Mapping[str, object], objects: Mapping[Key, EdsObject], counts_per_degree: float
 ) -> tuple[float, float]:
-    """What 1 deg/s and 1 deg/s^2 of the table are on the wire.
+    """Units on the wire per 1 deg/s and 1 deg/s^2 of the table.
 
     Args:
-        options: the bench file's; `velocity_unit`, `acceleration_unit` and `turns_per_table_turn` matter here.
-        objects: what the data sheet describes; counts where neither says anything.
+        options: those of the bench file; uses `velocity_unit`, `acceleration_unit` and `turns_per_table_turn`.
+        objects: objects of the data sheet; counts if neither names a unit.
         counts_per_degree: encoder resolution.
-
     """
     turns = float(str(options.get("turns_per_table_turn") or 0.0)) or _turns(objects, counts_per_degree)
     per = {"increments": counts_per_degree, "revolutions": turns / 360.0, "degrees": turns, "rpm": turns / 6.0}
@@ -50,7 +49,7 @@ def _coded(told: EdsObject | None) -> tuple[float, str]:
 
 
 def _turns(objects: Mapping[Key, EdsObject], counts_per_degree: float) -> float:
-    """By feed constant (6092h) or encoder resolution (608Fh), where the data sheet sets them; 1 otherwise."""
+    """By feed constant (6092h) or encoder resolution (608Fh) if the data sheet sets them; 1 otherwise."""
     for index in (0x6092, 0x608F):
         over, under = objects.get((index, 1)), objects.get((index, 2))
         if over and under and int(over.default) > int(under.default) > 0:

@@ -1,4 +1,4 @@
-"""The commands that a simulated Druck PACE knows, by the SCPI manual K0472, and which methods carry them out."""
+"""Commands of a simulated Druck PACE, from the SCPI manual K0472, and the methods that execute them."""
 
 from __future__ import annotations
 
@@ -45,11 +45,11 @@ _PACE = (
     ("UNIT[:PRESsure]", "set_unit", "ask_unit"),
 )
 COMMANDS = {**compiled(_COMMON), **compiled([Command(header, set=s, query=q, local=True) for header, s, q in _PACE])}
-"""By header."""
+"""Methods by header."""
 
 
 @lru_cache(maxsize=256)
 def echo(header: str) -> str:
-    """A header in short form, every optional node spelt out, as answers begin."""
+    """A header in short form with every optional node spelt out, as at the begin of answers."""
     short = "".join(c for c in header if not (c.islower() or c in "[]"))
     return short if short.startswith("*") else f":{short}"

@@ -1,7 +1,7 @@
 """Simulated Druck PACE5000 or PACE6000 pressure controller, on serial or TCP.
 
-Commands, defaults and the status system from the SCPI manual K0472 (issue 1 and revision A). Every answer repeats its
-header. The gas is the plant's; this module is the controller's front: units, settings, in-limits timer, vent, errors.
+Commands, defaults and the status system are from the SCPI manual K0472 (issue 1 and revision A). Every answer repeats
+its header. The plant simulates the gas; this module simulates units, settings, in-limits timer, vent and errors.
 """
 
 from __future__ import annotations
@@ -36,24 +36,24 @@ PASCALS = {
     "INHG": 3386.388640341,
     "ATM": 101325.0,
 }
-"""Units it knows, in pascals."""
+"""Known units, in pascals."""
 
 FULL_SCALE_PSI = 15.0
-"""Of its control module."""
+"""Full scale of its control module, psi."""
 
 _FASTEST_PSI_PER_S = 5.0
 _LINE_ENDS = {"lf": (b"\n", b"\r\n"), "cr": (b"\r", b"\r"), "crlf": (b"\r\n", b"\r\n")}
-"""What ends commands, and answers: set to LF it is taken to answer with CR LF [?]."""
+"""End of commands and answers; with LF it is assumed to answer with CR LF [?]."""
 
 _MODULE = re.compile(r"(SOURCE|SOUR|SENSE|SENS|OUTPUT|OUTP|UNIT)(\d)(?=:|$)")
 _VENT_COMPLETE, _IN_LIMITS = 1, 4
 
 
 class Plant(Protocol):
-    """What this twin uses of the plant."""
+    """Parts of the plant that this twin uses."""
 
     def pressure_line(self, instrument: str) -> PressureLine:
-        """The gas that an instrument controls."""
+        """The gas line of an instrument."""
         ...
 
 
@@ -63,14 +63,13 @@ class DruckPACETwin(PaceStatus):
     Args:
         name: the bench's name for it.
         options: its options in the bench file; `module` (2 makes it a PACE6000), `reference`, `baud`, `frame` and
-            `line_end` matter here, and `barometer`, false if that option is not fitted.
+            `line_end` are used, and `barometer`, false if that option is not fitted.
         world: virtual time.
-        plant: offers `pressure_line`.
-        serial: serial number it answers with.
+        plant: has `pressure_line`.
+        serial: its serial number.
 
     Attributes:
-        inputs: what becomes of its readings.
-
+        inputs: path of its readings to its answers.
     """
 
     commands: ClassVar[Mapping[str, Command]] = COMMANDS
@@ -98,7 +97,7 @@ class DruckPACETwin(PaceStatus):
         super().__init__(name, world, int(str(options.get("baud", 9600))), str(options.get("frame", "8N1")))
 
     def switch_on(self) -> None:
-        """Measuring, default settings, and no bit that says that power was off: K0472 has it reserved."""
+        """Measuring, default settings, and no power-on bit: in K0472 it is reserved."""
         super().switch_on()
         self.remote = True
 
@@ -130,7 +129,7 @@ class DruckPACETwin(PaceStatus):
     # Syntax
 
     def addressed(self, name: str) -> str:
-        """Take the module's number off: 1, or none, is the first."""
+        """Remove the module number; 1 or none is the first module."""
         match = _MODULE.match(name)
         if match is None and _MODULE.match(f"{name.partition(':')[0]}1") is None:
             return name
@@ -142,7 +141,7 @@ class DruckPACETwin(PaceStatus):
         return match[1] + name[match.end() :] if match else name
 
     def reply(self, row: Command, answer: str) -> str:
-        """The header in short form, every optional node spelt out, and the value."""
+        """The header in short form with every optional node spelt out, and the value."""
         return f"{echo(row.header)} {answer}"
 
     # Units
@@ -159,23 +158,23 @@ class DruckPACETwin(PaceStatus):
 
     @property
     def unit(self) -> str:
-        """Unit of the module that this is about."""
+        """Unit of the addressed module."""
         return self._units[self.module]
 
     def set_unit(self, name: str) -> None:
-        """:UNIT:PRES, of the module asked."""
+        """:UNIT:PRES, of the addressed module."""
         if name.upper() not in PASCALS:
             raise ScpiError(-224)
         self._units[self._module_asked] = name.upper()
 
     def ask_unit(self) -> str:
-        """:UNIT:PRES?, of the module asked."""
+        """:UNIT:PRES?, of the addressed module."""
         return self._units[self._module_asked]
 
     # Identity and readings
 
     def ask_identity(self) -> str:
-        """*IDN?, as the manual prints it."""
+        """*IDN?, as printed in the manual."""
         return f"GE Druck,Pace{6 if self.module == 2 else 5}000 User Interface,{self._serial},01.05.04"
 
     def ask_serial(self) -> str:
@@ -208,14 +207,14 @@ class DruckPACETwin(PaceStatus):
         return f"{self.line.effort_pct(self.world.now()):.7f}"
 
     def ask_measured_slew(self) -> str:
-        """:SENS:PRES:SLEW?: how fast the pressure changes, units per second."""
+        """:SENS:PRES:SLEW?: rate of change of the pressure, units per second."""
         now = self.world.now()
         return self._difference((self.line.pressure_psia(now) - self.line.pressure_psia(now - 0.1)) / 0.1)
 
     # Control
 
     def set_isolation(self, state: str) -> None:
-        """:OUTP:ISOL:STAT: kept and told; the simulated line has no such valve."""
+        """:OUTP:ISOL:STAT: stored and reported; the simulated line has no such valve."""
         self._isolation = boolean(state)
 
     def ask_isolation(self) -> str:
@@ -232,7 +231,7 @@ class DruckPACETwin(PaceStatus):
         return self._mode
 
     def _control(self, *, changed: bool = True) -> None:
-        """Bring the valves to what has been set."""
+        """Set the valves as commanded."""
         if self.output and changed:
             now = self.world.now()
             gauge = self.line.ambient_psia(now) if self._gauge else 0.0
@@ -299,19 +298,19 @@ class DruckPACETwin(PaceStatus):
         return str(int(self.overshoot))
 
     def set_range(self, name: str) -> None:
-        """:SOUR:PRES:RANG: it has one."""
+        """:SOUR:PRES:RANG: there is one range."""
         if name != self.ask_range():
             raise ScpiError(-224)
 
     def ask_range(self) -> str:
-        """:SOUR:PRES:RANG?: its name, which ends in what pressures are counted from."""
+        """:SOUR:PRES:RANG?: its name, which ends in the reference of pressures."""
         return f'"{FULL_SCALE_PSI:.2f}psi{"g" if self._gauge else "a"}"'
 
     # In limits
 
     @property
     def in_limits(self) -> bool:
-        """Whether the pressure is in limits and has been for long enough."""
+        """Whether the pressure has been in limits for long enough."""
         reached = self._in_limits_from()
         now = self.world.now()
         near = abs(self.line.reading_psia(now) - self.line.setpoint_psia) <= self._band_psi
@@ -348,12 +347,12 @@ class DruckPACETwin(PaceStatus):
         return str(self.band_s)
 
     def ask_pressure_condition(self) -> str:
-        """:STAT:OPER:PRES:COND?: what is the case now."""
+        """:STAT:OPER:PRES:COND?: present state."""
         vented = self._vent_latched and self.line.vented(self.world.now())
         return str(_VENT_COMPLETE * vented + _IN_LIMITS * self.in_limits)
 
     def ask_pressure_events(self) -> str:
-        """:STAT:OPER:PRES?: what has come about since it was last asked."""
+        """:STAT:OPER:PRES?: events since the last query."""
         events = self.pressure_events()
         self._events_read = self.world.now()
         return str(events)

@@ -13,17 +13,17 @@ _PRESSURE_SUMMARY = 1024
 
 
 class PaceStatus(ScpiTwin):
-    """What a PACE twin says of its state; a subclass says what has happened to the pressure."""
+    """Status of a PACE twin; a subclass gives the events of the pressure."""
 
     def switch_on(self) -> None:
-        """No events, nothing enabled; no bit says that power was off: K0472 has it reserved."""
+        """No events, nothing enabled; no power-on bit: in K0472 it is reserved."""
         self._operation_enable = self._pressure_enable = 0
         self._status = self._status_before = 0
         super().switch_on()
         self.events = 0
 
     def pressure_events(self) -> int:
-        """The pressure event register: what has come about since it was last read."""
+        """The pressure event register: events since the last reading."""
         raise NotImplementedError(f"{type(self).__name__} does not say what happens to its pressure")
 
     def fail(self, code: int) -> None:
@@ -33,13 +33,13 @@ class PaceStatus(ScpiTwin):
         self._note_status()
 
     def clear_status(self) -> None:
-        """*CLS: events, errors and, unlike IEEE 488.2's, also the enable masks (pages 3-4 and 3-7)."""
+        """*CLS: clears events, errors and, unlike in IEEE 488.2, also the enable masks (pages 3-4 and 3-7)."""
         super().clear_status()
         self._event_enable = self._service_enable = 0
         self._status = self._status_before = 0
 
     def _note_status(self) -> None:
-        """What of the status byte has come about since it was last looked at."""
+        """Events in the status byte since the last query."""
         now = _ERROR_AVAILABLE * bool(self._queue) + _STANDARD_EVENT * bool(self.events & self._event_enable)
         if self._operation_enable & _PRESSURE_SUMMARY:
             now |= _OPERATION * bool(self.pressure_events() & self._pressure_enable)

@@ -1,6 +1,6 @@
 """Simulated HP/Agilent/Keysight 34401A voltmeter on its serial interface, DC volts.
 
-Commands, errors and state after *RST from the 34401A user's guide (34401-90004).
+Commands, errors and state after *RST are from the 34401A user's guide (34401-90004).
 """
 
 from __future__ import annotations
@@ -63,11 +63,10 @@ class Keysight34401ATwin(TriggeredTwin):
 
     Args:
         name: the bench's name for it.
-        options: its options in the bench file; `baud`, `frame`, `interface` and `line_Hz` matter here.
+        options: its options in the bench file; `baud`, `frame`, `interface` and `line_Hz` are used.
         world: virtual time.
-        plant: what is at the input.
-        serial: not told by this model, which answers 0.
-
+        plant: voltage at the input.
+        serial: not reported by this model, which answers 0.
     """
 
     commands = compiled(_TABLE)
@@ -85,7 +84,7 @@ class Keysight34401ATwin(TriggeredTwin):
         super().__init__(name, options, world, plant, baud=9600, frame="7E2")
 
     def hears_clear(self) -> bool:
-        """While it has a query to answer it holds its DTR false; Ctrl-C counts then only if DSR is false (page 151)."""
+        """DTR is false while it has a query to answer; then Ctrl-C counts only if DSR is false (page 151)."""
         return not (self.busy and self.dsr)
 
     def reset(self) -> None:
@@ -106,7 +105,7 @@ class Keysight34401ATwin(TriggeredTwin):
         return self.trigger_count * self.sample_count
 
     def check_memory(self) -> None:
-        """512 readings."""
+        """At most 512 readings."""
         if self.sweeps() > self.memory:
             raise ScpiError(531)
 
@@ -160,7 +159,7 @@ class Keysight34401ATwin(TriggeredTwin):
         return RESOLUTION[self.nplc] * self._span()
 
     def set_function(self, name: str) -> None:
-        """FUNCtion: only DC volts is wired up here."""
+        """FUNCtion: only DC volts is simulated."""
         if name.strip("\"'").upper() not in ("VOLT", "VOLT:DC", "VOLTAGE", "VOLTAGE:DC"):
             raise ScpiError(-224)
         self.changed()

@@ -1,7 +1,7 @@
 """Simulated Agilent/Keysight 34970A scanner with a 34901A multiplexer in slot 100, on its serial interface.
 
-Commands, errors and state after *RST from the 34970A/34972A Command Reference, version 2.00. Channels 101 to 120
-measure DC volts, thermistors or platinum resistors; one on four wires takes a second channel, ten above its own.
+Commands, errors and state after *RST are from the 34970A/34972A Command Reference, version 2.00. Channels 101 to 120
+measure DC volts, thermistors or platinum resistors; a four-wire sensor uses a second channel, ten above its own.
 """
 
 from __future__ import annotations
@@ -51,11 +51,10 @@ class Keysight34970ATwin(Mainframe, XonXoffTwin, RememberingTwin):
 
     Args:
         name: the bench's name for it.
-        options: its options in the bench file; `baud`, `frame`, `flow`, `interface` and `line_Hz` matter here.
+        options: its options in the bench file; `baud`, `frame`, `flow`, `interface` and `line_Hz` are used.
         world: virtual time.
-        plant: what is wired to its channels.
-        serial: not told by this model, which answers 0.
-
+        plant: voltages and temperatures at its channels.
+        serial: not reported by this model, which answers 0.
     """
 
     commands: ClassVar[Mapping[str, Command]] = COMMANDS
@@ -67,7 +66,7 @@ class Keysight34970ATwin(Mainframe, XonXoffTwin, RememberingTwin):
     sources = ("IMM", "BUS", "EXT", "TIM")
 
     def __init__(self, name: str, options: Mapping[str, object], world: World, plant: Plant, serial: str) -> None:
-        self.holds_up = options.get("flow", "xonxoff") == "xonxoff"  # as it leaves the factory
+        self.holds_up = options.get("flow", "xonxoff") == "xonxoff"  # factory setting
         super().__init__(name, options, world, plant, baud=9600, frame="8N1")
 
     def reset(self) -> None:
@@ -78,34 +77,34 @@ class Keysight34970ATwin(Mainframe, XonXoffTwin, RememberingTwin):
         self.timer_s = 10.0
 
     def changed(self) -> None:
-        """Settings are fixed while a scan is under way."""
+        """Settings cannot be changed during a scan."""
         if self.measuring:
             raise ScpiError(261)
         super().changed()
 
     def channel_of(self, position: int) -> str:
-        """In the order of the scan list."""
+        """Channels in the order of the scan list."""
         return self.scan[position]
 
     def unit_of(self, channel: str) -> str:
-        """Volts or degrees."""
+        """Unit of a channel: volts or degrees."""
         settings = self.channels[channel]
         return "VDC" if settings.function == VOLTS else "F" if settings.fahrenheit else "C"
 
     def late_s(self, position: int) -> float:
-        """Channel after channel."""
+        """Channels are read one after the other."""
         return sum(self.channels[name].seconds(self.line_hz) for name in self.scan[:position])
 
     def sweeps(self) -> float:
-        """Scans in a measurement."""
+        """Number of scans in a measurement."""
         return self.trigger_count
 
     def readings_per_sweep(self) -> int:
-        """Channels in the scan list."""
+        """Number of channels in the scan list."""
         return len(self.scan)
 
     def sweep_s(self) -> float:
-        """Channel after channel; a timer may make it longer."""
+        """Duration of a scan: channel after channel, or the longer period of a timer."""
         seconds = sum(self.channels[c].seconds(self.line_hz) for c in self.scan)
         return max(seconds, self.timer_s) if self.source == "TIM" else seconds
 
@@ -145,7 +144,7 @@ class Keysight34970ATwin(Mainframe, XonXoffTwin, RememberingTwin):
         return super().read()
 
     def abort(self) -> None:
-        """ABORt: gives up the scan; a scan that had ended keeps its readings."""
+        """ABORt: gives up the scan; a completed scan keeps its readings."""
         if self.measuring or self._armed:
             self.stop_measuring()
 
@@ -188,7 +187,7 @@ class Keysight34970ATwin(Mainframe, XonXoffTwin, RememberingTwin):
         return self._about_channels(channels, lambda c: f'"{c.function}"')
 
     def set_delay(self, seconds: str, channels: str = "") -> None:
-        """ROUTe:CHANnel:DELay: instead of the automatic delay."""
+        """ROUTe:CHANnel:DELay: replaces the automatic delay."""
         value = parameter(seconds, 0.0, 60.0, 0.0)
         if not 0.0 <= value <= 60.0:
             raise ScpiError(-222)
@@ -269,7 +268,7 @@ class Keysight34970ATwin(Mainframe, XonXoffTwin, RememberingTwin):
         return f"{len(self.scan):+d}"
 
     def _change(self, channels: str, function: str, change: Callable[[Channel], Channel]) -> None:
-        """Change settings of channels that measure `function` ("" for any)."""
+        """Change settings of the channels that measure `function` ("" for any)."""
         listed = self._listed(channels)
         if any(function not in ("", self.channels[name].function) for name in listed):
             raise ScpiError(305)
@@ -353,7 +352,7 @@ class Keysight34970ATwin(Mainframe, XonXoffTwin, RememberingTwin):
         return ",".join(map(about, chosen))
 
     def set_timer(self, seconds: str) -> None:
-        """TRIGger:TIMer: from one scan to the next."""
+        """TRIGger:TIMer: period of scans."""
         value = parameter(seconds, 0.0, 359_999.0, 10.0)
         if not 0.0 <= value <= 359_999.0:
             raise ScpiError(-222)

@@ -1,4 +1,4 @@
-"""Which commands a simulated 34970A knows, and its own errors (Command Reference 34970A/34972A, version 2.00)."""
+"""Commands of a simulated 34970A, and its own errors (Command Reference 34970A/34972A, version 2.00)."""
 
 from __future__ import annotations
 

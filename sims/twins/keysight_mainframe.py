@@ -1,6 +1,6 @@
-"""What the simulated 34970A tells of itself: version of the standard, cards in its slots, multimeter.
+"""Self-description of the simulated 34970A: version of the standard, cards in its slots, multimeter.
 
-Commands from the 34970A/34972A Command Reference, version 2.00.
+Commands are from the 34970A/34972A Command Reference, version 2.00.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ MAINFRAME = (
 
 
 class Mainframe:
-    """One 34901A in the first slot, the other two empty, the multimeter built in."""
+    """One 34901A in the first slot, two empty slots, and the internal multimeter."""
 
     def ask_version(self) -> str:
         """SYSTem:VERSion?."""
         return "1994.0"
 
     def ask_card(self, slot: str) -> str:
-        """SYSTem:CTYPe?: what is in a slot; zeros where there is nothing."""
+        """SYSTem:CTYPe?: card in a slot; zeros for an empty slot."""
         if number(slot) not in SLOTS:
             raise ScpiError(111)
         return f"HEWLETT-PACKARD,{'34901A,0,2.3' if number(slot) == SLOTS[0] else '0,0,0'}"
@@ -35,11 +35,11 @@ class Mainframe:
         return "+0,+0,+0"
 
     def ask_label(self, slot: str) -> str:
-        """DIAGnostic:PEEK:SLOT:DATA?: what somebody wrote into the card; nothing."""
+        """DIAGnostic:PEEK:SLOT:DATA?: user data of the card; none."""
         if number(slot) not in SLOTS:
             raise ScpiError(111)
         return '""'
 
     def ask_multimeter(self) -> str:
-        """INSTrument:DMM?: the internal multimeter is there and switched on."""
+        """INSTrument:DMM?: the internal multimeter is present and switched on."""
         return "1"

@@ -1,6 +1,6 @@
-"""The memory of the simulated 34970A: how readings are printed, counted, looked at and removed.
+"""The memory of the simulated 34970A: format, number, reading and removal of readings.
 
-Commands from the 34970A/34972A Command Reference, version 2.00: FORMat:READing and DATA.
+Commands are from the 34970A/34972A Command Reference, version 2.00: FORMat:READing and DATA.
 """
 
 from __future__ import annotations
@@ -37,15 +37,15 @@ class RememberingTwin(TriggeredTwin):
 
     @abstractmethod
     def late_s(self, position: int) -> float:
-        """Seconds from the beginning of a sweep to the reading at this position."""
+        """Seconds from the begin of a sweep to the reading at this position."""
 
     def reset(self) -> None:
-        """*RST: readings alone."""
+        """*RST: readings only."""
         super().reset()
         self._with = dict.fromkeys(_ADDITIONS, False)
 
     def printed(self, reading: Reading) -> str:
-        """A reading and what is to go with it."""
+        """A reading with its requested additions."""
         channel = self.channel_of(reading.position)
         words = [text(reading.value) + (f" {self.unit_of(channel)}" if self._with["unit"] else "")]
         if self._with["time"]:
@@ -66,7 +66,7 @@ class RememberingTwin(TriggeredTwin):
     set_alarms, ask_alarms = partialmethod(_set, "alarm"), partialmethod(_ask, "alarm")
 
     def ask_last(self, count: str = "1") -> str:
-        """DATA:LAST?: the newest readings, kept."""
+        """DATA:LAST?: the newest readings; they stay in memory."""
         kept = self.taken()
         wanted = round(number(count))
         if not 1 <= wanted <= len(kept):
@@ -74,7 +74,7 @@ class RememberingTwin(TriggeredTwin):
         return ",".join(map(self.printed, kept[-wanted:]))
 
     def remove(self, count: str) -> str:
-        """DATA:REMove?: the oldest readings, taken out of the memory; also while scanning."""
+        """DATA:REMove?: the oldest readings, removed from the memory; also during a scan."""
         kept = self.taken()
         wanted = round(number(count))
         if not 1 <= wanted <= len(kept):
@@ -83,7 +83,7 @@ class RememberingTwin(TriggeredTwin):
         return ",".join(map(self.printed, removed))
 
     def remove_some(self, most: str = "50000") -> str:
-        """R?: as many as there are, up to a number, as a block of definite length."""
+        """R?: at most this many readings, as a block of definite length."""
         count = min(round(number(most)), len(self.taken()))
         block = self.remove(str(count)) if count > 0 else ""
         return f"#{len(str(len(block)))}{len(block)}{block}"

@@ -1,4 +1,4 @@
-"""The analog-to-digital converter that the simulated 34401A and 34970A share: ranges, noise, resolution, time."""
+"""The analog-to-digital converter of the simulated 34401A and 34970A: ranges, noise, resolution, time."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ OVERLOAD = 9.9e37
 """The reading outside the range (34401A manual)."""
 
 RANGES = (0.1, 1.0, 10.0, 100.0, 1000.0)
-"""DC voltage ranges, V; all but the highest measure 20 % beyond their name."""
+"""DC voltage ranges, V; all but the highest measure up to 20 % above their nominal value."""
 
 RESOLUTION = {
     0.02: 1e-4,
@@ -27,19 +27,19 @@ RESOLUTION = {
 }
 """Specified resolution as a fraction of the range, by integration time in power line cycles.
 
-Those of the 34401A are its manual's; 2, 20 and 200 cycles are the 34970A's alone.
+Those of the 34401A are from its manual; 2, 20 and 200 cycles exist only in the 34970A.
 """
 
 SETTLING_S = {nplc: 0.0015 if nplc >= 1.0 else 0.001 for nplc in RESOLUTION}
 """Automatic trigger delay for DC volts by power line cycles (34401A manual)."""
 
-_LAST_DIGIT = 0.1  # readings are sent ten times finer than the specified resolution, as recorded data show
+_LAST_DIGIT = 0.1  # readings are sent ten times finer than the specified resolution, as in recorded data
 _WHITE = 4e-8  # noise of a reading that integrates for 1 s, as a fraction of the range [?]
-_FLOOR = 2e-8  # noise that no integration removes, as a fraction of the range [?]
+_FLOOR = 2e-8  # noise that integration does not reduce, as a fraction of the range [?]
 
 
 class Seeded(Protocol):
-    """A world's truth, as far as its noise goes."""
+    """The part of a world's truth about noise."""
 
     @property
     def seed(self) -> int:
@@ -48,7 +48,7 @@ class Seeded(Protocol):
 
 
 class Plant(Protocol):
-    """What a meter uses of the plant."""
+    """Parts of the plant that a meter uses."""
 
     @property
     def truth(self) -> Seeded:
@@ -73,17 +73,16 @@ def reading(plant: Plant, instrument: str, channel: str, t0: float, nplc: float,
     """One DC voltage reading.
 
     Args:
-        plant: what is at the input.
+        plant: voltage at the input.
         instrument: the meter's name.
         channel: its input.
-        t0: when integration begins, virtual seconds.
+        t0: begin of the integration, virtual seconds.
         nplc: integration time, power line cycles.
         line_hz: power line frequency.
         fixed: range, V; 0 chooses one.
 
     Returns:
         Volts in steps of the range's last digit, or `OVERLOAD` with the sign of the input.
-
     """
     aperture = nplc / line_hz
     true = plant.channel_V(instrument, channel, t0, t0 + aperture)
@@ -102,17 +101,16 @@ def temperature(
     """One reading of a thermometer, degrees Celsius in steps of 1 mK.
 
     Args:
-        plant: what is at the input.
+        plant: temperature at the input.
         instrument: the meter's name.
         channel: its input.
-        t0: when integration begins, virtual seconds.
+        t0: begin of the integration, virtual seconds.
         nplc: integration time, power line cycles.
         line_hz: power line frequency.
         span: lowest and highest temperature of the linearisation.
 
     Returns:
         `OVERLOAD` if the input is open or outside the span.
-
     """
     aperture = nplc / line_hz
     true = plant.channel_degC(instrument, channel, t0 + aperture / 2)
@@ -124,12 +122,12 @@ def temperature(
 
 
 def text(value: float) -> str:
-    """A reading as the instruments print it: +1.23456789E+00."""
+    """A reading in the instruments' format: +1.23456789E+00."""
     return f"{value:+.8E}"
 
 
 def nplc_for(request: str, legal: Sequence[float]) -> float:
-    """The integration time for a request, power line cycles: the shortest legal one that is not shorter."""
+    """The integration time for a request, power line cycles: the shortest legal one that is long enough."""
     value = parameter(request, min(legal), max(legal), 10.0)
     chosen = next((n for n in legal if n >= value * (1 - 1e-9)), None)
     if chosen is None or value <= 0:
@@ -138,7 +136,7 @@ def nplc_for(request: str, legal: Sequence[float]) -> float:
 
 
 def range_named(request: str) -> float:
-    """The range for a request, V: the lowest that takes the value; 0 for AUTO and DEF."""
+    """The range for a request, V: the lowest that includes the value; 0 for AUTO and DEF."""
     if request.upper() in ("AUTO", "DEF", "DEFAULT"):
         return 0.0
     value = parameter(request, RANGES[0], RANGES[-1], 10.0)
@@ -161,7 +159,7 @@ def nplc_for_resolution(request: str, span: float, legal: Sequence[float]) -> fl
 
 
 def parameter(request: str, lowest: float, highest: float, default: float) -> float:
-    """A numeric parameter, or what MIN, MAX and DEF stand for."""
+    """A numeric parameter, or the value of MIN, MAX or DEF."""
     match request.upper():
         case "MIN" | "MINIMUM":
             return lowest

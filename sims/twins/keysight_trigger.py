@@ -1,4 +1,4 @@
-"""How the simulated 34401A and 34970A are triggered, take their readings, and hand them over."""
+"""Trigger system of the simulated 34401A and 34970A: triggers, measurements, and output of readings."""
 
 from __future__ import annotations
 
@@ -38,9 +38,8 @@ class Reading(NamedTuple):
 
     Attributes:
         value: in the channel's unit.
-        position: which of its sweep.
-        seconds: when its sweep began, from the beginning of the measurement.
-
+        position: its position in the sweep.
+        seconds: begin of its sweep, seconds from the begin of the measurement.
     """
 
     value: float
@@ -51,12 +50,11 @@ class Reading(NamedTuple):
 class TriggeredTwin(ScpiTwin):
     """A meter with a trigger system: idle, waiting for a trigger, measuring.
 
-    A measurement is `sweeps` equal sweeps from the moment of the trigger. Its readings are worked out when it ends, or
-    when somebody asks for those there are.
+    A measurement is `sweeps` equal sweeps from the time of the trigger. Its readings are computed at its end, or when
+    they are requested.
 
     Attributes:
-        inputs: what becomes of its readings.
-
+        inputs: path of its readings to its answers.
     """
 
     roles: ClassVar[frozenset[Role]] = frozenset({"reader"})
@@ -77,20 +75,20 @@ class TriggeredTwin(ScpiTwin):
         super().__init__(name, world, int(str(options.get("baud", baud))), str(options.get("frame", frame)))
 
     def accuracy(self, channel: str, unit: str) -> Accuracy:
-        """Of the ranges of these benches."""
+        """Accuracy on the ranges of these benches."""
         return Accuracy(_ADDS_DEGC if unit == "degC" else _ADDS_OF_RANGE * self._full_V)
 
     @abstractmethod
     def sweeps(self) -> float:
-        """Sweeps in a measurement; infinity if it goes on until it is stopped."""
+        """Number of sweeps in a measurement; infinity if it runs until it is stopped."""
 
     @abstractmethod
     def sweep_s(self) -> float:
-        """Seconds from one sweep to the next."""
+        """Period of sweeps, seconds."""
 
     @abstractmethod
     def readings_per_sweep(self) -> int:
-        """How many readings a sweep gives."""
+        """Number of readings per sweep."""
 
     @abstractmethod
     def take(self, began: float) -> list[float]:
@@ -98,7 +96,7 @@ class TriggeredTwin(ScpiTwin):
 
     @abstractmethod
     def overload_bit(self, position: int) -> int:
-        """The questionable-data bit that tells of an overload of a sweep's reading at this position."""
+        """The questionable-data bit for an overload of the reading at this position of a sweep."""
 
     def reset(self) -> None:
         """Trigger settings of *RST."""
@@ -107,12 +105,12 @@ class TriggeredTwin(ScpiTwin):
         self.trigger_count: float = 1
 
     def switch_on(self) -> None:
-        """Over GPIB whoever talks to it has remote control."""
+        """Over GPIB the controller always has remote control."""
         super().switch_on()
         self.remote = self._gpib
 
     def go_remote(self) -> None:
-        """SYSTem:REMote and SYSTem:RWLock are known to the serial interface only."""
+        """SYSTem:REMote and SYSTem:RWLock exist only on the serial interface."""
         if self._gpib:
             raise ScpiError(514)
         super().go_remote()
@@ -124,7 +122,7 @@ class TriggeredTwin(ScpiTwin):
         super().go_local()
 
     def stop_measuring(self) -> None:
-        """Give up the measurement and forget its readings."""
+        """Give up the measurement and discard its readings."""
         if self._timer is not None:
             self._timer.cancel()
         self._timer = None
@@ -139,7 +137,7 @@ class TriggeredTwin(ScpiTwin):
         self.stop_measuring()
 
     def changed(self) -> None:
-        """A setting is about to change, which gives up the measurement and forgets its readings."""
+        """A change of a setting gives up the measurement and discards its readings."""
         self.stop_measuring()
 
     @property
@@ -161,7 +159,7 @@ class TriggeredTwin(ScpiTwin):
             self._begin()
 
     def check_memory(self) -> None:
-        """Refuse a measurement that does not fit the memory; the oldest readings make room otherwise."""
+        """Refuse a measurement that does not fit the memory; otherwise remove the oldest readings for it."""
 
     def _arm(self) -> None:
         if self.measuring or self._armed:
@@ -184,7 +182,7 @@ class TriggeredTwin(ScpiTwin):
         self._began = None
 
     def taken(self) -> list[Reading]:
-        """The memory: what has been read by now."""
+        """The memory: readings completed by now."""
         if self._readings is None:
             return []
         if self._began is not None:
@@ -206,7 +204,7 @@ class TriggeredTwin(ScpiTwin):
                 self.questionable |= self.overload_bit(position)
 
     def printed(self, reading: Reading) -> str:
-        """A reading as it is handed over."""
+        """A reading in the output format."""
         return text(reading.value)
 
     def trigger(self) -> None:

@@ -1,4 +1,4 @@
-"""One axis of the simulated ESP301: its settings, and a count that began wherever it was switched on."""
+"""One axis of the simulated ESP301: its settings, and a count relative to its position at power-on."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _MOMENT_S = 1e-3
 
 
 class Head(Protocol):
-    """The mechanics this controller drives (`sims.physics.head`)."""
+    """The mechanics behind this controller (`sims.physics.head`)."""
 
     def move(self, axis: str, target_deg: float, speed: float, accel: float) -> None:
         """Start a motion profile; speeds in deg/s, accelerations in deg/s^2."""
@@ -25,7 +25,7 @@ class Head(Protocol):
         ...
 
     def encoder_deg(self, axis: str, t: float) -> float:
-        """What the encoder shows."""
+        """Encoder angle."""
         ...
 
     def moving(self, axis: str, t: float) -> bool:
@@ -35,15 +35,14 @@ class Head(Protocol):
 
 @dataclass(frozen=True)
 class Parameter:
-    """A number that can be set and asked for.
+    """A numeric setting.
 
     Attributes:
         default: value at power-on.
         low, high: range.
-        ceiling: parameter that this one may not exceed, "" if none.
-        ceiling_error: axis error if it does.
-        hexadecimal: it is a configuration word.
-
+        ceiling: parameter that is its upper limit, "" if none.
+        ceiling_error: axis error above that limit.
+        hexadecimal: whether it is a configuration word.
     """
 
     default: float
@@ -83,15 +82,15 @@ PARAMETERS = {
 }
 """Speeds in deg/s, accelerations in deg/s^2, angles in degrees; SN 7 means degrees, QM 4 a brushless motor.
 
-What the configuration words of these stages are, and FE and AE, is not from the manual [?]: ZB's bits 8 and 9 say that
-there is an encoder, ZH's bit 0 that there are limit switches.
+The configuration words of these stages, and FE and AE, are not from the manual [?]: ZB's bits 8 and 9 mean an encoder,
+ZH's bit 0 means limit switches.
 """
 
 _POWER_ON = {name: parameter.default for name, parameter in PARAMETERS.items()}
 
 
 class Axis:
-    """One axis of the controller: its settings, and where its count began."""
+    """One axis of the controller: its settings, and the origin of its count."""
 
     def __init__(self, name: str, head: Head, world: World) -> None:
         self.name = name
@@ -100,7 +99,7 @@ class Axis:
         self.switch_on()
 
     def switch_on(self) -> None:
-        """Settings as at power-on: motor off, counting from here."""
+        """Settings at power-on: motor off, counting from the present position."""
         self.values = dict(_POWER_ON)
         self.powered = False
         self.homing = False
@@ -113,7 +112,7 @@ class Axis:
         return counts * ENCODER_DEG
 
     def speed(self) -> float:
-        """How fast it turns, deg/s."""
+        """Its speed, deg/s."""
         if not self.driving():
             return 0.0
         now = self._world.now()
@@ -129,7 +128,7 @@ class Axis:
         return self.homing or self.driving()
 
     def go(self, target: float, speed: float) -> None:
-        """Start a move to `target` of this count."""
+        """Start a move to `target`, in this count."""
         self.target = target
         self._head.move(self.name, target + self.zero, speed, min(self.values["AC"], self.values["AG"]))
 

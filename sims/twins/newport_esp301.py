@@ -1,9 +1,9 @@
 """Simulated Newport ESP301 motion controller with two rotary stages: a dividing head's pitch and roll.
 
-Commands and error codes from the ESP301 user's manual (Newport EDH0235En1030, section 3 and appendix A); that a
-line with several queries is answered with one line each is seen in public drivers. Angles are degrees, time is the
-world's. The mechanics behind the encoders (profiles, backlash, settling) are the plant's; this module is the
-controller: it counts from wherever it was switched on until it has found home.
+Commands and error codes are from the ESP301 user's manual (Newport EDH0235En1030, section 3 and appendix A). One line
+of answer per query of a line is known from public drivers. Angles are degrees, time is the world's. The mechanics
+behind the encoders (profiles, backlash, settling) are the plant's. This module is the controller: it counts from its
+position at power-on until it has found home.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from sims.twin import Medium, Role
 from sims.twins.newport_axis import PARAMETERS, Axis, Head, Parameter
 from sims.world import World
 
-_COMMAND_S = 0.004  # time the controller takes for one command [?]
+_COMMAND_S = 0.004  # execution time of one command [?]
 _TICK_S = 400e-6  # TB?'s time stamps count servo cycles of 400 us
 _QUEUED_ERRORS = 10
 _POLL_S = 0.05
 _HOME_RUN_UP_DEG = 2.0
 _LONGEST_LINE = 80
-"""Characters a line may have (manual, page 3-8)."""
+"""Maximum length of a line, characters (manual, page 3-8)."""
 
 _TRIPS = {"drive-fault": 2, "following-error": 3}
 
@@ -52,7 +52,7 @@ _AXIS_ERRORS = {
 
 
 class Plant(Protocol):
-    """What this twin uses of the plant."""
+    """Parts of the plant that this twin uses."""
 
     @property
     def head(self) -> Head:
@@ -69,7 +69,7 @@ _NUMBER = re.compile(r"[+-]?(\d{1,9}\.?\d*|\.\d+)(E[+-]?\d)?", re.ASCII)
 
 @lru_cache(maxsize=4096)
 def _parsed(text: str) -> tuple[int, str, bool, str] | None:
-    """Axis number (0 if none), mnemonic, whether a query, parameter text."""
+    """Axis number (0 if none), mnemonic, whether it is a query, parameter text."""
     match = _COMMAND.fullmatch(text.replace(" ", "").upper())
     if match is None:
         return None
@@ -78,7 +78,7 @@ def _parsed(text: str) -> tuple[int, str, bool, str] | None:
 
 
 class _Refused(Exception):
-    """A command the controller does not carry out; `code` goes to its error queue."""
+    """A refused command; `code` goes to the error queue."""
 
     def __init__(self, code: int) -> None:
         super().__init__(code)
@@ -95,7 +95,7 @@ def _number(text: str) -> float:
 def _hexadecimal(text: str) -> float:
     """A configuration word: hexadecimal digits, with or without an H."""
     if not _WORD.fullmatch(text):
-        raise _Refused(6 if text else 38)  # a letter first is taken for a command
+        raise _Refused(6 if text else 38)  # a letter at the begin is taken for a command
     return int(text.removesuffix("H"), 16)
 
 
@@ -104,11 +104,10 @@ class NewportESP301Twin:
 
     Args:
         name: the bench's name for it.
-        options: its options in the bench file; `pitch_axis`, `roll_axis` and `baud` matter here.
+        options: its options in the bench file; `pitch_axis`, `roll_axis` and `baud` are used.
         world: virtual time.
-        plant: offers `head`.
-        serial: serial number its stages answer with.
-
+        plant: has `head`.
+        serial: serial number of its stages.
     """
 
     wire: ClassVar[Medium] = "serial"
@@ -149,22 +148,21 @@ class NewportESP301Twin:
         self._errors: deque[tuple[int, int]] = deque()
 
     def power_cycle(self) -> None:
-        """Off and on again: settings, homing and the count are lost, the mechanics stay where they are."""
+        """Power off and on: settings, homing and the count are lost, the mechanics do not move."""
         for axis in self._axes.values():
             axis.stop()
             axis.switch_on()
         self._switch_on()
 
     def trip(self, axis: str, why: str) -> str:
-        """Let an axis fail: it stops, its motor goes off, an error tells.
+        """Make an axis fail: it stops, its motor goes off, an error is reported.
 
         Args:
             axis: "pitch" or "roll".
             why: "drive-fault" or "following-error".
 
         Returns:
-            What happened, in words.
-
+            A sentence about the event.
         """
         number, tripped = next((n, a) for n, a in self._axes.items() if a.name == axis)
         code = 100 * number + _TRIPS[why]
@@ -175,7 +173,7 @@ class NewportESP301Twin:
         return f"error {code}, {_AXIS_ERRORS[code % 100]}, motor off"
 
     def overflow_errors(self) -> None:
-        """Fill the error queue with one error more than it takes."""
+        """Fill the error queue beyond its length."""
         for _ in range(_QUEUED_ERRORS + 1):
             self._fail(6)
 
@@ -191,19 +189,19 @@ class NewportESP301Twin:
             self._next_line(tx)
 
     def _next_line(self, tx: Callable[[bytes], None]) -> None:
-        """Take the next line; it is carried out when the controller has had time to read it."""
+        """Take the next line; it is executed after the time the controller needs to read it."""
         self._running = bool(self._lines)
         if self._running:
             line = self._lines.popleft()
             if len(line) > _LONGEST_LINE:
-                self._fail(6)  # which error it is the manual does not say [?]
+                self._fail(6)  # the manual does not name the error [?]
                 line = ""
             commands = deque(c for c in line.split(";") if c.strip())
             self._world.call_in(_COMMAND_S * len(commands), partial(self._carry_out, commands, tx, self._session))
 
     def _carry_out(self, commands: deque[str], tx: Callable[[bytes], None], session: int) -> None:
         if session != self._session:
-            return  # switched off in between
+            return  # switched off meanwhile
         answers = []
         while commands:
             seconds = self._waits(commands)
@@ -223,7 +221,7 @@ class NewportESP301Twin:
             self._next_line(tx)
 
     def _waits(self, commands: deque[str]) -> float:
-        """Seconds until the next command may be looked at again: WS waits for the end of motion and nn ms more."""
+        """Seconds until the next command can be executed: WS waits for the end of motion plus nn ms."""
         parsed = _parsed(commands[0])
         if parsed is None or parsed[1] != "WS":
             return 0.0
@@ -282,7 +280,7 @@ class NewportESP301Twin:
         return None
 
     def _status(self) -> str:
-        """Which axes move, and whether a motor is on, as the bits of a character."""
+        """The moving axes, and whether a motor is on, as the bits of a character."""
         moving = sum(1 << (number - 1) for number, axis in self._axes.items() if axis.moving())
         return chr(_SET | moving | 16 * any(axis.powered for axis in self._axes.values()))
 
@@ -354,7 +352,7 @@ class NewportESP301Twin:
         return None
 
     def _search_home(self, axis: Axis, number: int, text: str) -> None:
-        """Go below the home mark fast, then up to it slowly: the index is always met from the same side."""
+        """Move fast below the home mark, then up to it slowly: the index is always approached from the same side."""
         if text and _number(text) not in range(7):
             raise _Refused(7)
         self._check_ready(axis, number)

@@ -1,6 +1,6 @@
-"""What simulated SCPI instruments have in common: syntax, error queue, status registers, remote and local.
+"""Common parts of simulated SCPI instruments: syntax, error queue, status registers, remote and local.
 
-Paths that carry over a semicolon are SCPI-1999's; the common commands and the status byte are IEEE 488.2's.
+Paths that continue after a semicolon are from SCPI-1999; the common commands and the status byte are from IEEE 488.2.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ _ERRORS = {
 
 
 class Wait(Exception):
-    """A command that cannot be answered yet; it is tried again in `seconds`."""
+    """A command that cannot be answered yet; it is tried again after `seconds`."""
 
     def __init__(self, seconds: float) -> None:
         super().__init__(seconds)
@@ -74,7 +74,7 @@ COMMON = (
 
 @lru_cache(maxsize=1024)
 def _parameters(method: Callable[..., Any]) -> tuple[int, float]:
-    """Fewest and most parameters that a method takes besides `self`."""
+    """Minimum and maximum number of parameters of a method besides `self`."""
     kinds = list(inspect.signature(method).parameters.values())[1:]
     fewest = sum(p.kind is p.POSITIONAL_OR_KEYWORD and p.default is p.empty for p in kinds)
     return fewest, float("inf") if any(p.kind is p.VAR_POSITIONAL for p in kinds) else len(kinds)
@@ -83,15 +83,14 @@ def _parameters(method: Callable[..., Any]) -> tuple[int, float]:
 class ScpiTwin:
     """An instrument that takes lines of SCPI commands over a serial line.
 
-    Subclasses give the command table, identity, and what `reset` and `busy_for` mean. Commands are carried out in
-    order; one that has to wait (FETC? during a measurement) holds up those behind it.
+    Subclasses give the command table, the identity, `reset` and `busy_for`. Commands are executed in order; a command
+    that has to wait (FETC? during a measurement) delays later ones.
 
     Args:
         name: the bench's name for it.
         world: virtual time.
         baud: symbols per second of its line.
         frame: its line's data bits, parity, stop bits.
-
     """
 
     wire: ClassVar[Medium] = "serial"
@@ -103,10 +102,10 @@ class ScpiTwin:
     queued_errors: ClassVar[int] = 20
     overflow: ClassVar[str] = "Too many errors"
     line_end = b"\n"
-    """What ends a command; white space beside it does not matter."""
+    """End of a command; white space beside it is ignored."""
     reply_end = b"\r\n"
     integers: ClassVar[str] = "+d"
-    """How numbers of the status system are printed."""
+    """Format of numbers of the status system."""
 
     def __init__(self, name: str, world: World, baud: int, frame: str) -> None:
         self.name = name
@@ -114,7 +113,7 @@ class ScpiTwin:
         self.baud = baud
         self.frame = frame
         self._session = 0
-        self._power_on_clear = True  # kept without power
+        self._power_on_clear = True  # non-volatile
         self._event_enable = self._service_enable = 0
         self.switch_on()
 
@@ -134,7 +133,7 @@ class ScpiTwin:
         self.reset()
 
     def power_cycle(self) -> None:
-        """Off and on again: settings, readings and errors are lost, local control."""
+        """Power off and on: settings, readings and errors are lost; local control."""
         self.switch_on()
 
     def reset(self) -> None:
@@ -142,7 +141,7 @@ class ScpiTwin:
         raise NotImplementedError(f"{type(self).__name__} does not say what *RST does")
 
     def busy_for(self) -> float:
-        """Seconds until the measurement under way is complete; 0 if there is none."""
+        """Seconds until the running measurement is complete; 0 if there is none."""
         return 0.0
 
     def on_rx(self, data: bytes, tx: Callable[[bytes], None]) -> None:
@@ -163,7 +162,7 @@ class ScpiTwin:
         return True
 
     def device_clear(self) -> None:
-        """Forget what was sent and not yet carried out."""
+        """Discard received commands that are not yet executed."""
         self._session += 1
         self._input.clear()
         self._lines.clear()
@@ -178,20 +177,20 @@ class ScpiTwin:
 
     @property
     def waiting(self) -> int:
-        """Characters that have come in and are not yet being carried out."""
+        """Number of received characters that are not yet being executed."""
         return len(self._input) + sum(map(len, self._lines))
 
     @property
     def busy(self) -> bool:
-        """Whether a line is being carried out or waits for it."""
+        """Whether a line is being executed or waiting."""
         return self._running
 
     def _carry_out(
         self, units: deque[str], answers: list[str], path: str, tx: Callable[[bytes], None], session: int
     ) -> None:
-        """Carry out what is left of a line; `path` is the subtree in which the next header is looked for."""
+        """Execute the rest of a line; `path` is the subtree of the next header."""
         if session != self._session:
-            return  # cleared or switched off in between
+            return  # cleared or switched off meanwhile
         while units:
             unit = units[0].strip()
             try:
@@ -233,20 +232,20 @@ class ScpiTwin:
         return path, answer if answer is None else self.reply(row, answer)
 
     def addressed(self, name: str) -> str:
-        """The header to look up, upper case without its leading colon, for a header as it was sent."""
+        """The header for look-up, in upper case without its leading colon, from a received header."""
         return name
 
     def reply(self, row: Command, answer: str) -> str:
-        """An answer as it goes onto the wire."""
+        """An answer as sent on the wire."""
         return answer
 
     def overflow_errors(self) -> None:
-        """Fill the error queue with one error more than it takes."""
+        """Fill the error queue beyond its length."""
         for _ in range(self.queued_errors + 1):
             self.fail(-113)
 
     def fail(self, code: int) -> None:
-        """Put an error into the queue and its class into the event register."""
+        """Put an error into the queue and set its class in the event register."""
         if -200 < code <= -100:
             self.events |= COMMAND_ERROR
         elif -300 < code <= -200:
@@ -301,7 +300,7 @@ class ScpiTwin:
         return f"{self._service_enable:{self.integers}}"
 
     def set_power_on_clear(self, state: str) -> None:
-        """*PSC: whether switching on clears the enable masks."""
+        """*PSC: whether power-on clears the enable masks."""
         self._power_on_clear = boolean(state)
 
     def ask_power_on_clear(self) -> str:
@@ -314,7 +313,7 @@ class ScpiTwin:
         return f"{summary + 64 * bool(summary & self._service_enable):{self.integers}}"
 
     def note_completion(self) -> None:
-        """*OPC: sets the event bit when the measurement under way is complete."""
+        """*OPC: sets the event bit when the running measurement is complete."""
         session = self._session
         self.world.call_in(self.busy_for(), lambda: self._complete(session))
 

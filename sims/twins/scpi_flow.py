@@ -1,4 +1,4 @@
-"""Flow control by characters: an instrument that sends XOFF while it has much to do, and XON when it goes on."""
+"""Flow control by characters: an instrument sends XOFF while its buffer is filling, and XON afterwards."""
 
 from __future__ import annotations
 
@@ -7,21 +7,21 @@ from collections.abc import Callable
 from sims.twins.scpi import ScpiTwin
 
 _XON, _XOFF = b"\x11", b"\x13"
-_MUCH = 100  # characters in its buffer at which it says stop [?]
+_MUCH = 100  # characters in its buffer at which it sends XOFF [?]
 
 
 class XonXoffTwin(ScpiTwin):
-    """An instrument with `holds_up` set to whether it uses XON and XOFF."""
+    """An instrument that uses XON and XOFF if `holds_up` is set."""
 
     holds_up = False
 
     def switch_on(self) -> None:
-        """Nobody is held up."""
+        """The host may send."""
         self._held = False
         super().switch_on()
 
     def on_rx(self, data: bytes, tx: Callable[[bytes], None]) -> None:
-        """XOFF asks the host to stop while much is waiting, XON to go on."""
+        """XOFF asks the host to stop while much is waiting, XON to continue."""
         much = self.waiting + len(data) > _MUCH
         super().on_rx(data, tx)
         if self.holds_up and much and not self._held:

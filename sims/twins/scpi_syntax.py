@@ -1,6 +1,6 @@
 """SCPI syntax: headers in short and long form, optional nodes, parameters (SCPI-1999, volume 1, section 6).
 
-A command table maps header patterns as manuals print them, `[SENSe:]VOLTage:DC:NPLCycles`, to methods.
+A command table maps header patterns, in the notation of manuals (`[SENSe:]VOLTage:DC:NPLCycles`), to methods.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 
 class ScpiError(Exception):
-    """A command that is refused; `code` goes to the error queue."""
+    """A refused command; `code` goes to the error queue."""
 
     def __init__(self, code: int) -> None:
         super().__init__(code)
@@ -24,11 +24,10 @@ class Command:
     """One row of a command table.
 
     Attributes:
-        header: as the manual prints it.
+        header: in the notation of the manual.
         set: method name for the command form, "" if it has none.
         query: method name for the query form, "" if it has none.
         local: allowed in local control.
-
     """
 
     header: str
@@ -38,7 +37,7 @@ class Command:
 
 
 def _forms(header: str) -> list[str]:
-    """Every spelling of a header: optional nodes in and out, each node short and long, upper case."""
+    """Every spelling of a header: with and without optional nodes, each node short and long, upper case."""
     if header.startswith("*"):
         return [header]
     nodes = re.findall(r"\[:?([A-Za-z]+\d?):?\]|:?([A-Za-z]+\d?)", header)

@@ -1,8 +1,8 @@
-"""Simulated Watlow F4T temperature controller, one control loop or cascade on one of the plant's chambers.
+"""Simulated Watlow F4T temperature controller: one control loop or cascade on one of the plant's chambers.
 
-The registers are those of the register map that the options carry; what each does is here. The panel and the two
-Modbus ports (network, serial) each have a unit of temperature of their own, all degrees Fahrenheit as shipped: what a
-number on the wire means follows from the port it goes through. Settings survive a power cycle, as in the real one.
+The registers are those of the register map in the options; their effects are here. The panel and the two Modbus ports
+(network, serial) have separate units of temperature, all degrees Fahrenheit by default. So the meaning of a number on
+the wire depends on the port. Settings are non-volatile, as in the real controller.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _PORTS: tuple[Port, ...] = ("tcp", "rtu")
 
 
 class _Described(dict[str, Any]):
-    """A table of the register map, in which what is asked for has to be."""
+    """A table of the register map; missing keys are errors."""
 
     where = ""
 
@@ -52,7 +52,7 @@ class _Described(dict[str, Any]):
 
 @dataclass
 class _Alarm:
-    """One of the controller's alarms; limits as shipped, of a deviation alarm differences."""
+    """One of the controller's alarms; default limits; for a deviation alarm they are differences."""
 
     state: int
     kind: int
@@ -65,18 +65,17 @@ class WatlowF4TTwin:
 
     Args:
         name: the bench's name for it.
-        options: its options in the bench file; `register_map` (text), `loop`, `cascade` and `power` matter here, and
-            the range of setpoints: as whoever built the chamber has wired the controller and set it up.
+        options: its options in the bench file; `register_map` (text), `loop`, `cascade` and `power` are used, and the
+            range of setpoints: the wiring and settings by the chamber's maker.
         world: virtual time.
         plant: its `chamber(name)` is what the loop controls.
-        serial: serial number; its digits are what the controller answers.
+        serial: serial number; the controller reports its digits.
 
     Attributes:
-        ports: what is on the wire, for any framing, by port ("tcp", "rtu").
+        ports: registers on the wire, for any framing, by port ("tcp", "rtu").
         registers: those of the network port.
-        sensor_broken: the process value is no number [?].
-        inputs: what becomes of its readings.
-
+        sensor_broken: whether the process value is NaN [?].
+        inputs: path of its readings to its answers.
     """
 
     wire: ClassVar[Medium] = "modbus"
@@ -96,7 +95,7 @@ class WatlowF4TTwin:
             **dict.fromkeys(("ramp_action", "cascade ramp_action"), off),
             **dict.fromkeys(("ramp_scale", "cascade ramp_scale"), self._codes["ramp_scale"]["minutes"]),
             "cascade air_control": off,
-            "profile_state": 251,  # not started: it has none
+            "profile_state": 251,  # not started: there is none
         }
         self._minimum = min(-40.0, float(str(options.get("low_degC", -40.0))))
         self._maximum = max(150.0, float(str(options.get("high_degC", 150.0))))
@@ -130,27 +129,27 @@ class WatlowF4TTwin:
         self._endpoint.on_rx(data, tx)
 
     def power_cycle(self) -> None:
-        """Off and on again; setpoint, mode, events and settings are kept in the controller's memory."""
+        """Power off and on; setpoint, mode, events and settings are non-volatile."""
 
     def set_units(self, *, display: str = "", tcp: str = "", rtu: str = "") -> None:
-        """Set the panel's unit, or a Modbus port's, as somebody does at the panel: "C" or "F"; "" leaves it."""
+        """Set the unit of the panel, or of a Modbus port, as at the panel: "C" or "F"; "" does not change it."""
         for name, unit in {"display_units": display, "modbus_units_tcp": tcp, "modbus_units_rtu": rtu}.items():
             if unit:
                 self._settings[name] = self._codes["units"][unit]
 
     def set_alarm(self, number: int, state: str, kind: str = "process", limit_degC: float | None = None) -> None:
-        """Put alarm 1, 2, ... into a state and give it a type, both as the register map names them."""
+        """Put alarm 1, 2, ... into a state and give it a type, both named as in the register map."""
         alarm = self._alarms[number - 1]
         alarm.state, alarm.kind = self._codes["alarm"][state], self._codes["alarm_type"][kind]
         if limit_degC is not None:
             alarm.high_degC = alarm.low_degC = limit_degC
 
     def set_limit(self, slot: int, *, state: str = "none", status: str = "ok", error: str = "none") -> None:
-        """Let the limit controller in slot 1 to 6 trip, fail, or lose its sensor; without words it is well."""
+        """Make the limit controller in slot 1 to 6 trip, fail, or lose its sensor; without words it is good."""
         self._limits[slot - 1] = self._limit(state, status, error)
 
     def switch(self, name: str, *, on: bool) -> None:
-        """Switch an event output ("event_1" ...) or a key ("key_1" ...) on or off, as somebody does at the panel."""
+        """Switch an event output ("event_1" ...) or a key ("key_1" ...) on or off, as at the panel."""
         mode = self._mode()
         self._on[name] = on
         if name == self._powered_by:
@@ -165,7 +164,7 @@ class WatlowF4TTwin:
         }
 
     def _bank(self, port: Port, contract: Mapping[str, Any], options: Mapping[str, object]) -> Bank:
-        """All registers, with temperatures as one port tells them."""
+        """All registers, with temperatures in the unit of one port."""
         fahrenheit = self._codes["units"]["F"]
         scale = Scale(lambda: self._settings[f"modbus_units_{port}"] == fahrenheit)
         bank = Bank(f"Watlow {_PART_NUMBER}".encode())
@@ -178,7 +177,7 @@ class WatlowF4TTwin:
         return bank
 
     def _loop(self, scale: Scale, whose: str = "") -> dict[str, Access]:
-        """How the registers of the control loop are read and written, by name."""
+        """Reading and writing of the control loop's registers, by name."""
         chamber, now, shown = self._enclosure, self._world.now, scale.shown
         return {
             "mode": (self._mode, self._set_mode),
@@ -203,7 +202,7 @@ class WatlowF4TTwin:
         }
 
     def _cascade(self, scale: Scale) -> dict[str, Access]:
-        """Where a cascade differs from a loop: the part follows the air, which is led to the part's own setpoint."""
+        """Differences of a cascade: the part follows the air, which is controlled to the part's setpoint."""
         chamber, now = self._enclosure, self._world.now
         return {
             "process_value": (lambda: scale.shown(self._part()), None),
@@ -220,7 +219,7 @@ class WatlowF4TTwin:
         return value
 
     def _switches(self) -> dict[str, Access]:
-        """Event outputs are read and written; a key's state is read, and pressing it is a register of its own."""
+        """Event outputs are read and written; a key's state is read, and another register presses it."""
         codes, access = self._codes, dict[str, Access]()
         for n in range(1, _EVENTS + 1):
             access[f"event_{n}"] = (partial(self._switch_code, f"event_{n}"), partial(self._set_event, f"event_{n}"))
@@ -238,7 +237,7 @@ class WatlowF4TTwin:
         self.switch(name, on=code == self._codes["switch"]["on"])
 
     def _press(self, name: str, code: int) -> None:
-        """Down is on and up is off, as a public client has it: a key that stays where it was pressed to."""
+        """Down is on and up is off, as in a public client: a key that stays in its position."""
         if code not in self._codes["press"].values():
             raise Refused(ILLEGAL_VALUE)
         self.switch(name, on=code == self._codes["press"]["down"])
@@ -290,7 +289,7 @@ class WatlowF4TTwin:
         self._settings[name] = value
 
     def _powered(self) -> bool:
-        """Whether the chamber has power: without, its loop goes on computing and nothing comes of it."""
+        """Whether the chamber has power: without it, its loop computes without effect."""
         return not self._powered_by or self._on[self._powered_by]
 
     def _mode(self) -> int:
@@ -299,7 +298,7 @@ class WatlowF4TTwin:
         return self._codes["mode"][self._mode_name]
 
     def _set_mode(self, code: int) -> None:
-        """Manual is taken and controls nothing: nobody has set a manual power."""
+        """Manual mode is accepted and controls nothing: no manual power has been set."""
         names = {known: name for name, known in self._codes["mode"].items()}
         if code not in names:
             raise Refused(ILLEGAL_VALUE)
@@ -331,7 +330,7 @@ class WatlowF4TTwin:
         self._open_loop_pct = pct
 
     def _power_pct(self) -> float:
-        """The loop's output; of a chamber without power what it asks for in vain."""
+        """The loop's output; without power of the chamber, its output without effect."""
         chamber, now = self._enclosure, self._world.now()
         if self._powered() or self._mode_name != "auto":
             return chamber.power_pct(now)

@@ -1,4 +1,4 @@
-"""Registers of the simulated Watlow F4T: words at their addresses, and temperatures in the unit of a channel."""
+"""Registers of the simulated Watlow F4T: words at their addresses, and temperatures in the unit of a port."""
 
 from __future__ import annotations
 
@@ -13,30 +13,29 @@ _STRUCT = {"uint16": ">H", "int32": ">i", "float32": ">f"}
 
 Value = float | int | str
 Access = tuple[Callable[[], Value], Callable[[Any], None] | None]
-"""How a register is read and written."""
+"""Reading and writing of a register."""
 
 
 @dataclass(frozen=True)
 class Scale:
-    """Temperatures as one of the controller's ports tells them.
+    """Temperatures in the unit of one of the controller's ports.
 
     Attributes:
-        fahrenheit: whether that port is set to degrees Fahrenheit now.
-
+        fahrenheit: whether that port is now set to degrees Fahrenheit.
     """
 
     fahrenheit: Callable[[], bool]
 
     def per_kelvin(self) -> float:
-        """Degrees of this port to a kelvin."""
+        """Degrees of this port per kelvin."""
         return 1.8 if self.fahrenheit() else 1.0
 
     def shown(self, degC: float) -> float:
-        """A temperature as it is on the wire."""
+        """A temperature as a number on the wire."""
         return degC * 1.8 + 32.0 if self.fahrenheit() else degC
 
     def celsius(self, shown: float) -> float:
-        """What a number on the wire means."""
+        """A temperature from a number on the wire."""
         return (shown - 32.0) / 1.8 if self.fahrenheit() else shown
 
 
@@ -44,15 +43,14 @@ class Register:
     """One parameter in one or more words.
 
     Args:
-        kind: type as the register map names it.
+        kind: its type, named as in the register map.
         low_first: order of the words of a number.
         get: its value now.
         put: sets it, None if it is read only; raises `Refused`.
 
     Attributes:
-        size: its words.
-        number: it is a number or a code, and no text.
-
+        size: number of its words.
+        number: whether it is a number or a code, not a text.
     """
 
     def __init__(self, kind: str, low_first: bool, get: Callable[[], Value], put: Callable[[Any], None] | None) -> None:
@@ -82,11 +80,10 @@ class Register:
 
 
 class Bank:
-    """Registers at their addresses, as one port of the controller has them.
+    """Registers at their addresses, for one port of the controller.
 
     Args:
-        identity: what function 17 reports.
-
+        identity: the answer of function 17.
     """
 
     def __init__(self, identity: bytes) -> None:

@@ -1,1 +1,1 @@
-"""The simulated ends of wires: inside the process, and behind the operating system's own ports."""
+"""The simulated ends of wires: inside the process, and on ports of the operating system."""

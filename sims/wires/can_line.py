@@ -15,11 +15,11 @@ Frame = tuple[int, bytes]
 """Identifier (11 bits) and data."""
 
 OnFrame = Callable[[int, bytes, Callable[[int, bytes], None]], None]
-"""A node: takes a frame's identifier and data, and where to send frames."""
+"""A node: takes a frame's identifier and data, and a function to send frames."""
 
 
 def on_one_bus(*nodes: OnFrame) -> OnFrame:
-    """Several instruments as one end of a bus: each hears every frame and answers for itself."""
+    """Several instruments at one end of a bus: each receives every frame and answers separately."""
 
     def on_frame(can_id: int, data: bytes, tx: Callable[[int, bytes], None]) -> None:
         for node in nodes:
@@ -29,16 +29,15 @@ def on_one_bus(*nodes: OnFrame) -> OnFrame:
 
 
 class CanCable:
-    """A bus to a simulated instrument; what `drivers.wires.can_transport` calls a transport.
+    """A bus to a simulated instrument; a transport of `drivers.wires.can_transport`.
 
     Args:
         world: virtual time.
-        on_frame: the instrument's own.
-        tampering: what goes wrong on the bus; None if nothing can.
+        on_frame: the instrument's function.
+        tampering: faults of the bus; None without faults.
 
     Raises:
-        OSError: there is no adapter at present.
-
+        OSError: there is no adapter.
     """
 
     def __init__(self, world: World, on_frame: OnFrame, tampering: Tampering | None = None) -> None:
@@ -53,7 +52,7 @@ class CanCable:
             self._connection = tampering.connection
 
     def send(self, can_id: int, data: bytes) -> None:
-        """Pass a frame to the instrument. Raises `OSError` or `can.CanError` if the bus is gone."""
+        """Pass a frame to the instrument. Raises `OSError` or `can.CanError` if the bus is lost."""
         if self._tampering is None:
             self._on_frame(can_id, data, self._receive)
             return
@@ -63,7 +62,7 @@ class CanCable:
         self._tampering.to_twin(_packed(can_id, data), self._forward, self._deliver)
 
     def recv(self, seconds: float) -> Frame | None:
-        """The next frame, waiting at most that many virtual seconds for it. Raises `OSError` if the bus is gone."""
+        """The next frame, waiting at most this many virtual seconds. Raises `OSError` if the bus is lost."""
         received = self._received
         if not received:
             self._world.run_until(self._world.now() + seconds, lambda: bool(received) or not self._alive())
@@ -71,7 +70,7 @@ class CanCable:
         return received.popleft() if received else None
 
     def close(self) -> None:
-        """Forget what has come and was not read."""
+        """Discard received frames."""
         self._received.clear()
 
     def _receive(self, can_id: int, data: bytes) -> None:

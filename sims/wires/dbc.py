@@ -1,6 +1,6 @@
-"""CAN messages as a simulated node reads them from a DBC file.
+"""CAN messages of a simulated node, from a DBC file.
 
-What a node needs of the format: messages, signals with the low byte first (Intel order), one multiplexor, names of
+Supported parts of the format: messages, signals with the low byte first (Intel order), one multiplexor, names of
 values. Source: Vector, DBC file format documentation 1.0.5.
 """
 
@@ -24,15 +24,14 @@ class DbcSignal:
 
     Attributes:
         begin: its lowest bit, counted from the first byte's lowest.
-        bits: how many it has.
+        bits: its number of bits.
         signed: two's complement.
         factor, offset: value = raw * factor + offset.
         low, high: range of the value.
-        unit: of the value.
-        group: value of the multiplexor with which it is there, None if it always is.
-        multiplexor: it says which group the others are.
-        names: what its values mean.
-
+        unit: unit of the value.
+        group: value of the multiplexor for which it is present, None if it always is.
+        multiplexor: whether it selects the group of the others.
+        names: names of its values.
     """
 
     begin: int
@@ -48,12 +47,12 @@ class DbcSignal:
     names: dict[int, str] = field(default_factory=dict)
 
     def raw(self, value: float) -> int:
-        """The bits of a value; one outside the range becomes the end of it."""
+        """The bits of a value; a value outside the range is clipped."""
         counts = round((min(max(value, self.low), self.high) - self.offset) / self.factor)
         return counts & ((1 << self.bits) - 1)
 
     def value(self, frame: int) -> float:
-        """The value in a frame, whose bytes are one number with the first byte lowest."""
+        """The value in a frame; the bytes are one number with the first byte lowest."""
         counts = frame >> self.begin & ((1 << self.bits) - 1)
         if self.signed and counts >> (self.bits - 1):
             counts -= 1 << self.bits
@@ -69,17 +68,17 @@ class DbcMessage:
     signals: dict[str, DbcSignal]
 
     def pack(self, values: Mapping[str, float]) -> bytes:
-        """The frame with these values; what is not named is zero."""
+        """The frame with these values; missing values are zero."""
         frame = sum(self.signals[name].raw(value) << self.signals[name].begin for name, value in values.items())
         return frame.to_bytes(self.length, "little")
 
     def unpack(self, data: bytes) -> dict[str, float]:
-        """All values of a frame, of whatever group."""
+        """All values of a frame, of all groups."""
         frame = int.from_bytes(data[: self.length], "little")
         return {name: signal.value(frame) for name, signal in self.signals.items()}
 
     def group_of(self, name: str) -> dict[str, float]:
-        """The multiplexor's setting with which a signal is there."""
+        """The value of the multiplexor for which a signal is present."""
         group = self.signals[name].group
         return {n: float(group) for n, s in self.signals.items() if s.multiplexor} if group is not None else {}
 

@@ -1,4 +1,4 @@
-"""Electronic data sheets (CiA 306) as a simulated node reads them."""
+"""Electronic data sheets (CiA 306) as read by a simulated node."""
 
 from __future__ import annotations
 
@@ -44,11 +44,11 @@ class EdsObject:
         return struct.calcsize(packing) if packing else None
 
     def pack(self, value: int | str) -> bytes:
-        """A value as it goes over the wire."""
+        """A value as bytes on the wire."""
         return value.encode("ascii") if isinstance(value, str) else struct.pack(_PACKING[self.data_type], value)
 
     def unpack(self, data: bytes) -> int:
-        """A number that has come over the wire; `data` has the right size."""
+        """A number from bytes on the wire; `data` has the right size."""
         (value,) = struct.unpack(_PACKING[self.data_type], data)
         return int(value)
 
@@ -76,7 +76,7 @@ def read_eds(text: str, node: int) -> Mapping[Key, EdsObject]:
 
 
 def identified(objects: Mapping[Key, EdsObject], text: str) -> Mapping[Key, EdsObject]:
-    """The objects with what a drive answers for itself and many data sheets leave out: profile, vendor and product."""
+    """The objects, with those that a drive answers and many data sheets omit: profile, vendor and product."""
     parser = RawConfigParser(inline_comment_prefixes=(";",))
     parser.read_string(text)
     device = parser["DeviceInfo"] if parser.has_section("DeviceInfo") else {}
@@ -91,5 +91,5 @@ def _limit(text: str | None, node: int) -> int | None:
 
 
 def _number(text: str | None, node: int) -> int:
-    """A sum of numbers, one of which may be $NODEID."""
+    """A sum of numbers; one of them may be $NODEID."""
     return sum(node if part.strip().upper() == "$NODEID" else int(part, 0) for part in (text or "0").split("+"))

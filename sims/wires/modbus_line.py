@@ -1,4 +1,4 @@
-"""Simulated Modbus wires: slaves that take their time, and a line to them inside the process."""
+"""Simulated Modbus wires: slaves with a response time, and a line to them inside the process."""
 
 from __future__ import annotations
 
@@ -12,24 +12,23 @@ from sims.wires.tampering import Tampering
 from sims.world import World
 
 TURNAROUND_S = 0.010
-"""Seconds a controller takes to answer [?]."""
+"""Response time of a controller, seconds [?]."""
 
 
 def registers_of(twin: Any, address: str) -> Registers:
-    """What a twin has on the wire of its address in the bench file: a port's own where its ports differ."""
+    """A twin's registers at an address of the bench file: those of a port if its ports differ."""
     ports = getattr(twin, "ports", None)
     registers: Registers = ports["rtu" if address.startswith("modbus-rtu:") else "tcp"] if ports else twin.registers
     return registers
 
 
 class ModbusEndpoint:
-    """One end of a wire with devices on it, answering after their turnaround.
+    """One end of a wire with devices on it, answering after their response time.
 
     Args:
         world: virtual time.
         devices: registers by unit.
         rtu: framed for a serial line instead of TCP.
-
     """
 
     def __init__(self, world: World, devices: Mapping[int, Registers], *, rtu: bool = False) -> None:
@@ -43,16 +42,15 @@ class ModbusEndpoint:
 
 
 class ModbusCable:
-    """A line to a simulated instrument under virtual time; what `drivers.wires.modbus` calls a transport.
+    """A line to a simulated instrument under virtual time; a transport of `drivers.wires.modbus`.
 
     Args:
         world: virtual time.
-        on_rx: the instrument's own, taking bytes and where to answer.
-        tampering: what goes wrong on the line; None if nothing can.
+        on_rx: the instrument's function; takes bytes and a function for answers.
+        tampering: faults of the line; None without faults.
 
     Raises:
-        OSError: there is no way to the instrument at present.
-
+        OSError: the instrument cannot be reached.
     """
 
     def __init__(
@@ -80,7 +78,7 @@ class ModbusCable:
         self._tampering.to_twin(data, self._forward, self._received.extend)
 
     def recv(self, seconds: float) -> bytes:
-        """What has come, waiting at most that many virtual seconds for the first byte; empty if none came.
+        """Received bytes, waiting at most this many virtual seconds for the first; empty if none came.
 
         Raises `ConnectionResetError` if the connection was lost.
         """
@@ -93,7 +91,7 @@ class ModbusCable:
         return heard
 
     def close(self) -> None:
-        """Forget what has come and was not read."""
+        """Discard received bytes."""
         self._received.clear()
 
     def _forward(self, data: bytes) -> None:

@@ -28,8 +28,7 @@ class Registers(Protocol):
     """The registers of one device; 16-bit words by address.
 
     Attributes:
-        identity: what it reports about itself, function 17.
-
+        identity: its answer to function 17.
     """
 
     identity: bytes
@@ -44,7 +43,7 @@ class Registers(Protocol):
 
 
 def answer(registers: Registers, pdu: bytes) -> bytes:
-    """A device's answer to a request, both without their frame."""
+    """A device's answer to a request, both without frame."""
     try:
         return pdu[:1] + _carry_out(registers, pdu)
     except Refused as refused:
@@ -61,7 +60,7 @@ def _carry_out(registers: Registers, pdu: bytes) -> bytes:
         raise Refused(ILLEGAL_VALUE)
     address, number = struct.unpack(">HH", pdu[1:5])
     if function == _DIAGNOSE:
-        if address:  # of the sub-functions, only the echo: counters are for lines that lose something
+        if address:  # only the echo of the sub-functions: counters are for lines with losses
             raise Refused(ILLEGAL_FUNCTION)
         return pdu[1:]
     if function == _WRITE_ONE:
@@ -90,7 +89,7 @@ def _written(data: bytes, most: int) -> tuple[int, ...]:
 
 
 def crc16(data: bytes) -> bytes:
-    """Check sum of an RTU frame, low byte first."""
+    """Checksum of an RTU frame, low byte first."""
     crc = 0xFFFF
     for byte in data:
         crc ^= byte
@@ -102,11 +101,10 @@ def crc16(data: bytes) -> bytes:
 class TcpSlave:
     """Devices behind one TCP connection.
 
-    A request for a unit that is not there is answered as a gateway does: exception 11, target did not respond.
+    A request for a missing unit is answered as by a gateway: exception 11, target did not respond.
 
     Args:
         devices: registers by unit identifier.
-
     """
 
     def __init__(self, devices: Mapping[int, Registers]) -> None:
@@ -114,13 +112,13 @@ class TcpSlave:
         self._buffer = b""
 
     def feed(self, data: bytes) -> list[bytes]:
-        """Take bytes as they come; returns the answers to the requests they complete."""
+        """Take received bytes; returns the answers to the completed requests."""
         self._buffer += data
         answers = []
         while len(self._buffer) >= 8:
             transaction, protocol, length, unit = struct.unpack(">HHHB", self._buffer[:7])
             if protocol != 0 or not 2 <= length <= 254:
-                self._buffer = b""  # not Modbus: nothing in it can be trusted
+                self._buffer = b""  # not Modbus: the whole input is discarded
                 break
             if len(self._buffer) < 6 + length:
                 break
@@ -134,11 +132,10 @@ class TcpSlave:
 class RtuSlave:
     """Devices on one serial line.
 
-    Nobody answers for a unit that is not there, for a frame with a wrong check sum, or for a broadcast (unit 0).
+    There is no answer for a missing unit, a frame with a wrong checksum, or a broadcast (unit 0).
 
     Args:
         devices: registers by unit address.
-
     """
 
     def __init__(self, devices: Mapping[int, Registers]) -> None:
@@ -146,13 +143,13 @@ class RtuSlave:
         self._buffer = b""
 
     def feed(self, data: bytes) -> list[bytes]:
-        """Take bytes as they come; returns the answers to the requests they complete."""
+        """Take received bytes; returns the answers to the completed requests."""
         self._buffer += data
         answers = []
         while (size := self._request_size()) and len(self._buffer) >= size:
             frame, self._buffer = self._buffer[:size], self._buffer[size:]
             if crc16(frame[:-2]) != frame[-2:]:
-                self._buffer = b""  # out of step; the master will time out and ask again
+                self._buffer = b""  # out of step; the master will repeat the request after a timeout
                 break
             unit, pdu = frame[0], frame[1:-2]
             if unit == 0:
@@ -164,7 +161,7 @@ class RtuSlave:
         return answers
 
     def _request_size(self) -> int:
-        """Bytes of the request at the head of the buffer, 0 if too little of it is there to tell."""
+        """Length of the request at the head of the buffer, bytes; 0 if it cannot be known yet."""
         if len(self._buffer) < 4:
             return 0
         if self._buffer[1] == _WRITE:

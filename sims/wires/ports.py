@@ -1,4 +1,4 @@
-"""Doors through which other processes reach simulated instruments: pseudo-terminals and local TCP sockets."""
+"""Ports through which other processes reach simulated instruments: pseudo-terminals and local TCP sockets."""
 
 from __future__ import annotations
 
@@ -12,17 +12,16 @@ from collections.abc import Callable
 from typing import Protocol
 
 Receive = Callable[[bytes, Callable[[bytes], None]], None]
-"""Takes bytes that have come in, and where to answer."""
+"""Takes received bytes, and a function for answers."""
 
 _CHUNK = 4096
 
 
 class Port(Protocol):
-    """An open door.
+    """An open port.
 
     Attributes:
-        address: what to open to come through it, without a scheme: a device, or host and port.
-
+        address: its address without a scheme: a device, or host and port.
     """
 
     address: str
@@ -33,18 +32,17 @@ class Port(Protocol):
 
 
 class PseudoTerminal:
-    """A serial port of this machine. What nobody reads is dropped when the system's buffer is full, as on a wire.
+    """A serial port of this machine. Unread bytes are dropped when the system's buffer is full, as on a wire.
 
     Args:
-        selector: told to call back when something has come in.
+        selector: calls back when bytes have come.
         receive: the instrument.
-
     """
 
     def __init__(self, selector: selectors.BaseSelector, receive: Receive) -> None:
         self._selector = selector
         self._receive = receive
-        # The slave end stays open here: without it, a client that closes would hang up the line for the next one.
+        # The slave end stays open here: otherwise a client that closes would hang up the line for the next one.
         self._master, self._slave = pty.openpty()
         tty.setraw(self._slave)
         os.set_blocking(self._master, False)
@@ -68,12 +66,11 @@ class PseudoTerminal:
 
 
 class TcpPort:
-    """A TCP port on the loopback interface; any number of clients, each with an instrument's end of its own.
+    """A TCP port on the loopback interface; any number of clients, each with a separate end of the instrument.
 
     Args:
-        selector: told to call back when something has come in.
+        selector: calls back when bytes have come.
         connect: gives the instrument's end of a new connection.
-
     """
 
     def __init__(self, selector: selectors.BaseSelector, connect: Callable[[], Receive]) -> None:

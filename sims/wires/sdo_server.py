@@ -48,7 +48,7 @@ class SdoServer:
         self._toggle = 0
 
     def answer(self, request: bytes) -> bytes | None:
-        """The response to a request; None to an abort, which has none."""
+        """The response to a request; None for an abort, which has none."""
         request = request.ljust(8, b"\0")
         command = request[0]
         if command == _ABORT:

@@ -1,8 +1,8 @@
 """The instrument's end of a serial cable, under virtual time.
 
-A cable takes the time its baud rate takes, each way. What the host sends arrives at the twin when its last
-character has passed; what the twin answers reaches whoever has attached to the cable: a pyserial client on a
-`sim://` address in this process, or a pseudo-terminal that another process has open.
+A cable takes the time of its baud rate in both directions. Bytes from the host arrive at the twin when their last
+character has passed. The twin's answers go to the host's end of the cable: a pyserial client on a `sim://` address in
+this process, or a pseudo-terminal that another process has open.
 """
 
 from __future__ import annotations
@@ -20,19 +20,19 @@ _HANDLERS = "sims.wires.serial_handlers"
 
 
 class SerialEnd(Protocol):
-    """What a cable needs of the twin at its end."""
+    """Requirements of a cable on its twin."""
 
     baud: int
     frame: str
 
     def on_rx(self, data: bytes, tx: Callable[[bytes], None]) -> None:
-        """Take bytes in; answer through `tx`, now or later."""
+        """Take bytes; answer through `tx`, now or later."""
         ...
 
 
 @runtime_checkable
 class Handshaking(Protocol):
-    """A twin that looks at the line DSR, which is the host's DTR: None if nothing is connected to it."""
+    """A twin that reads the line DSR, which is the host's DTR: None without a host."""
 
     dsr: bool | None
 
@@ -48,12 +48,11 @@ class SerialCable:
     Args:
         world: virtual time.
         twin: the instrument.
-        tampering: what goes wrong on the cable; None if nothing can.
-        timed: it has a baud rate and a frame, which both ends must have; a network socket has neither.
+        tampering: faults of the cable; None without faults.
+        timed: whether it has a baud rate and a frame, equal at both ends; a network socket has neither.
 
     Attributes:
         setting: baud rate and frame; None if it has none.
-
     """
 
     def __init__(
@@ -70,32 +69,32 @@ class SerialCable:
 
     @property
     def attached(self) -> bool:
-        """Whether somebody holds the host's end."""
+        """Whether the host's end is connected."""
         return self._receive is not None
 
     @property
     def unplugged(self) -> bool:
-        """Whether the host has no such port at present."""
+        """Whether the host's port is missing."""
         return self._tampering is not None and self._tampering.unplugged
 
     @property
     def connection(self) -> int:
-        """A number that changes when the host's port disappears: whoever opened it before holds a dead one."""
+        """A number that changes when the host's port disappears: an earlier opened port is then dead."""
         return self._tampering.connection if self._tampering is not None else 0
 
     def attach(self, receive: Callable[[bytes], None] | None) -> None:
-        """Give the host's end to `receive`; None unplugs it, and what arrives is lost."""
+        """Connect the host's end to `receive`; None disconnects it, and arriving bytes are lost."""
         self._receive = receive
 
     def send(self, data: bytes) -> None:
-        """Bytes leave the host; they arrive at the twin when the line has carried them."""
+        """Take bytes from the host; they arrive at the twin after their time on the line."""
         if self._tampering is None:
             self._carry_out(data)
         else:
             self._tampering.to_twin(data, self._carry_out, self._carry_back)
 
     def host_dtr(self, on: bool | None) -> None:
-        """The host sets its line DTR; None as long as nobody is connected. TCP has no such line."""
+        """The host sets its line DTR; None without a host. TCP has no such line."""
         if self.setting is not None and isinstance(self._twin, Handshaking):
             self._twin.dsr = on
 
@@ -131,7 +130,7 @@ def register(place: str, cable: SerialCable) -> None:
 
 
 def unregister(place: str) -> None:
-    """Take an address away; harmless if it is not there."""
+    """Remove an address; harmless if it does not exist."""
     _cables.pop(place, None)
 
 

@@ -1,8 +1,8 @@
 """A serial CAN adapter after LAWICEL's ASCII protocol (slcan), bytes in and bytes out.
 
 `S`n sets the bit rate, `O` opens, `L` opens to listen, `C` closes, `t`iiildd.. carries a frame with an 11-bit
-identifier, `T` one with 29 bits, `r` and `R` remote frames; `V` and `N` tell version and serial number. Every
-command ends with a carriage return and is confirmed by one, or refused with a bell.
+identifier, `T` one with 29 bits, `r` and `R` remote frames; `V` and `N` report version and serial number. Every command
+ends with a carriage return and is confirmed by one, or refused with a bell.
 """
 
 from __future__ import annotations
@@ -19,8 +19,7 @@ class SlcanAdapter:
     """One adapter with a simulated instrument on its bus.
 
     Args:
-        on_frame: the instrument's own.
-
+        on_frame: the instrument's function.
     """
 
     def __init__(self, on_frame: OnFrame) -> None:
@@ -66,7 +65,7 @@ class SlcanAdapter:
             return _REFUSED
         if length > 8 or len(data) != (0 if remote else length) or can_id > (0x1FFFFFFF if extended else 0x7FF):
             return _REFUSED
-        if not (extended or remote):  # the instruments here know neither
+        if not (extended or remote):  # the instruments here support neither
             self._on_frame(can_id, data, lambda can_id, data: self._from_bus(can_id, data, tx))
         return b"Z\r" if extended else b"z\r"
 

@@ -1,4 +1,4 @@
-"""What may go wrong with the messages on a simulated wire (`sims.faults.faulty_wire` makes it happen)."""
+"""Possible faults of messages on a simulated wire (`sims.faults.faulty_wire` executes them)."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ Deliver = Callable[[bytes], None]
 
 
 class Tampering(Protocol):
-    """Stands between the host and an instrument; CAN frames come with their identifier in two bytes in front."""
+    """Sits between the host and an instrument; CAN frames are preceded by their identifier in two bytes."""
 
     @property
     def unplugged(self) -> bool:
-        """Whether there is no way to open the wire."""
+        """Whether the wire cannot be opened."""
         ...
 
     @property

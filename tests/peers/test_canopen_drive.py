@@ -89,9 +89,9 @@ def test_what_the_gaps_cost_is_said_before_anything_is_sent() -> None:
     assert isinstance(driver, Remarking)
     said = driver.remarks()
     for index, words in (
-        ("6067h", "whether a target is reached is judged here, by in_position_deg and in_position_s"),
-        ("6084h", "it brakes as the drive is set"),
-        ("6085h", "a quick stop brakes as the drive is set"),
+        ("6067h", "this program judges whether a target is reached, by in_position_deg and in_position_s"),
+        ("6084h", "it brakes with the drive's own deceleration"),
+        ("6085h", "a quick stop brakes with the drive's own deceleration"),
         ("6099h", "home_speed_deg_per_s is not used"),
     ):
         assert any(index in text and words in text for text in said), (index, said)
@@ -144,10 +144,10 @@ def test_the_unit_is_what_the_drive_itself_says_not_what_its_eds_has_as_default(
 @pytest.mark.parametrize(
     ("values", "options", "message"),
     [
-        ({(0x60A9, 0): 0}, {}, r"60A9h says nothing\); look it up in its manual and write velocity_unit ="),
-        ({(0x60A9, 0): 0x00010300}, {}, r"its 60A9h is 00010300h, which is not known here\); .* velocity_unit ="),
+        ({(0x60A9, 0): 0}, {}, r"60A9h does not name one\); look it up in its manual and write velocity_unit ="),
+        ({(0x60A9, 0): 0x00010300}, {}, r"its 60A9h is 00010300h, which is unknown\); .* velocity_unit ="),
         ({(0x60A9, 0): 0x00B44700}, {"velocity_unit": "counts/s"}, r"says velocity_unit = 'counts/s' and .* says rpm"),
-        ({(0x60A9, 0): 0x00B44700}, {}, r"write turns_per_table_turn = N into the bench file"),
+        ({(0x60A9, 0): 0x00B44700}, {}, r"write turns_per_table_turn = N in the bench file"),
     ],
 )
 def test_a_drive_whose_units_are_unknown_or_contradict_the_bench_is_not_driven(

@@ -1,6 +1,6 @@
-"""The catalogue of effects an attitude calibration may lack, each a declarative entry.
+"""The catalogue of effects that an attitude calibration may lack, each a declarative entry.
 
-The order is the order in which equally good explanations are named: simplest and most usual cause first.
+The order is the order of preference among equally good explanations: simplest and most usual cause first.
 """
 
 from procedures.attitude.effects.effect import Effect, Term

@@ -1,4 +1,4 @@
-"""What an effect is: a physical cause, and the columns it would add to the model of each sensor."""
+"""Effects: a physical cause, and the columns it adds to the model of each sensor."""
 
 from __future__ import annotations
 
@@ -22,13 +22,12 @@ class Term:
     Attributes:
         name: unique within its effect.
         column: (n,) volts for a coefficient of one, for a given sensor.
-        shown: for a given sensor, the term as a formula and the factor from the coefficient to that formula's, in
-            the effect's unit; without it the name is the formula and the factor is one.
-        group: terms of one effect with the same group are judged together, as sine and cosine of one frequency are;
-            a term without one is judged by itself.
-        finer: where a constant in the column is searched: groups of terms that try it about this one's value, more
-            closely than the catalogue does.
-
+        shown: for a given sensor, the term as a formula and the factor from the coefficient to that formula's, in the
+            effect's unit; by default the name is the formula and the factor is one.
+        group: terms of one effect with the same group are judged together, such as sine and cosine of one frequency; a
+            term without one is judged separately.
+        finer: for a column with a searched constant: groups of terms with values near this one, closer than in the
+            catalogue.
     """
 
     name: str
@@ -38,21 +37,22 @@ class Term:
     finer: Callable[[AttitudeData], tuple[tuple[Term, ...], ...]] | None = None
 
     def as_formula(self, scene: Scene, sensor: str) -> tuple[str, float]:
-        """Formula and factor for one sensor; on a turned package the name, since formulas are in angles of the head."""
+        """Formula and factor for one sensor; for a turned package the name, since formulas are in angles of
+        the head.
+        """
         text, factor = self.shown(scene, sensor) if self.shown else (self.name, 1.0)
         return (text, factor) if scene.data.mounting is None else (self.name, factor)
 
 
 @dataclass(frozen=True)
 class Effect(Entry):
-    """An entry of the attitude catalogue. Adding an effect to the tracer is adding one of these.
+    """An entry of the attitude catalogue. A new effect of the tracer is a new entry.
 
     Attributes:
-        terms: its columns, given the observations (an effect may have as many as there were interruptions).
-        needs: what the observations must have: a key of `PREREQUISITES` each.
-        searched: whether its terms are one another's alternatives, for as many values of a constant that is searched.
-            A value counts as a coefficient in comparisons with other effects.
-
+        terms: its columns for given observations (an effect may have one per interruption).
+        needs: requirements on the observations: keys of `PREREQUISITES`.
+        searched: whether its terms are alternatives for values of a searched constant. The value counts as a
+            coefficient in comparisons with other effects.
     """
 
     terms: Callable[[AttitudeData], tuple[Term, ...]]
@@ -60,7 +60,7 @@ class Effect(Entry):
     searched: bool = False
 
     def applies_to(self, data: AttitudeData) -> bool:
-        """Whether these observations have what it takes to look for it."""
+        """Whether these observations meet the requirements of the effect."""
         return all(PREREQUISITES[need](data) for need in self.needs)
 
 
@@ -81,5 +81,5 @@ PREREQUISITES: Mapping[str, Callable[[AttitudeData], bool]] = {
 
 
 def fixed(*terms: Term) -> Callable[[AttitudeData], tuple[Term, ...]]:
-    """Terms that are the same whatever the observations."""
+    """Terms that are the same for all observations."""
     return lambda _data: terms

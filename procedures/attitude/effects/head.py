@@ -1,4 +1,4 @@
-"""Errors of the head: its angles are not what it says, for a reason that stays with the head.
+"""Errors of the head: its angles differ from its readback, for a cause in the head.
 
 An error of an angle changes an output by dv/d(angle) times the error: one coefficient, in degrees, for all sensors.
 """
@@ -40,17 +40,17 @@ Error = Callable[[Scene], FloatArray]
 
 
 def pitch_error(name: str, error: Error, group: str = "") -> Term:
-    """The head stands at another pitch than it says, by `error` (n,) degrees for a coefficient of one."""
+    """The true pitch differs from the readback by `error` (n,) degrees for a coefficient of one."""
     return Term(f"dv/dpitch*{name}", lambda scene, sensor: scene.per_pitch(sensor) * error(scene), group=group)
 
 
 def roll_error(name: str, error: Error, group: str = "") -> Term:
-    """The head stands at another roll than it says, by `error` (n,) degrees for a coefficient of one."""
+    """The true roll differs from the readback by `error` (n,) degrees for a coefficient of one."""
     return Term(f"dv/droll*{name}", lambda scene, sensor: scene.per_roll(sensor) * error(scene), group=group)
 
 
 def _waves(of: Callable[..., Term], angle: str, k: float) -> tuple[Term, Term]:
-    """Sine and cosine of k periods a turn in "pitch" or "roll", judged together."""
+    """Sine and cosine of k periods per turn in "pitch" or "roll", judged together."""
     text = angle if k == 1 else f"{k:g}*{angle}"
 
     def turned(scene: Scene) -> FloatArray:
@@ -87,7 +87,7 @@ _PLAY = Signed(
 
 
 def _late(side: IntArray) -> FloatArray:
-    """(n,) error of an angle for a backlash of one: the axis stops short of where it was sent."""
+    """(n,) error of an angle for a backlash of one: the axis stops before its target."""
     return np.asarray(side / -2.0)
 
 
@@ -273,7 +273,7 @@ INDEX_ERROR = Effect(
 
 
 def _sideways(name: str, arm: Callable[[Scene], FloatArray]) -> Term:
-    """Gravity seems to lean along the pitch axis by `arm` (n,) degrees for a coefficient of one."""
+    """Gravity appears to tilt along the pitch axis by `arm` (n,) degrees for a coefficient of one."""
 
     def column(scene: Scene, sensor: str) -> FloatArray:
         return np.asarray(_DEGREE * arm(scene) * (scene.sideways @ scene.axes[sensor]))

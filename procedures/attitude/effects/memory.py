@@ -1,4 +1,4 @@
-"""What depends on where head and sensor were before: hysteresis, creep, and an axis that is not yet at rest."""
+"""Effects of the history of head and sensor: hysteresis, creep, and an axis that is not yet at rest."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Moments of a run from which on something is different: interruptions, starts of replications, or searched ones."""
+"""Times of a run at which something changes: interruptions, starts of replications, or searched ones."""
 
 from __future__ import annotations
 
@@ -11,18 +11,17 @@ from procedures.attitude.data import AttitudeData
 from procedures.attitude.effects.scene import Scene
 
 SEARCHED = 64
-"""Moments tried over a run; what is found is then placed between two observations."""
+"""Number of times tried over a run; a found one is then placed between two observations."""
 
 
 @dataclass(frozen=True)
 class Moment:
-    """A moment of a run.
+    """A time of a run.
 
     Attributes:
         name: "from block 2", "from replication 3" or "from 4.251 h".
-        field: of the data that counts up to it.
-        value: of the field from which on it has passed.
-
+        field: of the data, compared with it.
+        value: of the field from which it has passed.
     """
 
     name: str
@@ -30,7 +29,7 @@ class Moment:
     value: float
 
     def passed(self, scene: Scene) -> FloatArray:
-        """(n,) one for observations after the moment, zero before."""
+        """(n,) one for observations after the time, zero before."""
         return np.asarray(getattr(scene.data, self.field) >= self.value, np.float64)
 
 

@@ -1,6 +1,6 @@
 """A laboratory's own effects of attitude sensors (`fitter.effects.own`).
 
-Strata: "between-point", or "point-by-replication" for what varies with time, temperature or side. Scopes: "sensor", or
+Strata: "between-point", or "point-by-replication" for effects of time, temperature or side. Scopes: "sensor", or
 "package" with one coefficient in degrees or volts for all sensors.
 """
 
@@ -34,7 +34,7 @@ NAMES: Mapping[str, Callable[[Scene, str], FloatArray]] = {
     "previous_pitch": lambda scene, _sensor: np.radians(scene.data.previous_pitch_deg),
     "previous_roll": lambda scene, _sensor: np.radians(scene.data.previous_roll_deg),
 }
-"""What a column may be computed from: angles in rad, degC and hours from the middle of the run, g, V."""
+"""Variables of a column: angles in rad, degC and hours from the middle of the run, g, V."""
 _NEEDS = {"temperature": "temperature", "roll": "roll", "pitch_side": "pitch sides", "roll_side": "roll sides"}
 
 

@@ -1,7 +1,7 @@
-"""Effects that turn the package in its mounting, so that all its sensors see them together.
+"""Effects that turn the package in its mounting, so that they act on all its sensors together.
 
-A small rotation w of the package, in package axes, changes gravity there by -w x g and a sensor's output by
--m . (w x g). One coefficient, in degrees, holds for all sensors at once.
+A small rotation w of the package, in package axes, changes gravity there by -w x g and a sensor's output by -m . (w x
+g). One coefficient, in degrees, holds for all sensors at once.
 """
 
 from __future__ import annotations
@@ -66,9 +66,9 @@ ISOLATION_PADS = Effect(
     unit="V",
     size=each("deg/g"),
     against="pitch_deg",
-    # about y first: the sag in the pitch plane that the paper shows, sin 2a cos R on an x sensor
+    # about y first: the sag in the pitch plane in the paper, sin 2a cos R in an x sensor
     terms=fixed(*(_sag(about, along) for about in (1, 2, 0) for along in range(3))),
-    # a centre of mass above the pads: the package leans further the way it leans; what stands off to a side, either way
+    # a centre of mass above the pads increases the tilt; a lateral one has either sign
     signed=Signed(
         "compliance",
         {"about y by weight along x": +1, "about x by weight along y": -1},
@@ -111,7 +111,7 @@ def _slip(since: Moment) -> tuple[Term, ...]:
 
 
 def _turn(axis: int, since: Moment) -> Term:
-    """The package stands turned about one of its axes from some moment on; all three axes are judged together."""
+    """The package is turned about one of its axes from some time on; all three axes are judged together."""
 
     def column(scene: Scene, sensor: str) -> FloatArray:
         return np.asarray(-_DEGREE * (np.cross(np.eye(3)[axis], scene.g) @ scene.axes[sensor]) * since.passed(scene))

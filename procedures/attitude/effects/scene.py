@@ -1,4 +1,4 @@
-"""Observations of a package on a dividing head, and what columns of effects are computed from."""
+"""Observations of a package on a dividing head, with the reference values for columns of effects."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from procedures.attitude.data import AttitudeData
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """Observations, and what their columns are computed from.
+    """Observations, and the values from which their columns are computed.
 
     Attributes:
         data: the observations.
@@ -23,9 +23,8 @@ class Scene:
         offsets: offset of each sensor, V, from the declared model.
         nominal: nominal axis of each sensor, 0, 1, 2.
         roll: whether the declared model has roll; without it the package's axes are those at zero roll.
-        temperature_degC: reference temperature; temperature effects are zero there. None where none was recorded.
+        temperature_degC: reference temperature; temperature effects are zero there. None if not recorded.
         elapsed_s: reference time; drifts are zero there.
-
     """
 
     data: AttitudeData
@@ -47,7 +46,7 @@ class Scene:
 
     @cached_property
     def rolled(self) -> FloatArray:
-        """(n,) roll, rad; zero where the model has none."""
+        """(n,) roll, rad; zero if the model has none."""
         return np.asarray(np.radians(self.data.roll_deg)) if self.roll else np.zeros(len(self.data))
 
     @cached_property
@@ -56,13 +55,13 @@ class Scene:
         return self.mounted(_gravity(self.pitch, self.rolled))
 
     def mounted(self, vectors: FloatArray) -> FloatArray:
-        """(n, 3) in package axes what is (n, 3) in axes of the head's table."""
+        """(n, 3) in package axes from (n, 3) in axes of the head's table."""
         turned = self.data.turned if not self.roll else self.data.mounting
         return vectors if turned is None else np.asarray(np.einsum("nij,nj->ni", turned, vectors))
 
     @cached_property
     def g_before(self) -> FloatArray:
-        """(n, 3) gravity in package axes at the observation executed before."""
+        """(n, 3) gravity in package axes at the previous observation in executed order."""
         before = np.radians(self.data.previous_roll_deg) if self.roll else np.zeros(len(self.data))
         return self.mounted(_gravity(np.radians(self.data.previous_pitch_deg), before))
 
@@ -114,7 +113,7 @@ class Scene:
 
     @cached_property
     def lagged(self) -> dict[float, FloatArray]:
-        """Lagged temperatures that were computed, by time constant."""
+        """Cache of computed lagged temperatures, by time constant."""
         return {}
 
     @cached_property

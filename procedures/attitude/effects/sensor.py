@@ -1,4 +1,4 @@
-"""Effects inside one sensor, each with a coefficient of its own."""
+"""Effects inside one sensor, each with its own coefficient."""
 
 from __future__ import annotations
 

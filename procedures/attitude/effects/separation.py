@@ -1,6 +1,6 @@
-"""The measurement that would tell two effects apart: what the catalogue knows of the pair, else what parts their kinds.
+"""The measurement that would separate two effects: from the catalogue's entry of the pair, or by their kinds.
 
-Every pair has an answer that is true of that pair: on unusual designs effects are confounded that no entry lists.
+Every pair has a valid answer: on unusual designs effects are confounded that no entry lists.
 """
 
 from __future__ import annotations
@@ -72,9 +72,9 @@ _WITH_TIME = {
 
 
 def separate(effect: Effect, alias: Effect) -> str:
-    """The measurement that would tell `effect` from `alias`, in a few words.
+    """The measurement that would separate `effect` from `alias`, in a few words.
 
-    Where no entry of the catalogue and no rule knows the pair, the alias' own experiment.
+    Without an entry of the catalogue or a rule for the pair, the alias's own experiment.
     """
     if alias.name in effect.known_aliases:
         return effect.known_aliases[alias.name].separate_by

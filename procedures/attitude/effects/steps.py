@@ -1,4 +1,4 @@
-"""Something is different from a moment on: recorded interruptions are given, other moments are searched."""
+"""A change at some time: recorded interruptions are given, other times are searched."""
 
 from __future__ import annotations
 

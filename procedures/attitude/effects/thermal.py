@@ -15,9 +15,9 @@ from procedures.attitude.effects.effect import Effect, Term, fixed
 from procedures.attitude.effects.scene import Scene
 
 TIME_CONSTANTS_H = (0.1, 0.2, 0.4, 0.8, 1.5, 3.0, 6.0)
-"""Searched; what is found is then sought more closely."""
+"""Searched values; a found one is then refined."""
 _WINDOW_S = 900.0
-"""To each side, over which the rate of the temperature is taken."""
+"""Time to each side for the rate of the temperature."""
 _ONE_WAY = "where the temperature went one way all night"
 OTHER_TEMPERATURE = "repeat a few points at another enclosure temperature, at the same time of day"
 _STEP = "step the enclosure's temperature once and read one point until nothing changes: a lag decays, an offset stays"
@@ -57,7 +57,7 @@ SENSITIVITY_TEMPERATURE = Effect(
 
 
 def _across(nth: int) -> Term:
-    """Gravity along one of the axes across the sensor's own, times temperature."""
+    """Gravity along one of the transverse axes of the sensor, times temperature."""
 
     def column(scene: Scene, sensor: str) -> FloatArray:
         S = np.linalg.norm(scene.axes[sensor])
@@ -84,13 +84,12 @@ ALIGNMENT_TEMPERATURE = Effect(
 
 
 def lagged(data: AttitudeData, tau_h: float) -> FloatArray:
-    """(n,) what a body of one time constant has of the recorded temperature, degC; at rest when the run starts.
+    """(n,) temperature of a body with one time constant behind the recorded one, degC; at rest at the start of the run.
 
     Exact for a temperature that changes linearly from one record to the next.
 
     Raises:
         FitError: the sensor's temperature was not recorded.
-
     """
     if data.temperatures is None:
         raise FitError("an effect of temperature cannot be computed: no sensor temperature was recorded")
@@ -127,7 +126,7 @@ def _late(tau_h: float) -> Term:
 
 
 def _finer(term: Callable[[float], Term], tau_h: float) -> Callable[[AttitudeData], tuple[tuple[Term, ...], ...]]:
-    """Time constants to half and to twice this one."""
+    """Time constants from half to twice this one."""
     return lambda _data: tuple((term(round(tau_h * 2.0 ** (k / 6), 3)),) for k in range(-6, 7))
 
 

@@ -1,7 +1,7 @@
-"""Smooth terms without a cause, for what remains when no effect of the catalogue explains it.
+"""Smooth terms without a cause, for the remainder that no effect of the catalogue explains.
 
-Low waves of the angles, and of the time: they say where a remainder lives and can take it up; they name nothing. They
-are no part of the catalogue, and come after everything in it.
+Low harmonics of the angles, and of the time: they show the place of a remainder and can absorb it; they do not name a
+cause. They are not part of the catalogue, and come after everything in it.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from procedures.attitude.effects.effect import Effect, Term
 from procedures.attitude.effects.scene import Scene
 
 HARMONICS = 4
-"""Periods a turn of each angle, at most."""
+"""Maximum number of periods per turn of each angle."""
 PERIODS = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0)
-"""Over the run."""
+"""Maximum number of periods over the run."""
 
 
 def _wave(k: float, phase: str, of: FloatArray) -> FloatArray:
@@ -25,7 +25,7 @@ def _wave(k: float, phase: str, of: FloatArray) -> FloatArray:
 
 
 def where(k: int, m: int, *, roll: bool) -> str:
-    """Where k periods a turn in pitch and m in roll live, in words."""
+    """Place of k periods per turn in pitch and m in roll, in words."""
     return f"{k} periods a turn in pitch" + (f" and {m} in roll" if roll else "")
 
 

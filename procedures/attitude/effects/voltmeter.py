@@ -15,11 +15,11 @@ _CALIBRATOR = "read a voltage standard in place of a sensor, at several voltages
 _STANDARD = "read a voltage standard on a spare channel through the night"
 _RANGES_V = (0.1, 1.0, 10.0)
 UP, DOWN = 1.2, 1.0
-"""Of a range: where autoranging leaves it upwards, and where it comes back to it (10 % of the next one)."""
+"""Fractions of a range: autoranging leaves it upwards, and returns to it (10 % of the next one)."""
 
 
 def _upper(v: FloatArray, order: IntArray, low: float, high: float) -> FloatArray:
-    """(n,) one where the meter is on the upper range: since |v| passed `high` until it falls below `low`."""
+    """(n,) one while the meter is on the upper range: from |v| above `high` until it falls below `low`."""
     ahead = np.argsort(order)
     size = np.abs(v[ahead])
     known = np.where(size > high, 1, np.where(size < low, 0, -1))

@@ -1,7 +1,7 @@
-"""Calibrations whose value depends on which of several indistinguishable causes holds: intervals that cover all.
+"""Calibrations that depend on the choice among several indistinguishable causes: intervals that cover all.
 
-Each class of causes has one member in the calibration that is kept. What another member would have made of it moves an
-interval's ends; of several classes these moves add up, as small effects do.
+The stored calibration uses one member of each class of causes. Another member would move an interval's ends; moves of
+several classes are added, as for small effects.
 """
 
 from __future__ import annotations
@@ -16,18 +16,17 @@ from fitter.arrays import FloatArray
 from procedures.attitude.infer.answer import InferredAttitude
 
 MATTERS = 0.1
-"""Of the half-width: by less than this part an interval is not said to depend on the cause."""
+"""Minimum change relative to the half-width for a remark that an interval depends on the cause."""
 
 
 @dataclass(frozen=True)
 class Covering:
-    """An interval that holds whichever member of each class is the cause.
+    """An interval that is valid for every member of each class.
 
     Attributes:
         low: its lower end.
         high: its upper end.
-        depends_on: for each class on which it depends, its members, the one that was named first.
-
+        depends_on: for each class on which it depends, its members, the named one first.
     """
 
     low: float
@@ -39,9 +38,8 @@ def covering(named: tuple[float, float], others: Sequence[tuple[str, str, tuple[
     """The interval that covers all members of all classes.
 
     Args:
-        named: 95 % interval with the effects that were named.
-        others: for every other member the effect in whose place it stands, its name, and its 95 % interval.
-
+        named: 95 % interval with the named effects.
+        others: for every other member the effect that it replaces, its name, and its 95 % interval.
     """
     room = MATTERS * (named[1] - named[0]) / 2.0
     low, high, depends = 0.0, 0.0, []
@@ -60,14 +58,12 @@ def cover_rows(
 ) -> dict[str, dict[str, Any]]:
     """A parameter table whose intervals cover every member of every class.
 
-    Rows keep their keys: `interval95` then holds whichever member is the cause. Where it is wider for that,
-    `interval95_as_named` is what it is if the effects are those that were named, `depends_on` names the classes, and
-    `sentence` says so.
+    Rows keep their keys: `interval95` is then valid for every member. If it is wider for that, `interval95_as_named` is
+    the interval for the named effects, `depends_on` names the classes, and `sentence` states it.
 
     Args:
-        table: with the effects that were named, as `procedures.attitude.fit.parameter_table` gives it.
-        others: the same with every other member: effect in whose place it stands, its name, table.
-
+        table: with the named effects, from `procedures.attitude.fit.parameter_table`.
+        others: the same with every other member: the effect that it replaces, its name, table.
     """
     out = {name: dict(row) for name, row in table.items()}
     for name, row in out.items():
@@ -86,7 +82,7 @@ def cover_rows(
 
 
 def depends(parameter: str, wide: Covering) -> str:
-    """That a parameter depends on the cause, and from where to where it may be."""
+    """Sentence that a parameter depends on the cause, with its possible range."""
     which = " and on ".join(f"which of {_listed(members)} holds" for members in wide.depends_on)
     name, _, unit = parameter.partition("_")
     span = wide.high - wide.low
@@ -101,12 +97,11 @@ def widened(
     """(n,) ends of intervals of angles that cover every member of every class, in degrees.
 
     Args:
-        value: (n,) with the effects that were named.
+        value: (n,) with the named effects.
         ends: (n,) each, of its interval.
-        others: for every other member the effect in whose place it stands, and the ends that it gives.
+        others: for every other member the effect that it replaces, and its ends.
 
-    Where a member gives no interval it moves nothing.
-
+    A member without an interval has no influence.
     """
     low, high = (np.array(end, np.float64) for end in ends)
     for effect in dict.fromkeys(effect for effect, _, _ in others):
@@ -120,7 +115,7 @@ def widened(
 
 
 def cover(out: InferredAttitude, found: Sequence[tuple[str, InferredAttitude]], angle: str) -> None:
-    """Widen the intervals of "pitch" or "roll", in place, to what every other member of each class gives."""
+    """Widen the intervals of "pitch" or "roll", in place, to cover every other member of each class."""
     if not found:
         return
     value, low, high = (getattr(out, f"{angle}{which}_deg") for which in ("", "_lo95", "_hi95"))
@@ -131,7 +126,7 @@ def cover(out: InferredAttitude, found: Sequence[tuple[str, InferredAttitude]], 
 
 
 def by_class(pairs: Sequence[tuple[str, str]]) -> Iterator[tuple[str, ...]]:
-    """Members of every class, the one that was named first, from (named, other member) pairs."""
+    """Members of every class, the named one first, from (named, other member) pairs."""
     for effect in dict.fromkeys(effect for effect, _ in pairs):
         yield (effect, *(member for name, member in pairs if name == effect))
 

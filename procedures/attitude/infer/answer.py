@@ -1,4 +1,4 @@
-"""What is answered for each reading: value, standard deviation, interval, and a flag where something is wrong."""
+"""Result for each reading: value, standard deviation, interval, and a flag for problems."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from procedures.attitude.infer.known_roll import wrap
 
 HALF_TURN = 180.0
 RANGE_ROOM_DEG = 0.1
-"""How far outside the calibrated range an angle may be: readbacks of the head are not exact, nor is the angle found."""
+"""Tolerance of the calibrated range for an angle: readbacks of the head and the inferred angle have errors."""
 
 FAR_FROM_1_G = 0.1
-"""Part of 1 g that three axes may be off and be answered, flagged; further off there is no attitude to speak of."""
+"""Maximum deviation of three axes from 1 g for a flagged result; beyond it there is no attitude."""
 
 BAD_READING = "not a finite number"
 NO_ATTITUDE = "no attitude gives these outputs"
@@ -30,24 +30,23 @@ BOTH_OPEN = "pitch and roll are undetermined: the part of gravity that neither s
 
 @dataclass(frozen=True, eq=False)
 class InferredAttitude:
-    """Attitudes, one for each reading.
+    """Attitudes, one per reading.
 
-    Where an angle is undetermined it is NaN, its standard deviation infinite, its interval as wide as what is known,
-    and `flag` says why. Intervals may be longer than the range an angle has; roll's may go through +-180 deg.
+    An undetermined angle is NaN, its standard deviation is infinite, its interval covers all possible values, and
+    `flag` gives the reason. Intervals may exceed the range of an angle; roll's may include +-180 deg.
 
     Attributes:
         pitch_deg: (n,).
         pitch_sd_deg: (n,) standard deviation: calibration, new reading and measured roll together.
         pitch_lo95_deg: (n,) 95 % interval.
         pitch_hi95_deg: (n,).
-        roll_deg: (n,), as given where roll was measured.
+        roll_deg: (n,), as given if roll was measured.
         roll_sd_deg: (n,).
         roll_lo95_deg: (n,).
         roll_hi95_deg: (n,).
         df: (n,) degrees of freedom of `pitch_sd_deg` (Satterthwaite).
-        assumed: (n,) the outputs fit another attitude as well, and the one given is that on the side of `near_deg`.
-        flag: (n,) empty where all is well.
-
+        assumed: (n,) whether the outputs fit another attitude as well, and the result is the one nearest to `near_deg`.
+        flag: (n,) empty without problems.
     """
 
     pitch_deg: FloatArray
@@ -64,7 +63,7 @@ class InferredAttitude:
 
 
 def empty(n: int) -> InferredAttitude:
-    """Room for n answers, nothing flagged."""
+    """Empty results for n readings, without flags."""
     numbers = {f.name: np.empty(n) for f in fields(InferredAttitude) if f.name not in ("assumed", "flag")}
     return InferredAttitude(**numbers, assumed=np.zeros(n, bool), flag=np.full(n, "", dtype=object))
 
@@ -76,7 +75,7 @@ def reason(flag: NDArray[np.object_], where: NDArray[np.bool_], text: str) -> No
 
 
 def put(out: InferredAttitude, angle: str, value: FloatArray, sd: FloatArray, limit: FloatArray) -> None:
-    """Value, sd and interval of one angle, given in rad."""
+    """Set value, sd and interval of one angle, given in rad."""
     value_deg, sd_deg = np.degrees(value), np.degrees(sd)
     half = limit * sd_deg
     getattr(out, f"{angle}_deg")[:] = value_deg
@@ -88,7 +87,7 @@ def put(out: InferredAttitude, angle: str, value: FloatArray, sd: FloatArray, li
 def leave_open(
     out: InferredAttitude, angle: str, rows: NDArray[np.bool_], low: FloatArray | float, high: FloatArray | float
 ) -> None:
-    """One angle of some rows is undetermined between `low` and `high` deg."""
+    """Mark one angle of some rows as undetermined between `low` and `high` deg."""
     getattr(out, f"{angle}_deg")[rows] = np.nan
     getattr(out, f"{angle}_sd_deg")[rows] = np.inf
     getattr(out, f"{angle}_lo95_deg")[rows] = low
@@ -96,7 +95,7 @@ def leave_open(
 
 
 def nowhere(out: InferredAttitude, rows: NDArray[np.bool_], text: str = NO_ATTITUDE) -> None:
-    """Nothing is known of the attitude of some rows."""
+    """Mark the attitude of some rows as unknown."""
     if rows.any():
         leave_open(out, "pitch", rows, -np.inf, np.inf)
         leave_open(out, "roll", rows, -np.inf, np.inf)
@@ -116,7 +115,7 @@ def turn_over(out: InferredAttitude, over: NDArray[np.bool_]) -> None:
 
 
 def flag_ranges(calibration: AttitudeCalibration, out: InferredAttitude, degC: FloatArray | None) -> None:
-    """Flag what is outside the range calibrated; an attitude is inside if one of its two pairs of angles is."""
+    """Flag attitudes outside the calibrated range; an attitude is inside if one of its two pairs of angles is."""
     (low, high), (left, right) = calibration.pitch_range_deg, calibration.roll_range_deg
     all_rolls = not calibration.roll or right - left >= 2 * HALF_TURN - 2 * RANGE_ROOM_DEG
     if not (all_rolls and low <= -90.0 and high >= 90.0 and calibration.roll):

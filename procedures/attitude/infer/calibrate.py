@@ -1,8 +1,8 @@
-"""The calibration of a package from one run, with the effects that a trace found and temperature, if asked for.
+"""The calibration of a package from one run, with the effects found by a trace and, if requested, temperature.
 
-What belongs to the package (sag, sensor nonlinearity, temperature) is there in use as well and is carried into
-inference. What belongs to the head or the night (backlash, the head's scale, drift, steps) is fitted, so that it does
-not spoil the coefficients, and left behind: a note says so.
+Effects of the package (sag, sensor nonlinearity, temperature) exist in use as well and are part of inference. Effects
+of the head or the run (backlash, the head's scale, drift, steps) are fitted, so that they do not bias the coefficients,
+and then omitted, with a note.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ _LEFT_BEHIND = {e.name for e in CATALOGUE if e.source not in ("package", "sensor
 _SECOND = tuple((i, j, k) for k in (0, 1) for j in range(3) for i in range(3) if i + j + k <= 2)
 _THIRD = tuple((i, j, k) for k in (0, 1) for j in range(4) for i in range(4) if i + j + k <= 3)
 _FIRST = ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1))
-# no power of g_z above one: the squares add up to one, so these are all polynomials on the sphere, each once
+# no power of g_z above one: the squares sum to one, so these are all polynomials on the sphere, each once
 _BASES = (
     tuple((powers, 0) for powers in _SECOND),
     tuple((powers, 0) for powers in _THIRD),
@@ -52,10 +52,12 @@ _EXACT = 1e-7
 
 
 class NotApplicable(FitError):
-    """An effect of the package that is no function of gravity and temperature, so that no use can apply it."""
+    """An effect of the package that is not a function of gravity and temperature, so that it cannot be
+    applied in use.
+    """
 
     def __init__(self, effect: str) -> None:
-        """Take the effect's name."""
+        """Store the effect's name."""
         super().__init__(f"{effect} is no function of gravity in the package and its temperature: it cannot be applied")
         self.effect = effect
 
@@ -68,24 +70,23 @@ def calibrate_package(
     temperature: bool = False,
     left_behind: Collection[str] = (),
 ) -> AttitudeCalibration:
-    """Fit the sensors of one run, with the correlation of their coefficients: a head that shakes moves all of them.
+    """Fit the sensors of one run, with the correlation of their coefficients: head errors are common to all of them.
 
     Args:
         data: the run.
-        sensors: names of the outputs to use, in the order they will be given; None for all.
-        effects: by name and sensor, (n,) volts each adds to the observations, or (n, q) those of its terms, as
-            `FoundEffect.columns_V`. Its size is fitted again beside the model, so that its uncertainty is in the
-            covariance; so is that of each term by itself, if they are given.
+        sensors: names of the outputs to use, in the order of use; None for all.
+        effects: by name and sensor, (n,) contribution to the observations, volts, or (n, q) those of its terms, as in
+            `FoundEffect.columns_V`. Its size is fitted again with the model, so that its uncertainty is in the
+            covariance; likewise each term's, if given.
         temperature: fit offset and sensitivity as linear in the sensor temperature (section 9, row 28(b) of Table 2).
-        left_behind: effects that are fitted and not applied in use, besides those of the head and the night.
+        left_behind: effects that are fitted but not applied in use, in addition to those of head and run.
 
     Raises:
         KeyError: there is no such output.
         fitter.linear.RankError: the points do not determine the model with its effects.
-        NotApplicable: an effect of the package cannot be carried over to other attitudes.
+        NotApplicable: an effect of the package cannot be computed for other attitudes.
         FitError: no sensor temperature was recorded or it never changed, or an effect has another number of
             observations.
-
     """
     chosen = data.sensors if sensors is None else tuple(sensors)
     degC = data.sensor_temperature_degC
@@ -160,7 +161,7 @@ def calibrate_package(
 
 
 def _columns(volts: FloatArray) -> FloatArray:
-    """(n, q) columns of an effect, from those or from their sum (n,)."""
+    """(n, q) columns of an effect, from its terms or from their sum (n,)."""
     given = np.asarray(volts, np.float64)
     return given[:, None] if given.ndim == 1 else given[:, np.any(given != 0, axis=0)]
 
@@ -170,14 +171,13 @@ def _beside(
 ) -> tuple[LinearFit, FloatArray, list[str]]:
     """The model with its effects: the fit, its columns, and the effect that each of those beyond the model belongs to.
 
-    Estimates take the terms of an effect in the proportion that the trace found, over all sensors together. Errors do
-    not take that proportion as known: every term has a column of its own, wherever the points determine it.
+    Estimates use the terms of an effect in the proportion found by the trace, over all sensors together. Errors do not
+    assume that proportion: every term has its own column, if the points determine it.
 
     Raises:
-        RankError: the points do not determine the model with the effects as they are.
-
+        RankError: the points do not determine the model with these effects.
     """
-    # the plain fit has seen that no column of the model is empty; those of effects are volts and may be small
+    # the plain fit has checked that no column of the model is zero; those of effects are volts and may be small
     one_each = np.column_stack([base, *(columns.sum(axis=1) for columns in shapes.values())])
     fit = least_squares(one_each, y, (*names, *shapes))
     owners = [effect for effect, columns in shapes.items() for _ in range(columns.shape[1])]
@@ -194,7 +194,7 @@ def _beside(
 
 
 def _misfit(alone: LinearFit, table: Replication, axis: str | None) -> Misfit:
-    """Lack of fit that is left in one sensor, and how far it can move its parameters."""
+    """Remaining lack of fit of one sensor, and the possible change of its parameters."""
     error = None
     if lacks_fit(table):
         reach = reach_beside(alone, table.sigma_bias)
@@ -211,9 +211,10 @@ def _misfit(alone: LinearFit, table: Replication, axis: str | None) -> Misfit:
 
 
 def _as_it_drifts(covariance: FloatArray, spreads: Sequence[FloatArray], models: Sequence[SensorModel]) -> FloatArray:
-    """(K, K) covariance with that of the models' own coefficients replaced by that between replications and a use.
+    """(K, K) covariance, where that of the models' own coefficients is the variance between replications and a use.
 
-    A use is one more draw of what the n replications are draws of: their covariance about the mean, and the mean's.
+    A use is a further draw from the distribution of the n replications: their covariance about the mean, plus the
+    mean's.
     """
     n = len(spreads[0])
     own = np.concatenate([with_roll(spread.T) for spread in spreads])
@@ -228,7 +229,7 @@ def _as_it_drifts(covariance: FloatArray, spreads: Sequence[FloatArray], models:
 def _joint(
     fits: Sequence[LinearFit], maps: Sequence[FloatArray], solvers: Sequence[FloatArray], residuals: FloatArray
 ) -> FloatArray:
-    """(K, K) covariance of all coefficients; `solvers` (k, n) turn outputs into them, `maps` then into the model's."""
+    """(K, K) covariance of all coefficients; `solvers` (k, n) convert outputs to them, `maps` then to the model's."""
     length = np.linalg.norm(residuals, axis=1)
     correlation = residuals @ residuals.T / np.outer(length, length)
     np.fill_diagonal(correlation, 1.0)
@@ -249,12 +250,11 @@ def _model_of(
     """Terms of all effects, and the (4 + q, k + p) matrix from fitted coefficients to the model's.
 
     Args:
-        shapes: (n,) column of each coefficient beyond the model, with the effect that it belongs to.
+        shapes: (n,) column of each coefficient beyond the model, with its effect.
         behind: effects that are not applied in use.
         g: (3, n) gravity in the package.
         warmth: (n,) temperature above the reference.
         k: coefficients of the model.
-
     """
     terms: list[Term] = []
     columns = []
@@ -273,7 +273,7 @@ def _model_of(
 
 
 def _as_terms(effect: str, shape: FloatArray, g: FloatArray, warmth: FloatArray) -> dict[Term, float]:
-    """An effect as a polynomial in gravity and temperature, the lowest that is exact."""
+    """An effect as a polynomial in gravity and temperature, the lowest exact one."""
     scale = float(np.linalg.norm(shape))
     for basis in _BASES:
         terms = [Term(powers, d, effect) for powers, d in basis]

@@ -1,4 +1,4 @@
-"""All that inferring attitude from a package's outputs needs: models, joint covariance, noise, range of validity."""
+"""All data for inferring attitude from a package's outputs: models, joint covariance, noise, range of validity."""
 
 from __future__ import annotations
 
@@ -29,14 +29,13 @@ KIND = "attitude"
 
 @dataclass(frozen=True, eq=False)
 class Drift:
-    """What a use sees where the parameters differ between replications by more than chance.
+    """Variation in use if the parameters differ significantly between replications.
 
     Attributes:
         covariance: (K, K) of the coefficients in use about those of the calibration, V^2.
-        df: its degrees of freedom, replications less one.
+        df: its degrees of freedom, number of replications minus one.
         sigma_V: (S,) scatter about each replication's own fit.
         sigma_df: (S,) its degrees of freedom.
-
     """
 
     covariance: FloatArray
@@ -53,7 +52,7 @@ class Drift:
             raise FitError("drift between replications needs positive sigmas and degrees of freedom")
 
     def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
+        """JSON values."""
         return {
             "covariance": self.covariance.tolist(),
             "df": self.df,
@@ -67,19 +66,18 @@ class AttitudeCalibration:
     """Calibration of a package.
 
     Attributes:
-        sensors: S of them, in the order of the outputs they are given.
+        sensors: S sensors, in the order of the outputs.
         covariance: (K, K) joint covariance of all coefficients, sensor by sensor, V^2.
         pitch_range_deg: lowest and highest pitch calibrated.
         roll_range_deg: the same for roll.
-        roll: whether the package was calibrated with roll; without it, it is taken to stand at zero roll.
-        degC_range: the same for the sensors' temperature; None where it was not recorded.
+        roll: whether the package was calibrated with roll; without it, zero roll is assumed.
+        degC_range: the same for the sensors' temperature; None if it was not recorded.
         reference_degC: temperature at which temperature terms are zero.
-        notes: what a reader should know: effects that were left out, and why.
-        drift: what a use sees where the parameters drift between replications; None where they do not.
-        alternatives: the same calibration with another member of a class of causes that the data cannot separate in
-            the place of the one that was named: (named, member, calibration). Intervals in use cover all of them.
-        misfits: by sensor, the lack of fit that is left with the effects; none of a calibration from elsewhere.
-
+        notes: notes for readers: omitted effects, with reasons.
+        drift: variation in use if the parameters drift between replications; otherwise None.
+        alternatives: the same calibration with another member of a class of inseparable causes in place of the named
+            one: (named, member, calibration). Intervals in use cover all of them.
+        misfits: by sensor, the remaining lack of fit with the effects; empty for a calibration from another source.
     """
 
     sensors: tuple[SensorModel, ...]
@@ -110,12 +108,12 @@ class AttitudeCalibration:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the outputs."""
+        """Names of the outputs."""
         return tuple(s.name for s in self.sensors)
 
     @property
     def needs_temperature(self) -> bool:
-        """Whether inferring needs the sensors' temperature."""
+        """Whether inference needs the sensors' temperature."""
         return any(s.needs_temperature for s in self.sensors)
 
     @property
@@ -125,7 +123,7 @@ class AttitudeCalibration:
 
     @property
     def matrix(self) -> FloatArray:
-        """(S, 3) sensitive axes times sensitivities, V/g: outputs less offsets = matrix @ g_M."""
+        """(S, 3) sensitive axes times sensitivities, V/g: outputs minus offsets = matrix @ g_M."""
         return np.array([s.sensitive_axis for s in self.sensors])
 
     @property
@@ -140,25 +138,24 @@ class AttitudeCalibration:
 
     @property
     def use_covariance(self) -> FloatArray:
-        """(K, K) covariance of the coefficients as a use sees it."""
+        """(K, K) covariance of the coefficients in use."""
         return self.covariance if self.drift is None else self.drift.covariance
 
     @cached_property
     def root(self) -> FloatArray:
-        """(K, K) with root @ root.T = `use_covariance`; exists where that has no full rank, too."""
+        """(K, K) with root @ root.T = `use_covariance`; it exists also without full rank."""
         values, vectors = np.linalg.eigh(self.use_covariance)
         return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
     def parameters(self, name: str) -> tuple[AttitudeParameters | NoRollParameters, float]:
-        """The paper's parameters of a sensor as it is kept, terms beside them, and their degrees of freedom.
+        """The paper's parameters of a stored sensor, with further terms, and their degrees of freedom.
 
         Raises:
             FitError: there is no such sensor.
-
         """
         one = self.only([name])
         sensor, drift, keep = one.sensors[0], one.drift, range(len(COLUMNS)) if self.roll else (0, 1, 3)
-        # a use is as far again from the mean of n replications as these are from one another: n + 1 times its error
+        # a use deviates from the mean of n replications as they do from one another: n + 1 times its error
         covariance, df = (one.covariance, sensor.df) if drift is None else (drift.covariance / (drift.df + 2), drift.df)
         own, block = sensor.coefficients[list(keep)], covariance[np.ix_(keep, keep)]
         if not self.roll:
@@ -198,11 +195,10 @@ class AttitudeCalibration:
         """The calibration of a package whose sensors were calibrated one by one: their errors are independent.
 
         Args:
-            fits: one a sensor, all with roll or all without.
+            fits: one per sensor, all with roll or all without.
 
         Raises:
             FitError: there is none, or sensors with and without roll are mixed.
-
         """
         if not fits:
             raise FitError("a calibration of no sensor tells no attitude")
@@ -225,7 +221,7 @@ class AttitudeCalibration:
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """For JSON; `from_dict` reads it back exactly."""
+        """JSON values; `from_dict` restores the same object."""
         return {
             "kind": KIND,
             "roll": self.roll,
@@ -248,11 +244,10 @@ class AttitudeCalibration:
 
     @staticmethod
     def from_dict(given: Mapping[str, Any]) -> AttitudeCalibration:
-        """Read back what `to_dict` gave.
+        """Restore a calibration from `to_dict`.
 
         Raises:
-            FitError: it is not such a calibration; says what is wrong.
-
+            FitError: it is not such a calibration; the message names the defect.
         """
         if given.get("kind") != KIND:
             raise FitError(f"this is not a calibration of attitude, its kind is {given.get('kind')!r}")
@@ -316,7 +311,7 @@ def _checked(given: FloatArray, size: int) -> FloatArray:
 
 
 def with_roll(rows: FloatArray) -> FloatArray:
-    """(4, ...) coefficients or rows of their root, from (3, ...) of the model without roll put in their places."""
+    """(4, ...) coefficients or rows of their root, from (3, ...) of the model without roll."""
     return np.insert(rows, 2, 0.0, axis=0) if len(rows) == len(COLUMNS) - 1 else rows
 
 
@@ -325,7 +320,7 @@ def _axis(fit: AttitudeFit) -> str:
 
 
 def _common(ranges: Sequence[Range]) -> Range:
-    """What all of them have in common."""
+    """The common value of all of them."""
     return max(low for low, _ in ranges), min(high for _, high in ranges)
 
 

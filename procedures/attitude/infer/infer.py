@@ -1,4 +1,4 @@
-"""Pitch and roll of a package from its outputs, each with a standard deviation, a 95 % interval and what is wrong."""
+"""Pitch and roll of a package from its outputs, each with a standard deviation, a 95 % interval and flags."""
 
 from __future__ import annotations
 
@@ -31,10 +31,18 @@ from procedures.attitude.infer.answer import (
     turn_over,
 )
 from procedures.attitude.infer.calibration import AttitudeCalibration
-from procedures.attitude.infer.given import each, near_of, noise_of
 from procedures.attitude.infer.known_roll import DECISIVE, KnownRoll, polish, wrap
 from procedures.attitude.infer.package import NORMAL_95, Propagation, angles, directions, gravity, t_limits, tangent
-from procedures.attitude.infer.question import Question, absurd_squares, beyond, f_absurd, worse_at_most
+from procedures.attitude.infer.question import (
+    Question,
+    absurd_squares,
+    beyond,
+    each,
+    f_absurd,
+    near_of,
+    noise_of,
+    worse_at_most,
+)
 from procedures.attitude.infer.singular import FEWEST_SD, normal
 from procedures.attitude.infer.three_axis import ThreeAxis
 
@@ -56,31 +64,28 @@ def infer_attitude(
 ) -> InferredAttitude:
     """Attitude of (n, S) outputs, columns in the order of `calibration.sensors`.
 
-    Without `roll_deg` two sensors or more tell pitch and roll (eqs. 83 to 95, 99 to 108); a calibration without roll
-    takes roll as zero (76 to 78). With it any number of sensors tells pitch (79 to 82, 96 to 98).
+    Without `roll_deg` two sensors or more determine pitch and roll (eqs. 83 to 95, 99 to 108); a calibration without
+    roll assumes zero roll (76 to 78). With it any number of sensors determines pitch (79 to 82, 96 to 98).
 
-    (a, R) and (180 deg - a, R + 180 deg) are one attitude: which of the two is given, and which solution where the
-    package has several (`InferredAttitude.assumed`), is that on the side of `near_deg`.
-
-    Where the calibration has alternatives (causes that its data cannot separate) angles are those of the causes named,
-    and intervals cover all of them.
+    (a, R) and (180 deg - a, R + 180 deg) are one attitude. The result is the pair, and among several solutions of the
+    package (`InferredAttitude.assumed`) the solution, nearest to `near_deg`. If the calibration has alternatives
+    (causes that its data cannot separate), angles are those of the named causes, and intervals cover all of them.
 
     Args:
         calibration: of the package.
         outputs_V: (n, S), or (n,) of a single sensor.
         roll_deg: (n,) or one for all, measured independently; None to infer it.
         roll_sd_deg: (n,) or one for all, standard deviation of the measured roll, in deg.
-        near_deg: (pitch, roll), (n,) or one for all: an attitude on the side where the package is. None: level, and
-            for an x-z package rolled to +90 deg. The default of an x-y package is upright.
-        sensor_temperature_degC: (n,) or one for all; needed where the calibration has temperature terms.
-        noise_sd_V: (S,) or one for all, known standard deviation of a new reading (of a mean of m, sigma_V divided
-            by the root of m); None for that of the calibration.
-        weighted: weigh three sensors and more by their noise when they tell pitch and roll. False: alike, as eqs. (103)
-            to (108) are written.
+        near_deg: (pitch, roll), (n,) or one for all: an attitude near the package's. None: level, and for an x-z
+            package rolled to +90 deg. The default of an x-y package is upright.
+        sensor_temperature_degC: (n,) or one for all; needed if the calibration has temperature terms.
+        noise_sd_V: (S,) or one for all, known standard deviation of a new reading (of a mean of m, sigma_V divided by
+            the root of m); None for that of the calibration.
+        weighted: whether three or more sensors are weighted by their noise when they determine pitch and roll. False:
+            equal weights, as in eqs. (103) to (108).
 
     Raises:
-        FitError: the sensors cannot tell what is asked.
-
+        FitError: the sensors do not determine the requested angles.
     """
     given: dict[str, Any] = {
         "roll_deg": roll_deg,
@@ -186,7 +191,7 @@ def _three_axes(q: Question, three: ThreeAxis, out: InferredAttitude) -> None:
     left = y - matrix @ g
     squares = np.einsum("sn,sn,s->n", left, left, q.weights)
     _tangent_errors(q, g, out)
-    wrong = ~((squares <= absurd_squares(q)) & (np.einsum("in,in->n", g, g) > 0.5))  # no g at all fits no output at all
+    wrong = ~((squares <= absurd_squares(q)) & (np.einsum("in,in->n", g, g) > 0.5))  # zero g fits no output
     if wrong.any():
         reason(out.flag, wrong, NOT_1_G)
         length = np.linalg.norm(three.to_principal @ y, axis=0)
@@ -211,7 +216,7 @@ def _two_axes(q: Question, out: InferredAttitude) -> None:
 
 
 def _tangent_errors(q: Question, g: FloatArray, out: InferredAttitude) -> FloatArray:
-    """Angles and their errors of (3, n) gravity in `out`; gives (n,) sd over both directions, rad."""
+    """Angles and their errors of (3, n) gravity in `out`; returns (n,) sd over both directions, rad."""
     up, along, c = directions(g)
     by_up, by_along = tangent(q.calibration.matrix, q.weights, up, along)
     errors = Propagation.at(q.calibration, q.noise, g, q.warmth)
@@ -222,7 +227,7 @@ def _tangent_errors(q: Question, g: FloatArray, out: InferredAttitude) -> FloatA
     put(out, "roll", roll, np.sqrt(of_roll.variance) / c, t_limits(of_roll.df))
     pole = ~(c > FEWEST_SD * np.sqrt(of_roll.variance))
     if pole.any():
-        # at the pole itself pitch falls short of 90 deg by a distance in two directions: F(2, df), not t
+        # at the pole itself pitch is below 90 deg by a distance in two directions: F(2, df), not t
         df = np.minimum(of_pitch.df, 1e9)[pole]
         sd = np.sqrt(np.maximum(of_pitch.variance, of_roll.variance))[pole]
         half = np.degrees(np.sqrt(df * np.expm1(-2.0 / df * np.log(0.05))) * sd)
@@ -244,7 +249,7 @@ def _open_fold(
     rows: NDArray[np.int64],
     out: InferredAttitude,
 ) -> None:
-    """Where the two solutions of two axes meet: all attitudes between them, and their errors, are possible."""
+    """At the meeting of the two solutions of two axes all attitudes between them, and their errors, are possible."""
     matrix = q.calibration.matrix
     g, t, length, warmth = g[:, rows], t[rows], length[rows], q.warmth[rows]
     n = normal(matrix)
@@ -344,7 +349,7 @@ def _reach(
     problem: KnownRoll, y: FloatArray, pitch: FloatArray, limit: FloatArray, worse: float
 ) -> tuple[FloatArray, FloatArray]:
     limit = np.where(np.isfinite(limit), limit, NORMAL_95)
-    # one sensor: what counts is how well an attitude fits, not how much worse than the best it does
+    # one sensor: the quality of the fit counts, not the difference from the best
     room = problem.cost(y, pitch) if len(y) == 1 else 0.0
     return problem.reach(y, pitch, np.maximum(limit**2 * worse - room, 0.0))
 

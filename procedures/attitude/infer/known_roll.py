@@ -1,8 +1,8 @@
-"""Pitch where roll is measured, or where there is none: eqs. (76) to (82) and (96) to (98), any number of sensors.
+"""Pitch with measured roll, or without roll: eqs. (76) to (82) and (96) to (98), for any number of sensors.
 
-At known roll every output is C sin a + D cos a. One sensor gives two pitches in closed form. Several give one that
-least squares decides on, weighted by readings and measured roll together: roll that is off moves all outputs, each by
-its own amount, so a sensor counts as much as it does not depend on roll.
+At known roll every output is C sin a + D cos a. One sensor gives two pitches in closed form. Several give one by least
+squares, weighted by readings and measured roll together: an error of roll changes all outputs, each by its own amount,
+so sensors that depend less on roll have more weight.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from fitter.arrays import FloatArray
 
 STEPS = 40
 DECISIVE = 25.0
-"""Weighted squares by which one of two pitches must fit better to win: five standard deviations."""
+"""Difference of weighted squares by which one of two pitches is preferred: five standard deviations."""
 _SAME = 1e-6
 _POLISHING = 4
 _STILL = 1e-12
@@ -44,7 +44,7 @@ class KnownRoll:
 
     @staticmethod
     def of(matrix: FloatArray, roll: FloatArray, roll_variance: FloatArray, noise: FloatArray) -> KnownRoll:
-        """Of sensors (S, 3) `matrix` at (n,) roll in rad."""
+        """From sensors (S, 3) `matrix` at (n,) roll in rad."""
         sin_r, cos_r = np.sin(roll), np.cos(roll)
         D = -(matrix[:, 1:2] * sin_r + matrix[:, 2:3] * cos_r)
         D_roll = -(matrix[:, 1:2] * cos_r - matrix[:, 2:3] * sin_r)
@@ -63,7 +63,7 @@ class KnownRoll:
         return self.D_roll * np.cos(pitch)
 
     def residual(self, y: FloatArray, pitch: FloatArray) -> FloatArray:
-        """(S, n) outputs less those at `pitch`."""
+        """(S, n) outputs minus those at `pitch`."""
         return y - self.C * np.sin(pitch) - self.D * np.cos(pitch)
 
     def whiten(self, values: FloatArray, pitch: FloatArray) -> FloatArray:
@@ -87,10 +87,10 @@ class KnownRoll:
         return heavy / np.maximum(information, np.finfo(float).tiny), information
 
     def roll_errors(self, pitch: FloatArray, gains: FloatArray, information: FloatArray) -> FloatArray:
-        """(n,) variance of pitch from that of measured roll, rad^2 (eq. 81), its curvature included.
+        """(n,) variance of pitch from that of measured roll, rad^2 (eq. 81), with its curvature.
 
-        To first order gains @ dv/dR times the error of roll; to second order half of d2v/dR2 times the square of
-        what error the outputs leave it, whose mean square is 3/4 of the square of its variance.
+        To first order gains @ dv/dR times the error of roll; to second order half of d2v/dR2 times the square of its
+        remaining error given the outputs, whose mean square is 3/4 of the square of its variance.
         """
         by_roll = self.roll_slope(pitch)
         heavy = self.whiten(by_roll, pitch)
@@ -103,17 +103,16 @@ class KnownRoll:
         return np.asarray(np.einsum("sn,sn->n", gains, by_roll) ** 2 * self.roll_variance + 0.75 * bend**2)
 
     def solve(self, y: FloatArray, near: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
-        """(n,) pitch in rad of (S, n) outputs less offsets, and (n,) whether `near` had to choose it.
+        """(n,) pitch in rad from (S, n) outputs minus offsets, and (n,) whether `near` had to select it.
 
         Args:
             y: (S, n).
-            near: (n,) pitch in rad on the branch to look.
-
+            near: (n,) pitch in rad near the expected branch.
         """
         if len(y) == 1:
             turned, phase = self._alone(y, 0)
             return wrap(np.where(np.cos(near + phase) >= 0, turned, np.pi - turned) - phase), np.ones(y.shape[1], bool)
-        # wherever pitch can be told at all, one of the sensors alone tells it nearly, if not on which branch
+        # if pitch is determined at all, one sensor alone determines it nearly, except for its branch
         starts = [
             start for i in range(len(y)) for turned, phase in [self._alone(y, i)] for start in _both(turned, phase)
         ]
@@ -129,13 +128,13 @@ class KnownRoll:
         return wrap(np.where(unsure & ~nearer, second, first)), unsure
 
     def _alone(self, y: FloatArray, sensor: int) -> tuple[FloatArray, FloatArray]:
-        """(n,) arcsine of one sensor's output over its amplitude, and (n,) phase to take off it (eqs. 76, 79)."""
+        """(n,) arcsine of one sensor's output over its amplitude, and (n,) phase to subtract (eqs. 76, 79)."""
         C, D = self.C[sensor], self.D[sensor]
         amplitude = np.maximum(np.hypot(C, D), np.finfo(float).tiny)
         return np.arcsin(np.clip(y[sensor] / amplitude, -1.0, 1.0)), np.arctan2(D, C)
 
     def _refine(self, y: FloatArray, pitch: FloatArray) -> FloatArray:
-        """Gauss-Newton steps, shortened wherever they lead up: at a crest there is no slope to go by."""
+        """Gauss-Newton steps, shortened if they increase the sum of squares: at a maximum there is no slope."""
         pitch, cost, scale = pitch.copy(), self.cost(y, pitch), np.ones(len(pitch))
         rows = np.arange(len(pitch))
         for _ in range(STEPS):
@@ -152,13 +151,12 @@ class KnownRoll:
         return pitch
 
     def reach(self, y: FloatArray, pitch: FloatArray, limit: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """(n,) how far below and above `pitch` the outputs still fit, in rad, up to half a turn.
+        """(n,) distance below and above `pitch` within which the outputs still fit, in rad, up to half a turn.
 
         Args:
             y: (S, n).
-            pitch: (n,) where they fit best.
-            limit: (n,) weighted squares beyond the least that still count as fitting.
-
+            pitch: (n,) best fit.
+            limit: (n,) maximum excess of weighted squares over the minimum.
         """
         least = self.cost(y, pitch)
         out = []
@@ -172,19 +170,18 @@ class KnownRoll:
 def polish(
     matrix: FloatArray, problem: KnownRoll, y: FloatArray, roll: FloatArray, pitch: FloatArray
 ) -> tuple[FloatArray, FloatArray, KnownRoll, FloatArray]:
-    """Let several outputs correct the measured roll within its error, so that it need not be small.
+    """Correct the measured roll by several outputs within its error, so that the error need not be small.
 
     Args:
         matrix: (S, 3).
         problem: at the measured roll.
-        y: (S, n) outputs less offsets.
+        y: (S, n) outputs minus offsets.
         roll: (n,) measured, rad.
         pitch: (n,) found at it, rad.
 
     Returns:
-        (n,) pitch and (n,) roll that fit outputs and measured roll best, the problem at that roll, and (S, n) outputs
-        as they would be if the measured roll were that one.
-
+        (n,) pitch and (n,) roll of the best fit to outputs and measured roll, the problem at that roll, and (S, n)
+        outputs for that roll.
     """
     if len(y) == 1 or not np.any(problem.roll_variance > 0):
         return pitch, roll, problem, y
@@ -213,5 +210,5 @@ def _both(turned: FloatArray, phase: FloatArray) -> tuple[FloatArray, FloatArray
 
 
 def wrap(angle: FloatArray) -> FloatArray:
-    """To (-pi, pi]."""
+    """Angle in (-pi, pi]."""
     return np.asarray(np.pi - np.mod(np.pi - angle, 2 * np.pi))

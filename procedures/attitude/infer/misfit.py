@@ -1,4 +1,4 @@
-"""Lack of fit that a calibration still has with its effects, sensor by sensor."""
+"""Remaining lack of fit of a calibration with its effects, by sensor."""
 
 from __future__ import annotations
 
@@ -10,17 +10,16 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Misfit:
-    """Of one sensor.
+    """Lack of fit of one sensor.
 
     Attributes:
-        T_bias: lack of fit against the scatter of readings at one point; NaN where it cannot be tested.
+        T_bias: lack of fit against the scatter of readings at one point; NaN if it cannot be tested.
         F_bias_95: its 95 % limit.
         sigma_bias_deg: standard deviation of the lack of fit.
-        model_error: by parameter, how far a model error as large as the lack of fit can move it (`fitter.misfit`);
-            None where lack of fit is not significant or cannot be tested.
-        drifts: whether the parameters still vary between replications by more than chance.
-        blind: why T_bias can miss a lack of fit; "" where nothing speaks for that.
-
+        model_error: by parameter, its possible change by a model error as large as the lack of fit (`fitter.misfit`);
+            None if lack of fit is not significant or cannot be tested.
+        drifts: whether the parameters still vary significantly between replications.
+        blind: reason why T_bias can miss a lack of fit; "" if there is none.
     """
 
     T_bias: float
@@ -31,7 +30,7 @@ class Misfit:
     blind: str = ""
 
     def sentence(self, sensor: str) -> str:
-        """What a reader of the parameters has to know."""
+        """Notes for readers of the parameters."""
         if not isfinite(self.T_bias):
             return f"whether lack of fit is left in {sensor} cannot be tested with these data"
         test = f"T_bias {self.T_bias:.3g}, 95 % limit {self.F_bias_95:.3g}"
@@ -48,7 +47,7 @@ class Misfit:
         return f"{found}; {self.blind}" if self.blind else found
 
     def to_dict(self) -> dict[str, Any]:
-        """For JSON; numbers that do not exist are None."""
+        """JSON values; missing numbers are None."""
         numbers = {name: getattr(self, name) for name in ("T_bias", "F_bias_95", "sigma_bias_deg")}
         return {
             **{name: value if isfinite(value) else None for name, value in numbers.items()},
@@ -59,7 +58,7 @@ class Misfit:
 
     @classmethod
     def from_dict(cls, given: Mapping[str, Any]) -> Misfit:
-        """Read back what `to_dict` gave."""
+        """Restore from `to_dict`."""
         known = {
             name: float("nan") if given[name] is None else float(given[name])
             for name in ("T_bias", "F_bias_95", "sigma_bias_deg")
@@ -69,9 +68,9 @@ class Misfit:
         return cls(**known, model_error=moved, drifts=bool(given["drifts"]), blind=str(given.get("blind", "")))
 
     def widened(self, table: Mapping[str, Any]) -> dict[str, Any]:
-        """A parameter table whose intervals hold the model error too.
+        """A parameter table whose intervals include the model error.
 
-        Of a row that is widened `interval95_of_scatter` is what it was, and `model_error` by how much each end moved.
+        In a widened row `interval95_of_scatter` is the original interval, and `model_error` the move of each end.
         """
         out = {name: dict(row) for name, row in table.items()}
         for name, error in (self.model_error or {}).items():

@@ -1,7 +1,7 @@
-"""Gravity on the sphere, and how errors of outputs become errors of angles; arrays are (3, n) and (S, n) throughout.
+"""Gravity on the sphere, and propagation of errors from outputs to angles; arrays are (3, n) and (S, n) throughout.
 
-Uncertainty is computed along two directions that are square to each other at every attitude: up the meridian (pitch)
-and along the parallel (roll times the cosine of pitch). Roll alone has a pole at +-90 deg of pitch, these have none.
+Uncertainty is computed along two directions that are orthogonal at every attitude: up the meridian (pitch) and along
+the parallel (roll times the cosine of pitch). Roll alone has a pole at +-90 deg of pitch; these have none.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def angles(g: FloatArray) -> tuple[FloatArray, FloatArray]:
 def directions(g: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """(3, n) up the meridian, (3, n) along the parallel, (n,) cosine of pitch, of (3, n) gravity of unit length.
 
-    At the pole itself, where every direction is up, roll is taken as zero.
+    At the pole itself, where every direction is up, zero roll is used.
     """
     c = np.sqrt(g[1] * g[1] + g[2] * g[2])
     pole = c == 0.0
@@ -49,12 +49,11 @@ def directions(g: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 @dataclass(frozen=True, eq=False)
 class Noise:
-    """Of new readings.
+    """Noise of new readings.
 
     Attributes:
         variance: (S,) V^2.
-        of_fit: whether it is the calibration's own sigma_E^2, with its degrees of freedom, or was given as known.
-
+        of_fit: whether it is the calibration's sigma_E^2, with its degrees of freedom, instead of a given value.
     """
 
     variance: FloatArray
@@ -63,12 +62,11 @@ class Noise:
 
 @dataclass(frozen=True, eq=False)
 class Spread:
-    """Variance of something that moves with the outputs by known gains.
+    """Variance of a linear function of the outputs with known gains.
 
     Attributes:
-        variance: (n,) all of it.
+        variance: (n,) total variance.
         df: (n,) degrees of freedom.
-
     """
 
     variance: FloatArray
@@ -77,13 +75,12 @@ class Spread:
 
 @dataclass(frozen=True, eq=False)
 class Propagation:
-    """From the errors of calibration and readings to those of angles at given attitudes (eqs. 73, 74, 81, 90, 104).
+    """Propagation of errors of calibration and readings to angles at given attitudes (eqs. 73, 74, 81, 90, 104).
 
     Attributes:
         calibration: of the package.
         noise: of new readings.
         rows: S arrays (k_s, n), the columns of each sensor's model at the attitudes.
-
     """
 
     calibration: AttitudeCalibration
@@ -99,15 +96,14 @@ class Propagation:
         return Propagation(calibration, noise, rows)
 
     def spread(self, gains: FloatArray, of_roll: FloatArray | None = None, *, weighed: bool = False) -> Spread:
-        """Of gains @ errors of outputs.
+        """Variance of gains @ errors of outputs.
 
         Args:
             gains: (S, n) change per volt of each output.
             of_roll: (n,) further variance, known, from measured roll.
-            weighed: whether the gains are those of weights that were estimated with the noise. They favour the sensor
-                whose noise came out too small, so the variance is larger by 1 + 4 sum p (1 - p) / df, p being each
+            weighed: whether the gains use weights estimated from the noise. These favour a sensor whose noise was
+                estimated too small, so the variance is larger by a factor 1 + 4 sum p (1 - p) / df, where p is each
                 sensor's share of it (P. Meier, Biometrics 9, 59, 1953).
-
         """
         noise = gains * gains * self.noise.variance[:, None]
         moved = np.concatenate([k * h for k, h in zip(gains, self.rows, strict=True)])
@@ -131,7 +127,7 @@ class Propagation:
                     inverse = inverse + np.einsum("sn,s->n", (noise / variance) ** 2, 1.0 / df)
                 return Spread(variance, 1.0 / inverse)
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-            # sigma_E^2 of each sensor scales its noise and its calibration alike: their shares are those of the noise
+            # sigma_E^2 of each sensor scales both its noise and its calibration: their shares are those of the noise
             share = from_fit / (total * variance)
             return Spread(variance, 1.0 / np.einsum("sn,s->n", (noise * share) ** 2, 1.0 / df))
 
@@ -157,7 +153,7 @@ def tangent(
 
 
 def t_limits(df: FloatArray) -> FloatArray:
-    """(n,) limits that Student's t stays between with 95 % probability, for (n,) degrees of freedom, infinite ones too.
+    """(n,) 95 % limits of |t|, for (n,) degrees of freedom, also infinite ones.
 
     By its expansion in 1/df (Fisher and Cornish), to 2e-7 of the value; as `fitter.quantiles.t_limit` for few.
     """

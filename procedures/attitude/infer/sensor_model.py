@@ -1,4 +1,4 @@
-"""One sensor of a package as inference sees it: the declared model, and terms of gravity and temperature beyond it."""
+"""One sensor of a package for inference: the declared model, and further terms of gravity and temperature."""
 
 from __future__ import annotations
 
@@ -22,8 +22,7 @@ class Term:
     Attributes:
         powers: (i, j, k).
         degC: d.
-        effect: name of the effect it belongs to.
-
+        effect: name of its effect.
     """
 
     powers: tuple[int, int, int]
@@ -35,7 +34,7 @@ class Term:
             raise FitError(f"a term has three powers of gravity and one of temperature, none negative: {self}")
 
     def column(self, g: FloatArray, warmth: FloatArray) -> FloatArray:
-        """(n,) of (3, n) gravity and (n,) temperature above the reference."""
+        """(n,) values at (3, n) gravity and (n,) temperature above the reference."""
         out = np.asarray(warmth**self.degC) if self.degC else np.ones(g.shape[1])
         for component, power in zip(g, self.powers, strict=True):
             if power:
@@ -53,8 +52,7 @@ class SensorModel:
         coefficients: (4 + q,) of `procedures.attitude.model.COLUMNS` and of `terms`, V. The third is zero without roll.
         sigma_V: standard deviation of one reading, sigma_E of the calibration.
         df: its degrees of freedom.
-        terms: q effects found by trace, temperature coefficients.
-
+        terms: q further terms: effects found by a trace, temperature coefficients.
     """
 
     name: str
@@ -95,14 +93,14 @@ class SensorModel:
         return np.concatenate([base, [t.column(g, warmth) for t in self.terms]]) if self.terms else base
 
     def beyond(self, g: FloatArray, warmth: FloatArray) -> FloatArray:
-        """(n,) what the further terms add, V."""
+        """(n,) contribution of the further terms, V."""
         out = np.zeros(g.shape[1])
         for term, value in zip(self.terms, self.coefficients[len(COLUMNS) :], strict=True):
             out += value * term.column(g, warmth)
         return out
 
     def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
+        """JSON values."""
         return {
             "name": self.name,
             "axis": self.axis,

@@ -1,4 +1,4 @@
-"""Where a package cannot tell its attitude: the loci of figures 9, 11 and 12."""
+"""Singular attitudes of a package: the loci of figures 9, 11 and 12."""
 
 from __future__ import annotations
 
@@ -12,15 +12,14 @@ from procedures.attitude.infer.calibration import AttitudeCalibration
 from procedures.attitude.infer.package import directions
 
 FEWEST_SD = 5.0
-"""Standard deviations that an attitude must be away from a singularity for first-order errors to hold."""
+"""Minimum distance of an attitude from a singularity, in standard deviations, for first-order errors."""
 
 
 def normal(matrix: FloatArray) -> FloatArray:
-    """(3,) unit vector that two sensors, (2, 3) `matrix`, see nothing of.
+    """(3,) unit vector orthogonal to the axes of two sensors, (2, 3) `matrix`.
 
     Raises:
-        FitError: they are along one axis.
-
+        FitError: they are parallel.
     """
     across = np.cross(matrix[0], matrix[1])
     length = float(np.linalg.norm(across))
@@ -30,18 +29,18 @@ def normal(matrix: FloatArray) -> FloatArray:
 
 
 def singularity(calibration: AttitudeCalibration, pitch_deg: ArrayLike, roll_deg: ArrayLike) -> FloatArray:
-    """How far an attitude is from one where pitch and roll cannot both be told; zero on the loci of figures 9, 11, 12.
+    """Distance of an attitude from a singular one, where pitch and roll are not both determined; zero on the loci of
+    figures 9, 11, 12.
 
     Two sensors (eqs. 86, 94): the determinant of the Jacobian by pitch and roll, over that of the most favourable
-    attitude. It is cos(pitch) times the part of gravity along the axis neither sensor sees, and changes its sign
-    across each locus. Three sensors: the square root of the determinant of eq. (102)'s moment matrix, of sensors of
-    unit sensitivity; never negative.
+    attitude. It is cos(pitch) times the component of gravity along the axis orthogonal to both sensors, and changes its
+    sign across each locus. Three sensors: the square root of the determinant of eq. (102)'s moment matrix, of sensors
+    of unit sensitivity; never negative.
 
     Args:
         calibration: of two or three sensors.
         pitch_deg: of any shape.
-        roll_deg: of the same shape, or one that goes with it.
-
+        roll_deg: of the same shape, or one that broadcasts to it.
     """
     matrix = calibration.matrix / np.linalg.norm(calibration.matrix, axis=1)[:, None]
     (sin_a, cos_a), (sin_r, cos_r) = sin_cos(pitch_deg), sin_cos(roll_deg)

@@ -26,19 +26,18 @@ from fitter.arrays import FloatArray
 from fitter.errors import FitError
 
 CHUNK = 8192
-"""Readings that are worked on together: few enough for the cache nearest to the processor."""
+"""Number of readings processed together, by the size of the nearest cache."""
 
 
 @dataclass(frozen=True, eq=False)
 class ThreeAxis:
-    """What can be prepared before readings come.
+    """Values prepared before readings.
 
     Attributes:
         offsets_V: (S,), three sensors or more.
-        to_principal: (3, S) from outputs less offsets to principal axes.
+        to_principal: (3, S) from outputs minus offsets to principal axes.
         to_package: (3, 3) from principal to package axes.
-        variance: (3,) principal variances, the greatest being one.
-
+        variance: (3,) principal variances; the largest is one.
     """
 
     offsets_V: FloatArray
@@ -64,8 +63,7 @@ class ThreeAxis:
             sigma_V: (S,) standard deviation of a reading of each sensor.
 
         Raises:
-            ValueError: the sensitive axes lie in a plane: two axes' worth of information.
-
+            ValueError: the sensitive axes are in one plane, so they are equivalent to two axes.
         """
         if len(matrix) < 3:
             raise ValueError(f"three sensors are expected, found {len(matrix)}")

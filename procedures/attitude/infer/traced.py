@@ -1,4 +1,4 @@
-"""The calibration with what a trace found, and with every other cause that the data cannot separate from it."""
+"""The calibration with the effects found by a trace, and with every other cause that the data cannot separate."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from procedures.attitude.infer.calibrate import NotApplicable, calibrate_package
 from procedures.attitude.infer.calibration import AttitudeCalibration
 
 Volts = Mapping[str, Mapping[str, FloatArray]]
-"""(n,) V that effects add, or (n, q) that their terms add, by effect and sensor."""
+"""(n,) contribution of effects, V, or (n, q) of their terms, by effect and sensor."""
 
 
 def calibrate_traced(
@@ -29,14 +29,13 @@ def calibrate_traced(
 
     Args:
         data: the run.
-        effects: as they were named: (n,) volts by name and sensor.
-        others: all effects with another member of a class in the place of the one named: (named, member, effects).
-        temperature: whether the declared model has temperature in it.
+        effects: the named ones: (n,) volts by name and sensor.
+        others: all effects with another member of a class in place of the named one: (named, member, effects).
+        temperature: whether the declared model has temperature.
 
     Raises:
-        fitter.linear.RankError: the points do not determine the model with the effects named.
+        fitter.linear.RankError: the points do not determine the model with the named effects.
         FitError: as `calibrate_package`.
-
     """
     kept = _applied(data, effects, temperature=temperature)
     found, open_ = [], []
@@ -59,7 +58,7 @@ def calibrate_traced(
 
 
 def _with(data: AttitudeData, volts: Volts, *, temperature: bool) -> AttitudeCalibration | None:
-    """None where the points do not determine the model with these effects."""
+    """None if the points do not determine the model with these effects."""
     try:
         return _applied(data, volts, temperature=temperature)
     except RankError:
@@ -67,7 +66,7 @@ def _with(data: AttitudeData, volts: Volts, *, temperature: bool) -> AttitudeCal
 
 
 def _applied(data: AttitudeData, effects: Volts, *, temperature: bool) -> AttitudeCalibration:
-    """The calibration, what cannot be applied in use fitted and left behind; a note of it says so."""
+    """The calibration; effects that cannot be applied in use are fitted and omitted, with a note."""
     behind: tuple[str, ...] = ()
     while True:
         try:
@@ -86,7 +85,7 @@ def covering_parameters(calibration: AttitudeCalibration, name: str) -> dict[str
 
 
 def _table(calibration: AttitudeCalibration, name: str) -> dict[str, Any]:
-    """Parameters of a sensor; intervals with the model error, where lack of fit is left."""
+    """Parameters of a sensor; intervals include the model error if lack of fit remains."""
     table = parameter_table(*calibration.parameters(name))
     misfit = calibration.misfits.get(name)
     return dict(table) if misfit is None else misfit.widened(table)

@@ -1,12 +1,11 @@
 """Pitch and roll from two axes, eqs. (83) to (95), in closed form.
 
-Two outputs give gravity in the plane of the two sensitive axes, its length the rest of it up to a sign:
+Two outputs give gravity in the plane of the two sensitive axes; its length gives the remaining component up to a sign:
 
     g = M+ (v - b) + t n,   t = +- sqrt(1 - |M+ (v - b)|^2),
 
-n square to both axes. For x and y the sign says whether the package is upright or inverted, for x and z to which
-side it is rolled. Where t comes near zero the two solutions meet: roll is near +-90 deg for x and y, near 0 or
-180 deg for x and z.
+with n orthogonal to both axes. For x and y the sign distinguishes upright and inverted packages, for x and z the side
+of the roll. Near t = 0 the two solutions meet: roll is near +-90 deg for x and y, near 0 or 180 deg for x and z.
 """
 
 from __future__ import annotations
@@ -23,11 +22,10 @@ _ARC = np.linspace(-1.0, 1.0, 33)
 
 
 def default_near(matrix: FloatArray) -> tuple[float, float]:
-    """(pitch, roll) in rad on the side where two sensors are ordinarily used: roll 0, or 90 deg for x and z.
+    """(pitch, roll) in rad of the usual attitude of two sensors: roll 0, or 90 deg for x and z.
 
     Raises:
-        FitError: neither is on one side (y and z: their two solutions are pitch up and pitch down).
-
+        FitError: there is no usual one (y and z: their two solutions are pitch up and pitch down).
     """
     n = normal(matrix)
     for roll, component in ((0.0, -n[2]), (np.pi / 2, -n[1])):
@@ -37,17 +35,16 @@ def default_near(matrix: FloatArray) -> tuple[float, float]:
 
 
 def solve(matrix: FloatArray, y: FloatArray, near: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Gravity of two outputs.
+    """Gravity from two outputs.
 
     Args:
         matrix: (2, 3) V/g.
-        y: (2, n) outputs less offsets.
-        near: (3, n) or (3, 1) gravity on the side to look.
+        y: (2, n) outputs minus offsets.
+        near: (3, n) or (3, 1) gravity near the expected attitude.
 
     Returns:
-        (3, n) gravity of unit length, (n,) its part t along n with its sign, (n,) length of the part in the plane,
-        which is above one where no attitude gives these outputs.
-
+        (3, n) gravity of unit length, (n,) its component t along n with sign, (n,) length of its part in the plane,
+        which is above one if no attitude gives these outputs.
     """
     n = normal(matrix)
     flat = np.linalg.pinv(matrix) @ y
@@ -69,15 +66,14 @@ def radial_gains(matrix: FloatArray, g: FloatArray) -> FloatArray:
 def arc(
     matrix: FloatArray, g: FloatArray, t: FloatArray, reach: FloatArray, beyond: NDArray[np.bool_]
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Lowest and highest pitch and roll, in rad, of gravity whose part along n is anything up to `reach`.
+    """Lowest and highest pitch and roll, in rad, of gravity with any component along n up to `reach`.
 
     Args:
         matrix: (2, 3).
-        g: (3, n) gravity found.
-        t: (n,) its part along n.
-        reach: (n,) largest part along n, of either sign, that the outputs allow.
+        g: (3, n) inferred gravity.
+        t: (n,) its component along n.
+        reach: (n,) largest component along n, of either sign, consistent with the outputs.
         beyond: (n,) whether pitch is to be given beyond +-90 deg.
-
     """
     n = normal(matrix)
     flat = g - t * n[:, None]

@@ -1,9 +1,8 @@
-"""How good a design is, before anything is measured: NASA/TP-1999-209835, sections 3.3, 3.4, 4 and 5.3.
+"""Figures of merit of a design, before the measurement: NASA/TP-1999-209835, sections 3.3, 3.4, 4 and 5.3.
 
 Pure functions, as in the fitter; the designs come in as arrays of angles.
 
-design = DesignPoints("D1 +-45", pitch_deg, roll_deg, replications=6)
-figure_of_merit(design, Usage.within(30.0))
+design = DesignPoints("D1 +-45", pitch_deg, roll_deg, replications=6) figure_of_merit(design, Usage.within(30.0))
 compare([design, other], Usage.within(30.0), sigma_deg=2e-4)
 """
 

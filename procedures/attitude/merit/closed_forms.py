@@ -1,4 +1,4 @@
-"""Variance functions that need no matrix: designs D1 and T of NASA/TP-1999-209835, sections 4.3 and 4.4.
+"""Variance functions without matrices: designs D1 and T of NASA/TP-1999-209835, sections 4.3 and 4.4.
 
 Each is the variance of the calibrated output over that of one observation, for one replication.
 """
@@ -22,14 +22,13 @@ def d1_variance(pitch_deg: ArrayLike, pitch_max_deg: float, pitch_count: int, ro
     """Design D1 with roll, eq. (66); of the shape of `pitch_deg`, and the same at every roll (Theorem IV).
 
     Args:
-        pitch_deg: where the sensor is used.
-        pitch_max_deg: calibrated from minus to plus this.
+        pitch_deg: pitch of use of the sensor.
+        pitch_max_deg: limit of the calibrated range, plus and minus.
         pitch_count: N, pitch angles uniform over that range, both ends included.
         roll_count: M, roll angles uniform over the circle, none repeated.
 
     Raises:
         RankError: the design does not determine the four coefficients.
-
     """
     n, m = pitch_count, roll_count
     _, c_2a = _sums(pitch_max_deg, n)
@@ -42,17 +41,16 @@ def d1_variance(pitch_deg: ArrayLike, pitch_max_deg: float, pitch_count: int, ro
 def d1_no_roll_variance(pitch_deg: ArrayLike, pitch_max_deg: float, pitch_count: int) -> FloatArray:
     """Design D1 without roll, eq. (67); of the shape of `pitch_deg`.
 
-    The print has C_2a where C_a belongs, beside cos a and squared below the line; with it the value at zero pitch is
-    half of what it is (N = 33 over +-30 deg: 0.0688, not 0.0345).
+    The printed equation has C_2a in place of C_a, beside cos a and squared in the denominator; with it the value at
+    zero pitch is half of the correct one (N = 33 over +-30 deg: 0.0688, not 0.0345).
 
     Args:
-        pitch_deg: where the sensor is used.
-        pitch_max_deg: calibrated from minus to plus this.
+        pitch_deg: pitch of use of the sensor.
+        pitch_max_deg: limit of the calibrated range, plus and minus.
         pitch_count: N, pitch angles uniform over that range, both ends included.
 
     Raises:
         RankError: the design does not determine the three coefficients.
-
     """
     n = pitch_count
     c_a, c_2a = _sums(pitch_max_deg, n)
@@ -66,12 +64,12 @@ def d1_no_roll_variance(pitch_deg: ArrayLike, pitch_max_deg: float, pitch_count:
 def _sums(pitch_max_deg: float, count: int) -> tuple[float, float]:
     """C_a and C_2a of eqs. (165), (166): sums of cos a and cos 2a over the pitch angles.
 
-    Summed, not by eq. (172), whose quotient of sines is zero by zero at whole turns.
+    They are summed, because the quotient of sines in eq. (172) is 0/0 at whole turns.
     """
     pitch = np.linspace(-pitch_max_deg, pitch_max_deg, count)
     return float(np.sum(sin_cos(pitch)[1])), float(np.sum(sin_cos(2.0 * pitch)[1]))
 
 
 def _apart(larger: float, smaller: float) -> bool:
-    """Whether a difference is more than the rounding errors of its terms."""
+    """Whether a difference exceeds the rounding errors of its terms."""
     return larger - smaller > 1e-12 * abs(larger)

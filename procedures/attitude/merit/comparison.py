@@ -1,4 +1,4 @@
-"""Designs side by side: what each costs in points and what it gives over the range a sensor will be used in."""
+"""Designs side by side: number of points, and precision over the range of use of a sensor."""
 
 from __future__ import annotations
 
@@ -19,26 +19,25 @@ NAN = float("nan")
 
 @dataclass(frozen=True)
 class Comparison:
-    """One design, for a sensor along x, y or z alike. Degrees are of calibrated output, sigma/S, as in Table 2.
+    """One design, for a sensor along x, y or z. Degrees are those of calibrated output, sigma/S, as in Table 2.
 
     Attributes:
         name: of the design.
         roll: whether the sensor is calibrated with roll.
         points: K, visits in one replication.
         replications: n.
-        observations: n K, what it costs.
+        observations: n K, its cost.
         df: degrees of freedom left for error, n K - L.
         mean_sd_deg: root of the mean variance of the calibrated output over the usage range.
         worst_sd_deg: largest standard deviation there.
-        worst_pitch_deg: where it is.
-        worst_interval95_deg: half-width of the 95 % calibration interval there, eq. (72): a design with few degrees of
-            freedom pays for them here. NaN without any.
+        worst_pitch_deg: its pitch.
+        worst_interval95_deg: half-width of the 95 % calibration interval there, eq. (72): it is large for few degrees
+            of freedom. NaN without any.
         figure_of_merit: V^(1/2) over the usage range, eq. (53).
-        pads_seen: share of what an isolation-pad deflection does to an x sensor that stays in the residuals.
-        smallest_pad_deg: pad deflection that T_bias finds nine times in ten; infinite where it cannot.
+        pads_seen: share of an isolation-pad deflection's effect on an x sensor that stays in the residuals.
+        smallest_pad_deg: pad deflection that T_bias detects with probability 0.9; infinite if it cannot.
         extrapolated: whether the usage range goes beyond the calibrated pitch.
-        undetermined: why the design does not determine a sensor, all figures then being NaN; else empty.
-
+        undetermined: why the design does not determine a sensor (all figures are then NaN); otherwise empty.
     """
 
     name: str
@@ -80,12 +79,11 @@ class Curve:
 
 @dataclass(frozen=True)
 class Recommendation:
-    """The design to run, and why.
+    """The recommended design, with the reason.
 
     Attributes:
         name: of the design.
-        why: with numbers.
-
+        why: the reason, with numbers.
     """
 
     name: str
@@ -93,13 +91,12 @@ class Recommendation:
 
 
 def compare(designs: Sequence[DesignPoints], usage: Usage, sigma_deg: float) -> tuple[Comparison, ...]:
-    """A row for each design, in the order given. One that does not determine a sensor says so in its row.
+    """A row for each design, in the given order. The row of a design that does not determine a sensor has the reason.
 
     Args:
-        designs: what is compared; with and without roll may stand side by side.
-        usage: attitudes the sensor will be used at.
+        designs: the compared designs, with or without roll.
+        usage: attitudes of use of the sensor.
         sigma_deg: expected standard error of one observation.
-
     """
     return tuple(_row(design, usage, sigma_deg) for design in designs)
 
@@ -107,17 +104,16 @@ def compare(designs: Sequence[DesignPoints], usage: Usage, sigma_deg: float) -> 
 def recommend(
     rows: Sequence[Comparison], *, wanted_sd_deg: float | None = None, cost: Sequence[float] | None = None
 ) -> Recommendation | None:
-    """Which design to run. None where no design determines a sensor over the usage range.
+    """The recommended design. None if no design determines a sensor over the range of use.
 
-    Designs that would have to extrapolate are left out, and so are those blind to a pad deflection that others show.
-    Of the rest: the cheapest that reaches what is wanted at the worst attitude; where nothing is wanted, the one that
-    gives most for its cost, the least worst variance times cost.
+    Designs that would have to extrapolate are left out, and so are those that do not show a pad deflection shown by
+    others. Of the rest: the cheapest that meets the requirement at the worst attitude; without a requirement, the one
+    with the smallest product of worst variance and cost.
 
     Args:
         rows: of `compare`.
-        wanted_sd_deg: standard deviation of the calibrated output that is good enough.
+        wanted_sd_deg: required standard deviation of the calibrated output.
         cost: of each row, in any unit (hours on the bench); without it the number of observations.
-
     """
     costs = [float(r.observations) for r in rows] if cost is None else list(cost)
     fit = [(r, c) for r, c in zip(rows, costs, strict=True) if not r.undetermined and not r.extrapolated]
@@ -142,18 +138,17 @@ def recommend(
 def curve(
     design: DesignPoints, usage: Usage, sigma_deg: float, *, roll_deg: Sequence[float] = (0.0,), count: int = 181
 ) -> Curve:
-    """Standard deviation over the usage range of pitch, `count` angles from end to end.
+    """Standard deviation over the range of use of pitch, at `count` angles.
 
     Args:
-        design: where the sensor is calibrated.
-        usage: its pitch range is the abscissa.
+        design: calibration points.
+        usage: range of use; its pitch is the abscissa.
         sigma_deg: expected standard error of one observation.
         roll_deg: a line for each; with design D0 and D1 they are one (Theorem IV).
         count: number of pitch angles.
 
     Raises:
         fitter.linear.RankError: the design does not determine the model.
-
     """
     pitch, roll = np.linspace(*usage.pitch_deg, count), np.array(roll_deg, np.float64)
     over_sigma = np.sqrt(variance(design, pitch[None, :], roll[:, None]))

@@ -1,4 +1,4 @@
-"""Where a sensor will be calibrated, and where it will be used."""
+"""Calibration points of a sensor, and its range of use."""
 
 from __future__ import annotations
 
@@ -15,18 +15,17 @@ from procedures.attitude.model import attitude_columns
 
 @dataclass(frozen=True, eq=False)
 class DesignPoints:
-    """The attitudes of one replication, and how many replications there will be.
+    """The attitudes of one replication, and the number of replications.
 
     Attributes:
-        name: what tables and plots call it.
-        pitch_deg: (K,) pitch of every visit; a point visited twice stands here twice.
+        name: its name in tables and plots.
+        pitch_deg: (K,) pitch of every visit; a point visited twice occurs twice.
         roll_deg: (K,) roll of every visit.
         roll: whether the sensor is calibrated with roll (eqs. 2, 4, 5) or without (eq. 1).
-        replications: n, how often all of it is run.
+        replications: n, number of replications.
 
     Raises:
-        FitError: no points, angles that are no numbers, or fewer than one replication.
-
+        FitError: no points, angles that are not numbers, or fewer than one replication.
     """
 
     name: str
@@ -46,21 +45,21 @@ class DesignPoints:
 
     @property
     def points(self) -> int:
-        """K, visits in one replication."""
+        """K, number of visits in one replication."""
         return int(self.pitch_deg.size)
 
     @property
     def observations(self) -> int:
-        """n K."""
+        """n K, number of observations."""
         return self.points * self.replications
 
     @property
     def parameters(self) -> int:
-        """L, coefficients of the model: 4 with roll, 3 without."""
+        """L, number of coefficients of the model: 4 with roll, 3 without."""
         return 4 if self.roll else 3
 
     def covers(self, usage: Usage) -> bool:
-        """Whether pitch is used only where it was calibrated: between the ends, or anywhere if it goes all round."""
+        """Whether pitch of use is within the calibrated range: between its ends, or anywhere for a full turn."""
         pitch = np.unique(self.pitch_deg)
         low, high = float(pitch[0]), float(pitch[-1])
         steps = np.diff(pitch)
@@ -75,15 +74,14 @@ class DesignPoints:
 
 @dataclass(frozen=True)
 class Usage:
-    """The test area: attitudes the calibrated sensor will be used at, uniform in pitch and in roll (eq. 53).
+    """The test area: attitudes of use of the calibrated sensor, uniform in pitch and in roll (eq. 53).
 
     Attributes:
         pitch_deg: lowest and highest pitch.
-        roll_deg: lowest and highest roll; without meaning for a sensor calibrated without roll.
+        roll_deg: lowest and highest roll; not used for a sensor calibrated without roll.
 
     Raises:
-        FitError: a limit that is no number, or limits the wrong way round or more than a turn apart.
-
+        FitError: a limit that is not a number, limits in the wrong order, or more than a turn apart.
     """
 
     pitch_deg: tuple[float, float]

@@ -1,7 +1,7 @@
 """Variance function of the calibrated output, eq. (52), and Box's figure of merit, eqs. (53) to (55).
 
-All of it is the same for x, y and z sensors and however they are mounted (Theorems I to III), since it is a function of
-h = [1, sin a, cos a sin R, cos a cos R] alone.
+Both are the same for x, y and z sensors in any mounting (Theorems I to III), since they are functions of h = [1, sin a,
+cos a sin R, cos a cos R] alone.
 """
 
 from __future__ import annotations
@@ -23,13 +23,12 @@ def variance(design: DesignPoints, pitch_deg: ArrayLike, roll_deg: ArrayLike = 0
     """Variance of the calibrated output over that of one observation, h'(H'H)^-1 h, eq. (52), all replications used.
 
     Args:
-        design: where it is calibrated.
-        pitch_deg: where it is used; with `roll_deg` broadcast to the shape of the result.
+        design: calibration points.
+        pitch_deg: pitch of use; broadcast with `roll_deg` to the shape of the result.
         roll_deg: not used by a sensor calibrated without roll.
 
     Raises:
         fitter.linear.RankError: the design does not determine the model.
-
     """
     return _variance(_solved(design), design, pitch_deg, roll_deg)
 
@@ -48,22 +47,20 @@ def mean_variance(design: DesignPoints, usage: Usage) -> float:
 def figure_of_merit(design: DesignPoints, usage: Usage) -> float:
     """V^(1/2) of eq. (53), the mean normalised standard deviation of Table 1.
 
-    The root of `mean_variance` times the number of observations: what remains of a design when its size is taken out.
+    The root of `mean_variance` times the number of observations: a figure independent of the size of the design.
     Smaller is better; 1 would be the mean of all observations, 2 is sqrt(4 parameters).
 
     Raises:
         fitter.linear.RankError: the design does not determine the model.
-
     """
     return float(np.sqrt(design.observations * mean_variance(design, usage)))
 
 
 def worst_variance(design: DesignPoints, usage: Usage) -> tuple[float, float, float]:
-    """Largest `variance` in the test area and the pitch and roll (deg) where it is; to 1e-6 of its value.
+    """Largest `variance` in the test area and its pitch and roll (deg); to 1e-6 of its value.
 
     Raises:
         fitter.linear.RankError: the design does not determine the model.
-
     """
     fit = _solved(design)
     low, high = np.array([usage.pitch_deg, usage.roll_deg if design.roll else (0.0, 0.0)]).T
@@ -108,7 +105,7 @@ def _moments(usage: Usage, *, roll: bool) -> FloatArray:
 
 
 def _means(span_deg: tuple[float, float]) -> tuple[float, float, float, float, float]:
-    """Means of sin, cos, sin^2, sin cos and cos^2 over a range; of one angle where the range is one."""
+    """Means of sin, cos, sin^2, sin cos and cos^2 over a range, or at one angle if the range is a point."""
     middle, half = np.radians((span_deg[0] + span_deg[1]) / 2.0), np.radians((span_deg[1] - span_deg[0]) / 2.0)
     once, twice = np.sinc(half / np.pi), np.sinc(2.0 * half / np.pi)
     s, c = once * np.sin(middle), once * np.cos(middle)

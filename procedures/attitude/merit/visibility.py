@@ -1,8 +1,8 @@
-"""Which undeclared effects a design could show at all.
+"""Visibility of undeclared effects in a design.
 
-Precision is not everything a design is for: an effect the declared model can imitate over the calibrated range leaves
-no residual, is taken up by the coefficients, and is wrong outside that range. What is left of it after the model has
-had its share is what T_bias, the test of lack of fit, has to work with.
+A design must not only be precise. If the declared model can imitate an effect over the calibrated range, there is no
+residual: the coefficients absorb it, and are wrong outside that range. T_bias, the test of lack of fit, uses the part
+that the model cannot imitate.
 """
 
 from __future__ import annotations
@@ -20,19 +20,18 @@ from procedures.attitude.merit.design_points import DesignPoints
 from procedures.attitude.model import fit_columns
 
 POWER = 0.9
-"""Probability with which the smallest visible effect is found."""
+"""Probability of detection of the smallest visible effect."""
 
 
 @dataclass(frozen=True)
 class Visibility:
-    """How much of an effect the residuals would show.
+    """Visible part of an effect in the residuals.
 
     Attributes:
-        rms: root mean square of the residual an effect of amplitude one leaves.
-        share: that over the effect's own root mean square; 0 where the effect is zero at every point.
-        smallest: amplitude, in standard deviations of one observation, that T_bias at 5 % finds nine times in ten;
-            infinite where nothing is left or nothing is replicated, since then there is no pure error to judge by.
-
+        rms: root mean square of the residual of an effect with amplitude one.
+        share: its ratio to the effect's own root mean square; 0 if the effect is zero at every point.
+        smallest: amplitude, in standard deviations of one observation, that T_bias at 5 % detects with probability 0.9;
+            infinite if there is no residual, or no replication and so no pure error.
     """
 
     rms: float
@@ -41,12 +40,11 @@ class Visibility:
 
 
 def visibility(design: DesignPoints, effect: FloatArray) -> Visibility:
-    """What of an undeclared effect remains in the residuals of the declared model.
+    """Part of an undeclared effect that remains in the residuals of the declared model.
 
     Args:
-        design: where it is calibrated.
+        design: calibration points.
         effect: (K,) the effect at its points, for an amplitude of one.
-
     """
     basis = orthonormal(design.columns())
     left = effect - basis @ (basis.T @ effect)
@@ -62,7 +60,7 @@ def visibility(design: DesignPoints, effect: FloatArray) -> Visibility:
 
 
 def pad_visibility(design: DesignPoints) -> Visibility:
-    """The same for isolation pads that give way under the package: sin 2a cos R in an x sensor, section 9.1.
+    """The same for soft isolation pads under the package: sin 2a cos R in an x sensor, section 9.1.
 
     Without roll it is sin 2a, which within +-30 deg of pitch the model [1, sin a, cos a] imitates to 4 %.
     """
@@ -72,15 +70,15 @@ def pad_visibility(design: DesignPoints) -> Visibility:
 
 
 def smallest_offset_drift(design: DesignPoints) -> float:
-    """Smallest variation of the offset between replications that the drift test T_b at 5 % finds nine times in ten.
+    """Smallest variation of the offset between replications that the drift test T_b at 5 % detects with probability
+    0.9.
 
-    As a standard deviation, in standard deviations of one observation. With it the mean square between replications is
-    1 + drift^2 / c times what it is without, c sigma^2 being the variance of one replication's own offset.
-    Infinite where there is one replication, or no degree of freedom within any.
+    As a standard deviation, in standard deviations of one observation. It increases the mean square between
+    replications by the factor 1 + drift^2 / c, where c sigma^2 is the variance of one replication's own offset.
+    Infinite for one replication, or without degrees of freedom within replications.
 
     Raises:
         fitter.linear.RankError: the design does not determine the model.
-
     """
     df_between = design.replications - 1
     df_within = design.replications * (design.points - design.parameters)

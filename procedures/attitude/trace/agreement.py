@@ -1,7 +1,7 @@
-"""Do all sensors bear out an effect that they should show alike?
+"""Agreement of all sensors about a common effect.
 
-An error of the head or the package is one coefficient for all sensors. What only one of them shows, and the others by
-rights should and do not, is something of that sensor, however well the common column resembles it.
+An error of the head or the package has one coefficient for all sensors. If only one sensor shows it, and the others
+should but do not, the cause is in that sensor, however well the common column fits it.
 """
 
 from __future__ import annotations
@@ -17,14 +17,15 @@ from procedures.attitude.trace.problem import Problem
 from procedures.attitude.trace.score import beside, errors, inverse
 
 BY_CHANCE = 1e-4
-"""Probability of so much disagreement below which it is no chance."""
+"""Probability of the disagreement below which it is significant."""
 MATTERS = 0.3
-"""Share of what the common coefficient explains that the disagreement has to reach: columns are linear, and of an
-effect a hundred times the error no two sensors agree to the last digit."""
+"""Minimum size of the disagreement relative to the common coefficient's contribution: columns are linear, and for an
+effect a hundred times the error no two sensors agree to the last digit.
+"""
 
 
 def supported(judge: AttitudeJudge, chosen: tuple[int, ...]) -> tuple[AttitudeJudge, tuple[int, ...]]:
-    """Search on without effects that sensors do not agree on, until there are none in the model."""
+    """Search again without effects that sensors disagree on, until none is in the model."""
     while True:
         disagreed = frozenset(
             name for name in names_of(judge.candidates, chosen) if _disagreed(judge.problem, chosen, name)
@@ -37,7 +38,7 @@ def supported(judge: AttitudeJudge, chosen: tuple[int, ...]) -> tuple[AttitudeJu
 
 
 def _disagreed(problem: Problem, chosen: tuple[int, ...], name: str) -> bool:
-    """Whether sensors, each asked by itself, give different answers about the terms of one effect."""
+    """Whether separate estimates from the sensors disagree about the terms of one effect."""
     unit = np.array([j for j in chosen if problem.candidates[j].effect.name == name], np.int64)
     if problem.candidates[unit[0]].sensor is not None or len(problem.sensors) == 1:
         return False
@@ -54,7 +55,7 @@ def _disagreed(problem: Problem, chosen: tuple[int, ...], name: str) -> bool:
 
 
 def _errors(problem: Problem, level: Level, chosen: tuple[int, ...]) -> FloatArray:
-    """(S,) standard errors, with whatever lack of fit is left."""
+    """(S,) standard errors, including remaining lack of fit."""
     sigma = errors(problem, chosen)
     lof = problem.levels.n_points - problem.levels.declared.shape[1] - len(chosen)
     if level == "points" or lof <= 0 or problem.levels.df("points") <= 0:

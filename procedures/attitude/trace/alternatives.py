@@ -1,4 +1,4 @@
-"""What every other member of an effect's class would add to the observations, if it were the cause."""
+"""Contribution of every other member of an effect's class to the observations, if it were the cause."""
 
 from __future__ import annotations
 
@@ -15,18 +15,17 @@ from procedures.attitude.trace.problem import Problem, raw_columns
 from procedures.attitude.trace.score import errors
 
 Volts = Mapping[str, Mapping[str, FloatArray]]
-"""(n, q) V that the terms of effects add to the observations, by effect and sensor."""
+"""(n, q) contribution of the terms of effects to the observations, V, by effect and sensor."""
 
 
 @dataclass(frozen=True, eq=False)
 class Alternative:
-    """The effects of a run with another member of a class in the place of the one that was named.
+    """The effects of a run with another member of a class in place of the named one.
 
     Attributes:
-        named: the effect whose class it is.
-        member: what stands in its place.
-        effects: all effects then.
-
+        named: the named effect of the class.
+        member: its replacement.
+        effects: all effects with the replacement.
     """
 
     named: str
@@ -37,14 +36,13 @@ class Alternative:
 def alternatives(
     problem: Problem, after: Estimate, classes: Mapping[str, Sequence[Rival]], data: AttitudeData
 ) -> tuple[Alternative, ...]:
-    """One for every member of every class that was not named, the others as they were named.
+    """One for every unnamed member of every class, with the other effects as named.
 
     Args:
         problem: the run, without outliers.
-        after: what was found.
+        after: the findings.
         classes: all explanations of each effect found, by its name.
-        data: the observations to tell volts of.
-
+        data: the observations for contributions in volts.
     """
     out = []
     for name, explanations in classes.items():
@@ -58,7 +56,9 @@ def alternatives(
 
 
 def _coefficients(problem: Problem, chosen: tuple[int, ...], after: Estimate) -> FloatArray:
-    """(q,) of candidates fitted together; the shortest where some of them are alike, which moves no sum of them."""
+    """(q,) coefficients of candidates fitted together; the shortest solution if some are dependent, which does not
+    change any sum.
+    """
     sigma = errors(problem, after.chosen)[:, None]
     columns = (problem.columns_at(after.level, chosen) / sigma[:, :, None]).reshape(-1, len(chosen))
     length = np.linalg.norm(columns, axis=0)
@@ -68,7 +68,7 @@ def _coefficients(problem: Problem, chosen: tuple[int, ...], after: Estimate) ->
 
 
 def volts(problem: Problem, chosen: tuple[int, ...], gamma: FloatArray, data: AttitudeData) -> Volts:
-    """(n, p) what the terms of each effect, of these coefficients (q,), add to each sensor's output."""
+    """(n, p) contribution of the terms of each effect, with these coefficients (q,), to each sensor's output."""
     raw = raw_columns(problem.scene.on(data), [problem.candidates[j] for j in chosen])
     out: dict[str, dict[str, FloatArray]] = {}
     for name in dict.fromkeys(problem.candidates[j].effect.name for j in chosen):

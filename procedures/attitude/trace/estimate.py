@@ -20,7 +20,7 @@ from procedures.attitude.trace.robust import walked
 from procedures.attitude.trace.score import errors
 
 DRIFTS = 0.01
-"""Replications are given parameters of their own where the joint drift test falls below this."""
+"""Limit of the joint drift test's p below which replications get their own parameters."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,16 +29,15 @@ class Estimate:
 
     Attributes:
         chosen: indices of the candidates in the model.
-        told_apart: those of them that are no combinations of those before; the others have coefficients of zero.
-        level: "declared" if all observations were fitted as one, "replications" if each replication was given
-            parameters of its own because they drift beyond what the effects explain.
+        told_apart: those of them that are not combinations of earlier ones; the others have zero coefficients.
+        level: "declared" if all observations were fitted as one, "replications" if each replication has its own
+            parameters because of drift that the effects do not explain.
         gamma: (q,) their coefficients.
-        covariance: (q, q) of them, conditional on their having been chosen.
-        corrected: (S, n) outputs less the effects, and less what the declared model makes of temperature, V.
+        covariance: (q, q) of them, conditional on the selection.
+        corrected: (S, n) outputs minus the effects, and minus the temperature terms of the declared model, V.
         fits: of the declared model to the corrected outputs.
-        temperatures: what temperature adds in the declared model of each sensor; None where that has none in it.
-        tables: Table 2 of each sensor, effects taken out.
-
+        temperatures: temperature terms of the declared model of each sensor; None without.
+        tables: Table 2 of each sensor, with the effects removed.
     """
 
     chosen: tuple[int, ...]
@@ -63,7 +62,7 @@ def estimate(problem: Problem, chosen: tuple[int, ...]) -> Estimate:
 
 
 def _joint(fit: LinearFit, h: FloatArray, effects: FloatArray, covariance: FloatArray) -> LinearFit:
-    """A fit to outputs less effects (n, q), its errors with what those of the effects' coefficients add to them."""
+    """A fit to outputs minus effects (n, q), with errors that include those of the effects' coefficients."""
     if not effects.shape[1] or fit.sigma == 0.0:
         return fit
     taken = np.linalg.lstsq(h, effects, rcond=None)[0]
@@ -74,7 +73,7 @@ def _joint(fit: LinearFit, h: FloatArray, effects: FloatArray, covariance: Float
 def coefficients(problem: Problem, chosen: tuple[int, ...], level: Level) -> tuple[FloatArray, FloatArray]:
     """(q,) coefficients of the `chosen` candidates, fitted at one level, and their (q, q) covariance.
 
-    A candidate whose column is a combination of those of the candidates before it has a coefficient of zero.
+    A candidate whose column is a combination of earlier ones has a zero coefficient.
     """
     if not chosen:
         return np.zeros(0), np.zeros((0, 0))
@@ -94,7 +93,7 @@ def coefficients(problem: Problem, chosen: tuple[int, ...], level: Level) -> tup
 
 
 def concerns(problem: Problem, j: int) -> FloatArray:
-    """(S,) share of the information about candidate `j` that each sensor holds."""
+    """(S,) share of each sensor in the information about candidate `j`."""
     sigma = errors(problem, ())
     length2 = problem.products["declared"].columns[:, j, j] / sigma**2
     return np.asarray(length2 / length2.sum())

@@ -1,11 +1,10 @@
-"""What the best of all candidates scores when there is nothing to find.
+"""Distribution of the best score of all candidates without effects.
 
-The family is every unit of candidates on every sensor at every level and step of one run, with every value of a
-constant that is searched. Three percent of runs are for the largest score of all, simulated under the fitted null.
-Tests between replications have few degrees of freedom and are counted, as so many independent ones as have the same
-chance: three are for them (`judge.py`), and another half for what is found of the noise. p are scaled so that all of
-them are significant below `ALPHA`. Together that is 5 % and not 6.5, because second thoughts take some back: 1 % of
-clean runs is what is measured.
+The family contains every unit of candidates on every sensor at every level and step of one run, with every value of a
+searched constant. Three percent of runs are for the largest score of all, simulated under the fitted null. Tests
+between replications have few degrees of freedom and are counted as an equivalent number of independent ones: three
+percent are for them (`judge.py`), and another half for findings about noise. p are scaled so that all are significant
+below `ALPHA`. Together that is 5 % and not 6.5, because later tests remove some; 1 % of clean runs was measured.
 """
 
 from __future__ import annotations
@@ -29,8 +28,8 @@ STANDS_OUT = 3.3
 def family_of(problem: Problem, scores: Scores, seed: int) -> Family:
     """Simulate the family's smallest p under the null.
 
-    Scores of one run are correlated as their columns are. They are drawn as normal, sensor by sensor, each level's over
-    its own estimate of the error.
+    Scores of one run have the correlations of their columns. They are drawn as normal, by sensor, with each level's own
+    estimate of the error.
     """
     units, products = _orthonormal_units(problem)
     if not units:
@@ -41,7 +40,8 @@ def family_of(problem: Problem, scores: Scores, seed: int) -> Family:
     smallest = []
     for first in range(0, DRAWS, AT_ONCE):
         count = min(AT_ONCE, DRAWS - first)
-        drawn = np.zeros((products.shape[1], count), np.float32)  # whole rows are picked far quicker than columns
+        # selection of whole rows is much faster than of columns
+        drawn = np.zeros((products.shape[1], count), np.float32)
         for own, root in roots:
             drawn[own] += (rng.standard_normal((count, root.shape[0]), dtype=np.float32) @ root).T
         np.square(drawn, out=drawn)
@@ -60,10 +60,10 @@ def family_of(problem: Problem, scores: Scores, seed: int) -> Family:
 
 
 def _independent(problem: Problem, columns: IntArray, rng: np.random.Generator) -> float:
-    """As many independent tests as have the chance of those of some columns that one of them stands out.
+    """Number of independent tests with the same probability of a false positive as those of some columns.
 
-    A coefficient is judged by what its column does between replications and within them, and correlations are those of
-    both together.
+    A coefficient is judged by its column between replications and within them, and correlations are those of both
+    together.
     """
     if not columns.size:
         return 0.0
@@ -81,7 +81,7 @@ def _independent(problem: Problem, columns: IntArray, rng: np.random.Generator) 
 
 
 def _alike(problem: Problem, units: list[tuple[int, int, int]], scores: Scores) -> dict[tuple[float, int], np.ndarray]:
-    """First columns of units that have one level's degrees of freedom and as many columns, by both."""
+    """First columns of units with the same degrees of freedom and number of columns, by both."""
     groups: dict[tuple[float, int], list[int]] = {}
     most = {
         level: max(float(scores.df[u]) for u, _, _ in units if problem.judged_at[problem.units[u][0]] == level)
@@ -93,13 +93,12 @@ def _alike(problem: Problem, units: list[tuple[int, int, int]], scores: Scores) 
 
 
 def _orthonormal_units(problem: Problem) -> tuple[list[tuple[int, int, int]], FloatArray]:
-    """Units that can be judged, as (unit, first column, columns), and what their columns' products are.
+    """Units that can be judged, as (unit, first column, columns), and the products of their columns.
 
     The columns are combined, unit by unit, to ones that are orthonormal over all sensors together.
 
     Returns:
         The units, and (S, m, m) products of each sensor's share of their m columns.
-
     """
     weight = errors(problem, ()) ** -2.0
     points = np.array([level == "points" for level in problem.judged_at], np.bool_)
@@ -126,7 +125,7 @@ def _orthonormal_units(problem: Problem) -> tuple[list[tuple[int, int, int]], Fl
 
 
 def _root(products: FloatArray) -> tuple[np.ndarray, np.ndarray]:
-    """Columns that a sensor has a share in, and (r, q) whose square their products are, in single precision."""
+    """Columns with a share of a sensor, and (r, q) root of their products, in single precision."""
     own = np.flatnonzero(np.diag(products) > 1e-9)
     values, vectors = np.linalg.eigh(products[np.ix_(own, own)])
     kept = values > 1e-6

@@ -1,4 +1,4 @@
-"""What is reported of each sensor: effects as they show in it, what remains, and its noise."""
+"""Report of each sensor: its effects, the remainder, and its noise."""
 
 from __future__ import annotations
 
@@ -31,10 +31,11 @@ from procedures.attitude.trace.result import FoundEffect, SensorTrace
 from procedures.attitude.trace.score import RESOLVED
 
 UNEXPLAINED = 1e-3
-"""Lack of fit or drift below this probability is something that remains."""
+"""Probability of lack of fit or drift below which a remainder is reported."""
 SHOWS = 3.0
-"""An effect on the package is reported for the sensors in which it amounts to this many standard errors, or for the one
-in which it amounts to most."""
+"""Minimum size of an effect on the package, in standard errors, for a report in a sensor; it is always reported in the
+sensor with the largest size.
+"""
 
 
 def sensor_trace(
@@ -49,15 +50,15 @@ def sensor_trace(
     cv: FloatArray | None,
     nameless: Nameless,
 ) -> SensorTrace:
-    """What was found in sensor `i`.
+    """Findings in sensor `i`.
 
     Args:
         judge: of the run without its outliers, after the search.
         whole: the run.
         aside: rows of the outliers.
-        not_kept: candidates that were not kept, of any sensor.
+        not_kept: candidates of any sensor that were not kept.
         before: the declared model.
-        after: the same with what was found.
+        after: the same with the findings.
         classes: all explanations of each effect found, by its name.
         i: the sensor.
         cv: (2,) rms errors left out, before and after.
@@ -109,7 +110,7 @@ def sensor_trace(
 
 
 def _outliers(problem: Problem, whole: AttitudeData, aside: IntArray, after: Estimate, i: int) -> tuple[Found, ...]:
-    """The readings of sensor `i` that were left out, and what the fit would be with them."""
+    """The left-out readings of sensor `i`, and their influence on the fit."""
     if not aside.size:
         return ()
     sd = outliers(whole, residual_of(problem, after, whole))[1][i]
@@ -136,7 +137,7 @@ def _found(
     name: str,
     i: int,
 ) -> FoundEffect | None:
-    """The effect as sensor `i` shows it; None where it does not."""
+    """The effect in sensor `i`; None if it has none there."""
     problem = judge.problem
     sensor, picked = problem.sensors[i], list(after.chosen)
     mine = [k for k, j in enumerate(picked) if problem.candidates[j].effect.name == name]
@@ -166,7 +167,7 @@ def _found(
         size=effect.size(own, problem.fits[sensor].parameters.S_V),
         p_adjusted=p,
         p_adjusted_is_bound=p == judge.family.least,
-        share=0.0,  # of all together: `_shares`
+        share=0.0,  # together for all effects: `_shares`
         aliases=tuple(other.name for other in alike),
         separation=separation(explanations, name),
         separate_by=f"{_experiments(effect, alike)}; it reaches {peak:.2g} V "
@@ -177,7 +178,7 @@ def _found(
 
 
 def _shares(problem: Problem, after: Estimate, names: list[str], unnamed: float, i: int) -> FloatArray:
-    """Share of each effect in the error of sensor `i` beyond scatter; `unnamed`: part of what is left that is none."""
+    """Share of each effect in the error of sensor `i` beyond scatter; `unnamed`: unexplained part of the remainder."""
     data, table = problem.scene.data, after.tables[i]
     declared = problem.fits[problem.sensors[i]]
     columns = np.column_stack([declared.columns(data.pitch_deg, data.roll_deg), declared.beside(data)])
@@ -193,9 +194,10 @@ def _shares(problem: Problem, after: Estimate, names: list[str], unnamed: float,
 
 
 def _apart(problem: Problem, after: Estimate, mine: list[int]) -> float:
-    """How many times as much replications differ along an effect as readings would have them, one at least.
+    """Ratio of the variance between replications along an effect to that from readings, at least one.
 
-    What is constant within replications is known no better than replications agree, however many readings they hold.
+    A term that is constant within replications is known no better than replications agree, however many readings they
+    contain.
     """
     data = problem.scene.data
     if any(table.sigma_E == 0.0 for table in after.tables):
@@ -212,12 +214,12 @@ def _apart(problem: Problem, after: Estimate, mine: list[int]) -> float:
 
 
 def _experiments(effect: Effect, aliases: Iterable[Effect]) -> str:
-    """What to measure: against each alias if there are any, else to confirm the effect."""
+    """Recommended measurement: against each alias if there are any, otherwise to confirm the effect."""
     return "; ".join(dict.fromkeys(separate(effect, alias) for alias in aliases)) or effect.separate_by
 
 
 def _size(problem: Problem, after: Estimate, k: int, i: int) -> float:
-    """Standard errors that term `k` of the model amounts to in sensor `i` by itself."""
+    """Size of term `k` of the model in sensor `i`, in standard errors of that sensor alone."""
     j = after.chosen[k]
     length = np.sqrt(problem.products["declared"].columns[i, j, j])
     sigma = np.sqrt(_pure_variance(after.tables[i]))
@@ -258,7 +260,7 @@ def _part(table: Replication, share: float) -> float:
 
 
 def _added(problem: Problem, after: Estimate, smooth: FoundEffect, i: int) -> Unnamed:
-    """Where a term without a cause that was added to sensor `i` lives."""
+    """Place of a term without a cause that was added to sensor `i`."""
     own = (problem.candidates[j] for j in after.chosen)
     groups = dict.fromkeys(c.term.group for c in own if c.cause == (smooth.effect, problem.sensors[i]))
     level = "along the run" if smooth.against == "elapsed_s" else "between points"
@@ -266,14 +268,14 @@ def _added(problem: Problem, after: Estimate, smooth: FoundEffect, i: int) -> Un
 
 
 def _walk_share(problem: Problem, i: int) -> float:
-    """Share of the variance of a sensor's residual that the walk holds, within a replication."""
+    """Share of a random walk in the variance of a sensor's residual within a replication."""
     data = problem.scene.data
     spread = problem.wander[i] * len(data) / data.replicates.size / 6
     return float(spread / (1.0 + spread))
 
 
 def residual_of(problem: Problem, fitted: Estimate, data: AttitudeData) -> FloatArray:
-    """(S, n) outputs less what was fitted, V, of any observations."""
+    """(S, n) outputs minus the fit, V, for any observations."""
     chosen = [problem.candidates[j] for j in fitted.chosen]
     h = attitude_columns(data.pitch_deg, data.roll_deg, roll=problem.scene.roll)
     model = [predict(h, data, *pair) for pair in zip(fitted.fits, fitted.temperatures, strict=True)]

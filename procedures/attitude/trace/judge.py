@@ -1,4 +1,4 @@
-"""What stands out of an attitude run, over both of its tests: of single observations, and between replications."""
+"""Significance of candidates in an attitude run, by both tests: of single observations, and between replications."""
 
 from __future__ import annotations
 
@@ -24,8 +24,9 @@ from procedures.attitude.trace.robust import second_thoughts
 from procedures.attitude.trace.score import Scores, beside, errors, score
 
 BETWEEN = 5 / 7, 1 / 7
-"""Of ALPHA, for tests between replications without and with a constant that is searched: 2.5 % and 0.5 % of runs,
-beside the 3 % of all others. Second thoughts let less than half of either through."""
+"""Shares of ALPHA for tests between replications without and with a searched constant: 2.5 % and 0.5 % of runs, in
+addition to the 3 % of all others. Later tests remove more than half of each.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,10 +35,9 @@ class AttitudeJudge:
 
     Attributes:
         problem: the run.
-        family: what chance does in it.
-        shut: effects that may not be added: first of all terms without a cause. These never stand in for a cause.
-        oversized: what was refused because it would need an impossible size.
-
+        family: distribution by chance.
+        shut: effects that may not be added, initially terms without a cause. These never replace a cause.
+        oversized: effects refused for an impossible size.
     """
 
     problem: Problem
@@ -47,39 +47,39 @@ class AttitudeJudge:
 
     @property
     def candidates(self) -> tuple[Candidate, ...]:
-        """All there are, in catalogue order."""
+        """All candidates, in catalogue order."""
         return self.problem.candidates
 
     @cached_property
     def searched(self) -> frozenset[str]:
-        """Effects whose units are values of one constant."""
+        """Effects whose units are values of one searched constant."""
         return frozenset(c.effect.name for c in self.candidates if c.effect.searched)
 
     def unit(self, j: int) -> tuple[int, ...]:
-        """Candidates that are judged together with `j`, itself among them."""
+        """Candidates that are judged together with `j`, including it."""
         return self.problem.units[self.problem.unit_of[j]]
 
     def refined(self, chosen: tuple[int, ...]) -> AttitudeJudge:
-        """With the searched constants of what is `chosen` placed more closely."""
+        """With refined values of the searched constants of `chosen`."""
         problem = refined(self.problem, chosen)
         return self if problem is self.problem else replace(self, problem=problem)
 
     @cached_property
     def signs(self) -> FloatArray:
-        """(J,) sign that each candidate's coefficient has physically; 0 where either is possible."""
+        """(J,) physical sign of each candidate's coefficient; 0 if both are possible."""
         return np.array([c.effect.sign(c.term.name) for c in self.candidates], np.float64)
 
     @cached_property
     def _unit_signs(self) -> FloatArray:
-        """(U,) the same of units of one column; those of several have none."""
+        """(U,) the same for units of one column; units of several have none."""
         return np.array([self.signs[unit[0]] if len(unit) == 1 else 0.0 for unit in self.problem.units])
 
     def possible(self, scores: Scores) -> NDArray[np.bool_]:
-        """(U,) units whose coefficient has no sign that physics does not leave it."""
+        """(U,) units whose coefficient has no physically impossible sign."""
         return np.asarray(scores.sign * self._unit_signs >= 0)
 
     def best(self, chosen: tuple[int, ...]) -> tuple[int, ...]:
-        """The unit that removes most beside those `chosen`, of those that stand out."""
+        """The unit that reduces the residual most beside those `chosen`, among the significant ones."""
         if not self.candidates:
             return ()
         scores = score(self.problem, chosen)
@@ -98,13 +98,13 @@ class AttitudeJudge:
         return p if p <= ALPHA else min(p, float(self._between(self._others(chosen, j))[self.problem.unit_of[j]]))
 
     def stratum_of(self, chosen: tuple[int, ...], j: int) -> Stratum:
-        """The stratum in which `j` stands out beside the other `chosen`."""
+        """The stratum in which `j` is significant beside the other `chosen`."""
         if self._p_here(chosen, j) > ALPHA:
             return "replication"
         return "point-by-replication" if self.problem.judged_at[j] == "points" else "between-point"
 
     def rivals(self, chosen: tuple[int, ...], effect: str) -> tuple[Rival, ...]:
-        """All explanations of what the terms of `effect` among `chosen` explain, where coefficients are estimated."""
+        """All explanations for the terms of `effect` among `chosen`, at the level of the estimates."""
         problem = self.problem
         group = tuple(j for j in chosen if problem.candidates[j].effect.name == effect)
         rest = tuple(j for j in chosen if j not in group)
@@ -141,7 +141,7 @@ class AttitudeJudge:
 
     @cached_property
     def closed(self) -> frozenset[tuple[str, str | None]]:
-        """Effects refused for their size, with the sensor; None where one coefficient is for all sensors."""
+        """Effects refused for their size, with the sensor; None for a common coefficient of all sensors."""
         scopes = {c.effect.name: c.sensor is None for c in self.candidates}
         return frozenset(
             (one.effect, sensor)
@@ -150,11 +150,11 @@ class AttitudeJudge:
         )
 
     def too_large(self, found: Refused) -> AttitudeJudge:
-        """A judge that may not add this either."""
+        """A judge that may not add this effect in this sensor."""
         return replace(self, oversized=(*self.oversized, found))
 
     def without(self, names: frozenset[str]) -> AttitudeJudge:
-        """A judge that may not add effects of these names either."""
+        """A judge that may not add effects of these names."""
         return replace(self, shut=self.shut | names)
 
     def with_unnamed(self) -> AttitudeJudge:
@@ -191,10 +191,10 @@ class AttitudeJudge:
         return slow_of(self.problem)
 
     def _between(self, chosen: tuple[int, ...]) -> FloatArray:
-        """(U,) p of what replications say, multiplied by the number of tests over their share of the family.
+        """(U,) p between replications, multiplied by the number of tests over their share of the family.
 
-        What varies within replications too says something there, of which what it does between them knows nothing: the
-        two are put together, each with the weight of what it knows of the coefficient.
+        A unit that also varies within replications has independent information there: both are combined, weighted by
+        their information about the coefficient.
         """
         gamma = coefficients(self.problem, chosen, "declared")[0]
         between = between_replications(self.problem, self._slow, chosen, gamma)
@@ -211,7 +211,7 @@ class AttitudeJudge:
         return np.asarray(np.minimum(p * price, 1.0))
 
     def alone(self, chosen: tuple[int, ...]) -> tuple[Impossible, ...]:
-        """Candidates that stand out beside those `chosen`, but for the sign that they would need."""
+        """Candidates that are significant beside those `chosen`, except for their required sign."""
         if not np.any(self._unit_signs):
             return ()
         problem, scores = self.problem, score(self.problem, chosen)
@@ -234,13 +234,14 @@ class AttitudeJudge:
 
 
 def _together(between: Between, u: int, within: float, sign: float) -> tuple[float, float]:
-    """P and sign of what a unit does between and within replications: by weight and sign; of several columns Fisher's.
+    """P and sign of a unit between and within replications combined: by weight and sign; for several columns by
+    Fisher's method.
 
     Several columns have no sign: 0.
     """
     p = np.clip([between.p[u], within], np.finfo(float).tiny, 1.0)
     if between.sign[u] == 0.0:
-        log_product = float(np.sum(np.log(p)))  # the product itself may be too small for a double
+        log_product = float(np.sum(np.log(p)))  # the product may be too small for a double
         return float(np.exp(log_product)) * (1.0 - log_product), 0.0
     z = -special.ndtri(0.5 * p) * np.sqrt([between.share[u], 1.0 - between.share[u]])
     signed = z[0] * between.sign[u] + z[1] * sign

@@ -1,11 +1,11 @@
-"""The levels of a replicated run: how much is taken out of an output before an effect is looked for.
+"""The levels of a replicated run: parts that are removed from an output before the search for an effect.
 
 declared       the declared model
-replications   the declared model again in every replication, so that whatever a replication has of its own is gone
-points         that, and the mean of every point, so that only what varies point by replication is left
+replications   the declared model in every replication, so that effects of a whole replication are removed
+points         also the mean of every point, so that only variation point by replication remains
 
-What varies between points is judged at `replications`, what varies with time, temperature or direction at `points`:
-no offset of a replication, however it wanders from one to the next, and no lack of fit can then pass for it.
+Effects between points are judged at `replications`, effects of time, temperature or direction at `points`: so neither
+offsets of replications nor lack of fit can be taken for them.
 """
 
 from __future__ import annotations
@@ -29,20 +29,19 @@ LEVELS: tuple[Level, ...] = ("declared", "replications", "points")
 
 @dataclass(frozen=True, eq=False)
 class Levels:
-    """Projections onto what each level leaves.
+    """Projections onto the remainder of each level.
 
     Attributes:
         declared: (n, L) orthonormal basis of the declared model.
         replications: (n, n_rep L) of the model in every replication.
-        points: (n, rank) of the same less the points' means.
+        points: (n, rank) of the same after removing the points' means.
         point: (n,) point of the design.
-        stretch: (n,) which stretch of consecutive observations, a quarter of a replication, a row belongs to.
+        stretch: (n,) index of the stretch of consecutive observations, a quarter of a replication, of each row.
         executed: (n,) rows in the order of running, replication by replication.
         replicate: (n,) replication of each row, from 0.
         alone: for each replication, (L, n_r) from its rows to the parameters of its own fit, scaled so that scatter of
             readings gives all of them its own standard deviation.
-        beside: further columns of the declared model that are taken out for each sensor; they cost degrees of freedom.
-
+        beside: number of further columns of the declared model removed for each sensor; they cost degrees of freedom.
     """
 
     declared: FloatArray
@@ -57,23 +56,23 @@ class Levels:
 
     @property
     def n_points(self) -> int:
-        """K, points of the design."""
+        """K, number of points of the design."""
         return int(self.point.max()) + 1
 
     def df(self, level: Level) -> int:
-        """Degrees of freedom left at a level."""
+        """Remaining degrees of freedom at a level."""
         taken = int(self._basis(level).shape[1]) + (self.n_points if level == "points" else 0)
         return len(self.point) - taken - self.beside
 
     def leave(self, columns: FloatArray, level: Level) -> FloatArray:
-        """(n, q) what is left of `columns` (n, q) at a level."""
+        """(n, q) remainder of `columns` (n, q) at a level."""
         basis = self._basis(level)
         if level == "points":
             columns = centred(columns, self.point)
         return np.asarray(columns - basis @ (basis.T @ columns))
 
     def leave_beside(self, columns: FloatArray, beside: FloatArray, level: Level) -> FloatArray:
-        """(n, q) what is left of `columns` (n, q) at a level, one sensor's further columns (n, p) taken out too."""
+        """(n, q) remainder of `columns` (n, q) at a level, with one sensor's further columns (n, p) removed too."""
         left = self.leave(columns, level)
         if not beside.shape[1]:
             return left
@@ -81,9 +80,8 @@ class Levels:
         return np.asarray(left - basis @ (basis.T @ left))
 
     def products(self, columns: FloatArray, beside: FloatArray) -> dict[Level, FloatArray]:
-        """(q, q) products of what each level leaves of `columns` (n, q), one sensor's further columns (n, p) taken out.
-
-        From products of the columns themselves, less those of what is taken out: nothing is projected.
+        """(q, q) products of the remainders of `columns` (n, q) at each level, with one sensor's further columns (n, p)
+        removed. They are computed from products of the columns, without projections.
         """
         whole, out = columns.T @ columns, dict[Level, FloatArray]()
         for level in LEVELS:
@@ -98,12 +96,12 @@ class Levels:
         return out
 
     def own(self, columns: FloatArray) -> FloatArray:
-        """(n_rep, L, q) parameters of each replication's own fit to `columns` (n, q), less their means."""
+        """(n_rep, L, q) parameters of each replication's own fit to `columns` (n, q), minus their means."""
         each = np.stack([fit @ columns[self.replicate == r] for r, fit in enumerate(self.alone)])
         return np.asarray(each - each.mean(axis=0))
 
     def walks(self, level: Level) -> Walks:
-        """Likelihoods, of what a level leaves, under random walks of the offset."""
+        """Likelihoods of the remainder at a level, for random walks of the offset."""
         if level not in self._walks:
             self._walks[level] = walks_of(
                 self.executed, self.replicate, self._basis(level), float(max(self.df(level), 1))
@@ -123,7 +121,7 @@ class Levels:
 
 
 def levels_of(data: AttitudeData, beside: int = 0) -> Levels:
-    """The levels of a pitch-roll run whose declared model has so many columns beside those of attitude."""
+    """The levels of a pitch-roll run whose declared model has this number of columns beside those of attitude."""
     h = attitude_columns(data.pitch_deg, data.roll_deg, roll=data.has_roll)
     own = own_parameters(h, data.replicate_index)
     return Levels(
@@ -146,7 +144,7 @@ def _alone(h: FloatArray, replicate: IntArray) -> tuple[FloatArray, ...]:
 
 
 def stretches(data: AttitudeData, length: int) -> IntArray:
-    """(n,) which stretch of about `length` consecutive observations of one replication each row belongs to."""
+    """(n,) index of the stretch of about `length` consecutive observations of one replication, for each row."""
     stretch = np.empty(len(data), np.int64)
     first = 0
     for index in range(data.replicates.size):

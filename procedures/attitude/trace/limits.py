@@ -1,4 +1,4 @@
-"""How large each candidate's coefficient can plausibly be."""
+"""Largest plausible coefficient of each candidate."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from procedures.attitude.trace.problem import Problem
 
 
 def limits(problem: Problem) -> FloatArray:
-    """(J,) in the units of the terms; infinite where the catalogue knows no bound."""
+    """(J,) in the units of the terms; infinite if the catalogue has no bound."""
     return np.array(
         [
             np.inf

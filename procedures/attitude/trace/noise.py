@@ -1,7 +1,7 @@
-"""What is found of the noise: an offset that walks, scatter that grows, readings that stand out.
+"""Findings about noise: a random walk of the offset, growing scatter, outliers.
 
-These are findings of stratum "noise". They say how far other findings and the intervals can be trusted; no column is
-added to the model for them.
+These findings have the stratum "noise". They limit the validity of other findings and of intervals; no column is added
+to the model for them.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ from procedures.attitude.trace.wander import walk_evidence
 
 
 def noise_findings(problem: Problem, after: Estimate, i: int) -> tuple[Found, ...]:
-    """What the residual of sensor `i` beside the effects says of its noise."""
+    """Findings about noise in the residual of sensor `i` with the effects."""
     if problem.levels.df("points") <= 0:
         return ()
     sigma = errors(problem, after.chosen)
     if sigma[i] <= 10 * rounding(problem)[i]:
         return ()
     left = whiten(problem, "points", after.chosen, sigma).outputs[i]
-    # beside a walk squared residuals are no independent witnesses of the scatter
+    # with a random walk squared residuals are not independent
     found = _walk(problem, left, float(sigma[i]), i) or _growth(problem, after, left, float(sigma[i]), i)
     return () if found is None else (found,)
 
@@ -55,7 +55,7 @@ def _walk(problem: Problem, left: FloatArray, sigma: float, i: int) -> Found | N
 
 
 def _drivers(problem: Problem, i: int) -> Mapping[str, tuple[str, FloatArray]]:
-    """What the noise may grow with: field to plot it against, and (n,) values."""
+    """Variables on which the noise may depend: field for a plot, and (n,) values."""
     scene, sensor = problem.scene, problem.sensors[i]
     drivers = {
         "slope of the output with the angles": (
@@ -72,7 +72,9 @@ def _drivers(problem: Problem, i: int) -> Mapping[str, tuple[str, FloatArray]]:
 
 
 def _growth(problem: Problem, after: Estimate, left: FloatArray, sigma: float, i: int) -> Found | None:
-    """The driver that squared residuals follow most clearly, by Koenker's test (J. Econometrics 17 (1981) 107)."""
+    """The driver with the most significant relation to squared residuals, by Koenker's test (J. Econometrics 17 (1981)
+    107).
+    """
     squares, drivers = left**2, _drivers(problem, i)
     about, best = squares - squares.mean(), (1.0, "", 0.0)
     for name, (_, value) in drivers.items():
@@ -108,10 +110,9 @@ def _intervals(problem: Problem, after: Estimate, squares: FloatArray, i: int) -
 
     Args:
         problem: the run.
-        after: what was fitted.
-        squares: (n,) of the residuals, over their mean; whatever the scatter grows with, and however.
+        after: the fit.
+        squares: (n,) of the residuals, over their mean; for any dependence of the scatter.
         i: the sensor.
-
     """
     data = problem.scene.data
     h = problem.fits[problem.sensors[i]].columns(data.pitch_deg, data.roll_deg)
@@ -124,16 +125,15 @@ def _intervals(problem: Problem, after: Estimate, squares: FloatArray, i: int) -
 def outlier_finding(
     problem: Problem, whole: AttitudeData, rows: IntArray, sd: FloatArray, moved: float, i: int
 ) -> Found:
-    """The readings of sensor `i` that stand out.
+    """The outliers of sensor `i`.
 
     Args:
         problem: of the run without them.
         whole: the run with them.
-        rows: (k,) of the whole run in which sensor `i` stands out.
+        rows: (k,) outliers of sensor `i`, rows of the whole run.
         sd: (n,) deviations, in standard deviations.
-        moved: how far the fit moves with them, in its standard errors.
+        moved: change of the fit by them, in its standard errors.
         i: the sensor.
-
     """
     worst = rows[np.argsort(-np.abs(sd[rows]))]
     scale = float(errors(problem, ())[i])

@@ -1,13 +1,13 @@
-"""Few numbers, one a replication, that may differ independently and may take a random walk: is there a slope in them?
+"""Test of a slope in few numbers, one per replication, that may differ independently and may have a random walk.
 
-Their covariance is (1 + w) I + t K, K that of a random walk, in units of the scatter that readings give them. All
-sensors have the same w and t; or the sensor in question has its own, at a price. The slope has to make the numbers
-likelier than they are without it, each with the w and t that make them likeliest (restricted likelihood, the mean
-taken out). The ratio is turned into Student's t as if one variance had been estimated, which it would be exactly.
+Their covariance is (1 + w) I + t K, with K of a random walk, in units of their scatter from readings. All sensors have
+the same w and t; or the sensor in question has its own, at a price. The slope is tested by the ratio of likelihoods
+with and without it, each with its own most likely w and t (restricted likelihood, with the mean removed). The ratio is
+converted to Student's t as for one estimated variance, which would be exact.
 
-Calibrated by simulation of 4, 6 and 12 replications of one and of three sensors: a p below 5e-4 comes in at most 2e-3
-of runs where all sensors' offsets walk or differ, and in 5e-3 where one sensor's alone do; where readings are all the
-scatter in a tenth of that.
+Calibrated by simulation of 4, 6 and 12 replications of one and of three sensors: a p below 5e-4 occurs in at most 2e-3
+of runs if all sensors' offsets walk or differ, and in 5e-3 if only one sensor's do; with scatter of readings only, in a
+tenth of that.
 """
 
 from __future__ import annotations
@@ -21,26 +21,25 @@ from scipy import special
 from fitter.arrays import FloatArray
 
 VARIANCES = np.concatenate([[0.0], 4.0 ** np.arange(-2, 8)])
-"""Tried for w and t."""
+"""Tried values of w and t."""
 OWN = 2.0
-"""Price, in logarithms of the likelihood, of variances that one sensor has for itself."""
+"""Price, in the logarithm of the likelihood, of a sensor's own variances."""
 SPREAD = 1.15
-"""By which the ratio is larger than it should be where the numbers are likeliest with a walk."""
+"""Inflation of the ratio if a walk is the most likely."""
 AT_ONCE = 32
 
 
 def slopes(
     x: FloatArray, v: FloatArray, tested: NDArray[np.bool_], others: NDArray[np.bool_], walk: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """(Q,) probabilities by chance of so good a slope, and (Q,) signs of the slopes.
+    """(Q,) probabilities of such a slope by chance, and (Q,) signs of the slopes.
 
     Args:
-        x: (S, n, Q) what each of Q slopes is of, in S sensors.
+        x: (S, n, Q) variables of Q slopes, in S sensors.
         v: (S, n, Q) the numbers.
-        tested: (S, Q) sensors that have the slope in question in common.
-        others: (S, Q) sensors that have slopes of their own, and only say how replications vary.
-        walk: (S, Q) the least t, as far as it is known from within replications.
-
+        tested: (S, Q) sensors with the common slope in question.
+        others: (S, Q) sensors with their own slopes, used only for the variation of replications.
+        walk: (S, Q) minimum t, if known from within replications.
     """
     p, sign = np.ones(x.shape[2]), np.zeros(x.shape[2])
     for first in range(0, x.shape[2], AT_ONCE):
@@ -73,14 +72,16 @@ def _slopes(
 
 
 def _likeliest(tested: FloatArray, rest: FloatArray) -> FloatArray:
-    """(Q,) logarithm of the likelihood with the best of (T, Q) variances, in common or not."""
+    """(Q,) logarithm of the likelihood with the best of (T, Q) variances, common or not."""
     apart = np.max(tested, axis=0) + np.max(rest, axis=0) - OWN
     return np.asarray(np.maximum(np.max(tested + rest, axis=0), apart))
 
 
 @cache
 def _roots(n: int) -> tuple[FloatArray, FloatArray]:
-    """(T, n - 1, n) what makes n numbers white and takes their mean out, and (T,) logarithms of the determinants."""
+    """(T, n - 1, n) transformations that whiten n numbers and remove their mean, and (T,) logarithms of the
+    determinants.
+    """
     contrasts = np.linalg.qr(np.column_stack([np.ones(n), np.eye(n)[:, 1:]]))[0][:, 1:].T
     ahead = np.arange(1.0, n + 1)
     walk = contrasts @ (np.minimum.outer(ahead, ahead) - np.eye(n) / 6) @ contrasts.T

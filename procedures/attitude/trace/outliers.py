@@ -1,7 +1,7 @@
-"""Readings that stand out: pointed at, and left out of the search, so that they neither hide nor make effects.
+"""Outliers: reported, and left out of the search, so that they neither mask nor create effects.
 
-They are looked for beside what is in the model. A reading is compared with the median of its point over replications,
-which one bad reading does not move, on the scale of a quantile of all deviations that the few do not move either.
+They are searched with the effects in the model. A reading is compared with the median of its point over replications,
+which is insensitive to one bad reading, on the scale of a quantile of all deviations, which is insensitive to a few.
 """
 
 from __future__ import annotations
@@ -14,27 +14,28 @@ from fitter.resolution import resolution, robust_sd
 from procedures.attitude.data import AttitudeData
 
 BY_CHANCE = 0.001
-"""Probability that one of all readings of a clean run is pointed at, were deviations normal; from a median of six they
-are a little more, and one run of a hundred has one."""
+"""Probability that a reading of a clean run is named, for normal deviations; from a median of six they are a little
+larger, and one run of a hundred has one.
+"""
 FEW = 0.005
-"""Of the readings at most; more are no outliers but noise with long tails, or an effect."""
+"""Maximum share of outliers; more mean noise with long tails, or an effect."""
 INSIDE = 0.95
-"""Share of deviations that the scale is taken from. The middle ones say little of it: of few readings at a point the
-median is one of them."""
+"""Share of deviations for the scale. The middle ones have little information: with few readings at a point the median
+is one of them.
+"""
 REPLICATIONS = 3
-"""Without as many a point has no median to compare with, and readings are compared with the model alone."""
+"""Minimum number of readings for a point's median; with fewer, readings are compared with the model alone."""
 
 
 def outliers(data: AttitudeData, residual: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Which readings stand out, and by how much.
+    """Outliers, and their deviations.
 
     Args:
         data: the run.
         residual: (S, n) of every sensor, V.
 
     Returns:
-        (k,) rows in which a sensor does, and (S, n) deviations in standard deviations.
-
+        (k,) rows with an outlier of a sensor, and (S, n) deviations in standard deviations.
     """
     steps = [resolution(output) for output in data.outputs.values()]
     sd = np.stack([_deviations(data, one, step) for one, step in zip(residual, steps, strict=True)])

@@ -1,4 +1,4 @@
-"""Sizes that no cause of that name can have: the search goes on without it, and says so."""
+"""Implausible sizes of a cause: the search continues without it, with a note."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from procedures.attitude.trace.problem import Problem
 
 
 def plausible(judge: AttitudeJudge, chosen: tuple[int, ...]) -> tuple[AttitudeJudge, tuple[int, ...]]:
-    """Search on without what would need an impossible size, the worst first: others may shrink without it."""
+    """Search again without effects of an impossible size, the worst first: others may become smaller without it."""
     while chosen:
         worst = _worst(judge.problem, chosen)
         if worst is None:
@@ -26,7 +26,7 @@ def plausible(judge: AttitudeJudge, chosen: tuple[int, ...]) -> tuple[AttitudeJu
 
 
 def _worst(problem: Problem, chosen: tuple[int, ...]) -> Refused | None:
-    """The effect that is furthest beyond what it can be, for certain."""
+    """The effect that most exceeds its largest plausible size, significantly."""
     fitted = estimate(problem, chosen)
     most = limits(problem)[list(chosen)]
     stderr = np.sqrt(np.diag(fitted.covariance))

@@ -1,4 +1,4 @@
-"""From a run to the problem of its search."""
+"""Preparation of the search of a run."""
 
 from __future__ import annotations
 
@@ -17,14 +17,16 @@ from procedures.attitude.trace.levels import LEVELS, Level, levels_of
 from procedures.attitude.trace.problem import Candidate, Problem, Products, columns_of, scene_of
 
 KEPT = 0.05
-"""A candidate is judged point by replication if this share of what replications leave of it varies there. In other
-orders of running time and direction are functions of the point, and it is judged between points: by so small a share
-an effect could only be found when it is large enough to have been given other names between points before."""
+"""Minimum share of variation point by replication, of a candidate's remainder at `replications`, for a judgement there.
+In other orders of running, time and direction are functions of the point, and it is judged between points: with a
+smaller share an effect would be found only if it is so large that it got other names between points before.
+"""
 IS_THE_MODEL = 1e-4
-"""A column of which no larger share than this is left beside the declared model adds nothing to it."""
+"""Minimum remaining share of a column beside the declared model."""
 REACHES = 0.05
-"""A term must move the sensors by this share of what the strongest term of its effect does. Others reach them only
-through small misalignments and would need absurd coefficients."""
+"""Minimum influence of a term on the sensors, relative to the strongest term of its effect. Other terms reach them only
+through small misalignments and would need absurd coefficients.
+"""
 
 
 def pose(data: AttitudeData, catalogue: Sequence[Effect], *, temperature: bool = False) -> Problem:
@@ -32,13 +34,12 @@ def pose(data: AttitudeData, catalogue: Sequence[Effect], *, temperature: bool =
 
     Args:
         data: the run.
-        catalogue: effects to look for.
-        temperature: whether offset and sensitivity follow the sensor's temperature in the declared model.
+        catalogue: effects to search.
+        temperature: whether offset and sensitivity depend on the sensor's temperature in the declared model.
 
     Raises:
-        fitter.linear.RankError: the points visited do not determine the declared model.
+        fitter.linear.RankError: the points do not determine the declared model.
         FitError: the declared model has temperature, and none was recorded or it never changed.
-
     """
     fits = fit_all(data, temperature=temperature)
     scene = scene_of(data, fits)
@@ -91,7 +92,7 @@ def pose(data: AttitudeData, catalogue: Sequence[Effect], *, temperature: bool =
 def _products(
     known: list[dict[Level, FloatArray]], owns: Sequence[IntArray], useful: NDArray[np.bool_]
 ) -> dict[Level, Products]:
-    """Of the useful ones of all candidates, from products of each sensor's own with its output last."""
+    """Indices of the useful candidates, from products of each sensor's own with its output last."""
     sensors, count, number = len(known), int(useful.sum()), np.cumsum(useful) - 1
     out = {
         level: Products(np.zeros((sensors, count, count)), np.zeros((sensors, count)), np.zeros(sensors))
@@ -131,7 +132,7 @@ def _judged_at(
 
 
 def _useful(candidates: Sequence[Candidate], length: FloatArray, left: FloatArray) -> NDArray[np.bool_]:
-    """(J,) whether a candidate adds something to the declared model, and moves the sensors directly."""
+    """(J,) whether a candidate adds something to the declared model, and acts directly on the sensors."""
     own = np.linalg.norm(length, axis=0)
     strongest: dict[tuple[str, str | None], float] = {}
     for candidate, size in zip(candidates, own, strict=True):

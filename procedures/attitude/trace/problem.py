@@ -1,8 +1,8 @@
-"""A run made ready for the search: every candidate's column for every sensor, and their products at every level.
+"""A run prepared for the search: every candidate's column for every sensor, and their products at every level.
 
-Products are all that least squares needs, whatever is in the model: a search over hundreds of columns then never
-touches the observations again, except for the few candidates that come near to standing out. Their columns are computed
-again when they are wanted, which is quicker than it sounds and takes a third of the memory of keeping all of them.
+Least squares needs only products, for any model. So a search over hundreds of columns does not use the observations
+again, except for the few candidates near significance. Their columns are computed again when needed, which is fast and
+takes a third of the memory of storing all.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from procedures.attitude.fit import AttitudeFit
 from procedures.attitude.trace.levels import LEVELS, Level, Levels
 
 AT_ONCE = 64
-"""Columns that are computed at a time where only their products are wanted."""
+"""Number of columns computed together if only their products are needed."""
 
 
 @dataclass(frozen=True)
@@ -34,19 +34,18 @@ class Candidate:
 
     @property
     def cause(self) -> tuple[str, str | None]:
-        """What candidates of one physical cause have in common."""
+        """Properties of the candidates of one physical cause."""
         return self.effect.name, self.sensor
 
 
 @dataclass(frozen=True, eq=False)
 class Products:
-    """Of what a level leaves of J columns and the output of each of S sensors.
+    """Products of the remainders of J columns and the output of each of S sensors at a level.
 
     Attributes:
         columns: (S, J, J).
         outputs: (S, J).
         square: (S,) outputs with themselves.
-
     """
 
     columns: FloatArray
@@ -64,17 +63,16 @@ class Problem:
         candidates: J of them, in catalogue order.
         units: candidates that are judged together, by index; every candidate is in one.
         levels: projections.
-        concerned: for each sensor, indices of the candidates that concern it.
-        outputs: (S, n) what it leaves of the outputs.
+        concerned: for each sensor, indices of its candidates.
+        outputs: (S, n) residual outputs of the declared model.
         products: of both, by level.
-        own: (n_rep, S, L, J) what each column does to the parameters of each replication's own fit, centred.
+        own: (n_rep, S, L, J) influence of each column on the parameters of each replication's own fit, centred.
         own_outputs: (n_rep, S, L) these parameters.
-        length: (S, J) length of each column as it is.
+        length: (S, J) length of each original column.
         judged_at: for each candidate, the level it is tested at.
-        wander: (S,) mean square step, a row, of the random walk in each sensor's offset, over its error's variance;
-            zero where the residual shows none.
-        left_out: candidates that cannot be computed with.
-
+        wander: (S,) mean square step per row of the random walk in each sensor's offset, over its error's variance;
+            zero without a detected walk.
+        left_out: candidates that cannot be used in computation.
     """
 
     scene: Scene
@@ -99,12 +97,12 @@ class Problem:
 
     @cached_property
     def unit_of(self) -> tuple[int, ...]:
-        """(J,) index of the unit each candidate is in."""
+        """(J,) index of each candidate's unit."""
         where = {j: u for u, unit in enumerate(self.units) for j in unit}
         return tuple(where[j] for j in range(len(self.candidates)))
 
     def columns_at(self, level: Level, picked: Sequence[int]) -> FloatArray:
-        """(S, n, q) what a level leaves of some candidates' columns, V per unit coefficient."""
+        """(S, n, q) remainders of some candidates' columns at a level, V per unit coefficient."""
         raw = raw_columns(self.scene, [self.candidates[j] for j in picked])
         for i, columns in enumerate(raw):
             own = np.flatnonzero(np.any(columns != 0.0, axis=0))
@@ -113,7 +111,7 @@ class Problem:
         return raw
 
     def outputs_at(self, level: Level) -> FloatArray:
-        """(S, n) what a level leaves of the outputs, V."""
+        """(S, n) remainders of the outputs at a level, V."""
         return self._outputs[level]
 
     @cached_property
@@ -124,11 +122,13 @@ class Problem:
         }
 
     def left(self, i: int, columns: FloatArray, level: Level) -> FloatArray:
-        """(n, q) what a level leaves of columns (n, q) of sensor `i`, or of what the declared model leaves of them."""
+        """(n, q) remainder of columns (n, q) of sensor `i`, or of their remainder after the declared model,
+        at a level.
+        """
         return self.levels.leave_beside(columns, self.fits[self.sensors[i]].beside(self.scene.data), level=level)
 
     def with_terms(self, unit: int, terms: Sequence[Term]) -> Problem:
-        """The problem with other terms, other values of a constant that is searched, in the place of a unit's."""
+        """The problem with other terms, for other values of a searched constant, in place of a unit's."""
         picked = list(self.units[unit])
         candidates = list(self.candidates)
         for j, term in zip(picked, terms, strict=True):
@@ -158,7 +158,7 @@ def _copied(products: Products) -> Products:
 
 
 def columns_of(scene: Scene, candidates: Sequence[Candidate], sensor: str, out: FloatArray | None = None) -> FloatArray:
-    """(n, q) columns of one sensor, in the first q columns of `out` if it is given."""
+    """(n, q) columns of one sensor, written to the first q columns of `out` if given."""
     out = np.empty((len(scene.data), len(candidates)), order="F") if out is None else out
     for k, candidate in enumerate(candidates):
         out[:, k] = candidate.term.column(scene, sensor)
@@ -170,7 +170,7 @@ def _batches(candidates: Sequence[Candidate]) -> Iterator[Sequence[Candidate]]:
 
 
 def scene_of(data: AttitudeData, fits: Mapping[str, AttitudeFit]) -> Scene:
-    """References of a run: mean temperature, middle of the time, each sensor's axis as the declared model has it."""
+    """References of a run: mean temperature, middle of the time, each sensor's axis by the declared model."""
     turn = data.mounting if data.has_roll else data.turned
     turned = np.eye(3) if turn is None else turn[0]
     axes, temperature = {s: turned @ fit.sensitive_axis for s, fit in fits.items()}, data.sensor_temperature_degC
@@ -186,7 +186,7 @@ def scene_of(data: AttitudeData, fits: Mapping[str, AttitudeFit]) -> Scene:
 
 
 def raw_columns(scene: Scene, candidates: Sequence[Candidate]) -> FloatArray:
-    """(S, n, J) columns of `candidates`: zero for the sensors a candidate does not concern."""
+    """(S, n, J) columns of `candidates`: zero for sensors that a candidate does not concern."""
     sensors = scene.data.sensors
     out = np.zeros((len(sensors), len(scene.data), len(candidates)))
     for j, candidate in enumerate(candidates):

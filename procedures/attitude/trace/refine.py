@@ -1,4 +1,4 @@
-"""Constants searched on a coarse grid, the moment of a step say, placed as closely as the data allow."""
+"""Refinement of constants searched on a coarse grid, such as the time of a step, to the resolution of the data."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from procedures.attitude.trace.score import errors, inverse, whiten
 
 
 def refined(problem: Problem, chosen: tuple[int, ...]) -> Problem:
-    """The problem with every unit among `chosen` that has a searched constant at the value that explains most."""
+    """The problem with the most explanatory value of the searched constant of every unit among `chosen`."""
     for u in dict.fromkeys(problem.unit_of[j] for j in chosen):
         first = problem.candidates[problem.units[u][0]]
         if first.term.finer is not None:
@@ -18,7 +18,7 @@ def refined(problem: Problem, chosen: tuple[int, ...]) -> Problem:
 
 
 def _placed(problem: Problem, others: tuple[int, ...], u: int) -> Problem:
-    """One unit's constant, beside the `others` in the model."""
+    """Refine one unit's constant, with the `others` in the model."""
     unit = problem.units[u]
     first, level = problem.candidates[unit[0]], problem.judged_at[unit[0]]
     assert first.term.finer is not None

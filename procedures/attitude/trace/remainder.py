@@ -1,4 +1,4 @@
-"""What is left between points, and where it lives."""
+"""The remainder between points, and its place."""
 
 from __future__ import annotations
 
@@ -13,14 +13,13 @@ from procedures.attitude.trace.problem import Problem
 
 
 def shared_attitude(problem: Problem, corrected_V: FloatArray) -> FTest:
-    """Do commands that share an attitude but not head angles agree, beyond pure error?
+    """Test of agreement, within pure error, of commands with the same attitude but different head angles.
 
     Effects of gravity on the package are functions of attitude and cancel here; errors of the head do not.
 
     Args:
         problem: the run.
-        corrected_V: (n,) one sensor's output, less what is known.
-
+        corrected_V: (n,) one sensor's output minus known effects.
     """
     data = problem.scene.data
     left = problem.levels.leave(corrected_V[:, None], "replications")
@@ -35,12 +34,11 @@ def shared_attitude(problem: Problem, corrected_V: FloatArray) -> FTest:
 
 
 def strongest_wave(problem: Problem, corrected_V: FloatArray) -> Unnamed:
-    """The product of waves in pitch and roll, up to `HARMONICS` a turn, that holds most of what is left.
+    """The product of harmonics in pitch and roll, up to `HARMONICS` per turn, with the largest part of the remainder.
 
     Args:
         problem: the run.
-        corrected_V: (n,) one sensor's output, less what is known.
-
+        corrected_V: (n,) one sensor's output minus known effects.
     """
     data, roll = problem.scene.data, problem.scene.roll
     left = problem.levels.leave(corrected_V[:, None], "replications")[:, 0]

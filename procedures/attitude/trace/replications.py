@@ -1,12 +1,12 @@
-"""The stratum of replications: effects that are nearly constant within one and vary from one to the next.
+"""The stratum of replications: effects that are nearly constant within a replication and vary between replications.
 
-Each replication's own parameters are one observation here, and there are only n of them. What a candidate would do
-to them is a direction in the space of parameters and a size for each replication; the parameters along that direction
-are regressed on that size. Beside the scatter that readings give them, which is known, replications may differ
-independently and may take a random walk (`offsets.py`): a trend in six offsets that a random walk explains is no trend.
+Each replication's own parameters are one observation here, so there are only n of them. The influence of a candidate is
+a direction in the space of parameters and a size for each replication; the parameters along that direction are
+regressed on that size. In addition to the known scatter from readings, replications may differ independently and may
+have a random walk (`offsets.py`): a trend in six offsets that a random walk explains is not a trend.
 
-A package that slips turns all sensors alike. What their axes do beside that, 9 numbers a replication for three sensors,
-is error enough to judge it by.
+A package that slips turns all sensors together. The other movements of their axes, 9 numbers per replication for three
+sensors, give the error for its test.
 """
 
 from __future__ import annotations
@@ -24,31 +24,31 @@ from procedures.attitude.trace.problem import Problem
 from procedures.attitude.trace.score import errors
 
 FEWEST = 4
-"""Replications without which nothing can be said at this level."""
+"""Minimum number of replications for tests at this level."""
 SHOWS = 0.25
-"""What a column does between replications, in squares of the errors there, over what it does within them: below this
-share nothing is gained by asking."""
+"""Minimum ratio of a column's influence between replications, in squared errors there, to that within them; below it a
+test gains nothing.
+"""
 REACHES = 0.05
-"""Share of what a column does that it must do to a sensor, for that sensor to have a part in it."""
+"""Minimum share of a column's influence on a sensor for that sensor to be included."""
 MOVES = 1e-4
-"""Share of a column's square that must be a move of replications' own parameters."""
+"""Minimum share of a column's square that is a change of replications' own parameters."""
 
 
 @dataclass(frozen=True, eq=False)
 class Slow:
-    """What candidates do to the own parameters of n replications of S sensors: Q columns that show there, and slips.
+    """Influence of candidates on the own parameters of n replications of S sensors: Q visible columns, and slips.
 
     Attributes:
         columns: (Q,) the candidates.
-        searched: (Q,) whether they have a constant that is searched.
-        x: (S, n, Q) size of the move along the direction in which a column moves a sensor's parameters most, centred;
-            for the sensors that a column does not concern, that of the same term on them.
+        searched: (Q,) whether they have a searched constant.
+        x: (S, n, Q) size of the change along the direction of a column's largest influence on a sensor's parameters,
+            centred; for sensors that a column does not concern, that of the same term on them.
         direction: (S, L, Q) these directions.
         tested: (S, Q) sensors that the column concerns.
-        others: (S, Q) sensors that the same term concerns, and this column does not.
-        share: (Q,) of what is known of a column's coefficient, how much is known from between replications.
+        others: (S, Q) sensors of the same term that this column does not concern.
+        share: (Q,) share of the information about a column's coefficient from between replications.
         slips: units of stratum "replication".
-
     """
 
     columns: IntArray
@@ -63,13 +63,12 @@ class Slow:
 
 @dataclass(frozen=True, eq=False)
 class Between:
-    """What replications say of each unit, (U,); p is one where there is nothing to test.
+    """Tests between replications for each unit, (U,); p is one if there is no test.
 
     Attributes:
-        p: probability of so good a relation by chance.
+        p: probability of such a relation by chance.
         sign: of the coefficient; zero for units of several columns.
         share: see `Slow`.
-
     """
 
     p: FloatArray
@@ -78,7 +77,7 @@ class Between:
 
 
 def slow_of(problem: Problem) -> Slow:
-    """What is tested between replications: what is not between points, and shows there enough to be worth asking."""
+    """Candidates tested between replications: those that are not between points, and visible enough there."""
     n, sensors, size = problem.own.shape[:3]
     picked = [j for j, c in enumerate(problem.candidates) if c.effect.stratum not in ("between-point", "replication")]
     if n < FEWEST:
@@ -128,14 +127,13 @@ def slow_of(problem: Problem) -> Slow:
 
 
 def between_replications(problem: Problem, slow: Slow, chosen: tuple[int, ...], gamma: FloatArray) -> Between:
-    """What replications say of every unit beside the `chosen` candidates.
+    """Tests between replications of every unit beside the `chosen` candidates.
 
     Args:
         problem: the run.
-        slow: what is tested.
+        slow: the tested candidates.
         chosen: candidates already in the model.
         gamma: their coefficients.
-
     """
     out = Between(*(np.full(len(problem.units), value) for value in (1.0, 0.0, 0.0)))
     sigma = errors(problem, chosen)
@@ -144,7 +142,7 @@ def between_replications(problem: Problem, slow: Slow, chosen: tuple[int, ...], 
     known = errors(problem, ())
     scale = (known / sigma)[:, None, None]
     values = np.einsum("nsl,slq->snq", own, slow.direction)
-    # only the offset walks, the first of the parameters; a row's step, in squares of a replication's own error
+    # only the offset walks, the first parameter; a row's step, in squares of a replication's own error
     walk = slow.direction[:, 0] ** 2 * problem.wander[:, None] * (len(problem.scene.data) / len(own)) ** 2
     p, sign = slopes(slow.x * scale, values, slow.tested, slow.others, walk)
     for q, j in enumerate(slow.columns.tolist()):
@@ -162,16 +160,15 @@ def between_replications(problem: Problem, slow: Slow, chosen: tuple[int, ...], 
 
 
 def _p_turn(moves: FloatArray, y: FloatArray) -> float:
-    """P of a unit that moves several parameters of all sensors in a common proportion from one replication on.
+    """P of a unit that changes several parameters of all sensors in a common proportion from some replication on.
 
-    What else those parameters do is the error, if it is more than the scatter of readings explains. Tested on the
-    parameters themselves, as if replications differed independently, and on their changes, as if they took a random
-    walk; the worse counts.
+    Other changes of those parameters are the error, if they exceed the scatter of readings. It is tested on the
+    parameters, for independent differences between replications, and on their changes, for a random walk; the larger p
+    counts.
 
     Args:
-        moves: (n_rep, m, q) what each of the unit's columns does to the m parameters, centred.
-        y: (n_rep, m) the parameters, over the scatter that readings give them, centred.
-
+        moves: (n_rep, m, q) influence of each of the unit's columns on the m parameters, centred.
+        y: (n_rep, m) the parameters over their scatter from readings, centred.
     """
     moved = np.linalg.norm(moves, axis=(0, 2))
     concerned = moved > 0.05 * moved.max()

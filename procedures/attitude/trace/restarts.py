@@ -1,8 +1,7 @@
-"""Searches from other starts: what came in first may have stood in for several effects that were not yet in the model.
+"""Searches from other starts: the first candidate may have replaced several effects that were not yet in the model.
 
-A search that adds the best one at a time can end in a crowd of effects that share what two or three explain better.
-It is only begun again where a crowd was found; what the starts end in is compared as alias classes are, by what is left
-and the price of the columns.
+A search that adds one candidate at a time can end with many effects in place of two or three better ones. It is
+repeated only in such a case. The results are compared like alias classes, by residual and price of the columns.
 """
 
 from __future__ import annotations
@@ -16,13 +15,13 @@ from procedures.attitude.trace.judge import AttitudeJudge
 from procedures.attitude.trace.score import beside, errors, score
 
 CROWD = 3
-"""Effects from which on a search is begun again."""
+"""Minimum number of effects for a repeated search."""
 MOST_STARTS = 5
-"""Other starts at most, those that explain most by themselves."""
+"""Maximum number of other starts, those with the largest gain alone."""
 
 
 def search_with_restarts(judge: AttitudeJudge) -> tuple[AttitudeJudge, tuple[int, ...]]:
-    """The judge with its searched constants placed, and the best of what searches from several starts end in."""
+    """The judge with refined constants, and the best result of searches from several starts."""
     ends = [search_and_name(judge)]
     if len(names_of(judge.candidates, ends[0][1])) >= CROWD:
         ends += [search_and_name(judge, prune(judge, start)) for start in _starts(judge)]
@@ -31,7 +30,7 @@ def search_with_restarts(judge: AttitudeJudge) -> tuple[AttitudeJudge, tuple[int
 
 
 def _starts(judge: AttitudeJudge) -> list[tuple[int, ...]]:
-    """For effects that stand out beside nothing, the best unit in every sensor in which they do; strongest first."""
+    """For each effect significant by itself, the best unit in every such sensor; strongest first."""
     problem = judge.problem
     scores = score(problem, ())
     best: dict[str, dict[str | None, int]] = {}

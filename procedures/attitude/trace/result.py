@@ -1,4 +1,4 @@
-"""What a trace found, ready to print or to plot."""
+"""Findings of a trace, for printing and plots."""
 
 from __future__ import annotations
 
@@ -27,53 +27,52 @@ from procedures.attitude.trace.problem import Candidate, raw_columns
 
 @dataclass(frozen=True, eq=False)
 class FoundEffect(Found):
-    """An effect as it shows in one attitude sensor.
+    """An effect in one attitude sensor.
 
     Attributes:
-        columns_V: (n, q) what each of its terms adds to the output of each observation.
-
+        columns_V: (n, q) contribution of each of its terms to the output of each observation.
     """
 
     columns_V: FloatArray
 
     @property
     def contribution_V(self) -> FloatArray:  # noqa: N802 - the unit is part of the name
-        """(n,) what it adds to the output of each observation."""
+        """(n,) its contribution to the output of each observation."""
         return np.asarray(self.columns_V.sum(axis=1))
 
     @property
     def own_keys(self) -> dict[str, JsonValue]:
-        """Keys of JSON that only attitude sensors have."""
+        """Keys of JSON for attitude sensors only."""
         return {"rms_V": float(np.sqrt(np.mean(self.contribution_V**2)))}
 
 
 @dataclass(frozen=True, eq=False)
 class SensorTrace:
-    """What was found in one sensor.
+    """Findings in one sensor.
 
     Attributes:
         sensor: column name of its output.
         declared: the declared model.
         verdict: "explained", "nothing to add", "partly explained" or "unexplained".
         before: Table 2 with the declared model.
-        after: Table 2 with the effects taken out.
-        cv_rms_before: rms error on replications left out, V; None with a single replication.
-        cv_rms_after: the same after, with the search repeated without the replication left out.
+        after: Table 2 with the effects removed.
+        cv_rms_before: rms error of left-out replications, V; None for a single replication.
+        cv_rms_after: the same after, with a search without the left-out replication.
         effects: found, largest share first.
-        unnamed: what remains, if it is more than error.
-        shared_attitude_before: do commands that share an attitude agree? Only the head, not gravity, can part them.
-        shared_attitude_after: the same with the effects taken out.
-        fit: the declared model beside the effects.
-        temperature: what temperature adds in it; None where the declared model has none in it.
-        S_V: sensitivity, to express volts in degrees.
+        unnamed: the remainder, if it exceeds error.
+        shared_attitude_before: agreement of commands with the same attitude; only the head can cause differences, not
+            gravity.
+        shared_attitude_after: the same with the effects removed.
+        fit: the declared model, fitted with the effects.
+        temperature: its temperature terms; None without.
+        S_V: sensitivity, for conversion of volts to degrees.
         residual_before_V: (n,) residual of the declared model, in the data's order of rows.
         residual_after_V: (n,) residual with the effects.
-        temperature_recorded: whether effects of temperature could be tested at all.
-        noise: what was found of the noise; in JSON these are effects of stratum "noise".
+        temperature_recorded: whether effects of temperature could be tested.
+        noise: findings about noise; in JSON these are effects of stratum "noise".
         smooth: terms without a cause that were added.
-        refused: causes that would fit, but for the sign that they would need.
-        keeping: sentences about what was not kept, and what was kept for the sake of other sensors.
-
+        refused: causes that would fit, except for their required sign.
+        keeping: sentences about effects that were not kept, or kept because of other sensors.
     """
 
     sensor: str
@@ -117,7 +116,7 @@ class SensorTrace:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Sentences that stand beside the numbers before and after."""
+        """Sentences shown with the numbers before and after."""
         notes = [*(one.sentence for one in self.refused), *self.keeping]
         if self.after.blind is not None:
             notes.append(self.after.blind.sentence)
@@ -160,7 +159,7 @@ class SensorTrace:
 
 
 def _unit(name: str) -> str:
-    """Unit of a row by its name; sigmas and left-out errors are in volts, and in degrees where their name ends so."""
+    """Unit of a row by its name; sigmas and left-out errors are in volts, or in degrees by their name."""
     if name.endswith("_deg"):
         return "deg"
     return "V" if name.startswith(("sigma_", "cv_rms")) else ""
@@ -168,7 +167,7 @@ def _unit(name: str) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Trace:
-    """What was found in a run.
+    """Findings in a run.
 
     Attributes:
         sensors: by column name.
@@ -176,10 +175,9 @@ class Trace:
         chosen: the terms in the model.
         gamma: (q,) their coefficients, in the terms' own units.
         points: number of observations.
-        outliers: rows that stand out and were left out of search and fit.
+        outliers: outliers, left out of search and fit.
         explanations: all of them for each effect found, best first.
-        alternatives: the effects with another member of a class in the place of the one named, one for every member.
-
+        alternatives: the effects with another member of a class in place of the named one, one for every member.
     """
 
     sensors: Mapping[str, SensorTrace]
@@ -193,24 +191,24 @@ class Trace:
 
     @property
     def about(self) -> dict[str, JsonValue]:
-        """What the run is, for JSON."""
+        """Properties of the run as JSON values."""
         return {"points": self.points, "kind": "pitch-roll"}
 
     @property
     def reference(self) -> dict[str, JsonValue]:
-        """Where the effects' columns are zero, for JSON."""
+        """References at which the effects' columns are zero, as JSON values."""
         return {"temperature_degC": self.scene.temperature_degC, "elapsed_s": self.scene.elapsed_s}
 
     def outcomes(self) -> tuple[Outcome, ...]:
-        """What is said of each sensor, in the form of every kind of run."""
+        """Outcome of each sensor, in the form of every kind of run."""
         return tuple(found.outcome() for found in self.sensors.values())
 
     def predict(self, data: AttitudeData) -> dict[str, FloatArray]:
-        """(n,) outputs in volts of each sensor for other observations, effects included."""
+        """(n,) outputs of each sensor for other observations, with effects, volts."""
         extra = raw_columns(self.scene.on(data), self.chosen) @ self.gamma
         h = attitude_columns(data.pitch_deg, data.roll_deg, roll=self.scene.roll)
         return {s: predict(h, data, t.fit, t.temperature) + extra[i] for i, (s, t) in enumerate(self.sensors.items())}
 
     def to_json(self, file: str | None = None) -> dict[str, JsonValue]:
-        """The object `rig trace --json` prints; numbers that do not exist are None, never NaN."""
+        """JSON values for `rig trace --json`; missing numbers are None, never NaN."""
         return run_json({"file": file, **self.about}, self.outcomes(), reference=self.reference)

@@ -1,14 +1,14 @@
-"""Second thoughts about a unit that comes near to standing out: errors that are unequal, shared, or slow.
+"""Robust tests of a unit near significance: errors that are unequal, shared, or slow.
 
-Its score is taken again with the errors
+Its score is computed again with the errors
 
-- from the scatter of each observation's own contribution, which holds for unequal variances and for head errors that
-  several sensors share;
-- for what varies in time, from the scatter over stretches of the run, which holds where the noise wanders slowly;
-- from the random walk of the offset, where the residual shows one (`wander.py`);
+- from the scatter of each observation's own contribution, valid for unequal variances and for head errors common to
+  several sensors;
+- for effects in time, from the scatter over stretches of the run, valid for a slow random walk of the noise;
+- from the random walk of the offset, if the residual shows one (`wander.py`);
 
-and it has to explain the residual better than a random walk that is as free to fit it, by the ratio of their restricted
-likelihoods (`walks.py`): a walk too small to be seen beside the scatter still looks like drift.
+and it has to explain the residual better than a random walk with the same freedom, by the ratio of their restricted
+likelihoods (`walks.py`): a walk too small to be detected in the scatter still looks like drift.
 """
 
 from __future__ import annotations
@@ -30,8 +30,7 @@ def second_thoughts(problem: Problem, chosen: tuple[int, ...], u: int, scores: S
         chosen: candidates in the model.
         u: the unit.
         scores: of all units beside the same candidates.
-        critical: the largest p that is significant; where one test exceeds it the next need not be made.
-
+        critical: the largest significant p; after one larger p no further test is made.
     """
     unit, rank = problem.units[u], int(scores.rank[u])
     if rank == 0:
@@ -56,16 +55,16 @@ def second_thoughts(problem: Problem, chosen: tuple[int, ...], u: int, scores: S
     if p > critical or problem.levels.df("points") <= 0:
         return p
     moved = np.flatnonzero(np.any(columns != 0, axis=(1, 2)))
-    # a shape that comes back in every replication is no walk's: it need not be the clearer for being smooth in time
+    # a shape that repeats in every replication is not a random walk, even if it is smooth in time
     spread = SPREAD if level == "points" else 1.0
     ratio = likelihood_ratio(problem.levels.walks(level), list(white.outputs[moved]), list(columns[moved]), spread)
     return max(p, float(special.chdtrc(rank, max(ratio, 0.0))))
 
 
 def walked(problem: Problem, columns: FloatArray) -> FloatArray:
-    """(q, q) what the walk in the offsets adds to the covariance of columns' (S, n, q) products with the outputs.
+    """(q, q) contribution of the walk of the offsets to the covariance of columns' (S, n, q) products with the outputs.
 
-    The columns are free of every replication's offset, so the walk may start again in each.
+    Every replication's offset is removed from the columns, so the walk may start again in each.
     """
     ahead = np.cumsum(columns[:, problem.levels.executed], axis=1)
     return np.asarray(np.einsum("s,snj,snk->jk", problem.wander, ahead, ahead))

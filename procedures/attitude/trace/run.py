@@ -1,4 +1,4 @@
-"""From the residual to the effect: the whole of a trace."""
+"""The whole trace, from the residual to the effect."""
 
 from __future__ import annotations
 
@@ -39,13 +39,12 @@ SEED = 20260115
 
 @dataclass(frozen=True)
 class Search:
-    """What is searched, and how.
+    """Settings of the search.
 
     Attributes:
-        catalogue: effects to look for.
-        temperature: whether offset and sensitivity follow the sensor's temperature in the declared model.
+        catalogue: effects to search.
+        temperature: whether offset and sensitivity depend on the sensor's temperature in the declared model.
         unnamed: whether smooth terms without a cause may be added at the end.
-
     """
 
     catalogue: tuple[Effect, ...]
@@ -53,16 +52,16 @@ class Search:
     unnamed: bool
 
     def pose(self, data: AttitudeData) -> Problem:
-        """`data` made ready; raises as `trace` does."""
+        """`data` prepared for the search; raises as `trace` does."""
         return pose(data, self.catalogue, temperature=self.temperature)
 
     def settle(
         self, problem: Problem, family: Family, *, restarts: bool = True
     ) -> tuple[AttitudeJudge, tuple[int, ...]]:
-        """Search; then judge what was found against the random walk that is left, until nothing changes.
+        """Search; then test the findings against the remaining random walk, until there is no change.
 
-        A walk is looked for beside the effects and not before them: an effect of temperature not yet in the model
-        looks like one, and would be judged against itself. Terms without a cause come last.
+        A walk is estimated with the effects in the model and not before: a missing effect of temperature looks like
+        one, and would be tested against itself. Terms without a cause come last.
         """
         judge, chosen = plausible(
             *supported(*(search_with_restarts if restarts else search_and_name)(AttitudeJudge(problem, family)))
@@ -87,20 +86,19 @@ def trace(
     validate: bool = True,
     unnamed: bool = False,
 ) -> Trace:
-    """Find what the declared attitude model lacks.
+    """Find effects missing in the declared attitude model.
 
     Args:
         data: a pitch-roll run; any number of sensors, judged together.
-        catalogue: effects to look for.
-        seed: of the simulated null; the same data and seed give the same answer.
-        temperature: whether offset and sensitivity follow the sensor's temperature in the declared model.
+        catalogue: effects to search.
+        seed: of the simulated null; the same data and seed give the same result.
+        temperature: whether offset and sensitivity depend on the sensor's temperature in the declared model.
         validate: repeat the search without each replication for the left-out error, which takes most of the time.
-        unnamed: whether what no effect explains may be taken up by smooth terms without a cause, by the same rule.
+        unnamed: whether smooth terms without a cause may absorb the remainder, by the same rule.
 
     Raises:
-        fitter.linear.RankError: the points visited do not determine the declared model.
+        fitter.linear.RankError: the points do not determine the declared model.
         FitError: the declared model has temperature, and none was recorded or it never changed.
-
     """
     search = Search((*catalogue, *UNNAMED) if unnamed else tuple(catalogue), temperature, unnamed)
     aside, judge, found, family, not_kept = _without_outliers(data, search, seed)
@@ -130,7 +128,7 @@ def trace(
 
 
 def stays(judge: AttitudeJudge, chosen: tuple[int, ...]) -> tuple[tuple[int, ...], tuple[NotKept, ...]]:
-    """Those of the `chosen` candidates that stay, by the standard error of the sensors they concern."""
+    """The kept ones of the `chosen` candidates, by the standard error of their sensors."""
     problem = judge.problem
     fitted = estimate(problem, chosen)
     same = [j for j in chosen if j not in fitted.told_apart]
@@ -150,9 +148,9 @@ def stays(judge: AttitudeJudge, chosen: tuple[int, ...]) -> tuple[tuple[int, ...
 def _without_outliers(
     data: AttitudeData, search: Search, seed: int
 ) -> tuple[IntArray, AttitudeJudge, tuple[int, ...], Family, tuple[NotKept, ...]]:
-    """Search; again without the readings that stand out beside what was found; until none is to be added.
+    """Search, and repeat without the outliers from the findings, until there are no more.
 
-    A reading that stood out only of what was not yet in the model comes back.
+    A reading that was an outlier only because of a missing effect is used again.
     """
     aside = np.zeros(0, np.int64)
     for last in (False, False, True):
@@ -175,10 +173,10 @@ def left_out(
     *,
     anything: bool = True,
 ) -> FloatArray | None:
-    """(2, S) rms error on replications left out, V, before and after; None where fewer than two can be.
+    """(2, S) rms error of left-out replications, V, before and after; None if fewer than two can be left out.
 
-    The search is repeated without the replication that is left out, whose own offset is predicted as zero. Where
-    nothing was found in the whole, there is nothing to repeat.
+    The search is repeated without the left-out replication, whose own offset is predicted as zero. Without findings in
+    the whole run there is no repetition.
     """
     if data.replicates.size < 2:
         return None
@@ -191,14 +189,14 @@ def left_out(
         except FitError:
             return None
         squares += _squares_aside(problem, search, family, aside, anything=anything)
-        del problem  # or the next one would be built beside it
+        del problem  # otherwise the next one would be built at the same time
     return np.asarray(np.sqrt(squares / len(data)))
 
 
 def _squares_aside(
     problem: Problem, search: Search, family: Family, aside: AttitudeData, *, anything: bool
 ) -> FloatArray:
-    """(2, S) sums of squared errors on data that were set `aside`, before and after a search of the rest."""
+    """(2, S) sums of squared errors of data `aside`, before and after a search of the rest."""
     found: tuple[int, ...] = ()
     if anything:
         judge, found = search.settle(problem, family, restarts=False)

@@ -1,12 +1,12 @@
-"""How much each unit of candidates removes beyond the present model, against the error of its own stratum.
+"""Score of each unit of candidates beyond the present model, against the error of its own stratum.
 
-Outputs are divided by their own point-by-replication error, so that sensors count alike. A unit is one column, or
+Outputs are divided by their own point-by-replication error, so that sensors have equal weight. A unit is one column, or
 several that are judged together (sine and cosine of one frequency). Its score is Wald's F, the square of Student's t
 for one column, with the largest of several errors:
 
-- the point-by-replication error; between points the lack of fit instead, wherever more than error is left there after
-  the unit, so that an unknown cause cannot bring in whatever slightly resembles it;
-- for those that come near to standing out, also what `robust.py` has to say.
+- the point-by-replication error; between points the lack of fit instead, if more than error remains there after the
+  unit, so that an unknown cause does not add effects that slightly resemble it;
+- for those near significance, also the errors of `robust.py`.
 """
 
 from __future__ import annotations
@@ -25,21 +25,22 @@ from procedures.attitude.trace.levels import Level
 from procedures.attitude.trace.problem import Problem
 
 RESOLVED = 1e-12
-"""Of an output's swing: what is smaller than this is rounding, and data without noise are not tested against it."""
+"""Relative size of an output's range below which differences are rounding; data without noise are not tested against
+it.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class Scores:
-    """One entry a unit, (U,); zero and one where a unit is in the model or cannot be judged.
+    """One entry per unit, (U,); zero and one for a unit that is in the model or cannot be judged.
 
     Attributes:
-        f: score, in squares of standard errors a column.
-        rank: columns that can be told apart beside the model.
-        df: degrees of freedom of the error it was judged against.
-        p: probability of a larger score by chance, this unit taken alone.
+        f: score, in squared standard errors per column.
+        rank: number of independent columns beside the model.
+        df: degrees of freedom of the used error.
+        p: probability of a larger score by chance, for this unit alone.
         gain: fall of the residual sum of squares, in units of the error's variance.
         sign: of the coefficient; zero for units of several columns.
-
     """
 
     f: FloatArray
@@ -53,7 +54,7 @@ class Scores:
 def errors(problem: Problem, chosen: Sequence[int]) -> FloatArray:
     """(S,) point-by-replication standard error of each sensor beside the `chosen` candidates, V.
 
-    Without replications the residual of the model stands in for it.
+    Without replications the residual of the model replaces it.
     """
     level: Level = "points" if problem.levels.df("points") > 0 else "declared"
     known, picked = problem.products[level], np.array(chosen, np.int64)
@@ -68,7 +69,7 @@ def errors(problem: Problem, chosen: Sequence[int]) -> FloatArray:
 
 
 def rounding(problem: Problem) -> FloatArray:
-    """(S,) volts below which a residual is rounding and no error."""
+    """(S,) volts below which a residual is rounding and not error."""
     swing = np.array([np.ptp(problem.scene.data.outputs[s]) for s in problem.sensors])
     return np.asarray(RESOLVED * np.maximum(swing, 1.0))
 
@@ -76,15 +77,14 @@ def rounding(problem: Problem) -> FloatArray:
 def whiten(
     problem: Problem, level: Level, chosen: Sequence[int], sigma: FloatArray, of: Sequence[int] = ()
 ) -> Whitened:
-    """Outputs and columns over `sigma` (S,), with the `chosen` candidates fitted and taken out of both.
+    """Outputs and columns over `sigma` (S,), with the `chosen` candidates fitted and removed from both.
 
     Args:
         problem: the run.
-        level: what else is taken out.
+        level: further removed parts.
         chosen: candidates in the model.
         sigma: (S,) error of each sensor, V.
-        of: the candidates whose columns are wanted.
-
+        of: the candidates of the columns.
     """
     picked, scale = list(chosen), sigma[:, None]
     length = np.linalg.norm(problem.length[:, picked] / scale, axis=0)
@@ -94,13 +94,12 @@ def whiten(
 
 @dataclass(frozen=True, eq=False)
 class Beside:
-    """Products at one level over the sensors' errors, with chosen candidates taken out of all sensors together.
+    """Products at one level over the sensors' errors, with chosen candidates removed from all sensors together.
 
     Attributes:
         columns: (S, h, h) of h candidates.
         outputs: (S, h).
         square: (S,).
-
     """
 
     columns: FloatArray
@@ -134,13 +133,12 @@ def beside(problem: Problem, level: Level, chosen: Sequence[int], here: IntArray
 
 
 def inverse(products: FloatArray, length2: FloatArray, rank: int | None = None) -> FloatArray:
-    """(..., q, q) inverse of products of columns, of what can be told apart of them.
+    """(..., q, q) generalised inverse of products of columns.
 
     Args:
         products: (..., q, q).
-        length2: (..., q) squared lengths that columns are measured by; a column without length says nothing.
-        rank: how many combinations of columns are told apart; without it those of which `NOTHING_LEFT` is left.
-
+        length2: (..., q) squared reference lengths of columns; a zero column is left out.
+        rank: number of independent combinations; by default those with at least `NOTHING_LEFT` remaining.
     """
     scale = np.where(length2 > 0.0, 1.0 / np.sqrt(np.where(length2 > 0.0, length2, 1.0)), 0.0)
     values, vectors = np.linalg.eigh(products * scale[..., :, None] * scale[..., None, :])
@@ -154,7 +152,7 @@ def inverse(products: FloatArray, length2: FloatArray, rank: int | None = None) 
 
 
 def score(problem: Problem, chosen: Sequence[int], of: Sequence[int] | None = None) -> Scores:
-    """Score units (those `of` interest, or all) beside the `chosen` candidates, each at the level it is judged at."""
+    """Score units (those `of` interest, or all) beside the `chosen` candidates, each at its level."""
     count = len(problem.units)
     scores = Scores(
         f=np.zeros(count),
@@ -207,7 +205,7 @@ def _of_units(left: Beside, length2: FloatArray, at: IntArray) -> _Units:
 def _judge(
     problem: Problem, level: Level, chosen: int, scores: Scores, units: IntArray, of: _Units, within: FloatArray
 ) -> None:
-    """Fill in the scores of `units` that have as many columns each."""
+    """Fill in the scores of `units` with this number of columns each."""
     spread = inverse(of.columns.sum(axis=0), of.length2)
     d = of.outputs.sum(axis=0)
     gamma = (spread @ d[:, :, None])[:, :, 0]
@@ -230,19 +228,18 @@ def _judge(
 def _lack_of_fit(
     problem: Problem, level: Level, chosen: int, after: FloatArray, norm2: FloatArray, within: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """What units are judged against: pure error, or the lack of fit where more than error is left.
+    """Error for the test of units: pure error, or the lack of fit if more than error remains.
 
     Args:
         problem: the run.
-        level: at which they are judged.
-        chosen: how many candidates are in the model.
+        level: level of the test.
+        chosen: number of candidates in the model.
         after: (S, U) residual sum of squares beside each unit, over each sensor's error.
         norm2: (S, U) squared length of the units' columns.
         within: (S,) residual sum of squares point by replication.
 
     Returns:
         (S, U) mean square of that error over the pure error's, and (U,) its degrees of freedom.
-
     """
     count, units = norm2.shape
     pure, plain = problem.levels.df("points"), np.ones((count, units))

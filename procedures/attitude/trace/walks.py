@@ -1,8 +1,8 @@
-"""How likely residuals are if the offset takes a random walk, of several widths, beside the scatter of readings.
+"""Likelihood of residuals for a random walk of the offset, of several widths, and the scatter of readings.
 
 Differences between consecutive observations of one replication have a covariance of three diagonals under both, which
-is factored once for every width. Restricted likelihood: what the model takes up of a walk, with parameters of every
-replication's own, is allowed for at every width.
+is factored once for every width. The likelihood is restricted: it allows for the part of a walk that the model absorbs,
+with own parameters of every replication, at every width.
 """
 
 from __future__ import annotations
@@ -18,10 +18,11 @@ from fitter.arrays import FloatArray, IntArray
 from fitter.linear import orthonormal
 
 STEPS = (0.0, 1e-5, 6e-5, 3.6e-4, 2.2e-3, 1.3e-2, 8e-2)
-"""Mean square steps of a walk from one observation to the next that are tried, over the variance of the scatter."""
+"""Tried mean square steps of a walk between observations, over the variance of the scatter."""
 SPREAD = 1.5
-"""By which the ratio is larger than chi squared where there is a walk, because its width is not known: 1.1 to 1.9 by
-simulation of walks to 1, 2 and 5 standard deviations over a night of 1,482 readings."""
+"""Inflation of the ratio relative to chi squared for a walk, because its width is unknown: 1.1 to 1.9 by simulation of
+walks to 1, 2 and 5 standard deviations over a night of 1,482 readings.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,9 +31,8 @@ class Width:
 
     Attributes:
         factor: (2, m) of the differences' covariance, banded.
-        taken: (m, r) orthonormal basis of what the model takes up, made white.
+        taken: (m, r) orthonormal basis of the model, whitened.
         determinant: half the logarithm of the determinants of both.
-
     """
 
     factor: FloatArray
@@ -42,14 +42,13 @@ class Width:
 
 @dataclass(frozen=True, eq=False)
 class Walks:
-    """Likelihoods of what one level leaves.
+    """Likelihoods of the remainder at one level.
 
     Attributes:
         rows: (n,) rows in the order of running.
-        across: (n - 1,) differences across the start of a replication, which say nothing.
+        across: (n - 1,) differences across the start of a replication, which are not used.
         widths: one for each of `STEPS`.
         df: degrees of freedom of the level.
-
     """
 
     rows: IntArray
@@ -58,7 +57,7 @@ class Walks:
     df: float
 
     def products(self, columns: FloatArray) -> FloatArray:
-        """(T, q, q) products of columns (n, q), made white for each width, beside what the model takes up."""
+        """(T, q, q) products of columns (n, q), whitened for each width, beside the model."""
         moves = np.where(self.across[:, None], 0.0, np.diff(columns[self.rows], axis=0))
         out = np.empty((len(self.widths), columns.shape[1], columns.shape[1]))
         for k, width in enumerate(self.widths):
@@ -80,9 +79,8 @@ def walks_of(rows: IntArray, replicate: IntArray, taken: FloatArray, df: float) 
     Args:
         rows: (n,) in the order of running.
         replicate: (n,) replication of each row.
-        taken: (n, k) basis of what the model takes up.
+        taken: (n, k) basis of the model.
         df: degrees of freedom beside it.
-
     """
     across = np.diff(replicate[rows]) != 0
     below = np.append(np.where(across[:-1] | across[1:], 0.0, -1.0), 0.0)
@@ -99,17 +97,16 @@ def walks_of(rows: IntArray, replicate: IntArray, taken: FloatArray, df: float) 
 def likelihood_ratio(
     walks: Walks, outputs: Sequence[FloatArray], columns: Sequence[FloatArray], spread: float = SPREAD
 ) -> float:
-    """Twice the logarithm of how much likelier outputs are with some columns than without, a random walk beside both.
+    """Twice the log-likelihood ratio of outputs with and without some columns, with a random walk in both.
 
-    The walk of each sensor is as wide as makes its outputs likeliest, with the columns and without: what it explains
-    as well as the columns gives them no credit. About chi squared where there is nothing but scatter and a walk.
+    The walk of each sensor has its most likely width, with and without the columns: so the columns get no credit for
+    what a walk explains as well. It is about chi squared for scatter and a walk alone.
 
     Args:
         walks: of the level.
-        outputs: of each sensor concerned, (n,), what the level leaves.
-        columns: of each of them, (n, q).
-        spread: what the ratio is divided by where the outputs are likeliest with a walk.
-
+        outputs: (n,) remainder at the level for each sensor concerned.
+        columns: (n, q) for each of them.
+        spread: divisor of the ratio if a walk is most likely.
     """
     squares = np.stack([walks.products(np.column_stack([y, x])) for y, x in zip(outputs, columns, strict=True)], axis=1)
     at, q = np.arange(squares.shape[1]), squares.shape[2] - 1

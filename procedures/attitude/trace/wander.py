@@ -1,8 +1,8 @@
-"""Noise that wanders: an offset that takes a random walk through the run, beside the scatter of the readings.
+"""Random walk of the offset through the run, in addition to the scatter of readings.
 
-A random walk looks like temperature, like drift, like direction, and over a serpentine path even like the design.
-Where the residual shows one, every candidate is judged against it too; the effects that remain are those a random
-walk does not explain.
+A random walk looks like temperature, like drift, like direction, and over a serpentine path even like the design. If
+the residual shows one, every candidate is also tested against it; the remaining effects are those that a random walk
+does not explain.
 """
 
 from __future__ import annotations
@@ -19,13 +19,15 @@ from procedures.attitude.trace.score import errors, whiten
 from procedures.attitude.trace.walks import STEPS
 
 OBSERVATIONS = 24
-"""In one stretch: long enough for a slow walk to stand out of the scatter, short enough to have many."""
+"""Number of observations in one stretch: long enough to detect a slow walk in the scatter, short enough for many
+stretches.
+"""
 STRETCHES = 4
-"""At least, in a replication, if it is long enough for that."""
+"""Minimum number of stretches in a replication, if it is long enough."""
 SHORTEST = 16
-"""Observations of a replication below which no walk is looked for."""
+"""Minimum number of observations of a replication for the test of a walk."""
 SURE = 3.0
-"""Standard deviations of the null by which the sums over stretches must be too large."""
+"""Limit of the sums over stretches, in standard deviations of the null."""
 DRAWS = 100
 AT_ONCE = 20
 SEED = 1
@@ -33,14 +35,13 @@ SEED = 1
 
 @dataclass(frozen=True, eq=False)
 class Expected:
-    """What white noise and a random walk, both of unit size, leave at the level "points".
+    """Remainders of white noise and of a random walk, both of unit size, at the level "points".
 
     Attributes:
-        stretch: (n,) which stretch a row belongs to.
+        stretch: (n,) index of each row's stretch.
         white: (2,) mean sum of squares, and mean sum of squared sums over stretches, of white noise.
-        walk: (2,) the same of a random walk that moves by one a row.
+        walk: (2,) the same for a random walk with unit steps per row.
         ratio_sd: sd of their quotient, for white noise.
-
     """
 
     stretch: IntArray
@@ -52,7 +53,7 @@ class Expected:
 def expected(problem: Problem) -> Expected | None:
     """Simulate both kinds of noise through the projection that residuals went through.
 
-    None where no walk could be seen: without replications, or in very short ones.
+    None if no walk could be detected: without replications, or in very short ones.
     """
     data, rng = problem.scene.data, np.random.default_rng(SEED)
     each = len(data) // data.replicates.size
@@ -71,18 +72,18 @@ def expected(problem: Problem) -> Expected | None:
 
 
 def with_wander(problem: Problem, chosen: tuple[int, ...], by: Expected) -> Problem:
-    """The problem with the random walk that is left in each sensor beside the `chosen` candidates, if any is."""
+    """The problem with the remaining random walk of each sensor beside the `chosen` candidates, if any."""
     left = whiten(problem, "points", chosen, errors(problem, chosen)).outputs
     return replace(problem, wander=_walk(left, by))
 
 
 def walk_evidence(problem: Problem, left: FloatArray) -> tuple[float, float]:
-    """P of so likely a random walk in one sensor's residual by chance, and its mean square step over the scatter's.
+    """P of such a random walk in one sensor's residual by chance, and its mean square step over the variance of
+    scatter.
 
     Args:
         problem: the run.
         left: (n,) the residual at the level "points".
-
     """
     walks = problem.levels.walks("points")
     likelihood = walks.log_likelihood(walks.products(left[:, None])[:, 0, 0])
@@ -91,7 +92,7 @@ def walk_evidence(problem: Problem, left: FloatArray) -> tuple[float, float]:
 
 
 def _walk(left: FloatArray, by: Expected) -> FloatArray:
-    """(S,) mean square step of the walk in what is left, zero where there may be none."""
+    """(S,) mean square step of the walk in the residual, zero if it is not detected."""
     squares, sums = _sums(left.T, by.stretch)
     squares = np.maximum(squares, np.finfo(float).tiny)
     standing_out = (sums / squares - by.white[1] / by.white[0]) / by.ratio_sd

@@ -1,4 +1,4 @@
-"""Every effect that can be looked for in a table: the catalogue's kinds in the table's columns."""
+"""All effects that can be tested in a table: the kinds of the catalogue in the table's columns."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["TABLE_CATALOGUE", "TableEffect", "TableKind", "effects_of"]
 
 
 def effects_of(scene: TableScene, response: str) -> Iterator[TableEffect]:
-    """Every effect that can be looked for in a table, in catalogue order."""
+    """All effects that can be tested in a table, in catalogue order."""
     for kind in TABLE_CATALOGUE:
         for names in _columns_for(kind.of, scene):
             yield _effect(kind, names, response)
@@ -43,7 +43,7 @@ def _effect(kind: TableKind, names: tuple[str, ...], response: str) -> TableEffe
 
 
 def _columns_for(of: Of, scene: TableScene) -> Iterator[tuple[str, ...]]:
-    """The columns, or pairs of them, that effects of a kind are looked for in."""
+    """The columns, or pairs of them, for effects of a kind."""
     settings, covariates = tuple(scene.settings), tuple(scene.covariates)
     groups = tuple(scene.groups)
     time = () if scene.time is None else (scene.time.name,)

@@ -1,6 +1,7 @@
-"""The catalogue of effects that a table of any kind may lack.
+"""The catalogue of effects that any table may lack.
 
-Its order is that in which equally good explanations with as many columns are named: the most usual cause first.
+Its order is the order of preference among equally good explanations with the same number of columns: the most usual
+cause first.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Columns of the effects that are looked for in tables: powers, kinks, waves, directions.
+"""Columns of effects in tables: powers, kinks, harmonics, directions.
 
-Each function gives the terms of one kind of effect; a constant that is searched gives a term for each of its values.
-Constants are rounded to what their label shows, so that a label computed literally gives the column.
+Each function returns the terms of one kind of effect; a searched constant has a term for each of its values. Constants
+are rounded as in their label, so that the label computed literally gives the column.
 """
 
 from __future__ import annotations
@@ -16,11 +16,12 @@ from procedures.general.effects.scene import Profile, TableScene, TableTerm, is_
 
 KNOTS, DECAYS = 24, 5
 CYCLES_MOST, OVERSAMPLED, PER_CYCLE = 120, 2, 2.5
-"""Waves go up to so many periods over the span, in steps of 1/OVERSAMPLED of a period, at least PER_CYCLE values of
-the variable in each."""
+"""Maximum number of periods over the span, in steps of 1/OVERSAMPLED of a period, with at least PER_CYCLE values of the
+variable in each.
+"""
 HARMONICS = 12
 MOVES_WITH = 0.9
-"""Correlation with the velocity distinguished from which a setting's rate is one."""
+"""Limit of the correlation with the given velocity above which a setting's rate is the same."""
 FEWEST_FOR_KNOT, FEWEST_FOR_WAVE = 10, 24
 _ONE_WORD = re.compile(r"[\w.]+(\([^()]*\))?")
 
@@ -28,7 +29,7 @@ Terms = Sequence[TableTerm]
 
 
 def power(order: int) -> Callable[[TableScene, str], Terms]:
-    """(v - c)^order, c the middle of the range, or zero where the values come near it; both for a cube and higher."""
+    """(v - c)^order, with c the middle of the range, or zero if the values come near it; both for a cube and higher."""
 
     def terms(scene: TableScene, name: str) -> Terms:
         v = scene.of(name)
@@ -41,12 +42,12 @@ def power(order: int) -> Callable[[TableScene, str], Terms]:
 
 
 def constant(scene: TableScene, name: str) -> Terms:
-    """One everywhere, for a declared model without an intercept."""
+    """One for all rows, for a declared model without an intercept."""
     return (TableTerm((name,), np.ones((scene.n, 1))),)
 
 
 def linear(scene: TableScene, name: str) -> Terms:
-    """The variable itself, from the middle of its range."""
+    """The variable itself, relative to the middle of its range."""
     v = scene.of(name)
     if np.ptp(v) == 0.0:
         return ()
@@ -54,7 +55,7 @@ def linear(scene: TableScene, name: str) -> Terms:
 
 
 def product(scene: TableScene, first: str, second: str) -> Terms:
-    """The product of two variables, each from its origin."""
+    """The product of two variables, each relative to its origin."""
     a, b = scene.of(first), scene.of(second)
     if np.ptp(a) == 0.0 or np.ptp(b) == 0.0:
         return ()
@@ -63,26 +64,26 @@ def product(scene: TableScene, first: str, second: str) -> Terms:
 
 
 def logarithm(scene: TableScene, name: str) -> Terms:
-    """log v, where all values are positive and span a factor of three."""
+    """log v, if all values are positive and span a factor of three."""
     v = scene.of(name)
     return (TableTerm((f"log({name})",), np.log(v)[:, None]),) if _spans(v) else ()
 
 
 def square_root(scene: TableScene, name: str) -> Terms:
-    """sqrt v, where no value is negative and they span a factor of three."""
+    """sqrt v, if no value is negative and they span a factor of three."""
     v = scene.of(name)
     spans = v.min() >= 0.0 and v.max() >= 3.0 * v.min() and len(np.unique(v)) > 2
     return (TableTerm((f"sqrt({name})",), np.sqrt(v)[:, None]),) if spans else ()
 
 
 def reciprocal(scene: TableScene, name: str) -> Terms:
-    """1/v, where all values are positive and span a factor of three."""
+    """1/v, if all values are positive and span a factor of three."""
     v = scene.of(name)
     return (TableTerm((f"1/{whole(name)}",), (1.0 / v)[:, None]),) if _spans(v) else ()
 
 
 def saturation(scene: TableScene, name: str) -> Terms:
-    """exp(-(v - lowest)/s) and exp(-(highest - v)/s) for a few s."""
+    """exp(-(v - lowest)/s) and exp(-(highest - v)/s) for several s."""
     v = scene.of(name)
     if len(np.unique(v)) < FEWEST_FOR_KNOT:
         return ()
@@ -119,7 +120,7 @@ def kink(scene: TableScene, name: str) -> Terms:
 
 
 def wave(scene: TableScene, name: str) -> Terms:
-    """Sine and cosine of a searched period; not of an angle, which has `harmonic`."""
+    """Sine and cosine of a searched period; not for an angle, which has `harmonic`."""
     v = scene.of(name)
     distinct = len(np.unique(v))
     if len(v) < FEWEST_FOR_WAVE or distinct < 16 or is_angle(name, v):
@@ -139,7 +140,7 @@ def wave(scene: TableScene, name: str) -> Terms:
 
 
 def harmonic(scene: TableScene, name: str) -> Terms:
-    """Sine and cosine of once to `HARMONICS` times an angle in degrees."""
+    """Sine and cosine of one to `HARMONICS` times an angle in degrees."""
     v = scene.of(name)
     if not is_angle(name, v):
         return ()
@@ -156,9 +157,9 @@ def side(scene: TableScene, name: str) -> Terms:
 
 
 def speed(scene: TableScene, name: str) -> Terms:
-    """The velocity itself, and the rate of every setting that moves with it, from the row before and its time.
+    """The velocity itself, and the rate of every setting that moves with it, from the previous row and its time.
 
-    What comes late by less than a row is off by the way since then: at rest before the first row, as in `previous`.
+    A delay of less than a row causes an error proportional to the rate; at rest before the first row, as in `previous`.
     """
     if scene.speed is None:
         return ()
@@ -195,7 +196,7 @@ def loop(scene: TableScene, name: str, variable: str) -> Terms:
 
 
 def searched(values: Sequence[float] | FloatArray, at: Callable[[float], TableTerm], *, log: bool = False) -> Terms:
-    """A term for each value, each responsible for the values up to its neighbours."""
+    """A term for each value, valid up to the middle between its neighbours."""
     grid = np.asarray(values, np.float64)
     if not len(grid):
         return ()
@@ -215,36 +216,38 @@ def _both_sides(v: FloatArray, knot: float) -> bool:
 
 
 def middle(v: FloatArray) -> float:
-    """Of a variable's range, to about a thousandth of it."""
+    """Resolution relative to a variable's range, about a thousandth."""
     return rounded(float(0.5 * (v.min() + v.max())), float(np.ptp(v)), 3)
 
 
 def rounded(value: float, span: float, places: int = 5) -> float:
-    """A number to so many decimal places of the power of ten that a span reaches; as it is for a span of zero."""
+    """A number rounded relative to the power of ten of a span; unchanged for a span of zero."""
     if not span > 0.0:
         return value
     return round(value, places - int(np.floor(np.log10(span))))
 
 
 def whole(name: str) -> str:
-    """A variable as a factor in a formula, in parentheses where it is a formula itself."""
+    """A variable as a factor in a formula, in parentheses if it is a formula itself."""
     return name if _ONE_WORD.fullmatch(name) else f"({name})"
 
 
 def less(name: str, centre: float) -> str:
-    """A variable from a centre, as a formula."""
+    """A variable relative to a centre, as a formula."""
     if centre == 0.0:
         return name
     return f"{name} {'-' if centre > 0.0 else '+'} {abs(centre):.15g}"
 
 
 def origin(v: FloatArray) -> float:
-    """Zero where the values come near it, else the middle of their range: powers from afar are all alike."""
+    """Zero if the values come near it, otherwise the middle of their range: powers relative to a distant origin are
+    nearly equal.
+    """
     return 0.0 if abs(middle(v)) <= 0.75 * float(np.ptp(v)) else middle(v)
 
 
 def power_text(name: str, centre: float, order: int) -> str:
-    """A power of a variable from a centre, as a formula."""
+    """A power of a variable relative to a centre, as a formula."""
     base = whole(name) if centre == 0.0 else f"({less(name, centre)})"
     return base if order == 1 else f"{base}^{order}"
 

@@ -11,7 +11,7 @@ from procedures.general.effects.scene import TableScene, TableTerm
 
 
 def offsets(scene: TableScene, group: str) -> Terms:
-    """One column for each level but the first."""
+    """One column for each level except the first."""
     g = scene.groups[group]
     if g.declared or not 1 < len(g.levels) <= len(g.index) // 2:
         return ()
@@ -19,7 +19,7 @@ def offsets(scene: TableScene, group: str) -> Terms:
 
 
 def gains(scene: TableScene, group: str, variable: str) -> Terms:
-    """A slope over a variable for each level but the first."""
+    """A slope over a variable for each level except the first."""
     g, v = scene.groups[group], scene.of(variable)
     if not 1 < len(g.levels) <= len(g.index) // 3 or np.ptp(v) == 0.0:
         return ()
@@ -43,7 +43,7 @@ def combined(scene: TableScene, first: str, second: str) -> Terms:
 
 
 def bit_weights(scene: TableScene, _names: str) -> Terms:
-    """All bits, each with a weight of its own."""
+    """All bits, each with its own weight."""
     return (TableTerm(scene.bits, np.column_stack([scene.of(name) for name in scene.bits])),)
 
 
@@ -55,7 +55,7 @@ def bit_pairs(scene: TableScene, _names: str) -> Terms:
 
 
 def bit_weights_by(scene: TableScene, _names: str, group: str) -> Terms:
-    """A weight of each bit for each level but the first."""
+    """A weight of each bit for each level except the first."""
     g = scene.groups[group]
     count = (len(g.levels) - 1) * len(scene.bits)
     if not 0 < count <= len(g.index) // 3:

@@ -1,4 +1,4 @@
-"""What a kind of effect in a table of any kind is, and what it is once it has columns."""
+"""Kinds of effects in any table, and effects with their columns."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ Of = Literal[
     "bits",
     "bits of group",
 ]
-"""What a kind of effect needs a column, or a pair of columns, of."""
+"""Requirement of a kind of effect on a column, or a pair of columns."""
 
 
 @dataclass(frozen=True)
@@ -36,17 +36,16 @@ class TableKind:
     """A kind of effect.
 
     Attributes:
-        name: of the kind; an effect's name adds its columns.
-        family: coarser word for reports: "nonlinearity", "periodic", "temperature", "drift", "group" and so on.
-        of: what columns it is looked for in.
-        cause: what happens physically, {0} and {1} for the columns.
-        stratum: where it varies in a balanced order.
+        name: of the kind; an effect's name also has its columns.
+        family: general word for reports: "nonlinearity", "periodic", "temperature", "drift", "group" and so on.
+        of: its columns.
+        cause: the physical mechanism, with {0} and {1} for the columns.
+        stratum: stratum of its variation in a balanced order.
         unit: of the coefficients, {y} for the response and {0}, {1} for the columns.
         separate_by: the measurement that confirms it.
-        usual_size: what instruments show.
+        usual_size: usual size for instruments.
         terms: its columns.
-        warm: the same kind's name where the column is a temperature.
-
+        warm: the kind's name if the column is a temperature.
     """
 
     name: str
@@ -67,9 +66,8 @@ class TableEffect(Entry):
 
     Attributes:
         kind: of effect.
-        columns: that it is looked for in.
-        family: coarser word for reports.
-
+        columns: its columns.
+        family: general word for reports.
     """
 
     kind: TableKind
@@ -77,5 +75,5 @@ class TableEffect(Entry):
     family: str
 
     def terms(self, scene: TableScene) -> Sequence[TableTerm]:
-        """Its blocks of columns, one for each value of a constant that is searched."""
+        """Its blocks of columns, one for each value of a searched constant."""
         return self.kind.terms(scene, *self.columns)

@@ -1,4 +1,4 @@
-"""Kinds of effects of what is recorded besides: covariates, groups, directions, bits."""
+"""Kinds of effects of other recorded quantities: covariates, groups, directions, bits."""
 
 from __future__ import annotations
 

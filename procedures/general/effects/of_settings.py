@@ -1,4 +1,4 @@
-"""Kinds of effects of the settings: what the response does that the declared model of them lacks."""
+"""Kinds of effects of the settings that the declared model lacks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Kinds of effects in time: drift, steps, cycles, what is still there of a setting before."""
+"""Kinds of effects in time: drift, steps, cycles, lags behind earlier settings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the columns of effects in a table are computed from: settings, covariates, groups, time, direction."""
+"""Values for the columns of effects in a table: settings, covariates, groups, time, direction."""
 
 from __future__ import annotations
 
@@ -22,33 +22,32 @@ _UNITS = (
     (re.compile(r"sec|(^|_)s$", re.IGNORECASE), 1.0),
 )
 CYCLES = {"annual": 365.25 * 86400.0, "daily": 86400.0}
-"""Periods that are looked for by name where the time covers them, s."""
+"""Periods with names, tested if the time covers them, seconds."""
 
 
 def is_temperature(name: str) -> bool:
-    """Whether a column's name says that it is a temperature."""
+    """Whether a column is a temperature, by its name."""
     return bool(_TEMPERATURE.search(name))
 
 
 def is_angle(name: str, values: FloatArray) -> bool:
-    """Whether a column is an angle in degrees that goes round most of a turn, by its name and range."""
+    """Whether a column is an angle in degrees over most of a turn, by its name and range."""
     return bool(_ANGLE.search(name)) and 270.0 <= float(np.ptp(values)) <= 4000.0
 
 
 def seconds_per_unit(name: str) -> float | None:
-    """What a column of time counts in, by its name; None where that does not say."""
+    """Unit of a column of time in seconds, by its name; None if unknown."""
     return next((unit for pattern, unit in _UNITS if pattern.search(name)), None)
 
 
 @dataclass(frozen=True, eq=False)
 class Grouping:
-    """A column that says which rows belong together.
+    """A column of groups of rows.
 
     Attributes:
         levels: ascending.
         index: (n,) level of each row.
         declared: whether the declared model has it as a category.
-
     """
 
     levels: tuple[str, ...]
@@ -63,15 +62,14 @@ class Grouping:
 
 @dataclass(frozen=True, eq=False)
 class Timeline:
-    """When rows were taken, ascending.
+    """Times of the rows, ascending.
 
     Attributes:
-        name: of the column, or "row" where the order of rows stands in for it.
+        name: of the column, or "row" if the order of rows replaces it.
         values: (n,) in units of the column.
         unit_s: seconds per unit; None where unknown.
-        presumed: nobody said that rows stand in the order of taking, or the column only counts them; a drift can be
-            looked for then and neighbours that are alike, not what takes a clock.
-
+        presumed: whether the order of measurement is only assumed, or the column only counts rows; then drift and
+            correlation of neighbours can be tested, but no effects that need a clock.
     """
 
     name: str
@@ -82,16 +80,15 @@ class Timeline:
 
 @dataclass(frozen=True, eq=False)
 class TableScene:
-    """A table by the parts its columns play.
+    """A table by the roles of its columns.
 
     Attributes:
-        settings: (n,) variables of the declared model, and logarithms and the like that stand in it.
+        settings: (n,) variables of the declared model, and functions of them in it, such as logarithms.
         covariates: (n,) other columns of numbers.
         groups: groupings whose offset or gain may be missing, and the declared model's categories.
-        time: None where nobody knows when rows were taken.
-        direction: name and (n,) +1, -1 or 0 for the side a setting was approached from; None where not told.
-        speed: name and (n,) velocity, where the direction was told by one.
-
+        time: None if the times are unknown.
+        direction: name and (n,) +1, -1 or 0 for the direction of approach of a setting; None if unknown.
+        speed: name and (n,) velocity, if the direction is given by one.
     """
 
     settings: Mapping[str, FloatArray]
@@ -114,7 +111,7 @@ class TableScene:
 
     @cached_property
     def bits(self) -> tuple[str, ...]:
-        """Settings and covariates that are zero or one; () for fewer than two."""
+        """Settings and covariates with values zero or one; () for fewer than two."""
         names = tuple(name for name, v in self.variables.items() if set(np.unique(v)) == {0.0, 1.0})
         return names if len(names) > 1 else ()
 
@@ -130,14 +127,13 @@ class TableScene:
 
 @dataclass(frozen=True, eq=False)
 class Profile:
-    """A constant that a term depends on and that is searched.
+    """A searched constant of a term.
 
     Attributes:
         value: of this term.
         low: and
-        high: between which the next terms of the search take over.
+        high: limits beyond which the neighbouring terms of the search are used.
         at: the term for another value.
-
     """
 
     value: float
@@ -157,8 +153,7 @@ class TableTerm:
     Attributes:
         labels: a formula for each column.
         columns: (n, d).
-        profile: the constant it was searched over; None where it has none.
-
+        profile: its searched constant; None without.
     """
 
     labels: tuple[str, ...]
@@ -176,5 +171,5 @@ class TableTerm:
 
     @property
     def price(self) -> int:
-        """Columns it spends, a searched constant counted as one."""
+        """Number of its columns, with a searched constant counted as one."""
         return int(self.columns.shape[1]) + (self.profile is not None)

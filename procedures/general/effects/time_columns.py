@@ -1,4 +1,4 @@
-"""Columns of the effects in time that are looked for in tables: cycles, curves that settle, steps, lags."""
+"""Columns of effects in time in tables: cycles, settling curves, steps, lags."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ FEWEST_BESIDE_STEP = 5
 
 
 def cycle(which: str) -> Callable[[TableScene, str], Terms]:
-    """The year's or the day's wave, where time covers one and a half of them."""
+    """Annual or daily harmonic, if the time covers one and a half periods."""
 
     def terms(scene: TableScene, name: str) -> Terms:
         time = scene.time
@@ -32,7 +32,7 @@ def cycle(which: str) -> Callable[[TableScene, str], Terms]:
 
 
 def warm_up(scene: TableScene, name: str) -> Terms:
-    """exp(-t/tau) from the first row on, for a few tau."""
+    """exp(-t/tau) from the first row on, for several tau."""
 
     def column(since: FloatArray, tau: float) -> FloatArray:
         return np.exp(-since / tau)
@@ -41,7 +41,7 @@ def warm_up(scene: TableScene, name: str) -> Terms:
 
 
 def ageing(scene: TableScene, name: str) -> Terms:
-    """log(1 + t/tau) from the first row on, for a few tau."""
+    """log(1 + t/tau) from the first row on, for several tau."""
 
     def column(since: FloatArray, tau: float) -> FloatArray:
         return np.log1p(since / tau)
@@ -52,7 +52,7 @@ def ageing(scene: TableScene, name: str) -> Terms:
 def _settling(
     scene: TableScene, name: str, text: str, column: Callable[[FloatArray, float], FloatArray], longest: float
 ) -> Terms:
-    """A curve from the first row on for constants from a few rows to a part of the span."""
+    """A curve from the first row on, for constants from a few rows to a part of the span."""
     v = scene.of(name)
     if len(np.unique(v)) < FEWEST_FOR_KNOT:
         return ()

@@ -1,12 +1,12 @@
 """The abscissa of a fitted curve from a new reading of its response, with an interval: inverse prediction.
 
-The interval holds every x whose prediction interval for one new reading covers the reading y_0 (Graybill and Iyer,
+The interval contains every x whose prediction interval for one new reading covers the reading y_0 (Graybill and Iyer,
 Regression Analysis, 1994, section 6; for a straight line it is Fieller's):
 
     |y_0 - x(x) b| <= t(x) sqrt(sum of variances + x(x) C x(x)')
 
-Variances are those of one new reading in a whole plot not seen yet, where the fit has whole plots. Degrees of freedom
-are Satterthwaite's of the sum; those of a fit without whole plots are its own.
+Variances are those of one new reading in a new whole plot, if the fit has whole plots. Degrees of freedom are
+Satterthwaite's of the sum; those of a fit without whole plots are its own.
 """
 
 from __future__ import annotations
@@ -25,34 +25,32 @@ from fitter.formula import Formula
 from procedures.general.infer.factored import EPS, LEAST_DIGITS, Factored
 
 BEYOND = 0.02
-"""How far outside the calibrated range a value may be, as a part of its width: settings are not exact."""
+"""Permitted distance of a value from the calibrated range, relative to its width: settings have errors."""
 
 REACH = 1.0
-"""How far outside the calibrated range the end of an interval is looked for, as a part of its width."""
+"""Maximum distance of the end of an interval from the calibrated range, relative to its width."""
 
 BAD_READING = "not a finite number"
-_EXACT = 1e-6  # of the curve's range: what counts as its error where the rows scatter less
+_EXACT = 1e-6  # minimum error relative to the curve's range, if the rows scatter less
 _GRID, _SLOPES, _STEPS, _CHUNK, _FLAT = 128, 513, 100, 8192, 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class CurveCalibration:
-    """A fitted formula with what inverting it needs.
+    """A fitted formula with the data for its inversion.
 
     Attributes:
-        response: name of the column that was explained.
+        response: name of the explained column.
         formula: of c coefficients.
         coefficients: (k,).
         covariance: (k, k).
-        variances: (c,) of one reading: its own, and what it shares with its whole plot and replication; () where the
-            rows left nothing to estimate them from.
+        variances: (c,) of one reading: its own, and those common to its whole plot and replication; () without degrees
+            of freedom.
         derivatives: (c, k, k) of the covariance by the variances.
         spread: (c, c) covariance of the variances.
         ranges: lowest and highest value calibrated of every variable of the formula.
-        factor: the covariance and its derivatives once more, factored so that rounding costs less; None in files that
-            were written without it.
-        notes: what the fit said of its intervals.
-
+        factor: the covariance and its derivatives in factored form, with smaller rounding errors; None in older files.
+        notes: the fit's notes about its intervals.
     """
 
     response: str
@@ -68,7 +66,7 @@ class CurveCalibration:
 
     @property
     def variable(self) -> str:
-        """The one variable that the response tells. Raises FitError, saying why there is none."""
+        """The only variable, which the response determines. Raises FitError with the reason if there is none."""
         if self.formula.has_categories or len(self.formula.names) != 1:
             names = ", ".join(self.formula.names) or "no column"
             raise FitError(
@@ -82,11 +80,11 @@ class CurveCalibration:
 
     @property
     def factored(self) -> Factored:
-        """The covariance and its derivatives: factored where the file has them so, else as they are."""
+        """The covariance and its derivatives, factored if the file has them so."""
         return self.factor or Factored.plain(self.covariance, self.derivatives)
 
     def to_dict(self) -> dict[str, Any]:
-        """For JSON; `from_dict` reads it back exactly."""
+        """JSON values; `from_dict` restores the same object."""
         return {
             "kind": "general",
             "response": self.response,
@@ -103,7 +101,7 @@ class CurveCalibration:
 
     @staticmethod
     def from_dict(given: Mapping[str, Any]) -> CurveCalibration:
-        """Read back what `to_dict` gave. Raises FitError for anything else."""
+        """Restore from `to_dict`. Raises FitError for anything else."""
         if given.get("kind") != "general":
             raise FitError(f"this is not a calibration of a general table, its kind is {given.get('kind')!r}")
         try:
@@ -130,15 +128,14 @@ _NUMBERS = ("coefficients", "covariance", "variances", "derivatives", "spread")
 
 @dataclass(frozen=True, eq=False)
 class InferredCurve:
-    """Values of the variable, one for each reading; NaN with a reason in `flag` where there is none to be had.
+    """Values of the variable, one for each reading; NaN with a reason in `flag` if undetermined.
 
     Attributes:
         value: (n,).
         sd: (n,) standard deviation, to first order.
-        lo95: (n,) 95 % interval; NaN where it has no end.
+        lo95: (n,) 95 % interval; NaN if unbounded.
         hi95: (n,).
-        flag: (n,) empty where all is well.
-
+        flag: (n,) empty without problems.
     """
 
     value: FloatArray
@@ -164,7 +161,7 @@ def infer_curve(calibration: CurveCalibration, response: FloatArray) -> Inferred
 
 @dataclass(frozen=True, eq=False)
 class _Band:
-    """The curve made to rise: `sign` times it, with the half-width of its prediction interval."""
+    """The curve with positive slope: `sign` times it, with the half-width of its prediction interval."""
 
     calibration: CurveCalibration
     factor: Factored
@@ -227,19 +224,19 @@ class _Band:
         return np.asarray(self.sign * (h @ self.calibration.coefficients) + side * half)
 
     def sd(self, x: FloatArray) -> FloatArray:
-        """(n,) standard deviation of x, to first order; NaN where the curve is level."""
+        """(n,) standard deviation of x, to first order; NaN where the curve is horizontal."""
         slope = np.abs(_slope(self.calibration, x))
         with np.errstate(divide="ignore", invalid="ignore"):
             sd = np.sqrt(self._variance(_columns(self.calibration, x))[0]) / slope
         return np.where(np.isfinite(sd), sd, np.nan)
 
     def _variance(self, h: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """(n,) variance of a new reading less the curve at (n, k) rows of the model, and its degrees of freedom."""
+        """(n,) variance of a new reading minus the curve at (n, k) rows of the model, and its degrees of freedom."""
         c = self.calibration
         variance = self.factor.variance(h) + c.variances.sum()
         gradient = self.factor.gradient(h) + 1.0
         plain, uncertain = gradient @ c.variances, np.einsum("nc,cd,nd->n", gradient, c.spread, gradient)
-        if not plain.all():  # the curve goes through every row: no width, whatever its degrees of freedom
+        if not plain.all():  # the curve fits every row exactly: zero width, for any degrees of freedom
             return variance, np.ones(len(h))
         return variance, 2.0 * plain**2 / uncertain
 
@@ -291,10 +288,10 @@ def _root(low: FloatArray, high: FloatArray, rise: _Rise) -> FloatArray:
 
 
 def _direction(calibration: CurveCalibration, low: float, high: float) -> float:
-    """1 where the curve rises all the way, -1 where it falls, 0 where it does neither or is not defined."""
+    """1 if the curve is increasing everywhere, -1 if decreasing, 0 if neither or undefined."""
     try:
         x = np.linspace(low, high, _SLOPES)
-        _columns(calibration, x)  # it alone refuses what the formula is not defined for
+        _columns(calibration, x)  # it alone refuses values outside the formula's domain
         slope = _slope(calibration, x)
     except FitError:
         return 0.0
@@ -308,11 +305,13 @@ def _direction(calibration: CurveCalibration, low: float, high: float) -> float:
 
 
 def too_few_digits(calibration: CurveCalibration, low: float, high: float) -> str:
-    """Why rounding leaves too few digits of the interval or of the curve from `low` to `high`; "" where it does not."""
+    """Reason why rounding leaves too few digits of the interval or of the curve from `low` to `high`; "" if it does
+    not.
+    """
     try:
         h = _columns(calibration, np.linspace(low, high, _SLOPES))
     except FitError:
-        return ""  # said elsewhere
+        return ""  # reported elsewhere
     factor = calibration.factored
     variance = factor.variance(h) + calibration.variances.sum()
     curve = h @ calibration.coefficients
@@ -330,7 +329,7 @@ def too_few_digits(calibration: CurveCalibration, low: float, high: float) -> st
 
 
 def _grid(calibration: CurveCalibration, low: float, high: float) -> FloatArray:
-    """Places at which the ends of intervals are looked for: as far beyond the range as the formula has values."""
+    """Places for the search of interval ends: beyond the range as far as the formula is defined."""
     first, last, step = low, high, REACH * (high - low)
     for _ in range(30):
         first = low - step if first == low and _defined(calibration, low - step) else first
@@ -353,5 +352,5 @@ def _columns(calibration: CurveCalibration, x: FloatArray) -> FloatArray:
 def _slope(calibration: CurveCalibration, x: FloatArray) -> FloatArray:
     """(n,) derivative of the response."""
     name = calibration.formula.names[0]
-    with np.errstate(all="ignore"):  # a logarithm at zero: the caller looks at what came of it
+    with np.errstate(all="ignore"):  # a logarithm at zero: the caller checks the result
         return np.asarray(calibration.formula.derivative({name: x}, name) @ calibration.coefficients)

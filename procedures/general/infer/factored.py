@@ -1,4 +1,4 @@
-"""The covariance of a fit's coefficients as T M T', which keeps its digits where the columns are nearly alike.
+"""The covariance of a fit's coefficients as T M T', which is accurate for nearly dependent columns.
 
 In powers of an abscissa far from zero (years, kelvin, hPa) x C x' is a small difference of large numbers: its error is
 eps times the condition number squared. With T the inverse of the triangle of the columns, x T is about as large as the
@@ -18,7 +18,7 @@ from fitter.arrays import FloatArray
 from fitter.split_plot import SplitPlotFit
 
 LEAST_DIGITS = 1e-3
-"""Largest relative rounding error of a variance, and largest of a curve in standard deviations, that is accepted."""
+"""Maximum accepted relative rounding error of a variance, and of a curve in standard deviations."""
 
 EPS = float(np.finfo(float).eps)
 
@@ -40,7 +40,7 @@ class Factored:
 
     @staticmethod
     def of(fit: LinearFit | SplitPlotFit) -> Factored:
-        """That of a fit; of one without degrees of freedom for its error zero, without derivatives."""
+        """From a fit; with zero instead of derivatives for one without degrees of freedom."""
         if isinstance(fit, LinearFit):
             unit, known = np.eye(len(fit.names)), fit.df > 0
             return Factored(fit.root, (fit.sigma**2 if known else 0.0) * unit, np.array([unit] if known else []))
@@ -50,22 +50,22 @@ class Factored:
 
     @staticmethod
     def plain(covariance: FloatArray, derivatives: FloatArray) -> Factored:
-        """Of a file that has no factor: as they are."""
+        """From a file without a factor: unchanged."""
         return Factored(np.eye(len(covariance)), covariance, derivatives)
 
     @staticmethod
     def from_dict(given: Mapping[str, Any]) -> Factored:
-        """What `to_dict` gave. Raises KeyError, TypeError or ValueError."""
+        """Restore from `to_dict`. Raises KeyError, TypeError or ValueError."""
         return Factored(*(np.array(given[name], np.float64) for name in ("root", "covariance", "derivatives")))
 
     def fits(self, k: int, c: int) -> bool:
-        """Whether the numbers are finite and of k coefficients and c variances."""
+        """Whether the numbers are finite and for k coefficients and c variances."""
         shapes = self.root.shape, self.covariance.shape, self.derivatives.shape
         finite = all(np.isfinite(each).all() for each in (self.root, self.covariance, self.derivatives))
         return shapes == ((k, k), (k, k), (c, k, k)) and finite
 
     def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
+        """JSON values."""
         return {name: getattr(self, name).tolist() for name in ("root", "covariance", "derivatives")}
 
     def variance(self, rows: FloatArray) -> FloatArray:
@@ -79,6 +79,6 @@ class Factored:
         return np.asarray(np.einsum("nk,ckl,nl->nc", seen, self.derivatives, seen, optimize=True))
 
     def rounding(self, rows: FloatArray) -> FloatArray:
-        """(n,) how far rounding can move `variance`."""
+        """(n,) rounding error of `variance`."""
         seen, every = np.abs(rows @ self.root), np.abs(rows) @ np.abs(self.root)
         return np.asarray(EPS * np.einsum("nk,kl,nl->n", every, np.abs(self.covariance), 2.0 * seen + EPS * every))

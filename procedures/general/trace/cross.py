@@ -1,4 +1,4 @@
-"""The error on rows that neither search nor fit have seen."""
+"""The error of rows left out of search and fit."""
 
 from __future__ import annotations
 
@@ -24,16 +24,15 @@ FEWEST_SPARE = 3
 
 
 def left_out(problem: Problem, judge: TableJudge, chosen: tuple[int, ...]) -> tuple[tuple[float, float], str] | None:
-    """Rms error before and after on rows left out of search and fit, and what was left out together.
+    """Rms error before and after of rows left out of search and fit, and the groups of left-out rows.
 
     Args:
-        problem: the table as it was before searched constants were refined.
-        judge: that ended the search; its noise, weights and simulated families are used again.
-        chosen: what it found.
+        problem: the table before the refinement of searched constants.
+        judge: the judge at the end of the search; its noise, weights and simulated families are used again.
+        chosen: its findings.
 
     Returns:
-        None where too few rows would be left.
-
+        None if too few rows would remain.
     """
     at = judge.beside(chosen).best
     fold, words = _folds(problem, at)
@@ -57,13 +56,13 @@ def left_out(problem: Problem, judge: TableJudge, chosen: tuple[int, ...]) -> tu
 
 
 def _whole(problem: Problem, fitted: TableJudge, j: int) -> TableTerm:
-    """A term on all rows, its constant as a part of them gave it."""
+    """A term for all rows, with the constant estimated from a part of them."""
     own, part = problem.candidates[j].term, fitted.candidates[j].term.profile
     return own if own.profile is None or part is None else own.profile.at(part.value)
 
 
 def _folds(problem: Problem, at: int) -> tuple[IntArray, str]:
-    """(n,) which rows are left out together, and in words."""
+    """(n,) groups of rows left out together, and their name."""
     n, rng = problem.n, np.random.default_rng(SEED)
     if isinstance(problem.noise, Shared):
         group = problem.noise.group

@@ -1,4 +1,4 @@
-"""Coefficients of a table's model, declared columns and effects together, with the noise that was found."""
+"""Coefficients of a table's model, declared columns and effects together, with the estimated noise."""
 
 from __future__ import annotations
 
@@ -20,12 +20,11 @@ class Estimate:
         chosen: candidates in it.
         at: covariance of the noise it was fitted with.
         coefficients: (k + d,) of the declared columns, then of the effects' columns.
-        stderr: (k + d,) theirs; NaN where the rows do not determine them.
-        fitted: (n,) response it gives.
+        stderr: (k + d,) their standard errors; NaN if the rows do not determine them.
+        fitted: (n,) fitted response.
         left: (n,) residuals of ordinary least squares of the same columns, whose standard error is `sigma_E`.
-        sigma_E: standard error of one row, units of the response, each row counted alike.
+        sigma_E: standard error of one row, units of the response, with equal weights.
         df: degrees of freedom of that.
-
     """
 
     chosen: tuple[int, ...]
@@ -41,15 +40,14 @@ class Estimate:
 def estimate(judge: TableJudge, chosen: tuple[int, ...], tails: FloatArray | None = None) -> Estimate:
     """Fit the declared columns and those of the `chosen` candidates to all rows.
 
-    Coefficients are generalised least squares with the noise found, readings that stand alone brought back to where
-    they count as three standard deviations; the standard error of a row is that of ordinary least squares, so that
-    before and after compare, and compare with anybody's.
+    Coefficients are generalised least squares with the estimated noise; isolated outliers are reduced to three standard
+    deviations. The standard error of a row is that of ordinary least squares, so that before and after are comparable,
+    also with other programs.
 
     Args:
         judge: of the table.
         chosen: candidates in the model.
-        tails: (n, k) what the doubles leave out of the true declared columns.
-
+        tails: (n, k) rounding errors of the doubles in the declared columns.
     """
     problem, at = judge.problem, judge.beside(chosen).best
     model = problem.model(chosen)
@@ -88,7 +86,7 @@ def _solved(model: FloatArray, y: FloatArray, tails: FloatArray | None) -> tuple
 
 
 def _smallest(model: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The shortest of all solutions, where columns cannot be told apart."""
+    """The shortest of all solutions for dependent columns."""
     length = np.linalg.norm(model, axis=0)
     length[length == 0] = 1.0
     coefficients = np.linalg.lstsq(model / length, y, rcond=1e-10)[0] / length

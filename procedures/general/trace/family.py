@@ -1,11 +1,11 @@
-"""What the best of all candidates scores when there is nothing to find.
+"""Distribution of the best score of all candidates without effects.
 
-The family is every effect with every value of a constant that is searched. Tables of normal errors are drawn with the
-noise that was fitted without any effect, and scored as the table itself is, the noise fitted again beside every
-candidate: a parametric bootstrap of the likelihood ratio (Davison and Hinkley, Bootstrap Methods, 1997, ch. 4). What
-the best term of each effect scores is calibrated on these draws by itself, so that neither many values of a constant
-nor effects that noise imitates hide the others; then the smallest of all p is (Westfall and Young, Resampling-Based
-Multiple Testing, 1993). Run at `fitter.trace.chance.ALPHA`, so that 5 % hold over steps.
+The family contains every effect with every value of a searched constant. Tables of normal errors are simulated with the
+noise fitted without effects, and scored like the table itself, with the noise fitted again with every candidate: a
+parametric bootstrap of the likelihood ratio (Davison and Hinkley, Bootstrap Methods, 1997, ch. 4). The best score of
+each effect is calibrated separately with these draws, so that neither many values of a constant nor effects imitated by
+noise mask the others; then the smallest of all p is calibrated (Westfall and Young, Resampling-Based Multiple Testing,
+1993). It is run at `fitter.trace.chance.ALPHA`, so that the rate over steps is 5 %.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ from procedures.general.trace.score import FEWEST_FOR_SCATTER, Blocks, View
 Single = NDArray[np.float32]
 
 WORK = 1.2e9
-"""Multiplications a simulation may take."""
+"""Maximum number of multiplications of a simulation."""
 FEWEST, MOST = 400, 2000
 TRIED = 60
-"""Draws by which covariances are told that never come near the best."""
+"""Number of draws to find covariances that are never near the best."""
 BEHIND = 12.0
-"""Of twice the log-likelihood: a covariance that is further behind in all of `TRIED` draws is left out."""
+"""Difference of twice the log-likelihood: a covariance further behind in all of `TRIED` draws is left out."""
 TAIL = 40
-"""Draws beyond which the tail of what an effect scores is continued as an exponential."""
+"""Number of draws beyond which the tail of an effect's score is continued as an exponential."""
 KEPT_BYTES = 50_000_000
 _TINY = np.finfo(np.float32).tiny
 _LEAST = 1e-290
@@ -42,12 +42,11 @@ _MOST = 80.0
 
 @dataclass(frozen=True, eq=False)
 class Tail:
-    """Distribution of the best score of one effect, -log p, where there is nothing to find.
+    """Distribution of the best score of one effect, -log p, without effects.
 
     Attributes:
         scores: of the draws, ascending.
-        weight: that its p is multiplied by before effects are compared.
-
+        weight: factor of its p before effects are compared.
     """
 
     scores: FloatArray
@@ -55,13 +54,13 @@ class Tail:
 
     @cached_property
     def _beyond(self) -> tuple[int, float, float]:
-        """How many draws, from which score on, and by how much these exceed it on average."""
+        """Number of draws, threshold of the tail, and mean excess above it."""
         count = min(TAIL, len(self.scores) // 5)
         start = float(self.scores[-count - 1])
         return count, start, max(float(np.mean(self.scores[-count:])) - start, 1e-6)
 
     def p(self, score: FloatArray) -> FloatArray:
-        """Probability of as high a score by chance, times the weight."""
+        """Probability of such a high score by chance, times the weight."""
         size = len(self.scores)
         count, start, mean = self._beyond
         above = (1.0 + size - np.searchsorted(self.scores, score, side="left")) / (1.0 + size)
@@ -71,12 +70,11 @@ class Tail:
 
 @dataclass(frozen=True, eq=False)
 class TableFamily:
-    """What is scored by chance.
+    """Distribution of scores by chance.
 
     Attributes:
         tails: by effect; those that cannot be judged are missing.
         smallest_p: of all effects in every draw, ascending.
-
     """
 
     tails: dict[str, Tail]
@@ -84,11 +82,11 @@ class TableFamily:
 
     @property
     def least(self) -> float:
-        """What `adjust` gives for p smaller than all simulated: a bound, the value is at most that."""
+        """Result of `adjust` for p below all simulated ones: an upper bound."""
         return self._rank(0.0)
 
     def adjust(self, effect: str, score: float) -> float:
-        """Probability that the best of the family looks at least as good by chance as an effect of this score does."""
+        """Probability that the best of the family looks at least as good by chance as an effect with this score."""
         if effect not in self.tails:
             return 1.0
         return self._rank(float(self.tails[effect].p(np.array(score))))
@@ -100,18 +98,19 @@ class TableFamily:
 
 @dataclass(frozen=True, eq=False)
 class Bases:
-    """Orthonormal bases of a problem's columns under each covariance, made once while they fit into `KEPT_BYTES`.
+    """Orthonormal bases of a problem's columns under each covariance, cached up to `KEPT_BYTES`.
 
     Attributes:
         problem: the table.
-
     """
 
     problem: Problem
     _kept: dict[int, tuple[FloatArray, Blocks]] = field(default_factory=dict)
 
     def of(self, at: int) -> tuple[FloatArray, Blocks]:
-        """(n, k) of the declared columns under covariance `at`; each candidate's beside them, in single precision."""
+        """(n, k) of the declared columns under covariance `at`; and of each candidate's beside them, in single
+        precision.
+        """
         if at in self._kept:
             return self._kept[at]
         view = View.of(self.problem, at)
@@ -123,7 +122,7 @@ class Bases:
 
 
 def evidence(ratio: FloatArray, rank: int, df: int) -> FloatArray:
-    """Score of an F of `rank` and `df` degrees of freedom: -log p; below zero where it is behind what it is held to."""
+    """Score of an F of `rank` and `df` degrees of freedom: -log p; below zero if it is worse than its rival."""
     p = special.fdtrc(rank, df, np.maximum(ratio, 0.0))
     return np.asarray(np.minimum(ratio, 0.0) - np.log(np.maximum(p, _LEAST)))
 
@@ -139,18 +138,17 @@ def family_of(
     scatter: bool = True,
     bases: Bases | None = None,
 ) -> TableFamily:
-    """Simulate what candidates score beside the declared columns in tables with nothing but noise of covariance `at`.
+    """Simulate scores of candidates beside the declared columns in tables with only noise of covariance `at`.
 
     Args:
         problem: the table.
         at: covariance of the noise.
-        weight: (J,) that the p of each candidate's effect is multiplied by before effects are compared.
+        weight: (J,) factor of the p of each candidate's effect before effects are compared.
         seed: of the draws.
         without: (G,) covariances that are fitted without a candidate.
         beside: (G,) those that are fitted beside one.
-        scatter: whether scores are over what single rows contribute.
-        bases: of the same problem, where more than one family of it is simulated.
-
+        scatter: whether scores are divided by the contributions of single rows.
+        bases: of the same problem, if more than one family of it is simulated.
     """
     bases = bases or Bases(problem)
     basis, found = bases.of(at)
@@ -179,7 +177,7 @@ def family_of(
 
 
 def _near(problem: Problem, at: int, possible: BoolArray, rng: np.random.Generator) -> IntArray:
-    """Covariances, of those possible, that are ever near the best of these in tables drawn with covariance `at`."""
+    """Covariances, among the possible ones, that are ever near the best in tables drawn with covariance `at`."""
     every = np.flatnonzero(possible)
     if len(every) == 1:
         return every
@@ -190,7 +188,9 @@ def _near(problem: Problem, at: int, possible: BoolArray, rng: np.random.Generat
 
 
 def _deviance(problem: Problem, g: int, drawn: FloatArray) -> FloatArray:
-    """(m,) minus twice the log-likelihood of responses (n, m) under covariance `g`, declared columns fitted."""
+    """(m,) minus twice the log-likelihood of responses (n, m) under covariance `g`, with the declared columns
+    fitted.
+    """
     which, k = np.array([g]), problem.declared.shape[1]
     white = problem.noise.whiten(which, np.hstack([problem.declared / problem.sd[:, None], drawn]))[0]
     left = _off(orthonormal(white[:, :k]), white[:, k:])
@@ -198,7 +198,7 @@ def _deviance(problem: Problem, g: int, drawn: FloatArray) -> FloatArray:
 
 
 def _ratios(bases: Bases, without: IntArray, beside: IntArray, drawn: FloatArray, rank: IntArray, df: int) -> Single:
-    """(J, m) F that the likelihood ratio of every candidate amounts to, as `likelihood.ratio` has it."""
+    """(J, m) F equivalent to the likelihood ratio of every candidate, as in `likelihood.ratio`."""
     problem = bases.problem
     n, log_det = problem.n, problem.noise.log_det
     zero = log_det[beside[0]]
@@ -225,7 +225,7 @@ def _ratios(bases: Bases, without: IntArray, beside: IntArray, drawn: FloatArray
 
 
 def _scatter(found: Blocks, noise: Single, df: int) -> Single:
-    """(J, m) what single rows contribute to the variance of a candidate's sums, as `score` has it; not below one."""
+    """(J, m) contributions of single rows to the variance of a candidate's sums, as in `score`; at least one."""
     rank = np.maximum(found.rank, 1)[:, None].astype(np.float32)
     variance = np.maximum(np.sum(noise**2, axis=0) - found.gains(noise), _TINY) / np.maximum(df - rank, 1)
     dots, squares = found.units.T @ noise, found.squares

@@ -1,4 +1,4 @@
-"""Findings about the noise: rows that follow one another, rows whose scatter differs, rows that stand alone."""
+"""Findings about noise: correlated rows, unequal scatter, isolated outliers."""
 
 from __future__ import annotations
 
@@ -19,21 +19,20 @@ from procedures.general.trace.robust import scale
 from procedures.general.trace.run import TableData
 
 SHOWN = 8
-"""Rows that are named where several stand alone."""
+"""Maximum number of named outliers."""
 CLEAR = 0.01
 
 
 def noise_findings(
     judge: TableJudge, chosen: tuple[int, ...], growth: Growth | None, data: TableData
 ) -> tuple[FoundTableEffect, ...]:
-    """What is to be said of the noise beside the `chosen` effects, and what it does to the intervals.
+    """Findings about noise with the `chosen` effects, and its influence on intervals.
 
     Args:
         judge: that ended the search.
         chosen: candidates in the model.
-        growth: of the noise, as it was used for weights.
+        growth: of the noise, as used for weights.
         data: the table.
-
     """
     every = (
         _wander(judge, chosen, data),

@@ -1,4 +1,4 @@
-"""What noise that was found does to the intervals of the declared model's coefficients."""
+"""Influence of the estimated noise on the intervals of the declared model's coefficients."""
 
 from __future__ import annotations
 
@@ -12,25 +12,24 @@ from procedures.general.trace.judge import TableJudge
 
 UNDETERMINED = 1e-10
 NOTABLE = 0.05
-"""Of a standard error: smaller changes are not told."""
+"""Relative change of a standard error below which there is no report."""
 _TINY = np.finfo(float).tiny
 
 
 def understated(judge: TableJudge, chosen: tuple[int, ...], *, at: int, weighted: bool) -> FloatArray | None:
-    """(k,) true standard errors of least-squares coefficients over those that least squares states.
+    """(k,) ratio of true to stated standard errors of least-squares coefficients.
 
-    Least squares that counts all rows alike and as independent, of the declared model and the effects: its estimates
-    have the covariance A X'VX A, A = (X'X)^-1, and it states s^2 A with E s^2 = tr(MV)/(n - k).
+    Least squares with equal weights and independent rows, of the declared model and the effects: its estimates have the
+    covariance A X'VX A, A = (X'X)^-1, and it states s^2 A with E s^2 = tr(MV)/(n - k).
 
     Args:
         judge: of the table.
         chosen: effects in the model.
-        at: covariance of the errors that rows share.
-        weighted: whether each row has its own standard deviation besides.
+        at: covariance of the common errors of rows.
+        weighted: whether each row also has its own standard deviation.
 
     Returns:
-        Of the declared columns; None where rows do not determine them.
-
+        For the declared columns; None if rows do not determine them.
     """
     problem = judge.problem
     model = problem.model(chosen)
@@ -53,12 +52,11 @@ def understated(judge: TableJudge, chosen: tuple[int, ...], *, at: int, weighted
 
 
 def moved(judge: TableJudge, chosen: tuple[int, ...]) -> tuple[FloatArray, float] | None:
-    """What readings that stand alone do to least squares that counts them like others.
+    """Influence of isolated outliers on least squares with equal weights.
 
     Returns:
-        (k,) by how many standard errors they move the declared coefficients, and by what factor they widen intervals;
-        None where rows do not determine the coefficients.
-
+        (k,) changes of the declared coefficients, in standard errors, and factor of the width of intervals; None if
+        rows do not determine the coefficients.
     """
     problem = judge.problem
     model = problem.model(chosen)
@@ -77,7 +75,7 @@ def moved(judge: TableJudge, chosen: tuple[int, ...]) -> tuple[FloatArray, float
 
 
 def in_words(names: Sequence[str], factor: FloatArray | None) -> str:
-    """What `understated` says, as part of a sentence; "" if it says nothing."""
+    """The result of `understated`, as part of a sentence; "" without a result."""
     if factor is None or not len(factor):
         return ""
     far = np.flatnonzero(np.abs(factor - 1.0) > NOTABLE)

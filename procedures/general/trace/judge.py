@@ -1,4 +1,4 @@
-"""What stands out of a table: candidates judged beside one another, each with the noise that is left beside it."""
+"""Significance of candidates in a table, each tested with its own estimate of noise."""
 
 from __future__ import annotations
 
@@ -20,20 +20,22 @@ from procedures.general.trace.robust import excess
 from procedures.general.trace.score import View, score
 
 SHORTLIST = 8
-"""Effects that are looked at more closely at each step, by what they remove."""
+"""Number of effects examined closely at each step, by their reduction of the residual."""
 
 CLOSE = 3.0 * ALPHA
-"""Up to this p the slowest plausible noise is asked too."""
+"""Largest p for which the slowest plausible noise is tested too."""
 DOUBTFUL = 5.0
-"""Weight of p of a drift over an order that is not declared; others count as one (weighted family-wise error:
-Genovese, Roeder and Wasserman, Biometrika 93 (2006) 509)."""
+"""Weight of p of a drift over an undeclared order; others have weight one (weighted family-wise error: Genovese, Roeder
+and Wasserman, Biometrika 93 (2006) 509).
+"""
 PAIRED = 3
-"""Effects in time beside which another is tried where none stands out by itself. Each of two has to stand out beside
-the other, one of them by so many times more, since so many are tried."""
+"""Number of effects in time that are tried in pairs if none is significant by itself. Each of two has to be significant
+beside the other, one of them by this factor more, because of the number of trials.
+"""
 ALIKE = 4.0
 """Difference of twice the log-likelihood up to which the order of the catalogue decides."""
 MOST_TERMS = 3
-"""Of one effect with a constant that is searched: more knots or waves are not a description."""
+"""Maximum number of terms of one effect with a searched constant: more knots or harmonics are not a description."""
 
 Key = tuple[int, ...]
 
@@ -44,8 +46,7 @@ class TableJudge:
 
     Attributes:
         problem: the table.
-        families: simulated so far, by covariance and rival; parts of the table share them.
-
+        families: simulated so far, by covariance and rival; used for parts of the table too.
     """
 
     problem: Problem
@@ -58,25 +59,25 @@ class TableJudge:
 
     @property
     def candidates(self) -> tuple[Candidate, ...]:
-        """All there are, cheapest first."""
+        """All candidates, cheapest first."""
         return self.problem.candidates
 
     def unit(self, j: int) -> tuple[int, ...]:
-        """Every candidate by itself."""
+        """Every candidate separately."""
         return (j,)
 
     def refined(self, chosen: tuple[int, ...]) -> TableJudge:
-        """Itself: searched constants are placed more closely once the search is through."""
+        """Unchanged: searched constants are refined after the search."""
         return self
 
     def best(self, chosen: tuple[int, ...]) -> tuple[int, ...]:
-        """The candidate with most evidence beside those `chosen`, of those that stand out."""
+        """The most evident candidate beside those `chosen`, among the significant ones."""
         ranked = [j for j in self._ranked(chosen) if not self._crowded(chosen, j)]
         single = next(((j,) for j in ranked if self._adjusted(chosen, j) <= ALPHA), ())
         return single or self._pair(chosen, ranked)
 
     def _pair(self, chosen: tuple[int, ...], ranked: Sequence[int]) -> tuple[int, ...]:
-        """Two effects in time that stand out beside each other only, of which either alone passes for a wander."""
+        """Two effects in time that are significant only beside each other; either alone looks like a random walk."""
         if not self.problem.noise.slow[self.beside(chosen).best]:
             return ()
         for j in [j for j in ranked if self.candidates[j].effect.source == "time"][:PAIRED]:
@@ -91,7 +92,7 @@ class TableJudge:
         return ()
 
     def _crowded(self, chosen: tuple[int, ...], j: int) -> bool:
-        """Whether an effect has as many terms as can be believed, or one next to `j` on the grid of its constant."""
+        """Whether an effect has the maximum number of terms, or one next to `j` on the grid of its constant."""
         own, profile = self.candidates[j], self.candidates[j].term.profile
         same = [self.candidates[k] for k in chosen if self.candidates[k].effect.name == own.effect.name]
         if profile is None or not same:
@@ -104,7 +105,7 @@ class TableJudge:
         return self._adjusted(tuple(k for k in chosen if k != j), j)
 
     def suspects(self, chosen: tuple[int, ...]) -> tuple[tuple[str, float], ...]:
-        """Effects that come nearest to standing out beside those `chosen`, with their p, nearest first."""
+        """The effects nearest to significance beside those `chosen`, with their p, nearest first."""
         tried = [(self.candidates[j].effect.name, self._adjusted(chosen, j)) for j in self._ranked(chosen)]
         best: dict[str, float] = {}
         for name, p in tried:
@@ -112,9 +113,9 @@ class TableJudge:
         return tuple(sorted(best.items(), key=lambda item: item[1]))
 
     def beats_wander(self, chosen: tuple[int, ...], effect: str) -> float | None:
-        """Twice the log-likelihood by which an effect found is ahead of a slow wander in its place, columns paid for.
+        """Twice the log-likelihood ratio of an effect to a slow random walk in its place, with the price of columns.
 
-        None where no slow wander is possible.
+        None if no slow walk is possible.
         """
         slow = self.problem.noise.slow
         if not np.any(slow) or np.all(slow):
@@ -125,18 +126,17 @@ class TableJudge:
         return float(2.0 * (self.beside(chosen).ml.max() - self.beside(rest).ml[slow].max()) - price)
 
     def is_bound(self, p: float) -> bool:
-        """Whether none of the simulated tables had the like."""
+        """Whether no simulated table had such a score."""
         return any(p == family.least for family in self.families.values())
 
     def rivals(self, chosen: tuple[int, ...], effect: str) -> tuple[Rival, ...]:
-        """All explanations of what the terms of `effect` among `chosen` explain, best first."""
+        """All explanations for the terms of `effect` among `chosen`, best first."""
         at = self.beside(chosen).best
         return rivals(self.candidates, self.view(at), self.white(at, chosen), chosen, effect)
 
     def lead(self, found: Sequence[Rival]) -> Rival:
-        """Of the explanations the data cannot tell apart the most probable, columns paid for by Schwarz' criterion.
-
-        Of those about as probable the first in the catalogue.
+        """The most probable of the indistinguishable explanations, with the price of columns by Schwarz's criterion.
+        Among about equally probable ones the first in the catalogue.
         """
         extra = np.log(self.problem.n) - PER_COLUMN
         cost = {r: r.sigmas**2 + extra * sum(self.candidates[j].term.price for j in r.terms) for r in found if r.alias}
@@ -144,7 +144,7 @@ class TableJudge:
         return min((r for r in cost if cost[r] - least < ALIKE), key=lambda r: min(r.terms))
 
     def beside(self, chosen: tuple[int, ...]) -> Beside:
-        """How much noise rows share beside the declared columns and those `chosen`."""
+        """Likelihoods of common noise of rows, with the declared columns and those `chosen`."""
         key = tuple(sorted(chosen))
         if key not in self._besides:
             if key not in self._grids:
@@ -163,14 +163,14 @@ class TableJudge:
         return self._views[at]
 
     def held(self, chosen: tuple[int, ...]) -> FloatArray:
-        """(n,) the response, readings that stand alone beside those `chosen` brought back."""
+        """(n,) the response with isolated outliers beside those `chosen` reduced."""
         key = tuple(sorted(chosen))
         if key not in self._held:
             self._held[key] = self.problem.y - self._alone(key)
         return self._held[key]
 
     def _alone(self, chosen: tuple[int, ...]) -> FloatArray:
-        """(n,) by how much readings stand alone beside those `chosen`."""
+        """(n,) reduction of isolated outliers beside those `chosen`."""
         view = self.view(0)
         taken = view.taken(chosen)
         return (
@@ -186,7 +186,7 @@ class TableJudge:
         return np.asarray(self.problem.noise.whiten(np.array([at]), (y / self.problem.sd)[:, None])[0, :, 0])
 
     def family(self, at: int, rival: Rivalry = "any") -> TableFamily:
-        """What the best of all scores by chance under covariance `at`, held against a `rival`."""
+        """Distribution of the best score by chance under covariance `at`, relative to a `rival`."""
         if (at, rival) not in self.families:
             without, beside = possible_of(self.problem, rival)
             self.families[at, rival] = family_of(
@@ -204,10 +204,10 @@ class TableJudge:
     def _adjusted(self, chosen: tuple[int, ...], j: int) -> float:
         """Family-wise p of `j` beside those `chosen`.
 
-        It has to stand out from the noise that fits best without it, whatever that is. Or it has to be ahead of every
-        slow wander, with noise that forgets soon beside it, and to stand out both from noise that forgets soon and
-        from those slow wanders that are noise (a test of hypotheses of which neither contains the other: Cox, Proc.
-        4th Berkeley Symp. 1 (1961) 105, its distribution simulated).
+        It has to be significant against the best-fitting noise without it. Or it has to be better than every slow walk,
+        with noise of short memory beside it, and significant both against noise of short memory and against slow walks
+        that are noise (a test of hypotheses of which neither contains the other: Cox, Proc. 4th Berkeley Symp. 1 (1961)
+        105, its distribution simulated).
         """
         trial = self._trial(chosen, j)
         if trial.ahead > np.log(self.problem.n) * self.candidates[j].term.price:
@@ -217,10 +217,10 @@ class TableJudge:
         return self._against(trial, chosen, j, "any")
 
     def _against(self, trial: Trial, chosen: tuple[int, ...], j: int, rival: Rivalry) -> float:
-        """Family-wise p of `j`, held against one rival; 0 where the noise of the table has no such rival.
+        """Family-wise p of `j` against one rival; 0 if the noise of the table has no such rival.
 
-        The larger of two: with the noise that is most probable without it, and with the slowest that is plausible. How
-        alike neighbours are is underestimated in short tables (Berger and Boos, JASA 89 (1994) 1012).
+        The larger of two: with the noise that is most probable without it, and with the slowest that is plausible. The
+        correlation of neighbours is underestimated in short tables (Berger and Boos, JASA 89 (1994) 1012).
         """
         possible = possible_of(self.problem, rival)
         if not np.any(possible[0]):
@@ -240,7 +240,7 @@ class TableJudge:
         return max(p, self.family(trial.without.slowest_of(possible[0]), rival).adjust(name, own))
 
     def _ranked(self, chosen: tuple[int, ...]) -> Iterable[int]:
-        """The best term of each effect that promises anything, most evidence less the price of its columns first."""
+        """The best term of each promising effect, by evidence minus the price of its columns."""
         if not self.candidates:
             return ()
         beside = self.beside(chosen)
@@ -260,7 +260,7 @@ class TableJudge:
 
     @property
     def _weight(self) -> FloatArray:
-        """(J,) what p is multiplied by before effects are compared."""
+        """(J,) factor of p before effects are compared."""
         doubtful = [self.problem.presumed and c.effect.source == "time" for c in self.candidates]
         return np.where(doubtful, DOUBTFUL, 1.0)
 
@@ -272,7 +272,7 @@ class TableJudge:
         return Grid.of(self.problem.noise, y / self.problem.sd, self.problem.model(key) / self.problem.sd[:, None])
 
     def _trial(self, chosen: tuple[int, ...], j: int) -> Trial:
-        """`j` beside those `chosen`; a reading is held back only as far as it stands alone without `j` and with it."""
+        """`j` beside those `chosen`; a reading is reduced only as far as it is isolated both without and with `j`."""
         key = tuple(sorted(chosen))
         if (key, j) not in self._trials:
             held = self.held(key)

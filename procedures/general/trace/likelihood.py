@@ -1,4 +1,4 @@
-"""How much noise rows share, estimated beside a model by restricted maximum likelihood on a grid."""
+"""Common noise of rows, estimated with a model by restricted maximum likelihood on a grid."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from procedures.general.trace.noise import BoolArray, Noise
 _TINY = np.finfo(float).tiny
 _MOST = 600.0
 PLAUSIBLE = 3.84
-"""Of twice the restricted log-likelihood: a covariance that is further behind the best is excluded at 5 %."""
+"""Difference of twice the restricted log-likelihood at which a covariance is excluded at 5 %."""
 _ALIKE = 1e-6
-"""A column of which less is left beside the others adds nothing."""
+"""Minimum remaining share of a column beside the others."""
 
 
 @dataclass(frozen=True, eq=False)
 class Beside:
-    """What the grid's covariances say beside a model.
+    """Likelihoods of the grid's covariances with a model.
 
     Attributes:
         noise: the grid.
@@ -27,7 +27,6 @@ class Beside:
         reml: (G,) restricted log-likelihood of each.
         ml: (G,) log-likelihood of each.
         sigma2: (G,) variance of one row, in the covariance's unit.
-
     """
 
     noise: Noise
@@ -38,24 +37,26 @@ class Beside:
 
     @property
     def best(self) -> int:
-        """The covariance that has most for it, the prior counted."""
+        """The most probable covariance, with the prior."""
         return self.best_of(np.ones(len(self.reml), np.bool_))
 
     def best_of(self, possible: BoolArray) -> int:
-        """The same of those that are `possible` (G,)."""
+        """The same among those that are `possible` (G,)."""
         return int(np.argmax(np.where(possible, self.reml + np.log(self.noise.prior), -np.inf)))
 
     def slowest_of(self, possible: BoolArray) -> int:
-        """Of those `possible` (G,) that data do not exclude at 5 % beside the best, the one with the longest memory."""
+        """Among those `possible` (G,) that are not excluded at 5 % relative to the best, the one with the longest
+        memory.
+        """
         kept = possible & (self.reml >= self.reml[possible].max() - 0.5 * PLAUSIBLE)
         return self.best_of(kept & (self.noise.memory == self.noise.memory[kept].max()))
 
 
 def ratio(without: Beside, beside: Beside, possible: tuple[BoolArray, BoolArray], rank: int, df: int) -> float:
-    """F that the likelihood ratio of `rank` columns amounts to; `df` are left beside them.
+    """F equivalent to the likelihood ratio of `rank` columns, with `df` degrees of freedom left.
 
-    Noise is fitted without the columns and beside them, each time among what is `possible` ((G,), (G,)). With
-    independent errors it is the usual F. Below zero where the noise that is possible without is ahead.
+    Noise is fitted without and with the columns, each time among `possible` ((G,), (G,)). With independent errors it is
+    the usual F. It is negative if the noise without the columns fits better.
     """
     gained = 2.0 * float(beside.ml[possible[1]].max() - without.ml[possible[0]].max()) / without.n
     return float(np.expm1(min(gained, _MOST)) if gained > 0.0 else gained) * df / rank
@@ -63,14 +64,13 @@ def ratio(without: Beside, beside: Beside, possible: tuple[BoolArray, BoolArray]
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """Response and model whitened by every covariance of the grid, to be asked about further columns.
+    """Response and model whitened by every covariance of the grid, for tests of further columns.
 
     Attributes:
         noise: the grid.
         basis: (G, n, k) for each an orthonormal basis of the model's columns.
-        left: (G, n) what the model leaves of the response.
+        left: (G, n) residual of the response after the model.
         log_det_x: (G,) of the model's columns whitened.
-
     """
 
     noise: Noise
@@ -80,13 +80,13 @@ class Grid:
 
     @classmethod
     def of(cls, noise: Noise, y: FloatArray, model: FloatArray) -> Grid:
-        """Whiten response (n,) and columns (n, k), already over each row's own sd."""
+        """Whiten response (n,) and columns (n, k), which are already divided by each row's own sd."""
         white = noise.whiten(np.arange(len(noise.prior)), np.column_stack([model, y]))
         basis, det = _bases(white[:, :, :-1], np.linalg.norm(white[:, :, :-1], axis=1))
         return cls(noise, basis, _off(basis, white[:, :, -1:])[:, :, 0], det)
 
     def beside(self, extra: FloatArray | None = None) -> Beside:
-        """Likelihoods beside the model and further columns (n, d), already over each row's own sd."""
+        """Likelihoods with the model and further columns (n, d), which are already divided by each row's own sd."""
         n, df = self.left.shape[1], self.left.shape[1] - self.basis.shape[2]
         rss, det_x = np.sum(self.left**2, axis=1), self.log_det_x
         if extra is not None and extra.shape[1]:
@@ -101,12 +101,12 @@ class Grid:
 
 
 def _off(basis: FloatArray, columns: FloatArray) -> FloatArray:
-    """(G, n, d) columns less what lies in the bases (G, n, k)."""
+    """(G, n, d) columns minus their projection on the bases (G, n, k)."""
     return np.asarray(columns - np.matmul(basis, np.matmul(basis.transpose(0, 2, 1), columns)))
 
 
 def _bases(columns: FloatArray, length: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(G, n, d) orthonormal bases of columns (G, n, d), zero for those that add nothing, and (G,) log |X'X|."""
+    """(G, n, d) orthonormal bases of columns (G, n, d), zero for dependent ones, and (G,) log |X'X|."""
     q, r = np.linalg.qr(columns / np.maximum(length, _TINY)[:, None, :])
     own = np.abs(np.diagonal(r, axis1=1, axis2=2))
     kept = own > _ALIKE

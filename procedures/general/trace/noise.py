@@ -1,7 +1,7 @@
-"""Noise that rows of a table share: none, a slow wander in the order of taking, or an error for each group of rows.
+"""Common noise of the rows of a table: none, a slow walk in the order of measurement, or an error per group of rows.
 
-Each is a grid of covariance matrices, known up to a factor, so that how much there is of it can be estimated beside
-any candidate and its uncertainty counted. Nothing here is bigger than rows times columns.
+Each is a grid of covariance matrices, known up to a factor, so that its size can be estimated with any candidate, with
+its uncertainty. No array is larger than rows times columns.
 """
 
 from __future__ import annotations
@@ -17,16 +17,18 @@ from scipy.linalg.lapack import dtbtrs
 from fitter.arrays import FloatArray, IntArray
 
 SHARES = (1.0, 0.7, 0.4, 0.15)
-"""Of the variance of one row, what wanders; the rest is drawn again for every row."""
+"""Shares of the slow part in the variance of one row; the rest is independent."""
 CORRELATIONS = (0.2, 0.4, 0.6, 0.75, 0.83, 0.89, 0.93, 0.96, 0.98, 0.99)
-"""Of what wanders, between neighbouring rows. Where long tables tell more, what is between two of these is drawn with
-too little or too much of slow noise: between 0.87 and 0.94 a third too little."""
+"""Correlations of the slow part between neighbouring rows. If long tables determine more, values between two of these
+are simulated with too little or too much slow noise: between 0.87 and 0.94 a third too little.
+"""
 WALKS = (0.001, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 30.0)
-"""Variance of a random walk's step over that of what is drawn again for every row."""
+"""Variance of a random walk's step over that of the independent part."""
 LEAST_WHITE = 0.01
 SLOW, MEMORIES = 0.9, 6.0
-"""Correlation between neighbours of what wanders, above which it is a drift of no known shape rather than noise; it is
-slow, too, if its memory, the time in which correlation falls by a factor of e, goes into the table less often."""
+"""Correlation of neighbours of the slow part above which it is a drift of unknown shape instead of noise; it is also
+slow if its memory, the time of a decrease of correlation by a factor e, fits into the table less often than this.
+"""
 
 
 BoolArray = NDArray[np.bool_]
@@ -37,7 +39,7 @@ class Noise(Protocol):
 
     @property
     def prior(self) -> FloatArray:
-        """(G,) what is thought of each before the data, not normalised."""
+        """(G,) prior of each, not normalised."""
 
     @property
     def log_det(self) -> FloatArray:
@@ -45,24 +47,26 @@ class Noise(Protocol):
 
     @property
     def slow(self) -> BoolArray:
-        """(G,) whether errors are remembered so long that they look like an effect in time."""
+        """(G,) whether errors have such a long memory that they look like an effect in time."""
 
     @property
     def drifting(self) -> BoolArray:
-        """(G,) whether it is slower than noise, a drift of no known shape."""
+        """(G,) whether it is slower than noise, a drift of unknown shape."""
 
     @property
     def memory(self) -> FloatArray:
-        """(G,) variance of the mean of all rows over that of independent ones; ones if order plays no part."""
+        """(G,) variance of the mean of all rows over that of independent ones; ones if the order is irrelevant."""
 
     def whiten(self, which: IntArray, columns: FloatArray) -> FloatArray:
-        """(len(which), n, m) `columns` (n, m) as they are where errors are independent with one variance."""
+        """(len(which), n, m) whitened `columns` (n, m): independent errors with one variance."""
 
     def colour(self, at: int, white: FloatArray) -> FloatArray:
         """(n, m) errors of covariance `at` from independent ones (n, m): the inverse of `whiten`."""
 
     def root(self, at: int, columns: FloatArray) -> FloatArray:
-        """(n, m) whose products are covariances of the sums of rows that `columns` (n, m) weigh: colour transposed."""
+        """(n, m) transposed colouring of `columns` (n, m): its products are covariances of the weighted sums
+        of rows.
+        """
 
     def variances(self, at: int) -> FloatArray:
         """(n,) variance of every row under covariance `at`."""
@@ -76,7 +80,7 @@ class Noise(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Independent:
-    """Rows share nothing."""
+    """No common errors of rows."""
 
     n: int
 
@@ -132,14 +136,13 @@ class Independent:
 
 @dataclass(frozen=True, eq=False)
 class Wandering:
-    """A wander in the order of taking and independent errors on top: exponentially correlated, or a random walk.
+    """A slow part in the order of measurement plus independent errors: exponentially correlated, or a random walk.
 
-    Whitened by the Kalman filter of the wander, one innovation a row.
+    Whitened by its Kalman filter, with one innovation per row.
 
     Attributes:
         when: (n,) times of the rows in units of the usual gap, ascending.
-        picked: the only covariance of the grid there is; None for all.
-
+        picked: the only used covariance of the grid; None for all.
     """
 
     when: FloatArray
@@ -160,7 +163,7 @@ class Wandering:
 
     @property
     def prior(self) -> FloatArray:
-        """(G,) independence counts as four others, slow ones less."""
+        """(G,) independence counts as four others, slow ones count less."""
         correlation = self._grid[0]
         return np.where(correlation == 0.0, 4.0, np.where(correlation > 0.95, 0.3, 1.0))
 
@@ -191,7 +194,7 @@ class Wandering:
 
     @cached_property
     def _filter(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """(n, G) decay from the row before, gain and innovation's standard deviation."""
+        """(n, G) decay from the previous row, gain, and the innovation's standard deviation."""
         correlation, share, step, white = self._grid
         gap = np.diff(self.when, prepend=self.when[:1])
         decay = correlation[None, :] ** gap[:, None]

@@ -1,4 +1,6 @@
-"""A table ready to be searched: response, declared columns, candidates' columns, and the noise rows may share."""
+"""A table prepared for the search: response, declared columns, candidates' columns, and possible common noise
+of rows.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,7 @@ from procedures.general.effects.scene import TableScene, TableTerm
 from procedures.general.trace.noise import Noise
 
 SPARED = 2
-"""Degrees of freedom that a candidate has to leave."""
+"""Minimum degrees of freedom beside a candidate."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,18 +32,17 @@ class Candidate:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """What a search works on.
+    """Data of a search.
 
     Attributes:
         y: (n,) response.
         declared: (n, k) columns of the declared model.
         candidates: in catalogue order, cheapest first.
-        noise: that rows may share.
+        noise: possible common noise of rows.
         sd: (n,) standard deviation of each row's own error over the usual one.
-        ordered: whether rows stand in an order, that of taking or that of a setting.
-        presumed: whether that order is not declared.
-        left_out: candidates that cannot be computed with.
-
+        ordered: whether rows have an order, of measurement or of a setting.
+        presumed: whether that order is only assumed.
+        left_out: candidates that cannot be used in computation.
     """
 
     y: FloatArray
@@ -60,7 +61,7 @@ class Problem:
 
     @cached_property
     def step(self) -> FloatArray:
-        """(n,) what the response was rounded to, over each row's `sd`; zero where it does not seem to be."""
+        """(n,) rounding step of the response, over each row's `sd`; zero if none is detected."""
         return np.asarray(resolution(self.y) / self.sd)
 
     @cached_property
@@ -71,7 +72,7 @@ class Problem:
 
     @cached_property
     def start(self) -> IntArray:
-        """(J + 1,) where each candidate's columns begin."""
+        """(J + 1,) first column of each candidate."""
         widths = [c.term.columns.shape[1] for c in self.candidates]
         return np.concatenate([[0], np.cumsum(widths)]).astype(np.int64)
 
@@ -97,7 +98,7 @@ class Problem:
         )
 
     def with_terms(self, terms: dict[int, TableTerm]) -> Problem:
-        """The same with other terms in the place of some candidates."""
+        """The same with other terms in place of some candidates."""
         candidates = list(self.candidates)
         for j, term in terms.items():
             candidates[j] = replace(candidates[j], term=term)
@@ -105,13 +106,12 @@ class Problem:
 
 
 def candidates_of(scene: TableScene, response: str, left: int) -> tuple[tuple[Candidate, ...], tuple[NotKept, ...]]:
-    """All that can be looked for in a table, cheapest first, then in catalogue order; and what is too large for that.
+    """All candidates in a table, cheapest first, then in catalogue order; and those with too large values.
 
     Args:
         scene: the table.
         response: its name.
-        left: rows less columns of the declared model.
-
+        left: number of rows minus columns of the declared model.
     """
     with np.errstate(over="ignore", invalid="ignore"):
         every = [Candidate(effect, term) for effect in effects_of(scene, response) for term in effect.terms(scene)]

@@ -1,4 +1,4 @@
-"""Constants that were searched on a grid, moved to where they fit best between their neighbours on it."""
+"""Refinement of constants searched on a grid, between their neighbours on it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ SWEEPS = 2
 
 
 def refined(judge: TableJudge, chosen: tuple[int, ...]) -> Problem:
-    """The problem with the searched constants of the `chosen` candidates at their best, the others held."""
+    """The problem with the best searched constants of the `chosen` candidates, each with the others fixed."""
     problem, at = judge.problem, judge.beside(chosen).best
     y = judge.white(at, chosen)
     for _ in range(SWEEPS):

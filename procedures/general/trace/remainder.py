@@ -1,4 +1,4 @@
-"""What is left beside the effects, and where it lives."""
+"""The remainder after the effects, and its place."""
 
 from __future__ import annotations
 
@@ -17,21 +17,20 @@ from procedures.general.trace.score import NOTHING_LEFT, blocks
 from procedures.general.trace.smooth import Smooth, curve, offered
 
 UNEXPLAINED = 1e-3
-"""What is left counts as left below this probability, over all places looked at."""
+"""Probability below which there is a remainder, over all tested places."""
 SUSPECTS = 2
 ORDERS = (3, 6, 12)
-"""Of curves that the residual is held against, over each variable."""
+"""Maximum order of curves tested over each variable."""
 BINS, FEWEST_IN_BIN = 8, 4
 
 
 def pure_error(y: FloatArray, points: IntArray | None, effects: FloatArray) -> float | None:
-    """Standard deviation of rows that repeat one setting; None where none do.
+    """Standard deviation of rows that repeat one setting; None without repeats.
 
     Args:
         y: (n,) response.
-        points: (n,) setting of each row; None where nothing is set.
-        effects: (n, d) columns of effects in which rows of one setting may still differ; they are fitted first.
-
+        points: (n,) setting of each row; None without settings.
+        effects: (n, d) columns of effects that may differ within a setting; they are fitted first.
     """
     if points is None:
         return None
@@ -49,9 +48,9 @@ def pure_error(y: FloatArray, points: IntArray | None, effects: FloatArray) -> f
 
 
 def unnamed(judge: TableJudge, chosen: tuple[int, ...], variables: Mapping[str, FloatArray]) -> tuple[Smooth, ...]:
-    """Variables over which the residual still follows a smooth curve, the clearest only, and a wander if it is slow.
+    """The variable over which the residual most clearly follows a smooth curve, and a slow walk if any.
 
-    Curves of a few orders are tried over each variable; the residual's noise is that found beside the effects.
+    Curves of a few orders are tested over each variable; the residual's noise is that estimated with the effects.
     """
     at = judge.beside(chosen).best
     view, white = judge.view(at), judge.white(at, chosen)
@@ -84,7 +83,7 @@ def unnamed(judge: TableJudge, chosen: tuple[int, ...], variables: Mapping[str, 
 
 
 def _slow(judge: TableJudge, chosen: tuple[int, ...]) -> tuple[Smooth, ...]:
-    """A wander so slow that it is as likely an effect in time as noise, with the effects that come nearest to it."""
+    """A walk so slow that it is as likely an effect in time as noise, with the effects nearest to it."""
     noise, beside = judge.problem.noise, judge.beside(chosen)
     at = beside.best
     if not isinstance(noise, Wandering) or not noise.slow[at]:
@@ -100,7 +99,7 @@ def _slow(judge: TableJudge, chosen: tuple[int, ...]) -> tuple[Smooth, ...]:
 
 
 def _told(rest: Smooth) -> Smooth:
-    """With the curve that is on offer in words."""
+    """The same with the available curve, in words."""
     period = f" (period {rest.period:.4g})" if rest.period is not None else ""
     text = (
         f"{rest.where}; a smooth curve of order {rest.order} over {rest.variable}{period} would take the standard "

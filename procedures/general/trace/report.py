@@ -1,4 +1,4 @@
-"""What was found in a table, put together."""
+"""Findings in a table, combined."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ from procedures.general.trace.run import Found, TableData, problem_of, search_ta
 from procedures.general.trace.shared import Shared
 
 WANDER = "slow-wander"
-"""Alias of an effect that noise which remembers long explains as well."""
+"""Name of the alias "noise with long memory" of an effect."""
 CONSTANT = 0.99
-"""Share of a column that lies between whole plots from which it counts as constant in them."""
+"""Share of a column between whole plots from which it counts as constant in them."""
 
 
 def trace_general(data: TableData) -> TableTrace:
-    """Find what the declared model of a table lacks. How it decides: docs/trace_tables.md."""
+    """Find effects missing in the declared model of a table. Method: docs/trace_tables.md."""
     found = search_table(data)
     judge, chosen = found.judge, found.chosen
     before, after = estimate(judge, (), data.tails), estimate(judge, chosen, data.tails)
@@ -113,7 +113,7 @@ def _effect(judge: TableJudge, after: Estimate, name: str, data: TableData) -> F
         size=_size(own, values, effect, data.response),
         p_adjusted=p,
         p_adjusted_is_bound=judge.is_bound(p),
-        share=0.0,  # of all together: `_shares`
+        share=0.0,  # together for all effects: `_shares`
         aliases=aliases,
         separation=separation,
         separate_by="; ".join(experiments),
@@ -125,7 +125,7 @@ def _effect(judge: TableJudge, after: Estimate, name: str, data: TableData) -> F
 
 
 def _size(own: FloatArray, values: FloatArray, effect: TableEffect, response: str) -> str:
-    """How large an effect is beside the declared model; of levels of a group how far their coefficients differ."""
+    """Size of an effect beyond the declared model; for levels of a group the range of their coefficients."""
     rms, ends = f"{np.sqrt(np.mean(own**2)):.3g} rms", f"{np.ptp(own):.3g} from end to end, in units of {response}"
     apart = np.ptp(np.concatenate([[0.0], values]))
     if effect.kind is GROUP_OFFSET:
@@ -136,7 +136,7 @@ def _size(own: FloatArray, values: FloatArray, effect: TableEffect, response: st
 
 
 def _spans(declared: int, judge: TableJudge, chosen: tuple[int, ...]) -> dict[int, range]:
-    """Where the coefficients of each candidate stand."""
+    """Position of the coefficients of each candidate."""
     spans, start = {}, declared
     for j in chosen:
         width = judge.candidates[j].term.columns.shape[1]
@@ -159,14 +159,13 @@ def _stratum(judge: TableJudge, mine: list[int], usual: str) -> str:
 def _shares(
     judge: TableJudge, chosen: tuple[int, ...], effects: Sequence[FoundTableEffect], unnamed: float
 ) -> FloatArray:
-    """Share of each effect in the response beyond scatter, rows weighted by the scatter found.
+    """Share of each effect in the response beyond scatter, with rows weighted by the estimated scatter.
 
     Args:
         judge: of the table.
         chosen: candidates in the model.
-        effects: as they were estimated.
-        unnamed: part of what is left beside them that is no scatter.
-
+        effects: the estimated ones.
+        unnamed: part of the remainder that is not scatter.
     """
     view, white = judge.view(0), judge.white(0, chosen)
     taken = view.taken(chosen)
@@ -180,7 +179,7 @@ def _shares(
 
 
 def _shared(data: TableData, judge: TableJudge, chosen: tuple[int, ...]) -> tuple[float, float] | None:
-    """Standard deviations within whole plots and between them by REML, where the declared model has them."""
+    """Standard deviations within whole plots and between them by REML, if the declared model has them."""
     if data.shared is None:
         return None
     basis = orthonormal(judge.problem.model(chosen))

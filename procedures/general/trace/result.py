@@ -1,4 +1,4 @@
-"""What a trace of a table found, ready to print or to plot."""
+"""Findings of a trace of a table, for printing and plots."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ UNBOUNDED = (
 
 @dataclass(frozen=True, eq=False)
 class FoundTableEffect(Found):
-    """An effect as it shows in a table.
+    """An effect in a table.
 
     Attributes:
-        family: coarser word: "nonlinearity", "periodic", "temperature", "drift", "group", ...
-        columns: of the table, that it is of.
-        contribution: (n,) what it adds to the response, beyond what the declared model takes up; zero for noise.
-        intervals: of a finding about the noise, what it does to intervals that take rows for independent and alike: by
-            coefficient of the declared model, its true standard error over the one that such least squares states.
-
+        family: general word: "nonlinearity", "periodic", "temperature", "drift", "group", ...
+        columns: its columns of the table.
+        contribution: (n,) its contribution to the response, beyond the part absorbed by the declared model; zero for
+            noise.
+        intervals: for a finding about noise, ratio of true standard error to that of least squares with independent,
+            equal rows, by coefficient of the declared model.
     """
 
     family: str
@@ -40,12 +40,12 @@ class FoundTableEffect(Found):
 
     @property
     def rms(self) -> float:
-        """Root mean square of what it adds."""
+        """Root mean square of its contribution."""
         return float(np.sqrt(np.mean(self.contribution**2)))
 
     @property
     def own_keys(self) -> dict[str, JsonValue]:
-        """Keys of JSON that only tables have."""
+        """Keys of JSON for tables only."""
         return {
             "family": self.family,
             "columns": list(self.columns),
@@ -56,14 +56,13 @@ class FoundTableEffect(Found):
 
 @dataclass(frozen=True, eq=False)
 class TableSide:
-    """A table before the effects, or after.
+    """Fit of a table before or after the effects.
 
     Attributes:
         fit: of the model.
-        cv_rms: rms error on rows left out of search and fit; None where too few would be left.
-        sigma_pure: of rows that repeat one setting, what the effects make of them taken out; None where none do.
-        shared: standard deviations within and between whole plots, where the declared model has them.
-
+        cv_rms: rms error of rows left out of search and fit; None if too few would remain.
+        sigma_pure: of rows that repeat one setting, with the effects removed; None without repeats.
+        shared: standard deviations within and between whole plots, if the declared model has them.
     """
 
     fit: Estimate
@@ -88,7 +87,7 @@ class TableSide:
 
 @dataclass(frozen=True, eq=False)
 class TableTrace:
-    """What was found in a table.
+    """Findings in a table.
 
     Attributes:
         response: its name.
@@ -99,12 +98,11 @@ class TableTrace:
         before: with the declared model.
         after: with the effects.
         effects: found, largest share first, findings about the noise last.
-        unnamed: what remains, if it is more than error.
-        remarks: about the noise and how the error was measured.
-        variables: (n,) columns to plot residuals against, by name.
-        levels: of those among them that are groups, whose values count them from zero.
-        left_out: what was left out together for `cv_rms`.
-
+        unnamed: the remainder, if it exceeds error.
+        remarks: about noise and the measurement of the error.
+        variables: (n,) columns for plots of residuals, by name.
+        levels: names of the levels of groups among them, whose values are indices from zero.
+        left_out: groups of rows left out for `cv_rms`.
     """
 
     response: str
@@ -128,7 +126,7 @@ class TableTrace:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Sentences that stand beside the numbers before and after."""
+        """Sentences shown with the numbers before and after."""
         notes = list(self.remarks)
         if self.added:
             notes.append("standard errors of the effects are conditional on their having been selected on these data")

@@ -1,4 +1,4 @@
-"""What an effect is held against: the noise that explains a table in its place."""
+"""Rival explanations of an effect by noise."""
 
 from __future__ import annotations
 
@@ -13,8 +13,9 @@ from procedures.general.trace.noise import BoolArray
 from procedures.general.trace.problem import Problem
 
 Rivalry = Literal["any", "fast", "slow"]
-"""The noise that fits best, without an effect and beside it; the same of noise that forgets soon; or, with noise that
-forgets soon beside it, slow wanders without it, as far as they are noise."""
+"""Kinds of rivals: the best-fitting noise, without an effect and with it; the same for noise of short memory; or, with
+noise of short memory beside it, slow walks without it, as far as they are noise.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,10 +23,9 @@ class Trial:
     """One candidate beside those in the model.
 
     Attributes:
-        y: (n,) the response, readings that stand alone brought back.
-        without: the candidate, what the covariances say.
-        beside: it.
-
+        y: (n,) the response with isolated outliers reduced.
+        without: likelihoods of the covariances without the candidate.
+        beside: likelihoods with it.
     """
 
     y: FloatArray
@@ -39,9 +39,9 @@ class Trial:
 
     @property
     def ahead(self) -> float:
-        """Twice the log-likelihood by which it is ahead of slow wanders, with noise that forgets soon beside it.
+        """Twice the log-likelihood ratio to slow walks, with noise of short memory beside it.
 
-        Minus infinity where there are not both.
+        Minus infinity if one of them is impossible.
         """
         slow = self.without.noise.slow
         if not np.any(slow) or np.all(slow):
@@ -50,10 +50,10 @@ class Trial:
 
 
 def possible_of(problem: Problem, rival: Rivalry) -> tuple[BoolArray, BoolArray]:
-    """(G,) covariances that are fitted without a candidate, and those that are fitted beside it.
+    """(G,) covariances fitted without a candidate, and those fitted with it.
 
-    A slow wander that is a drift itself is as much an answer as any effect in time: of the two the more probable one
-    holds. Only where the order of the rows is not declared does an effect have to be shown against it.
+    A slow walk that is a drift itself is as valid an explanation as any effect in time: the more probable of the two is
+    used. Only if the order of the rows is not declared, an effect has to be significant against it.
     """
     noise = problem.noise
     every = np.ones(len(noise.slow), np.bool_)

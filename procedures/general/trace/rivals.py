@@ -1,4 +1,4 @@
-"""Which other effects explain a table equally well; candidates are blocks of columns."""
+"""Other effects that explain a table equally well; candidates are blocks of columns."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from procedures.general.trace.problem import Candidate
 from procedures.general.trace.score import View
 
 CLOSEST = 6
-"""Effects that are tried with several terms, where the effect found has several."""
+"""Number of effects tried with several terms if the found effect has several."""
 
 
 def rivals(
     candidates: Sequence[Candidate], view: View, y: FloatArray, chosen: tuple[int, ...], effect: str
 ) -> tuple[Rival, ...]:
-    """All explanations of what the terms of `effect` among `chosen` explain, itself included, best first.
+    """All explanations for the terms of `effect` among `chosen`, including itself, best first.
 
     Args:
         candidates: of the table.
@@ -27,7 +27,6 @@ def rivals(
         y: (n,) whitened response.
         chosen: candidates in the model.
         effect: name of one among them.
-
     """
     group = tuple(j for j in chosen if candidates[j].effect.name == effect)
     rest = tuple(j for j in chosen if j not in group)
@@ -65,10 +64,9 @@ class _Path:
     Attributes:
         candidates: of the table.
         view: the table whitened.
-        y: (n,) whitened response, the rest of the model taken out.
+        y: (n,) whitened response, with the rest of the model removed.
         variance: of the whitened response's error.
         rest: candidates in the model that stay.
-
     """
 
     candidates: Sequence[Candidate]
@@ -78,13 +76,13 @@ class _Path:
     rest: tuple[int, ...]
 
     def price(self, terms: tuple[int, ...]) -> float:
-        """Residual sum of squares with `terms` less that without, plus the price of the columns."""
+        """Residual sum of squares with `terms` minus that without, plus the price of the columns."""
         basis = self.view.taken((*self.rest, *terms))
         columns = sum(self.candidates[j].term.price for j in terms)
         return float(-np.sum((basis.T @ self.y) ** 2)) / self.variance + PER_COLUMN * columns
 
     def longer(self, first: int, most: int) -> list[tuple[tuple[int, ...], float]]:
-        """Up to `most` terms of the effect that `first` is of, each the one that removes most, with their price."""
+        """Up to `most` terms of the effect of `first`, each with the largest reduction, and their price."""
         name = self.candidates[first].effect.name
         terms = [j for j, c in enumerate(self.candidates) if c.effect.name == name]
         steps: list[tuple[tuple[int, ...], float]] = []

@@ -1,4 +1,4 @@
-"""Readings that stand alone: held back while effects are looked for, so that a few neither make nor hide one."""
+"""Isolated outliers: reduced during the search for effects, so that a few neither create nor mask one."""
 
 from __future__ import annotations
 
@@ -8,21 +8,23 @@ from fitter.arrays import FloatArray
 from fitter.resolution import robust_sd
 
 ALONE = 4.5
-"""Robust standard deviations from which a reading counts as standing alone."""
+"""Robust standard deviations from which a reading counts as isolated."""
 FEW = 8.0
-"""Rows at which the limit is twice as high: a few rows do not tell their scale well."""
+"""Number of rows at which the limit is doubled: few rows do not determine their scale well."""
 HELD = 3.0
-"""Standard deviations it is brought back to."""
+"""Standard deviations to which it is reduced."""
 NEIGHBOURS = 3
-"""On either side, of the running median that a reading of an ordered table also has to stand out from."""
+"""Number of neighbours on either side for the running median from which a reading of an ordered table must also
+deviate.
+"""
 FEWEST = 15
 
 
 def excess(left: FloatArray, *, ordered: bool, step: FloatArray | float = 0.0) -> FloatArray:
-    """(n,) what is taken off a residual (n,), over each row's sd, that stands alone; zero for all others.
+    """(n,) reduction of isolated residuals (n,), over each row's sd; zero for all others.
 
-    A reading stands alone only if it stands out from the model and, where the order of taking is known, from its
-    neighbours too: a level that several readings hold is an effect. `step` is what the values were rounded to, one or
+    A reading is isolated only if it deviates from the model and, if the order of measurement is known, from its
+    neighbours too: a level common to several readings is an effect. `step` is the rounding step of the values, one or
     (n,), in the unit of the residual.
     """
     if len(left) < FEWEST:
@@ -35,7 +37,7 @@ def excess(left: FloatArray, *, ordered: bool, step: FloatArray | float = 0.0) -
 
 
 def scale(left: FloatArray, step: FloatArray | float = 0.0) -> float:
-    """Standard deviation by the median of absolute values, not below a fifth of the rms, nor what rounding gives."""
+    """Standard deviation by the median of absolute values, at least a fifth of the rms and that of rounding."""
     return float(max(robust_sd(left, step), 0.2 * np.sqrt(np.mean(left**2))))
 
 
@@ -47,7 +49,7 @@ def running_median(values: FloatArray) -> FloatArray:
 
 
 def _beyond(deviation: FloatArray, step: FloatArray | float) -> FloatArray:
-    """What of each deviation is beyond `HELD`, where it is beyond `ALONE`."""
+    """Part of each deviation beyond `HELD`, for those beyond `ALONE`."""
     sd = scale(deviation, step)
     limit = ALONE * (1.0 + FEW / len(deviation)) * sd
     held = np.clip(deviation, -HELD * sd, HELD * sd)

@@ -1,4 +1,4 @@
-"""From the residual to the effect, for tables of any kind: the whole of a trace."""
+"""The whole trace of any table, from the residual to the effect."""
 
 from __future__ import annotations
 
@@ -23,30 +23,29 @@ from procedures.general.trace.shared import Shared
 
 ROUNDS = 3
 ORDERS = ("second-order", "third-order", "fourth-order", "fifth-order")
-"""Kinds that lead their alias class as its simplest even if they just miss standing out by themselves."""
+"""Kinds that lead their alias class as its simplest even if they are just not significant by themselves."""
 LEVEL = 0.05
-"""Up to this probability, that of the whole run; another of the class is below `ALPHA`."""
+"""Largest such probability, for the whole run; another member of the class is below `ALPHA`."""
 FEWEST_FOR_WANDER = 6
 
 
 @dataclass(frozen=True, eq=False)
 class TableData:
-    """A table to be traced.
+    """A table for a trace.
 
     Attributes:
-        response: name of the column to be explained.
-        y: (n,) its values, in the order of taking where that is known.
+        response: name of the explained column.
+        y: (n,) its values, in the order of measurement if known.
         formula: the declared model.
         names: of its k columns.
         columns: (n, k).
-        tails: (n, k) what the doubles in `columns` leave out.
-        scene: the parts the other columns play.
-        shared: (n,) whole plot or replication whose error the declared model has; None without.
-        points: (n,) which rows repeat one setting; None where nothing is set.
-        order_unknown: rows are sorted by a setting and nobody knows whether they were taken in that order: neighbours
-            may be alike, but nothing can be said of time.
-        numbers: (n,) row of the file each stands in; None for 1, 2, 3.
-
+        tails: (n, k) rounding errors of the doubles in `columns`.
+        scene: roles of the other columns.
+        shared: (n,) whole plot or replication with an error in the declared model; None without.
+        points: (n,) groups of rows that repeat one setting; None without settings.
+        order_unknown: whether rows are sorted by a setting and their order of measurement is unknown: neighbours may be
+            correlated, but effects of time cannot be tested.
+        numbers: (n,) row number in the file; None for 1, 2, 3.
     """
 
     response: str
@@ -70,7 +69,7 @@ class TableData:
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """What a search ends with, with what stood out and was not kept."""
+    """Result of a search, with significant effects that were not kept."""
 
     judge: TableJudge
     chosen: tuple[int, ...]
@@ -79,7 +78,7 @@ class Found:
 
 
 def problem_of(data: TableData) -> Problem:
-    """The table ready to be searched."""
+    """The table prepared for the search."""
     left = len(data.y) - orthonormal(data.columns).shape[1]
     candidates, large = candidates_of(data.scene, data.response, left)
     time = data.scene.time
@@ -96,22 +95,23 @@ def problem_of(data: TableData) -> Problem:
 
 
 def search_table(data: TableData) -> Found:
-    """All that the declared model of a table lacks."""
+    """Find effects missing in the declared model of a table."""
     return look(TableJudge(problem_of(data)), data)
 
 
 def drivers(data: TableData, fitted: FloatArray) -> dict[str, FloatArray]:
-    """(n,) what the noise may grow with."""
+    """(n,) variables on which the noise may depend."""
     scene = data.scene
     time = {} if scene.time is None else {scene.time.name: scene.time.values}
     return {**scene.settings, **scene.covariates, **time, "fitted": np.abs(fitted)}
 
 
 def look(judge: TableJudge, data: TableData, rows: IntArray | None = None) -> Found:
-    """Search, refine what is searched, weigh rows by the noise beside the effects, and again until nothing moves.
+    """Search, refine searched constants, weight rows by the noise with the effects, and repeat until there is no
+    change.
 
-    Rows sorted by a setting, in an order of taking that nobody knows: once a nonlinearity stands out from errors that
-    are alike along the rows, what remains along them is far more likely to be the rest of it than a wander.
+    For rows sorted by a setting, with unknown order of measurement: after a nonlinearity is significant against
+    correlated errors, the remaining correlation is much more likely a part of it than a random walk.
     """
     growth: Growth | None = None
     _, chosen = search_and_name(judge, lead=judge.lead)
@@ -138,7 +138,7 @@ def look(judge: TableJudge, data: TableData, rows: IntArray | None = None) -> Fo
 
 
 def stays(judge: TableJudge, chosen: tuple[int, ...]) -> tuple[tuple[int, ...], tuple[NotKept, ...]]:
-    """Those of the `chosen` candidates that stay."""
+    """The kept ones of the `chosen` candidates."""
 
     def helps(chosen: tuple[int, ...], own: tuple[int, ...]) -> bool:
         return error_of(judge, chosen) < error_of(judge, tuple(j for j in chosen if j not in own))
@@ -148,7 +148,7 @@ def stays(judge: TableJudge, chosen: tuple[int, ...]) -> tuple[tuple[int, ...], 
 
 
 def _simplest_orders(judge: TableJudge, chosen: tuple[int, ...]) -> tuple[int, ...]:
-    """`chosen` with the lead of each alias class that is a power of a setting and just fails to stand out by itself."""
+    """`chosen` with the lead of each alias class that is a power of a setting and just not significant by itself."""
     for name in names_of(judge.candidates, chosen):
         mine = [j for j in chosen if judge.candidates[j].effect.name == name]
         first = judge.lead(judge.rivals(chosen, name))
@@ -180,7 +180,7 @@ def _driver(
 
 
 def _left(judge: TableJudge, chosen: tuple[int, ...]) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """(n,) residuals free of what rows share, what the fit left in each, and the fitted response."""
+    """(n,) residuals without common errors of rows, share of variance in each, and the fitted response."""
     problem, at = judge.problem, judge.beside(chosen).best
     view = judge.view(at)
     taken = view.taken(chosen)

@@ -1,7 +1,7 @@
-"""How far each candidate stands out beside the declared columns and the candidates already in the model.
+"""Score of each candidate beside the declared columns and the candidates already in the model.
 
-A candidate is a block of columns. Its score is the F ratio of what it removes, exact for independent normal errors,
-over what single rows contribute to it if that is more than one (unequal variances; Eicker and White's estimate with
+A candidate is a block of columns. Its score is the F ratio of its reduction, exact for independent normal errors,
+divided by the contribution of single rows if that is more than one (unequal variances; Eicker and White's estimate with
 leverage taken out, MacKinnon and White, J. Econometrics 29 (1985) 305).
 """
 
@@ -21,22 +21,21 @@ from procedures.general.trace.problem import SPARED, Problem
 
 BoolArray = NDArray[np.bool_]
 Floats = NDArray[Any]
-"""Double or single precision: a simulation does with less than a score."""
+"""Double or single precision: a simulation may use less than a score."""
 NOTHING_LEFT = 1e-3
-"""A column of which less than this is left beside the model cannot be judged."""
+"""Minimum remaining share of a column beside the model."""
 RESOLVED = 1e-12
-"""Of the response's swing: what is smaller is rounding."""
+"""Relative size of the response's range below which differences are rounding."""
 FEWEST_FOR_SCATTER = 20
 
 
 @dataclass(frozen=True, eq=False)
 class Blocks:
-    """Whitened candidates with the model's columns taken out, each an orthonormal basis of its own.
+    """Whitened candidates with the model's columns removed, each as an orthonormal basis.
 
     Attributes:
         units: (n, D) the bases side by side.
         start: (J + 1,) where each begins; an empty one cannot be judged.
-
     """
 
     units: Floats
@@ -53,14 +52,14 @@ class Blocks:
         return np.asarray(self.units**2)
 
     def gains(self, outputs: Floats) -> Floats:
-        """(J,) or (J, m): what each removes of the sum of squares of outputs (n,) or (n, m)."""
+        """(J,) or (J, m): reduction of the sum of squares of outputs (n,) or (n, m) by each."""
         return self.sums((self.units.T @ outputs) ** 2)
 
     def sums(self, values: Floats) -> Floats:
         """(J,) or (J, m): sums over each block of values (D,) or (D, m) of its columns."""
         rank, start = self.rank, self.start[:-1]
         out = np.zeros((len(rank), *values.shape[1:]), values.dtype)
-        for k in range(int(rank.max(initial=0))):  # few are wide; `add.reduceat` takes three times as long
+        for k in range(int(rank.max(initial=0))):  # few are wide; `add.reduceat` is three times slower
             wide = rank > k
             out[wide] += values[start[wide] + k]
         return out
@@ -72,9 +71,8 @@ def blocks(columns: FloatArray, start: IntArray, length: FloatArray, taken: Floa
     Args:
         columns: (n, D) whitened.
         start: (J + 1,) where each candidate's begin.
-        length: (D,) what they are measured by.
+        length: (D,) reference lengths.
         taken: (n, q) orthonormal basis of the model.
-
     """
     own = columns - taken @ (taken.T @ columns)
     own -= taken @ (taken.T @ own)
@@ -94,7 +92,7 @@ def blocks(columns: FloatArray, start: IntArray, length: FloatArray, taken: Floa
 
 
 def _pairs(own: FloatArray, length: FloatArray, first: IntArray) -> tuple[FloatArray, FloatArray, BoolArray, BoolArray]:
-    """Orthonormal bases of pairs of columns, the longer of each first, and which of the two add anything."""
+    """Orthonormal bases of pairs of columns, the longer of each first, and which of the two are independent."""
     scale = np.maximum(length, np.finfo(float).tiny)
     a, b = own[:, first] / scale[first], own[:, first + 1] / scale[first + 1]
     size_a, size_b = np.linalg.norm(a, axis=0), np.linalg.norm(b, axis=0)
@@ -111,14 +109,13 @@ def _pairs(own: FloatArray, length: FloatArray, first: IntArray) -> tuple[FloatA
 
 @dataclass(frozen=True, eq=False)
 class Scores:
-    """One entry a candidate; zero and one where it is in the model or cannot be judged.
+    """One entry per candidate; zero and one for a candidate that is in the model or cannot be judged.
 
     Attributes:
         ratio: F, over the variance of independent rows.
-        scatter: what single rows contribute to the variance of its sums, over that; not below one.
-        rank: columns it adds.
+        scatter: variance of its sums from contributions of single rows, relative to that; at least one.
+        rank: number of added columns.
         df: degrees of freedom left beside it.
-
     """
 
     ratio: FloatArray
@@ -128,7 +125,7 @@ class Scores:
 
     @property
     def evidence(self) -> FloatArray:
-        """(J,) twice the gain of the log-likelihood, each by itself, noise as it is."""
+        """(J,) twice the gain of the log-likelihood, each separately, for fixed noise."""
         return np.asarray(self.df * np.log1p(self.ratio * self.rank / self.df))
 
 
@@ -153,7 +150,7 @@ class View:
 
     @property
     def rounding(self) -> float:
-        """Sum of squares that is rounding and no error."""
+        """Sum of squares that is rounding and not error."""
         return len(self.y) * (RESOLVED * max(float(np.ptp(self.y)), np.finfo(float).tiny)) ** 2
 
     @classmethod
@@ -189,7 +186,7 @@ class View:
 
 
 def score(view: View, y: FloatArray, chosen: Sequence[int], of: Sequence[int] | None = None) -> tuple[Scores, Blocks]:
-    """Score candidates beside the `chosen`; a whitened response `y` (n,) stands in for the view's own."""
+    """Score candidates beside the `chosen`; a whitened response `y` (n,) replaces the view's own."""
     taken = view.taken(chosen)
     left = y - taken @ (taken.T @ y)
     found = view.blocks(chosen, of)
@@ -206,7 +203,9 @@ def score(view: View, y: FloatArray, chosen: Sequence[int], of: Sequence[int] | 
 
 
 def _scatter(found: Blocks, left: FloatArray, variance: FloatArray) -> FloatArray:
-    """(J,) variance of a block's sums from what single rows contribute, over that from the variance of all; not < 1."""
+    """(J,) variance of a block's sums from contributions of single rows, over that from the variance of all; at least
+    1.
+    """
     out = np.ones(len(found.rank))
     single = np.flatnonzero(found.rank == 1)
     at = found.start[:-1]
@@ -226,9 +225,9 @@ def _scatter(found: Blocks, left: FloatArray, variance: FloatArray) -> FloatArra
 
 
 def _about(columns: FloatArray) -> FloatArray:
-    """(D,) lengths of columns about their means: what a constant takes of them says nothing about them.
+    """(D,) lengths of columns about their means: their constant part is irrelevant.
 
-    Of a constant itself a millionth of its length, or its rounding errors would pass for a column.
+    For a constant a millionth of its length; otherwise its rounding errors would count as a column.
     """
     about = np.linalg.norm(columns - columns.mean(axis=0), axis=0)
     return np.asarray(np.maximum(about, 1e-6 * np.linalg.norm(columns, axis=0)))

@@ -1,4 +1,4 @@
-"""Noise that rows of a group share: whole plots, or replications."""
+"""Common noise of the rows of a group: whole plots, or replications."""
 
 from __future__ import annotations
 
@@ -11,17 +11,16 @@ from fitter.arrays import FloatArray, IntArray
 from procedures.general.trace.noise import BoolArray
 
 RATIOS = (0.02, 0.05, 0.1, 0.2, 0.4, 0.7, 1.2, 2.0, 4.0, 8.0, 16.0, 40.0, 100.0, 400.0)
-"""Variance that rows of a group share over that of a row in it."""
+"""Variance of the common error of a group over that of a row in it."""
 
 
 @dataclass(frozen=True, eq=False)
 class Shared:
-    """Rows of a group share an error: whole plots, or replications.
+    """Rows of a group have a common error: whole plots, or replications.
 
     Attributes:
         group: (n,) group of each row, from zero.
-        picked: the only ratio of the grid there is; None for all.
-
+        picked: the only used ratio of the grid; None for all.
     """
 
     group: IntArray

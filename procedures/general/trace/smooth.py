@@ -1,4 +1,4 @@
-"""A smooth curve without a name, for what no effect of the catalogue explains."""
+"""A smooth curve without a name, for a remainder that no effect of the catalogue explains."""
 
 from __future__ import annotations
 
@@ -13,23 +13,22 @@ from fitter.trace.found import Unnamed
 from procedures.general.trace.judge import TableJudge
 
 MOST_ORDERS, PER_ORDER, ROWS_PER_ORDER = 12, 3, 4
-"""Highest order of a curve, and how many distinct values and rows there are to be for each."""
+"""Maximum order of a curve, and minimum numbers of distinct values and rows per order."""
 WAVES = 3
-"""Order from which a curve is told by its period too."""
+"""Order from which a curve is also described by its period."""
 FOLDS, SEED = 10, 7
 
 
 @dataclass(frozen=True)
 class Smooth(Unnamed):
-    """What remains, with the curve that may be added for it.
+    """The remainder, with the curve that may be added for it.
 
     Attributes:
-        variable: it lives over.
+        variable: its variable.
         order: half waves of the curve over the variable's range.
         period: of the curve's largest part, unit of the variable; None for fewer than `WAVES` half waves.
-        sigma_E: standard error of one row with the effects, and with the curve besides.
-        left_out: rms error at random rows left out of the fit of the same model, without the curve and with it.
-
+        sigma_E: standard error of one row with the effects, and also with the curve.
+        left_out: rms error of randomly left-out rows, without the curve and with it.
     """
 
     variable: str
@@ -40,7 +39,7 @@ class Smooth(Unnamed):
 
     @property
     def own_keys(self) -> dict[str, JsonValue]:
-        """Keys of JSON that only tables have."""
+        """Keys of JSON for tables only."""
         return {
             "variable": self.variable,
             "order": self.order,
@@ -56,7 +55,7 @@ class Smooth(Unnamed):
 
 
 def curve(v: FloatArray) -> FloatArray:
-    """(n, m) half waves over the range of a variable (n,), the slowest first; its order is where one stops."""
+    """(n, m) half waves over the range of a variable (n,), the slowest first; the order is the number of columns."""
     distinct = len(np.unique(v))
     most = min(MOST_ORDERS, distinct // PER_ORDER, len(v) // ROWS_PER_ORDER)
     if most < 1:
@@ -82,10 +81,9 @@ def offered(
         chosen: effects in the model.
         variable: its name.
         v: (n,) its values.
-        share: of what is left, that lives there.
-        where: it lives, in words.
+        share: its share of the remainder.
+        where: its place, in words.
         stratum: see `Smooth`.
-
     """
     problem, waves = judge.problem, curve(v)
     y, model = judge.held(chosen), problem.model(chosen)

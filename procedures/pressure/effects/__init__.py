@@ -1,7 +1,7 @@
 """The catalogue of effects that a pressure calibration over temperature may lack.
 
-`response` has the terms of the transducer's own response, `line` those of the line and the reference,
-`memory` what was before, `time` drifts and steps.
+`response` has the terms of the transducer's own response, `line` those of the line and the reference, `memory` those of
+earlier settings, `time` drifts and steps.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ GROWING_NOISE = Entry(
     usual_size="3e-4 of the pressure",
     known_aliases={},
 )
-"""Not of the mean and so no candidate column: `fitter.trace.growing_noise` estimates it beside the effects."""
+"""It does not change the mean, so it has no candidate column: `fitter.trace.growing_noise` estimates it."""
 
 PRESSURE_CATALOGUE: tuple[PressureEffect, ...] = (
     OFFSET_TEMPERATURE,

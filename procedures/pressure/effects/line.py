@@ -1,4 +1,4 @@
-"""Effects of the line and of the pressure reference: errors of the pressure, which all transducers see."""
+"""Effects of the line and of the pressure reference: errors of pressure common to all transducers."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from procedures.pressure.effects.scene import (
 )
 
 BORES_MM = (0.05, 0.1, 0.2, 0.5)
-"""Of the line, searched: in wider ones a cold end makes no difference that could be seen."""
+"""Searched bores of the line: in wider ones a cold end has no visible effect."""
 SETTLES_H = (0.01, 0.03)
-"""Time constants of a line, searched: what is left of a step where readings wait for unequal times."""
+"""Searched time constants of a line, visible if readings wait for unequal times."""
 HIGHEST_M = 30.0
-"""No line on a bench climbs further."""
+"""Maximum height difference of a line."""
 
 _CHECKED = "have the pressure controller checked before and after"
 

@@ -1,4 +1,4 @@
-"""Effects of what was before: of the last pressures, and of the last change of a temperature."""
+"""Effects of earlier settings: of the last pressures, and of the last change of a temperature."""
 
 from __future__ import annotations
 
@@ -20,17 +20,18 @@ from procedures.pressure.effects.scene import (
 )
 
 LAGS_H = (0.25, 0.5, 1.0, 2.0, 4.0)
-"""Searched: shorter ones are over before the first reading, longer ones hardly fade within a whole plot."""
+"""Searched: shorter ones have decayed before the first reading, longer ones hardly decay within a whole plot."""
 CREEPS_H = (0.05, 0.15, 0.5, 1.5)
-"""Searched: faster ones remember the last step only, slower ones outlast the whole plot."""
+"""Searched: faster ones remember only the last step, slower ones last longer than the whole plot."""
 
 _TWICE = "visit a pressure twice in a whole plot, once from below and once from above, by steps of different height"
 
 
 def _lag(name: str, step: Callable[[PressureScene], FloatArray]) -> Callable[..., tuple[PressureTerm, ...]]:
-    """What is left of a step of temperature, for every time constant; all of it where that outlasts whole plots.
+    """Remainder of a step of temperature, for every time constant; the whole step for a time constant longer than whole
+    plots.
 
-    It moves the offset, and in so far as the sensitivity follows the temperature that too.
+    It changes the offset, and also the sensitivity as far as this depends on temperature.
     """
 
     def left(tau_h: float) -> Callable[[PressureScene], FloatArray]:
@@ -46,7 +47,7 @@ def _lag(name: str, step: Callable[[PressureScene], FloatArray]) -> Callable[...
 
 
 def _lagging(values: Mapping[str, float], per_psi: float) -> str:
-    """Every coefficient in nanovolts for a degree of the step, and for a psi where the sensitivity lags."""
+    """Every coefficient in nanovolts per degree of the step, and per psi if the sensitivity lags."""
     return ", ".join(
         micro(f"nV{'/psi' if name.startswith('P*') else ''} per degC of the step")({name: value}, per_psi)
         for name, value in values.items()

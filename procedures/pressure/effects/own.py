@@ -29,8 +29,9 @@ NAMES: Mapping[str, Callable[[PressureScene], FloatArray]] = {
     "step": lambda scene: scene.change_psia,
     "side": lambda scene: scene.data.pressure_side.astype(np.float64),
 }
-"""What a column may be computed from: psia, degC from the run's mean, hours from its middle and from the first reading
-of a whole plot, the last step of pressure and its sign."""
+"""Variables of a column: psia, degC from the run's mean, hours from its middle and from the first reading of a whole
+plot, the last step of pressure and its sign.
+"""
 
 
 def _effect(fields: Mapping[str, Any], formulas: Sequence[OwnFormula]) -> PressureEffect:

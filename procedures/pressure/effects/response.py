@@ -1,4 +1,4 @@
-"""The transducer's own response to pressure and temperature: terms that a declared model may lack.
+"""The transducer's own response to pressure and temperature: possible missing terms of a declared model.
 
 Sizes that are usual are those of piezoresistive transducers of about 2 mV/psi, read below 5 psia.
 """

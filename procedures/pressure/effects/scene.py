@@ -1,4 +1,4 @@
-"""What the columns of a whole-plot run's effects are computed from, and the physics that several of them share."""
+"""Values for the columns of a whole-plot run's effects, and physics common to several of them."""
 
 from __future__ import annotations
 
@@ -83,19 +83,19 @@ class PressureScene:
 
     @cached_property
     def change_psia(self) -> FloatArray:
-        """(n,) pressure less the one set before it; zero at the first of a whole plot, which nothing is known of."""
+        """(n,) pressure minus the previous set one; zero at the first of a whole plot, for which it is unknown."""
         before = self.data.previous_pressure_psia
         return np.where(np.isnan(before), 0.0, self.p - before)
 
     @cached_property
     def loop(self) -> FloatArray:
-        """(n,) width of a hysteresis loop over the pressures of the run: one in the middle, closed at both ends."""
+        """(n,) width of a hysteresis loop over the pressures of the run: one in the middle, zero at both ends."""
         low, high = float(self.p.min()), float(self.p.max())
         return 4.0 * (self.p - low) * (high - self.p) / (high - low) ** 2 if high > low else np.zeros_like(self.p)
 
     @cached_property
     def waited_h(self) -> FloatArray:
-        """(n,) time between the reading before and this one, h; the usual one at the first of a whole plot."""
+        """(n,) time between the previous reading and this one, h; the usual one at the first of a whole plot."""
         data = self.data
         executed = np.lexsort((data.order, data.whole_plot_index))
         wait = np.empty(len(data))
@@ -104,9 +104,10 @@ class PressureScene:
         return np.where(first, np.median(wait[~first]) if np.any(~first) else 0.0, wait)
 
     def behind(self, tau_h: float) -> FloatArray:
-        """(n,) what an element with this time constant still lacks of the pressure, psi.
+        """(n,) difference between the pressure and the state of an element with this time constant, psi.
 
-        It was at rest at the first pressure of a whole plot, and every pressure was set right after the reading before.
+        It is at rest at the first pressure of a whole plot, and every pressure is set directly after the previous
+        reading.
         """
         index, missing = self.data.whole_plot_index, np.zeros(len(self.data))
         fading = np.exp(-np.maximum(self.waited_h, 0.0) / tau_h)
@@ -120,13 +121,13 @@ class PressureScene:
     def weight_per_m(self) -> FloatArray:
         """(n,) error of the pressure for every metre of air between reference and transducers, psi.
 
-        The barometric formula's first order, P M g / (R T), with the air as cold as the transducers.
+        The barometric formula's first order, P M g / (R T), with air at the transducers' temperature.
         """
         cold = np.maximum(self.data.sensor_temperature_degC + _ZERO_DEGC_K, 1.0)
         return self.p * _WEIGHT_K_PER_M / cold
 
     def rate(self, temperature: FloatArray) -> FloatArray:
-        """(n,) how fast a temperature changes, degC/h: slope of a cubic through each whole plot's readings."""
+        """(n,) rate of change of a temperature, degC/h: slope of a cubic through each whole plot's readings."""
         index, out = self.data.whole_plot_index, np.zeros(len(self.data))
         for plot in range(int(index.max()) + 1):
             rows = np.flatnonzero(index == plot)
@@ -138,11 +139,11 @@ class PressureScene:
 
     @property
     def pull(self) -> FloatArray:
-        """(n,) what drives air into the line, psi."""
+        """(n,) pressure difference that drives air into the line, psi."""
         return AMBIENT_PSIA - self.p
 
     def step(self, temperature: FloatArray) -> FloatArray:
-        """(n,) change of a temperature from the whole plot before to this one, degC; zero in the first."""
+        """(n,) change of a temperature from the previous whole plot to this one, degC; zero in the first."""
         mean = self._mean(temperature)
         _, first, in_time = np.unique(
             self._mean(self.data.order.astype(np.float64)), return_index=True, return_inverse=True
@@ -152,9 +153,9 @@ class PressureScene:
     def transpiration(self, bore_mm: float) -> FloatArray:
         """(n,) error of the pressure at a cold transducer whose line of this bore begins in the room, psi.
 
-        In the molecular regime pressures are as the square roots of the temperatures; with rising pressure the
-        difference dies out: P1/P2 - 1 = (sqrt(T1/T2) - 1) / (1 + A X^2 + B X + C sqrt X), X = 2 P d / (T1 + T2), with
-        the constants of nitrogen (Takaishi and Sensui, Trans. Faraday Soc. 59 (1963) 2503).
+        In the molecular regime the ratio of pressures is the square root of that of the temperatures; the difference
+        decreases with pressure: P1/P2 - 1 = (sqrt(T1/T2) - 1) / (1 + A X^2 + B X + C sqrt X), X = 2 P d / (T1 + T2),
+        with the constants of nitrogen (Takaishi and Sensui, Trans. Faraday Soc. 59 (1963) 2503).
         """
         cold = np.maximum(self.data.sensor_temperature_degC + _ZERO_DEGC_K, 0.0)
         x = 2.0 * np.maximum(self.p, 0.0) * _TORR_PER_PSI * bore_mm / (cold + ROOM_K)
@@ -173,10 +174,9 @@ class PressureTerm:
 
     Attributes:
         name: unique within its effect.
-        column: (n,) in the unit that makes the coefficient the effect's; of pressure, for what happens in the line.
-        formula: the same as a term of `fitter.formula`, up to terms of lower order; empty where there is none.
-        unit: of its coefficient, where the effect's terms have not all the same; else empty.
-
+        column: (n,) in the unit that makes the coefficient the effect's; psi for effects of the line.
+        formula: the same as a term of `fitter.formula`, up to terms of lower order; empty if there is none.
+        unit: of its coefficient, if the effect's terms have different units; otherwise empty.
     """
 
     name: str
@@ -189,19 +189,19 @@ class PressureTerm:
 class PressureEffect(Entry):
     """An entry of the catalogue of whole-plot runs.
 
-    An effect of scope "line" is an error of the pressure: a coefficient of one makes an error of its column, in psi,
-    in all transducers, which each shows by its own sensitivity. One of scope "voltmeter" is a part of every
-    transducer's output. One of scope "sensor" is of one transducer, in mV.
-    Columns that are zero, or that the declared model holds already, are left out by the search.
+    An effect of scope "line" is an error of the pressure: a coefficient of one makes an error of its column, in psi, in
+    all transducers, converted by the sensitivity of each. An effect of scope "voltmeter" is relative to every
+    transducer's output. An effect of scope "sensor" belongs to one transducer, in mV. The search leaves out columns
+    that are zero or part of the declared model.
 
     Attributes:
         terms: its columns, given the observations.
-        searched: whether its terms are one another's alternatives, for as many values of a constant that is searched:
-            together they have the share of the family's level that another effect's terms have each.
-        at_most: the largest coefficient that the cause can have; what would take a larger one is something else.
+        searched: whether its terms are alternatives for values of a searched constant: together they have the share of
+            the family's level of one term of another effect.
+        at_most: the largest coefficient that the cause can have; a larger one has another cause.
         of_noise: whether it is reported as a finding about the noise, and predicts nothing.
-        on_suspicion: whether it is named only where nothing else explains the data, and else among the aliases.
-
+        on_suspicion: whether it is named only if nothing else explains the data, and otherwise listed among the
+            aliases.
     """
 
     terms: Callable[[WholePlotData], tuple[PressureTerm, ...]]
@@ -211,17 +211,17 @@ class PressureEffect(Entry):
     on_suspicion: bool = False
 
     def __post_init__(self) -> None:
-        """Refuse a bound that the search of whole-plot runs does not ask. Raises FitError."""
+        """Refuse a bound that the search of whole-plot runs does not use. Raises FitError."""
         if self.largest is not None:
             raise FitError(f"effect {self.name}: the bound of a PressureEffect is at_most, not largest")
 
 
 def settling(tau_h: float) -> tuple[str, Callable[[PressureScene], FloatArray]]:
-    """Name and column of what an element with this time constant still lacks of the pressure."""
+    """Name and column of the difference between pressure and an element with this time constant."""
     return f"P({tau_h:g}h)-P", lambda scene: scene.behind(tau_h)
 
 
 def fixed(*terms: tuple[str, Callable[[PressureScene], FloatArray]]) -> Callable[..., tuple[PressureTerm, ...]]:
-    """The same terms whatever the observations."""
+    """The same terms for all observations."""
     entries = tuple(PressureTerm(*term) for term in terms)
     return lambda _data: entries

@@ -1,4 +1,4 @@
-"""The measurement that would tell two effects of a pressure calibration apart, true of that pair."""
+"""The measurement that would separate two effects of a pressure calibration, valid for that pair."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ _BY_SOURCE = {
 
 
 def separate_pressure(effect: Entry, alias: Entry) -> str:
-    """The measurement that would tell `effect` from `alias`, in a few words."""
+    """The measurement that would separate `effect` from `alias`, in a few words."""
     for one, other in ((effect, alias), (alias, effect)):
         if other.name in one.known_aliases:
             return one.known_aliases[other.name].separate_by

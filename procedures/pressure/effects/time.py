@@ -1,4 +1,4 @@
-"""Effects of time: drifts, steps at recorded and unrecorded moments, and the supply of the bridges."""
+"""Effects of time: drifts, steps at recorded and unrecorded times, and the supply of the bridges."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from procedures.pressure.data import WholePlotData
 from procedures.pressure.effects.scene import SOAK, PressureEffect, PressureScene, PressureTerm, fixed
 
 MOMENTS = 24
-"""At most, tried for a step of which nothing is recorded."""
+"""Maximum number of times tried for an unrecorded step."""
 EACH_SIDE = 3
-"""Whole plots before and after such a moment at least: a step of one or two is their own error."""
+"""Minimum number of whole plots before and after such a time: a step of one or two is their own error."""
 
 MANY = 30
-"""Whole plots of which none is looked at by itself."""
+"""Number of whole plots above which they are not tested separately."""
 
 _REPEAT_FIRST = "repeat the first whole plots at the end of the run"
 _EARLIER = "repeat a few whole plots of the earlier block"
 
 
 def _supply(values: Mapping[str, float], volts: float) -> str:
-    """Every coefficient in ppm for what it goes with."""
+    """Every coefficient in ppm per unit of its variable."""
     return ", ".join(
         micro("ppm/h" if name == "V*time" else "ppm/degC")({name: value}, volts) for name, value in values.items()
     )
@@ -34,7 +34,7 @@ def _supply(values: Mapping[str, float], volts: float) -> str:
 def _recorded(
     text: str, of: Callable[[PressureScene], FloatArray]
 ) -> Callable[[WholePlotData], tuple[PressureTerm, ...]]:
-    """Something that is there from an interruption on."""
+    """An effect from an interruption on."""
 
     def term(block: int) -> PressureTerm:
         return PressureTerm(f"{text}from block {block}", lambda scene: of(scene) * (scene.data.block >= block))
@@ -43,7 +43,7 @@ def _recorded(
 
 
 def _each(data: WholePlotData) -> tuple[PressureTerm, ...]:
-    """Every whole plot by itself, unless they are so many that one that is off does no harm."""
+    """Every whole plot separately, unless there are so many that one bad one is harmless."""
 
     def term(identity: int) -> PressureTerm:
         return PressureTerm(
@@ -54,7 +54,7 @@ def _each(data: WholePlotData) -> tuple[PressureTerm, ...]:
 
 
 def _unrecorded(text: str, of: Callable[[PressureScene], FloatArray], data: WholePlotData) -> tuple[PressureTerm, ...]:
-    """Something that is there from some whole plot on, wherever no interruption is recorded."""
+    """An effect from some whole plot on, where no interruption is recorded."""
 
     def term(order: int, elapsed_h: float) -> PressureTerm:
         return PressureTerm(f"{text}from {elapsed_h:.3g} h", lambda scene: of(scene) * (scene.data.order >= order))

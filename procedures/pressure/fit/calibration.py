@@ -1,4 +1,4 @@
-"""Fit one transducer of a whole-plot calibration, and keep what using it in flight needs."""
+"""Fit of one transducer of a whole-plot calibration, with the data for its use in flight."""
 
 from __future__ import annotations
 
@@ -12,35 +12,35 @@ import numpy as np
 from fitter.arrays import FloatArray
 from fitter.errors import FitError
 from fitter.formula import Formula
+from fitter.json_values import coefficient_table
 from fitter.split_plot import SplitPlotFit, fit_split_plot
 from fitter.sums_of_squares import FTest
 from procedures.pressure.data import WholePlotData
 from procedures.pressure.fit import lack_of_fit
 from procedures.pressure.fit.errors import Errors, Layout, estimate_errors
-from procedures.pressure.fit.methods import METHODS, MethodFit, Problem, coefficient_table, fit_method
+from procedures.pressure.fit.methods import METHODS, MethodFit, Problem, fit_method
 from procedures.pressure.fit.models import HIERARCHICAL, check_determined, named_formula, reduced
 
 NOT_NESTED = "too little was measured to give replications an error of their own: it is part of the whole plots'"
 
 IN_FLIGHT = frozenset({"P", "T_sensor", "T_SSE"})
-"""What is known in flight, or asked for."""
+"""Variables that are known in flight, or inferred."""
 
 
 @dataclass(frozen=True, eq=False)
 class PressureCalibration:
-    """All that inferring pressure from a transducer's output needs.
+    """All data for inferring pressure from a transducer's output.
 
     Attributes:
         output: name of the transducer's output.
-        method: by which it was calibrated.
+        method: its calibration method.
         formula: the model of the output, mV, in P (psia), T_sensor and T_SSE (degC).
         coefficients: (k,) of its columns.
         covariance: (k, k).
         derivatives: (p, k, k) of the covariance by the parameters of `errors`.
         errors: of one reading.
         ranges: lowest and highest value calibrated of P, T_sensor and T_SSE.
-        notes: what the fit said of its intervals.
-
+        notes: the fit's notes about its intervals.
     """
 
     output: str
@@ -54,7 +54,7 @@ class PressureCalibration:
     notes: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
-        """For JSON; `from_dict` reads it back exactly."""
+        """JSON values; `from_dict` restores the same object."""
         return {
             "kind": "pressure",
             "output": self.output,
@@ -70,11 +70,10 @@ class PressureCalibration:
 
     @staticmethod
     def from_dict(given: Mapping[str, Any]) -> PressureCalibration:
-        """Read back what `to_dict` gave.
+        """Restore from `to_dict`.
 
         Raises:
-            FitError: it is not such a calibration; says what is wrong.
-
+            FitError: it is not such a calibration; the message names the defect.
         """
         if given.get("kind") != "pressure":
             raise FitError(f"this is not a calibration of pressure, its kind is {given.get('kind')!r}")
@@ -110,10 +109,9 @@ class PressureFit:
     """Calibration of one transducer, by all methods.
 
     Attributes:
-        model: as asked for.
+        model: the requested model.
         problem: readings, model, split-plot fit and errors.
-        sensitivity_mV_per_psi: what turns mV into psi in reading errors; None for the fitted one.
-
+        sensitivity_mV_per_psi: conversion of mV to psi in reading errors; None for the fitted one.
     """
 
     model: str
@@ -132,7 +130,7 @@ class PressureFit:
 
     @property
     def errors(self) -> Errors:
-        """Of a reading; what all intervals come from."""
+        """Errors of a reading; the source of all intervals."""
         return self.problem.errors
 
     @cached_property
@@ -152,12 +150,12 @@ class PressureFit:
 
     @property
     def not_possible(self) -> dict[str, str]:
-        """Why the others cannot be."""
+        """Reasons why the others cannot be used, by name."""
         return {name: reason for name, reason in self._outcomes.items() if isinstance(reason, str)}
 
     @cached_property
     def lack_of_fit(self) -> FTest:
-        """Of the model within whole plots; NaN where no pressure repeats there."""
+        """Test of lack of fit within whole plots; NaN if no pressure repeats there."""
         return lack_of_fit.lack_of_fit(self.problem)
 
     @property
@@ -166,11 +164,10 @@ class PressureFit:
         return (said,) if said else ()
 
     def calibration(self, method: str = "GLS") -> PressureCalibration:
-        """What using the transducer needs, by one of the methods.
+        """Data for the use of the transducer, by one of the methods.
 
         Raises:
-            FitError: the method is biased or not possible here, or the model has variables nobody knows in flight.
-
+            FitError: the method is biased or impossible here, or the model has variables that are unknown in flight.
         """
         if method not in METHODS:
             raise FitError(f"there is no method {method!r}, only {', '.join(METHODS)}")
@@ -200,7 +197,7 @@ class PressureFit:
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """For JSON: numbers that do not exist are None, never NaN. Top-level coefficients are those of GLS."""
+        """JSON values: missing numbers are None, never NaN. Top-level coefficients are those of GLS."""
         reml, errors = self.reml, self.errors
         roger = reml.kenward_roger()
         return {
@@ -208,9 +205,7 @@ class PressureFit:
             "formula": str(self.formula),
             "points": reml.n,
             "whole_plots": len(reml.whole_plots),
-            "coefficients": coefficient_table(
-                reml.names, reml.coefficients, np.sqrt(np.diag(roger.covariance)), reml.df
-            ),
+            "coefficients": coefficient_table(reml.names, reml.coefficients, roger.stderr, reml.df),
             "df_method": reml.df_method,
             "sigma_subplot": reml.sigma_subplot,
             "sigma_wholeplot": reml.sigma_wholeplot,
@@ -242,20 +237,20 @@ def fit_pressure(
         data: the observations.
         output: name of its output.
         model: "full", "II.C", "eq10" or "hierarchical" (`procedures.pressure.fit.models`), or a formula.
-        extra: further terms, each a formula: effects found missing, "P^3" say.
-        nested: whether whole plots are nested in replications that have an error of their own; None: where there is
-            more than one replication and enough in each to estimate it.
+        extra: further terms, each a formula: effects found, such as "P^3".
+        nested: whether whole plots are nested in replications with their own error; None: if there is more than one
+            replication, with enough whole plots in each to estimate it.
         growth: whether the subplot error grows with pressure; None to let a test decide (`errors`).
         power: weighted methods multiply rows by 1 / P^power.
-        exclude_zero: leave readings at P = 0 out of weighted methods; without it these are not possible then.
-        sensitivity_mV_per_psi: what turns mV into psi in reading errors (the paper uses 2); None for the fitted one.
+        exclude_zero: whether to leave readings at P = 0 out of weighted methods; otherwise these are impossible with
+            such readings.
+        sensitivity_mV_per_psi: conversion of mV to psi in reading errors (the paper uses 2); None for the fitted one.
 
     Raises:
-        KeyError: there is no such output, or the formula names a variable the data have not.
+        KeyError: there is no such output, or the data lack a variable of the formula.
         fitter.formula.FormulaError: the model is neither a name nor a formula.
         fitter.linear.RankError: the observations do not determine the model.
-        FitError: they leave nothing to estimate the errors from, or the model has categories.
-
+        FitError: there are no degrees of freedom for the errors, or the model has categories.
     """
     if output not in data.outputs:
         raise FitError(f"there is no output {output}, only {', '.join(data.outputs)}")

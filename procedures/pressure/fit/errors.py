@@ -5,8 +5,8 @@ The covariance of the readings is V = D + s_w^2 Z Z' (+ s_r^2 R R'), D diagonal,
     standard deviation s(P) = s_0 (1 + c P), that is a + b P with a = s_0 and b = s_0 c.
 
 c is zero unless a one-sided score test on the restricted likelihood rejects that at 1 %; then all parameters are
-estimated together by Fisher scoring. A method's covariance is A V A' for its estimator A y, whatever the method
-itself assumed, and its degrees of freedom follow from the covariance of the parameters (Satterthwaite).
+estimated together by Fisher scoring. A method's covariance is A V A' for its estimator A y, independent of the method's
+assumptions, and its degrees of freedom follow from the covariance of the parameters (Satterthwaite).
 """
 
 from __future__ import annotations
@@ -23,10 +23,12 @@ from fitter.split_plot import SplitPlotFit
 from procedures.pressure.data import WholePlotData
 
 GROWTH_LEVEL = 0.01
-"""Probability of finding a growth with pressure that is not there."""
+"""Probability of a false detection of growth with pressure."""
 
 MOST_GROWTH = 99.0
-"""c times the highest pressure, at most: the subplot error at zero pressure is at least 1 % of that at the highest."""
+"""Maximum of c times the highest pressure: the subplot error at zero pressure is at least 1 % of that at the
+highest.
+"""
 
 _ITERATIONS, _HALVINGS, _CONVERGED = 60, 30, 1e-7
 
@@ -39,10 +41,9 @@ class Errors:
         subplot_variance: s_0^2, mV^2.
         growth_per_psia: c.
         wholeplot_variance: mV^2.
-        replicate_variance: mV^2; None where replications are not nested.
-        spread: (p, p) covariance of the parameters; rows of those held at zero are zero. p is 4.
-        p_growth: probability of so much sign of growth by chance.
-
+        replicate_variance: mV^2; None if replications are not nested.
+        spread: (p, p) covariance of the parameters; rows of those fixed at zero are zero. p is 4.
+        p_growth: probability of such evidence of growth by chance.
     """
 
     subplot_variance: float
@@ -58,11 +59,11 @@ class Errors:
 
     @property
     def between_variance(self) -> float:
-        """Variance of what all readings of a new whole plot share, mV^2."""
+        """Variance of the common error of a new whole plot, mV^2."""
         return self.wholeplot_variance + (self.replicate_variance or 0.0)
 
     def to_dict(self) -> dict[str, Any]:
-        """For JSON; `from_dict` reads it back exactly."""
+        """JSON values; `from_dict` restores the same object."""
         return {
             "subplot_variance": self.subplot_variance,
             "growth_per_psia": self.growth_per_psia,
@@ -74,7 +75,7 @@ class Errors:
 
     @staticmethod
     def from_dict(given: Mapping[str, Any]) -> Errors:
-        """Read back what `to_dict` gave."""
+        """Restore from `to_dict`."""
         replicate = given["replicate_variance"]
         return Errors(
             subplot_variance=float(given["subplot_variance"]),
@@ -95,7 +96,7 @@ class Errors:
         return self.subplot_variance * grown**2 + shared * self.between_variance, gradient
 
     def of_whole_plots(self, count: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Variance (n,) of the errors that (n,) so many new whole plots share, mV^2, and its gradient (n, p)."""
+        """Variance (n,) of the errors of (n,) numbers of new whole plots, mV^2, and its gradient (n, p)."""
         nested = count if self.replicate_variance is not None else 0.0 * count
         nothing = 0.0 * count
         return count * self.between_variance, np.column_stack([nothing, nothing, count, nested])
@@ -108,13 +109,12 @@ class Errors:
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """Which readings share what.
+    """Grouping of readings with common errors.
 
     Attributes:
         pressure_psia: (n,).
         wholeplot: (n, W) indicators.
-        replicate: (n, R) indicators; None where replications are not nested.
-
+        replicate: (n, R) indicators; None if replications are not nested.
     """
 
     pressure_psia: FloatArray
@@ -123,7 +123,7 @@ class Layout:
 
     @staticmethod
     def of(data: WholePlotData, *, nested: bool) -> Layout:
-        """Of these observations."""
+        """Layout of these observations."""
         replicates, index = np.unique(data.replicate, return_inverse=True)
         return Layout(
             data.pressure_psia,
@@ -137,7 +137,7 @@ class Layout:
         return np.asarray(right / d - weighted @ np.linalg.solve(inner, weighted.T @ right))
 
     def loglik(self, errors: Errors, columns: FloatArray, y: FloatArray) -> float:
-        """Restricted log-likelihood of `errors`, but for a constant that depends on `columns`."""
+        """Restricted log-likelihood of `errors`, except for a constant that depends on `columns`."""
         d, _, inner = self._factors(errors)
         solved = self.solve(errors, columns)
         of_columns = columns.T @ solved
@@ -206,10 +206,9 @@ def estimate_errors(fit: SplitPlotFit, columns: FloatArray, layout: Layout, *, g
 
     Args:
         fit: of the same readings, with one subplot variance.
-        columns: (n, k) it was fitted with.
+        columns: (n, k) columns of the fit.
         layout: of the readings.
         growth: whether the subplot error grows with pressure; None to let the test decide.
-
     """
     v = fit.variances
     even = Errors(v.subplot, 0.0, v.wholeplot, v.replicate, np.zeros((4, 4)), float("nan"))
@@ -228,7 +227,9 @@ def estimate_errors(fit: SplitPlotFit, columns: FloatArray, layout: Layout, *, g
 
 
 def _scored(start: Errors, layout: Layout, columns: FloatArray, y: FloatArray) -> Errors:
-    """All parameters by Fisher scoring, steps halved until the likelihood rises; those at a limit are held there."""
+    """All parameters by Fisher scoring, with steps halved until the likelihood increases; parameters at a limit are
+    fixed there.
+    """
     highest = float(layout.pressure_psia.max())
     lowest = np.array([0.0, -0.9 / highest, 0.0, 0.0])
     greatest = np.array([np.inf, MOST_GROWTH / highest, np.inf, np.inf])

@@ -1,8 +1,8 @@
-"""The error of a reading in use: predicted by other readings, the in-flight zero's own error included.
+"""The error of a reading in use: predicted by other readings, with the in-flight zero's own error.
 
-A residual flatters a method that fits an intercept to every whole plot. Where one reading decides its whole plot's
-intercept, as the lowest pressure does under weights 1/P^2, its residual is zero whatever it read. And in flight the
-intercept comes from one reading in vacuum, whose own error is then in every pressure. So here
+Residuals are too small for a method that fits an intercept to every whole plot. If one reading determines its whole
+plot's intercept, such as the lowest pressure with weights 1/P^2, its residual is zero for any reading. And in flight
+the intercept comes from one reading in vacuum, whose own error is then in every pressure. So here
 
 - methods that know the whole plot's error are judged as they are used: one reading at the lowest pressure of a whole
   plot is its zero, and every other reading is judged by its difference to that one;
@@ -26,20 +26,19 @@ if TYPE_CHECKING:
     from procedures.pressure.fit.methods import Problem
 
 OWN = 1e-6
-"""Smallest singular value of 1 - H_ww at which other whole plots still predict whole plot w."""
+"""Smallest singular value of 1 - H_ww for which other whole plots predict whole plot w."""
 
 
 @dataclass(frozen=True, eq=False)
 class InUse:
-    """One row for each nominal pressure, in percent of it; NaN at zero pressure and where nothing can be said.
+    """One row for each nominal pressure, in percent of it; NaN at zero pressure and if undetermined.
 
     Attributes:
-        max_pct: (m,) largest error that was measured.
-        count: (m,) errors it is the largest of.
+        max_pct: (m,) largest measured error.
+        count: (m,) number of these errors.
         half95_pct: (m,) half-width of the 95 % interval of one reading in use, mean over the temperatures.
-        chance_pct: (m, 2) where the largest of so many errors lies with 95 % probability, were they independent, normal
-            and as large as the interval says.
-
+        chance_pct: (m, 2) 95 % interval of the largest of this number of errors, for independent normal errors of the
+            interval's size.
     """
 
     max_pct: FloatArray
@@ -48,7 +47,7 @@ class InUse:
     chance_pct: FloatArray
 
     def to_dict(self) -> dict[str, object]:
-        """For JSON; None where there is no number."""
+        """JSON values; missing numbers are None."""
         return {
             "max_pct": _known(self.max_pct),
             "count": self.count.tolist(),
@@ -65,7 +64,7 @@ def in_use(
     slope_mV_per_psi: FloatArray,
     zeroed: tuple[FloatArray, FloatArray, FloatArray] | None,
 ) -> InUse:
-    """Of the readings of a problem, by one method.
+    """Errors in use of the readings of a problem, by one method.
 
     Args:
         problem: readings and model.
@@ -73,9 +72,8 @@ def in_use(
         residual_mV: (n,) of the method.
         half_width_mV: (n,) of its prediction interval at each reading, without a zero.
         slope_mV_per_psi: (n,) dV/dP there.
-        zeroed: of a method that knows the whole plot's error the (k,) coefficients, their (k, k) covariance and its
-            (p, k, k) derivatives by the parameters of the errors; None for others.
-
+        zeroed: for a method that estimates the whole plot's error the (k,) coefficients, their (k, k) covariance and
+            its (p, k, k) derivatives by the parameters of the errors; None for others.
     """
     data = problem.data
     nominal, level = data.pressure_levels
@@ -100,7 +98,7 @@ def in_use(
 
 
 def _left_out(problem: Problem, hat: FloatArray, residual_mV: FloatArray) -> FloatArray:
-    """(n,) errors of readings predicted by a fit without their whole plot, mV; NaN where there is no such fit."""
+    """(n,) errors of readings predicted by a fit without their whole plot, mV; NaN if there is no such fit."""
     error = np.full(len(residual_mV), np.nan)
     for plot in range(len(problem.data.whole_plots)):
         own = np.flatnonzero(problem.data.whole_plot_index == plot)
@@ -122,7 +120,7 @@ def _beside_zero(problem: Problem, coefficients: FloatArray) -> tuple[IntArray, 
 
 
 def _zeroed_half_width(problem: Problem, zeroed: tuple[FloatArray, FloatArray, FloatArray]) -> FloatArray:
-    """(n,) half-width of the 95 % interval of a reading less a zero read once at the lowest pressure, mV."""
+    """(n,) half-width of the 95 % interval of a reading minus a zero read once at the lowest pressure, mV."""
     data, errors = problem.data, problem.errors
     _, covariance, derivatives = zeroed
     lowest = np.full(len(data), data.pressure_levels[0][0])
@@ -137,7 +135,7 @@ def _zeroed_half_width(problem: Problem, zeroed: tuple[FloatArray, FloatArray, F
 
 
 def _largest_of(count: int, sd: float) -> tuple[float, float]:
-    """95 % interval of the largest size of so many independent normal errors."""
+    """95 % interval of the largest size of this number of independent normal errors."""
     if count == 0 or not np.isfinite(sd):
         return float("nan"), float("nan")
     low, high = (sd * float(special.ndtri(0.5 + 0.5 * p ** (1.0 / count))) for p in (0.025, 0.975))

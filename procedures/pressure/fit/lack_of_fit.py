@@ -1,4 +1,4 @@
-"""Whether the model of a transducer lacks fit within whole plots, against readings repeated there at a pressure."""
+"""Test of lack of fit of a transducer's model within whole plots, against readings repeated there at a pressure."""
 
 from __future__ import annotations
 
@@ -12,10 +12,9 @@ from procedures.pressure.fit.methods import Problem
 
 
 def lack_of_fit(problem: Problem) -> FTest:
-    """F of what the model leaves between readings that repeat, over their own scatter; rows weigh by their error.
-
-    Every whole plot has an offset of its own beside the model, so that errors of whole plots do not enter. NaN where no
-    pressure repeats within a whole plot.
+    """F of the residual between repeated readings over their own scatter; rows are weighted by their error. Every whole
+    plot has its own offset in addition to the model, so errors of whole plots have no influence. NaN if no pressure
+    repeats within a whole plot.
     """
     data, plots, levels = problem.data, problem.data.whole_plot_index, problem.data.pressure_levels[1]
     weight = 1.0 / problem.errors.subplot_sd(data.pressure_psia)
@@ -40,7 +39,7 @@ def significant(test: FTest) -> bool:
 
 
 def to_dict(test: FTest) -> dict[str, Any]:
-    """For JSON; None where nothing repeats."""
+    """JSON values; None without repeats."""
     known = bool(np.isfinite(test.value))
     return {
         "F": test.value if known else None,
@@ -53,7 +52,7 @@ def to_dict(test: FTest) -> dict[str, Any]:
 
 
 def in_words(test: FTest) -> str:
-    """What is to be said of it; "" where there is no lack of fit, or nothing repeats."""
+    """Sentence about lack of fit; "" without lack of fit or repeats."""
     if not significant(test):
         return ""
     return (

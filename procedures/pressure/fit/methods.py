@@ -1,8 +1,8 @@
-"""The paper's ways to calibrate, side by side on the same data (McCollum, Commo and Parker, sections II to V).
+"""The paper's calibration methods, side by side on the same data (McCollum, Commo and Parker, sections II to V).
 
-Every method here is linear in the readings, b = A V, so its covariance under the estimated errors of the readings is
-A Cov(V) A' (`errors`), whatever weights or assumptions it was derived from: model-based, and honest for
-methods whose weights are a preference rather than the inverse of a variance.
+Every method here is linear in the readings, b = A V, so its covariance under the estimated errors of the readings is A
+Cov(V) A' (`errors`), independent of its weights or assumptions: model-based, and valid for methods whose weights are
+not the inverse of a variance.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from fitter import Triangle
 from fitter.arrays import FloatArray
 from fitter.errors import FitError
 from fitter.formula import Formula
+from fitter.json_values import coefficient_table
 from fitter.split_plot import SplitPlotFit
 from procedures.pressure.data import WholePlotData
 from procedures.pressure.fit.errors import Errors, Layout
@@ -26,7 +27,7 @@ from procedures.pressure.fit.models import of_whole_plot
 from procedures.pressure.fit.reading_error import ReadingError, reading_error
 
 NO_PRESSURE = 1e-4
-"""A readback below this part of the highest pressure is none: weighted by 1/P it would outweigh all the others."""
+"""Readbacks below this part of the highest pressure count as zero: with weights 1/P they would dominate all others."""
 
 BIASED = "biased: it fits V/P by the terms of the model and so cannot follow V; shown as a warning"
 
@@ -36,13 +37,12 @@ BoolArray = NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """What a method makes of the readings V.
+    """Linear operators of a method on the readings V.
 
     Attributes:
         estimator: (k, n) A: the coefficients are A V.
-        hat: (n, n) H: the fitted outputs are H V. With indicators these include each whole plot's own intercept.
-        knows_whole_plot: whether `hat` follows the whole plots' errors, as after reading a zero in flight.
-
+        hat: (n, n) H: the fitted outputs are H V. With indicators these include each whole plot's intercept.
+        knows_whole_plot: whether `hat` includes the whole plots' errors, as after reading a zero in flight.
     """
 
     estimator: FloatArray
@@ -52,20 +52,19 @@ class Estimate:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """Readings of one transducer and the model to fit to them.
+    """Readings of one transducer and the model.
 
     Attributes:
         data: the observations.
         output: name of the transducer's output.
-        formula: the model, one column a term (no categories).
+        formula: the model, one column per term (no categories).
         names: of its k columns.
         columns: (n, k).
-        reml: the split-plot fit of it.
+        reml: its split-plot fit.
         errors: of the readings.
         layout: of the readings.
         power: rows are weighted by 1 / P^power.
         exclude_zero: whether weighted methods leave out readings at P = 0.
-
     """
 
     data: WholePlotData
@@ -81,11 +80,10 @@ class Problem:
 
     @property
     def weight(self) -> FloatArray:
-        """(n,) 1 / P^power (eq. 3); zero at P = 0 where such readings are left out.
+        """(n,) 1 / P^power (eq. 3); zero at P = 0 if such readings are left out.
 
         Raises:
-            FitError: there are readings without pressure and they are not to be left out.
-
+            FitError: there are readings at zero pressure that are not left out.
         """
         used = ~self.without_pressure
         rows = np.flatnonzero(~used)
@@ -101,7 +99,9 @@ class Problem:
 
     @property
     def without_pressure(self) -> BoolArray:
-        """(n,) readings at P = 0: what was set, where recorded, else a readback that does not differ from it."""
+        """(n,) readings at P = 0: by the set pressure, if recorded, otherwise by readbacks that do not differ
+        from it.
+        """
         read, told = self.data.pressure_psia, self.data.pressure_set_psia
         at_zero = read <= NO_PRESSURE * float(read.max())
         return np.asarray(at_zero if told is None else at_zero | (told <= 0), np.bool_)
@@ -132,7 +132,7 @@ def weighted(problem: Problem) -> Estimate:
 
 
 def in_flight_zero(problem: Problem) -> Estimate:
-    """An indicator for every whole plot in place of the constant and of terms in temperature alone (eq. 10)."""
+    """An indicator for every whole plot, replacing the constant and terms in temperature alone (eq. 10)."""
     return _with_indicators(problem, np.ones(len(problem.data)))
 
 
@@ -159,15 +159,14 @@ class MethodFit:
         method: its name in `METHODS`.
         names: of the k coefficients.
         coefficients: (k,) mV per unit of the column. With indicators, those of the constant and of temperature alone
-            are fitted to what the others leave, by generalised least squares, to complete the model.
+            are fitted to the remainder of the others, by generalised least squares, to complete the model.
         covariance: (k, k).
         derivatives: (p, k, k) of the covariance by the parameters of the errors.
         df: (k,) degrees of freedom.
         residuals_mV: (n,) marginal residuals.
         reading_error: by pressure.
-        in_use: the same as it is in use: readings predicted by others, the in-flight zero's own error included.
-        note: what a reader must know; empty when there is nothing.
-
+        in_use: the same in use: readings predicted by others, with the in-flight zero's own error.
+        note: note for readers; empty without.
     """
 
     method: str
@@ -183,7 +182,7 @@ class MethodFit:
 
     @property
     def biased(self) -> bool:
-        """Whether its predictions are wrong on the average, whatever the data."""
+        """Whether its predictions are biased for any data."""
         return self.note == BIASED
 
     @property
@@ -192,7 +191,7 @@ class MethodFit:
         return np.asarray(np.sqrt(np.diag(self.covariance)))
 
     def to_dict(self) -> dict[str, object]:
-        """For JSON."""
+        """JSON values."""
         return {
             "coefficients": coefficient_table(self.names, self.coefficients, self.stderr, self.df),
             "reading_error": self.reading_error.to_dict(),
@@ -202,29 +201,18 @@ class MethodFit:
         }
 
 
-def coefficient_table(
-    names: tuple[str, ...], estimates: FloatArray, stderr: FloatArray, df: FloatArray
-) -> dict[str, dict[str, float | None]]:
-    """Estimate, standard error and degrees of freedom by name; None where one does not exist."""
-    return {
-        name: {"estimate": float(b), "stderr": _known(s), "df": _known(d)}
-        for name, b, s, d in zip(names, estimates, stderr, df, strict=True)
-    }
-
-
 def fit_method(problem: Problem, method: str, sensitivity_mV_per_psi: float | None = None) -> MethodFit:
     """Calibrate by one of `METHODS`.
 
     Args:
         problem: readings and model.
         method: its name.
-        sensitivity_mV_per_psi: what turns mV into psi in reading errors (the paper uses 2); None for the fitted dV/dP
+        sensitivity_mV_per_psi: conversion of mV to psi in reading errors (the paper uses 2); None for the fitted dV/dP
             at each reading.
 
     Raises:
         FitError: the method cannot be used on these readings.
         fitter.linear.RankError: it cannot estimate all its coefficients from them.
-
     """
     y, data, layout = problem.data.outputs[problem.output], problem.data, problem.layout
     estimate = METHODS[method](problem)
@@ -283,10 +271,6 @@ def _with_indicators(problem: Problem, weight: FloatArray) -> Estimate:
 
 
 def _pseudo_inverse(columns: FloatArray, names: Sequence[str]) -> FloatArray:
-    """(k, n) least-squares solution of `columns` as a matrix; RankError where there is none."""
+    """(k, n) least-squares solution of `columns` as a matrix; RankError if there is none."""
     root = Triangle(tuple(names)).add(columns, np.zeros(len(columns))).solve().root
     return np.asarray(root @ (root.T @ columns.T))
-
-
-def _known(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None

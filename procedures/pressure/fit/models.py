@@ -1,4 +1,4 @@
-"""Models of a pressure transducer's output: the sets of terms the paper uses, by name, and how to choose among them.
+"""Models of a pressure transducer's output: the paper's sets of terms, by name, and selection of terms.
 
 McCollum, Commo and Parker, "Calibration Modeling Methodology to Optimize Performance for Low Range Applications".
 """
@@ -40,13 +40,11 @@ _ALIKE = 1e-6
 
 
 def named_formula(model: str, extra: tuple[str, ...] = ()) -> Formula:
-    """Terms of a model: one of `MODELS`, "hierarchical" (where it starts from) or a formula; and `extra` terms.
-
-    The columns' own names may be used; they become P, T_sensor and T_SSE.
+    """Terms of a model: one of `MODELS`, "hierarchical" (its start) or a formula; and `extra` terms. Names of columns
+    are converted to P, T_sensor and T_SSE.
 
     Raises:
         fitter.formula.FormulaError: neither a name nor a formula.
-
     """
     formula = _parse(MODELS.get(model, MODELS[FULL] if model == HIERARCHICAL else model))
     for text in extra:
@@ -55,11 +53,10 @@ def named_formula(model: str, extra: tuple[str, ...] = ()) -> Formula:
 
 
 def check_determined(data: WholePlotData, formula: Formula) -> None:
-    """Refuse a model that the design does not determine, although the readbacks' scatter might seem to.
+    """Refuse a model that the design does not determine, even if the scatter of readbacks seems to.
 
     Raises:
-        RankError: naming the terms that cannot be told apart at the settings that were visited.
-
+        RankError: with the terms that are not separable at the measured settings.
     """
     if not set(formula.names) <= set(data.nominal):
         return
@@ -76,13 +73,8 @@ def check_determined(data: WholePlotData, formula: Formula) -> None:
 
 
 def of_whole_plot(term: Term) -> bool:
-    """Whether a term is constant within whole plots, but for what the readback of a temperature adds."""
+    """Whether a term is constant within whole plots, except for the scatter of temperature readbacks."""
     return all(name in _OF_WHOLE_PLOTS for name in term.names)
-
-
-def without_whole_plot_terms(formula: Formula) -> Formula:
-    """What can be estimated beside an indicator for every whole plot."""
-    return formula.without(*(term for term in formula.terms if of_whole_plot(term)))
 
 
 def contains(term: Term, other: Term) -> bool:
@@ -92,10 +84,9 @@ def contains(term: Term, other: Term) -> bool:
 
 
 def reduced(data: WholePlotData, output: str, formula: Formula, *, nested: bool) -> tuple[Formula, SplitPlotFit]:
-    """Backward elimination that keeps the hierarchy: a term stays as long as one that contains it does.
-
-    At every step, of the terms that no other contains, the one with the largest p of its Kenward-Roger t test goes, if
-    that is above `KEPT_BELOW`. Such terms' tests do not depend on where variables have their zero.
+    """Backward elimination with hierarchy: a term is kept while a term that contains it is. At every step, among the
+    terms contained in no other, the one with the largest p of its Kenward-Roger t test is removed, if that is above
+    `KEPT_BELOW`. The tests of such terms do not depend on the zeros of variables.
     """
     replicate = data.replicate if nested else None
     while True:
@@ -116,18 +107,17 @@ def variance_inflation(
 ) -> dict[str, float]:
     """Variance inflation factor of every column but the constant: 1 / (1 - R^2) on all the others, centred.
 
-    Variables are coded to -1 to 1 over their range first, as is usual: the factor of T would otherwise say how far
-    0 degC is from the data. Without categories.
+    Variables are coded to -1 to 1 over their range first, as usual: otherwise the factor of T would depend on the
+    distance of 0 degC from the data. Without categories.
 
     Args:
         formula: the terms.
         table: (n,) arrays by name.
-        whole_plot: (n,) identities, to have an indicator for every whole plot among the others.
+        whole_plot: (n,) identities, to include an indicator for every whole plot.
 
     Raises:
         RankError: with indicators, terms are constant within whole plots (but for readback noise); or the columns
             depend on each other.
-
     """
     coded = {name: _coded(name, table[name]) for name in formula.names}
     names, columns = formula.without(Term()).columns(coded)
@@ -165,7 +155,7 @@ def _coded(name: str, values: FloatArray) -> FloatArray:
 
 
 def _powers(term: Term) -> Counter[str]:
-    """Exponents by variable; a factor that is not a power of one counts as a variable of its own."""
+    """Exponents by variable; a factor that is not a power of a variable counts as a variable itself."""
     powers: Counter[str] = Counter()
     for factor in term.factors:
         name, power = _power(factor)

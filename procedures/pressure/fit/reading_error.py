@@ -1,4 +1,4 @@
-"""Errors in percent of the reading, by pressure: what low-range calibration is judged by."""
+"""Errors in percent of the reading, by pressure: the criterion of low-range calibration."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from fitter.arrays import FloatArray, IntArray
 
 PAPER_SENSITIVITY_MV_PER_PSI = 2.0
-"""What the paper divides by, to turn mV into psi."""
+"""The paper's divisor for conversion of mV to psi."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,12 +19,11 @@ class ReadingError:
     Attributes:
         pressure_psia: (m,) nominal pressures, ascending.
         count: (m,) readings at each.
-        max_pct: (m,) largest marginal residual, max |V - x b| / (S P): whole-plot predictions are not taken off.
+        max_pct: (m,) largest marginal residual, max |V - x b| / (S P): whole-plot predictions are not subtracted.
         rms_pct: (m,) root mean square of them.
         median_pct: (m,) median of their sizes.
-        bias_pct: (m,) mean of V - x b over S P (eq. 12): what is wrong on the average at that pressure.
+        bias_pct: (m,) mean of V - x b over S P (eq. 12): the mean error at that pressure.
         width_pct: (m,) full width of the 95 % prediction interval over S P (eq. 11), mean over the temperatures.
-
     """
 
     pressure_psia: FloatArray
@@ -36,7 +35,7 @@ class ReadingError:
     width_pct: FloatArray
 
     def to_dict(self) -> dict[str, list[float | None]]:
-        """For JSON, column by column; None at zero pressure."""
+        """JSON values, column by column; None at zero pressure."""
         return {
             "pressure_psia": self.pressure_psia.tolist(),
             "count": self.count.tolist(),
@@ -59,10 +58,9 @@ def reading_error(
     Args:
         residuals_mV: (n,) marginal residuals.
         half_width_mV: (n,) of the prediction interval at each reading.
-        pressure_psia: (n,) applied; zero or less is no pressure.
+        pressure_psia: (n,) applied pressure; zero or less is excluded.
         sensitivity_mV_per_psi: (n,) dV/dP there.
-        levels: nominal pressures (m,), and which of them each reading is at (n,).
-
+        levels: nominal pressures (m,), and the index of each reading's (n,).
     """
     nominal, level = levels
     with np.errstate(divide="ignore", invalid="ignore"):

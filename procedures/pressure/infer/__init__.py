@@ -1,4 +1,4 @@
-"""Pressure in flight from a calibrated transducer, with an interval, beside a zero taken there.
+"""Pressure in flight from a calibrated transducer, with an interval, by a zero read in flight.
 
 infer_pressure(fit.calibration(), bridge_mV, T_sensor, T_SSE, Zero(v_0, T_sensor_0, T_SSE_0))
 """

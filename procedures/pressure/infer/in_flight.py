@@ -1,10 +1,10 @@
 """Pressure from a transducer's output in flight, by inverting its calibration, with an interval.
 
-Without a zero the whole-plot error of the calibration's kind is in every reading, and in the interval. In vacuum, or
-near it, the output at a pressure P_0 can be read: then V - V_0 = [x(P, T) - x(P_0, T_0)] b, in which that error
-cancels, at the price of the zero's own subplot error. Standard deviations follow from dV/dP (first order: the
-curvature over one of them is negligible for a transducer with a usable sensitivity), intervals from Student's t with
-Satterthwaite's degrees of freedom for the sum of all that is uncertain.
+Without a zero every reading, and its interval, includes a whole-plot error. In vacuum, or near it, the output at a
+pressure P_0 can be read: then V - V_0 = [x(P, T) - x(P_0, T_0)] b, in which that error cancels, but the zero's own
+subplot error is added. Standard deviations follow from dV/dP (first order: the curvature over one of them is negligible
+for a transducer with a usable sensitivity), intervals from Student's t with Satterthwaite's degrees of freedom for the
+sum of all variances.
 """
 
 from __future__ import annotations
@@ -23,14 +23,17 @@ from procedures.pressure.fit import PressureCalibration
 from procedures.pressure.infer.zero import Departure, Zero, ZeroCorrection, departure, out_of_reach
 
 BEYOND = 0.02
-"""How far outside the calibrated range a value may be, as a part of its width: readbacks are not exact, and the lowest
-pressure calibrated is not quite vacuum."""
+"""Permitted distance of a value from the calibrated range, relative to its width: readbacks have errors, and the lowest
+calibrated pressure is not quite vacuum.
+"""
 
 ONE_TEMPERATURE_DEGC = 1.0
-"""A calibration whose temperature varied by less was made at one temperature: it holds this far around it."""
+"""A calibration with less variation of temperature was made at one temperature: it is valid within this
+distance of it.
+"""
 
 STOOD_DEGC = 2.0
-"""Temperatures within this of the zero's count as those it was read at: their error is still the one it took out."""
+"""Temperatures within this of the zero's count as unchanged: the zero removes their error."""
 
 _ITERATIONS, _TOLERANCE = 40, 1e-12
 _CHUNK = 65536
@@ -42,7 +45,7 @@ BAD_READING = "not a finite number"
 
 @dataclass(frozen=True, eq=False)
 class Inferred:
-    """Pressures, one for each reading; NaN with a reason in `flag` where there is none to be had.
+    """Pressures, one for each reading; NaN with a reason in `flag` if undetermined.
 
     Attributes:
         pressure_psia: (n,).
@@ -50,9 +53,8 @@ class Inferred:
         lo95_psia: (n,) 95 % interval.
         hi95_psia: (n,).
         df: (n,) degrees of freedom of `sd_psia`.
-        flag: (n,) empty where all is well.
+        flag: (n,) empty without problems.
         departures: of each zero from the calibration.
-
     """
 
     pressure_psia: FloatArray
@@ -78,16 +80,14 @@ def infer_pressure(
         bridge_mV: its output.
         sensor_temperature_degC: temperature of the transducer.
         sse_temperature_degC: temperature of its electronics.
-        zero: the output in or near vacuum, read since the temperatures were last changed; None to do without. Readings
-            at temperatures further than `STOOD_DEGC` from its own are flagged, and their intervals hold the error of a
-            change of temperature. That the same temperatures were left and set again cannot be seen here: intervals
-            then are too short. Several zeros are independent: each is of a whole plot of its own, and so are the
-            readings. A zero too far from the calibration to be believed is flagged in every row.
+        zero: the output in or near vacuum, read since the last change of temperatures; None for none. Readings at
+            temperatures further than `STOOD_DEGC` from its own are flagged, and their intervals include the error of a
+            change of temperature. A return to the same temperatures after a change is not visible here: intervals are
+            then too short. Several zeros are independent: each has its own whole plot, and so have the readings. A zero
+            implausibly far from the calibration is flagged in every row.
 
     Raises:
-        ValueError: the arrays do not fit together, or a zero was read outside the calibrated temperatures, or far from
-            zero pressure.
-
+        ValueError: shapes differ, or a zero was read outside the calibrated temperatures, or far from zero pressure.
     """
     given = [np.asarray(a, np.float64) for a in (bridge_mV, sensor_temperature_degC, sse_temperature_degC)]
     output, sensor, sse = (np.atleast_1d(a) for a in np.broadcast_arrays(*given))
@@ -156,9 +156,9 @@ def _variance(
     zero: ZeroCorrection | None,
     moved: NDArray[np.bool_],
 ) -> tuple[FloatArray, FloatArray]:
-    """Of V less the model at the pressure sought, mV^2 (n,), and its degrees of freedom (n,).
+    """Variance of V minus the model at the inferred pressure, mV^2 (n,), and its degrees of freedom (n,).
 
-    A reading that was `moved` (n,) from the zero's temperatures has drawn another whole-plot error than the zero.
+    A reading at other temperatures than the zero's (`moved`, (n,)) has another whole-plot error than the zero.
     """
     errors = calibration.errors
     variance, gradient = errors.of_reading(pressure, new_whole_plot=zero is None)
@@ -173,9 +173,8 @@ def _variance(
 
 
 def _root(calibration: PressureCalibration, target: FloatArray, sensor: FloatArray, sse: FloatArray) -> FloatArray:
-    """(n,) pressure at which the model gives `target`, on the branch that the calibrated range is on; NaN for none.
-
-    Newton's method from the middle of the range, a step being at most half of it.
+    """(n,) pressure at which the model gives `target`, on the branch of the calibrated range; NaN for none. By Newton's
+    method from the middle of the range, with steps of at most half of it.
     """
     low, high = calibration.ranges["P"]
     middle, span = 0.5 * (low + high), high - low
@@ -194,9 +193,9 @@ def _root(calibration: PressureCalibration, target: FloatArray, sensor: FloatArr
 
 
 def _temperature_flags(calibration: PressureCalibration, sensor: FloatArray, sse: FloatArray) -> NDArray[Any]:
-    """(n,) what is wrong with the temperatures, empty where nothing is.
+    """(n,) defects of the temperatures, empty without.
 
-    A temperature that is not in the formula counts too: how the output depends on it was not calibrated.
+    A temperature that is not in the formula counts too: its influence on the output was not calibrated.
     """
     flag = np.full(len(sensor), "", dtype=object)
     for name, label, values in (("T_SSE", "SSE", sse), ("T_sensor", "sensor", sensor)):

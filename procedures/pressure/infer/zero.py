@@ -1,8 +1,8 @@
-"""Readings near zero pressure in flight: what they correct, with what error, and whether they can be believed.
+"""Readings near zero pressure in flight: their correction, its error, and its plausibility.
 
-A zero is read at a pressure P_0, in vacuum or close to it: V_0 - x(P_0, T_0) b estimates the error that the readings of
-its whole plot share. Zeros of several whole plots are independent: their mean estimates the transducer's own offset,
-and a flight reading draws a whole-plot error of its own.
+A zero is read at a pressure P_0, in vacuum or close to it: V_0 - x(P_0, T_0) b estimates the common error of the
+readings of its whole plot. Zeros of several whole plots are independent: their mean estimates the transducer's own
+offset, and a flight reading has its own whole-plot error.
 """
 
 from __future__ import annotations
@@ -18,29 +18,28 @@ from fitter.quantiles import t_tail
 from procedures.pressure.fit import PressureCalibration
 
 FARTHEST = 0.2
-"""Highest pressure of a zero, as a part of the highest calibrated; above, errors of the slope count."""
+"""Highest pressure of a zero, relative to the highest calibrated; above, errors of the slope are relevant."""
 
 BELOW = 0.02
-"""Lowest pressure of a zero below 0, as a part of the highest calibrated: what a gauge may be off in vacuum."""
+"""Lowest pressure of a zero below 0, relative to the highest calibrated: possible error of a gauge in vacuum."""
 
 IMPLAUSIBLE = 0.001
-"""Probability below which a zero is not believed to be one of the calibrated transducer."""
+"""Probability below which a zero is implausible for the calibrated transducer."""
 
 
 @dataclass(frozen=True)
 class Zero:
-    """The output read at one sitting near P = 0.
+    """The output read in one sitting near P = 0.
 
     Attributes:
         bridge_mV: the reading, or the mean of several.
         sensor_temperature_degC: then.
         sse_temperature_degC: then.
-        readings: how many the mean is of.
-        pressure_psia: at which it was read.
-        pressure_sd_psia: standard deviation of that pressure; 0: taken as exact.
-        scatter_mV: standard deviation of the readings about their mean, which shows how much of the subplot error
-            averages. None: each of the readings has a subplot error of its own.
-
+        readings: number of readings of the mean.
+        pressure_psia: its pressure.
+        pressure_sd_psia: standard deviation of that pressure; 0 for exact.
+        scatter_mV: standard deviation of the readings about their mean: the part of the subplot error that averages.
+            None: each reading has its own subplot error.
     """
 
     bridge_mV: float
@@ -68,9 +67,9 @@ class Zero:
     def variance(self, calibration: PressureCalibration) -> tuple[FloatArray, FloatArray]:
         """Variance (1,) of the mean within its whole plot, mV^2, and its gradient (1, p) by the errors' parameters.
 
-        Readings of one sitting share what setting the pressure left, and only their scatter about one another averages:
-        where scatter^2 is less than the subplot variance s^2 it alone is divided by their number. Where it is more,
-        something moved during the sitting, and it stands in place of s^2.
+        Readings of one sitting share the error of the pressure's setting, and only their own scatter averages: if
+        scatter^2 is less than the subplot variance s^2, only it is divided by their number. If it is more, there was a
+        change during the sitting, and it replaces s^2.
         """
         variance, gradient = calibration.errors.of_reading(np.array([self.pressure_psia]), new_whole_plot=False)
         if self.scatter_mV is None:
@@ -89,15 +88,14 @@ class Zero:
 
 @dataclass(frozen=True)
 class Departure:
-    """How far a zero is from what the calibration gives at its pressure and temperatures.
+    """Deviation of a zero from the calibration at its pressure and temperatures.
 
     Attributes:
-        off_mV: reading less calibration.
-        sd_mV: standard deviation expected of that: a whole-plot error, the reading's own, and the coefficients'.
-        wholeplot_sd_mV: of which the whole-plot error.
+        off_mV: reading minus calibration.
+        sd_mV: its expected standard deviation: whole-plot error, the reading's own error, and that of the coefficients.
+        wholeplot_sd_mV: the part of the whole-plot error.
         df: degrees of freedom of `sd_mV`.
-        p: probability of being as far off by chance.
-
+        p: probability of such a deviation by chance.
     """
 
     off_mV: float
@@ -108,17 +106,17 @@ class Departure:
 
     @property
     def deviations(self) -> float:
-        """Standard deviations off, without sign."""
+        """Deviation in standard deviations, without sign."""
         return abs(self.off_mV) / self.sd_mV
 
     @property
     def implausible(self) -> bool:
-        """Whether chance alone makes this hard to believe."""
+        """Whether the deviation is implausible by chance."""
         return self.p < IMPLAUSIBLE
 
 
 def departure(calibration: PressureCalibration, zero: Zero) -> Departure:
-    """Compare a zero with the calibration it is to correct."""
+    """Compare a zero with the calibration that it corrects."""
     row, errors = zero.columns(calibration), calibration.errors
     variance, gradient = zero.variance(calibration)
     shared, by_shared = errors.of_whole_plots(np.ones(1))
@@ -130,7 +128,7 @@ def departure(calibration: PressureCalibration, zero: Zero) -> Departure:
 
 
 def out_of_reach(calibration: PressureCalibration, zero: Zero) -> str:
-    """Why this cannot be used as a zero of the calibration, "" where it can."""
+    """Reason why this cannot be used as a zero of the calibration, "" if it can."""
     highest = calibration.ranges["P"][1]
     if zero.pressure_psia > FARTHEST * highest:
         return (
@@ -144,16 +142,15 @@ def out_of_reach(calibration: PressureCalibration, zero: Zero) -> str:
 
 @dataclass(frozen=True, eq=False)
 class ZeroCorrection:
-    """What the zeros take out of a reading.
+    """Correction of a reading by the zeros.
 
     Attributes:
         columns: (1, k) mean row of the model at the zeros.
         reading_mV: mean of their readings.
         variance: (1,) of the mean within the whole plots, mV^2.
         gradient: (1, p) of it.
-        plots: whole-plot errors in the difference of a flight reading and the mean: 0 where one zero was read in the
-            reading's own whole plot, else 1 + 1/n of n zeros.
-
+        plots: number of whole-plot errors in the difference of a flight reading and the mean: 0 if one zero was read in
+            the reading's own whole plot, otherwise 1 + 1/n for n zeros.
     """
 
     columns: FloatArray
@@ -164,7 +161,7 @@ class ZeroCorrection:
 
     @staticmethod
     def of(calibration: PressureCalibration, zeros: Sequence[Zero]) -> ZeroCorrection:
-        """Of one zero read in the whole plot of the flight, or of several that are independent."""
+        """From one zero read in the whole plot of the flight, or from several independent ones."""
         n = len(zeros)
         parts = [zero.variance(calibration) for zero in zeros]
         return ZeroCorrection(

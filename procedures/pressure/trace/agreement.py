@@ -1,10 +1,9 @@
-"""One coefficient of the line, or one of each transducer?
+"""Choice between one coefficient of the line and one for each transducer.
 
-An error of the pressure is one number in psi for all transducers. Where each of them could show the same column by
-itself, the line has to be supported by them: they agree, or the line and what some of them add to it explain the
-data better, at the price of the columns, than each by itself. The search cannot see to that: a column that all
-transducers share removes more than any one's own, is taken first, and what they disagree about is then put right one
-after the other.
+An error of pressure is one number in psi for all transducers. If each of them could have the same column separately,
+the line must be supported by them: they agree, or the line with corrections for some of them explains the data better,
+at the price of the columns, than separate coefficients. The search does not ensure this: a common column reduces the
+residual more than any separate one, is selected first, and disagreements are then corrected one by one.
 """
 
 from __future__ import annotations
@@ -23,22 +22,22 @@ from procedures.pressure.trace.problem import Problem
 from procedures.pressure.trace.score import beside
 
 SAME = 1e-3
-"""Of two columns, the sine of the angle between them below which they are the same: an excitation's output times time
-is pressure times time, but for a zero that is small."""
+"""Sine of the angle between two columns below which they are the same: an excitation's output times time is pressure
+times time, except for a small zero.
+"""
 ROUNDS = 3
 
 
 @dataclass(frozen=True)
 class Ways:
-    """Two explanations of one thing.
+    """Two explanations of one effect.
 
     Attributes:
         line: candidates of the line, each with the same column in every transducer.
-        corrections: of single transducers, with these columns, that stand beside the line.
-        own: of all transducers, with these columns.
+        corrections: candidates of single transducers, with these columns, in addition to the line.
+        own: candidates of all transducers, with these columns.
         rest: other candidates in the model.
-        behind: what `own` costs more than `line` and `corrections`, residual and columns, in the error's variance.
-
+        behind: cost of `own` minus that of `line` and `corrections`, residual and columns, in the error's variance.
     """
 
     line: tuple[int, ...]
@@ -49,7 +48,7 @@ class Ways:
 
 
 def named(judge: WholePlotJudge, chosen: tuple[int, ...] = ()) -> tuple[int, ...]:
-    """The candidates that belong in the model, from those `chosen` on, by the names they are to have."""
+    """The candidates that belong in the model, starting with those `chosen`, by their final names."""
     for _ in range(ROUNDS):
         chosen = search_and_name(judge, chosen, judge.lead)[1]
         agreed = supported(judge, chosen)
@@ -60,11 +59,11 @@ def named(judge: WholePlotJudge, chosen: tuple[int, ...] = ()) -> tuple[int, ...
 
 
 def supported(judge: WholePlotJudge, chosen: tuple[int, ...]) -> tuple[int, ...]:
-    """The transducers' own candidates in the place of those of the line that they do not bear out.
+    """The transducers' own candidates in place of those of the line that they do not support.
 
-    Where all of them agree, the line has fewer columns and stays unless the data can tell; with corrections to a few of
-    them the cheaper of both stays. A line that half of them or more do not bear out, or that is only suspected, gives
-    way as long as the transducers' own come within `DELTA`.
+    If all of them agree, the line has fewer columns and is kept unless the data reject it; with corrections to a few of
+    them the cheaper of both is kept. A line that half of them or more do not support, or that is only suspected, is
+    replaced if the transducers' own are within `DELTA`.
     """
     for name in names_of(judge.candidates, chosen):
         ways = ways_of(judge, chosen, name)
@@ -80,9 +79,8 @@ def supported(judge: WholePlotJudge, chosen: tuple[int, ...]) -> tuple[int, ...]
 
 
 def ways_of(judge: WholePlotJudge, chosen: tuple[int, ...], name: str) -> Ways | None:
-    """Both explanations of an effect of the line among the `chosen`; None where there is only one.
-
-    The transducers' own have to stand out each by itself, or are left out.
+    """Both explanations of an effect of the line among the `chosen`; None if there is only one. The transducers' own
+    must be significant separately, or are left out.
     """
     line, every = _counterparts(judge.problem, [j for j in chosen if judge.candidates[j].effect.name == name])
     if not line:
@@ -99,7 +97,7 @@ def ways_of(judge: WholePlotJudge, chosen: tuple[int, ...], name: str) -> Ways |
 
 
 def classes(judge: WholePlotJudge, chosen: tuple[int, ...]) -> dict[str, tuple[Rival, ...]]:
-    """Every explanation of each effect found, with a line that few transducers add to, and all by themselves."""
+    """Every explanation of each effect found, including a line with few corrections, and all transducers separately."""
     found = {name: judge.rivals(chosen, name) for name in names_of(judge.candidates, chosen)}
     for name, rivals in found.items():
         own = next(rival for rival in rivals if rival.effect == name)
@@ -110,12 +108,12 @@ def classes(judge: WholePlotJudge, chosen: tuple[int, ...]) -> dict[str, tuple[R
 
 
 def _few(corrections: int, problem: Problem) -> bool:
-    """Whether most transducers agree: a line and a correction to all of them but one can explain whatever they show."""
+    """Whether most transducers agree: a line and a correction to all but one of them can explain anything."""
     return 2 * corrections < len(problem.sensors)
 
 
 def _all_by_themselves(judge: WholePlotJudge, chosen: tuple[int, ...], line: Rival) -> list[Rival]:
-    """The transducers' own in the place of a line that is in the model, beside the corrections that are."""
+    """The transducers' own in place of a line in the model, with the existing corrections."""
     ways = ways_of(judge, chosen, line.effect)
     if ways is None or not ways.corrections:
         return []
@@ -124,7 +122,7 @@ def _all_by_themselves(judge: WholePlotJudge, chosen: tuple[int, ...], line: Riv
 
 
 def _corrected(judge: WholePlotJudge, chosen: tuple[int, ...], own: Rival, rivals: tuple[Rival, ...]) -> list[Rival]:
-    """A line, and what few transducers add to it, in the place of transducers that all have their own in the model."""
+    """A line, with corrections for few transducers, in place of separate candidates of all transducers."""
     found = []
     for rival in rivals:
         line, every = _counterparts(judge.problem, rival.terms)
@@ -148,13 +146,15 @@ def _corrected(judge: WholePlotJudge, chosen: tuple[int, ...], own: Rival, rival
 
 
 def _rival(judge: WholePlotJudge, terms: tuple[int, ...], than: Rival, behind: float) -> list[Rival]:
-    """An explanation so much dearer than another; its sigmas are the root of a price that may be below the best's."""
+    """An explanation with a higher cost than another; its sigmas are the root of a price that may be below
+    the best's.
+    """
     price = than.sigmas**2 + behind
     return [Rival(judge.candidates[terms[0]].effect.name, terms, float(np.sign(price) * np.sqrt(abs(price))))]
 
 
 def _ranked(rivals: list[Rival]) -> tuple[Rival, ...]:
-    """The cheapest of every name, best first, behind the best of all."""
+    """The cheapest of every name, best first, relative to the best of all."""
     cheapest: dict[str, tuple[float, Rival]] = {}
     for rival in rivals:
         price = float(np.sign(rival.sigmas)) * rival.sigmas**2
@@ -166,7 +166,7 @@ def _ranked(rivals: list[Rival]) -> tuple[Rival, ...]:
 
 
 def _counterparts(problem: Problem, of: list[int] | tuple[int, ...]) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Those of the line that every transducer could show by itself, and the candidates with which they could."""
+    """Candidates of the line that every transducer could have separately, with the corresponding candidates."""
     line, every = list[int](), list[int]()
     for j in of:
         if problem.candidates[j].sensor is not None or len(problem.sensors) == 1:
@@ -182,7 +182,7 @@ def _counterparts(problem: Problem, of: list[int] | tuple[int, ...]) -> tuple[tu
 
 
 def _alike(problem: Problem, j: int) -> IntArray:
-    """Candidates of one transducer that there have the same column as `j`, beside the declared model."""
+    """Candidates of one transducer with the same column as `j`, beside the declared model."""
     level, found = problem.judged_at[j], []
     for k in problem.within(level).tolist():
         sensor = problem.candidates[k].sensor
@@ -196,7 +196,7 @@ def _alike(problem: Problem, j: int) -> IntArray:
 
 
 def _products(problem: Problem, j: int, rest: tuple[int, ...], every: tuple[int, ...]) -> Products:
-    """Of all candidates beside the `rest` in the stratum of `j`, by the error beside all transducers' own."""
+    """Statistics of all candidates beside the `rest` in the stratum of `j`, with the error of separate candidates."""
     level = problem.judged_at[j]
     stratum, error = beside(problem, level, rest), beside(problem, level, (*rest, *every), ()).sigma
     scale = (stratum.sigma / error)[:, None]

@@ -17,7 +17,7 @@ from procedures.pressure.trace.strata import Level
 
 @dataclass(frozen=True)
 class Coefficient:
-    """Of one candidate beside the others, from the stratum it is judged in, in its own unit."""
+    """Estimate of one candidate beside the others, from its stratum, in its own unit."""
 
     value: float
     stderr: float
@@ -25,7 +25,7 @@ class Coefficient:
 
     @property
     def half_width_95(self) -> float:
-        """Of its 95 % interval."""
+        """Half-width of its 95 % interval."""
         return t_limit(0.95, self.df) * self.stderr
 
 
@@ -36,12 +36,11 @@ class Estimate:
     Attributes:
         chosen: indices of the candidates in the model.
         coefficients: of each of them.
-        contribution: (S, n) what they add to the outputs, mV.
-        declared: (S, k) coefficients of the declared model on the outputs less that contribution: the effects may have
-            been weighed otherwise than `fits` weighs them, and what goes together must come from one fit.
+        contribution: (S, n) their contribution to the outputs, mV.
+        declared: (S, k) coefficients of the declared model for the outputs minus that contribution: the effects may
+            have other weights than in `fits`, and consistent values must come from one fit.
         fits: of the declared model and the effects together, by restricted maximum likelihood: errors and variances.
-        residual: (S, n) outputs less all of that, whole-plot errors left in, mV.
-
+        residual: (S, n) outputs minus all of these, including whole-plot errors, mV.
     """
 
     chosen: tuple[int, ...]
@@ -76,19 +75,21 @@ def estimate(problem: Problem, chosen: tuple[int, ...]) -> Estimate:
 
 
 def error_of(fitted: Estimate, level: Level, i: int) -> tuple[float, float]:
-    """The declared error of transducer `i` at a level, mV; of two zeros between whole plots, that within decides."""
+    """The declared error of transducer `i` at a level, mV; if both are zero between whole plots, that within
+    decides.
+    """
     fit = fitted.fits[i]
     return (fit.sigma_subplot if level == "subplot" else fit.sigma_wholeplot, fit.sigma_subplot)
 
 
 def residual_of(problem: Problem, fitted: Estimate) -> FloatArray:
-    """(S, n) outputs less what was fitted, of any readings, whole-plot errors left in, mV."""
+    """(S, n) outputs minus the fit for any readings, including whole-plot errors, mV."""
     left = problem.outputs - contributed(problem, fitted.coefficients)
     return np.asarray(left - fitted.declared @ problem.declared.T)
 
 
 def coefficients_of(problem: Problem, chosen: tuple[int, ...]) -> dict[int, Coefficient]:
-    """Coefficients of the `chosen` candidates, each beside all others, with the error it is judged against."""
+    """Coefficients of the `chosen` candidates, each beside all others, with the error of its test."""
     found = {}
     for j in chosen:
         scores = score(problem, tuple(k for k in chosen if k != j), (j,))
@@ -98,6 +99,6 @@ def coefficients_of(problem: Problem, chosen: tuple[int, ...]) -> dict[int, Coef
 
 
 def contributed(problem: Problem, coefficients: Mapping[int, Coefficient], rows: IntArray | None = None) -> FloatArray:
-    """(S, n) what the candidates with `coefficients` add to the outputs (of some `rows`), mV."""
+    """(S, n) contribution of the candidates with `coefficients` to the outputs (of some `rows`), mV."""
     raw = problem.raw if rows is None else problem.raw[:, rows]
     return np.asarray(raw[:, :, list(coefficients)] @ np.array([c.value for c in coefficients.values()]))

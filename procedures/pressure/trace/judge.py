@@ -1,4 +1,4 @@
-"""What stands out of a whole-plot run."""
+"""Significance of candidates in a whole-plot run."""
 
 from __future__ import annotations
 
@@ -20,8 +20,9 @@ from procedures.pressure.trace.score import NOTHING_LEFT, Beside, Scores, beside
 from procedures.pressure.trace.strata import Level
 
 TRIED = 3
-"""Candidates at most that are tried as one of two that hide each other: what one leaves in whole plots, now up and now
-down, is what the other's standard error is then computed from."""
+"""Maximum number of candidates tried as one of two that mask each other: the remainder of one in whole plots increases
+the other's standard error.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,19 +34,21 @@ class WholePlotJudge:
 
     @property
     def candidates(self) -> tuple[Candidate, ...]:
-        """All there are, in catalogue order."""
+        """All candidates, in catalogue order."""
         return self.problem.candidates
 
     def unit(self, j: int) -> tuple[int, ...]:
-        """Every candidate by itself."""
+        """Every candidate separately."""
         return (j,)
 
     def refined(self, chosen: tuple[int, ...]) -> WholePlotJudge:
-        """Itself: the constants searched are those of the catalogue."""
+        """Unchanged: searched constants are those of the catalogue."""
         return self
 
     def best(self, chosen: tuple[int, ...]) -> tuple[int, ...]:
-        """The candidate that removes most beside those `chosen`, of those that stand out; or two hiding each other."""
+        """The candidate that reduces the residual most beside those `chosen`, among the significant ones; or two
+        masking each other.
+        """
         if not self.candidates:
             return ()
         scores = score(self.problem, chosen)
@@ -68,7 +71,7 @@ class WholePlotJudge:
         return 1.0 if self.wrong(scores)[j] else self.family.adjusted(float(scores.p[j]), j)
 
     def alone(self, chosen: tuple[int, ...]) -> tuple[Impossible, ...]:
-        """Candidates that stand out beside those `chosen`, but for the sign that they would need."""
+        """Candidates that are significant beside those `chosen`, except for their required sign."""
         if not np.any(self.signs):
             return ()
         scores = score(self.problem, chosen)
@@ -77,14 +80,13 @@ class WholePlotJudge:
         return tuple(Impossible(j, float(value[j]), float(error[j])) for j in wrong.tolist())
 
     def lead(self, explanations: Sequence[Rival]) -> Rival:
-        """The simplest of those the data cannot tell apart; what is only suspected leads if nothing else is left."""
+        """The simplest of the indistinguishable ones; a suspected one leads only if there is no other."""
         suspected = {c.effect.name for c in self.candidates if c.effect.on_suspicion}
         return simplest([r for r in explanations if r.alias and r.effect not in suspected] or explanations)
 
     def rivals(self, chosen: tuple[int, ...], effect: str) -> tuple[Rival, ...]:
-        """All explanations of what the terms of `effect` among `chosen` explain, in the stratum they are judged in.
-
-        Terms of the effect that the other stratum bears out stay with every explanation.
+        """All explanations for the terms of `effect` among `chosen`, in their stratum. Terms of the effect supported by
+        the other stratum are kept with every explanation.
         """
         problem, every = self.problem, np.arange(len(self.candidates))
         named = tuple(j for j in chosen if problem.candidates[j].effect.name == effect)
@@ -112,31 +114,32 @@ class WholePlotJudge:
         )
 
     def _tried(self, rival: Rival) -> float:
-        """What a searched constant is to pay beside a column's price: the best of m columns gains 2 ln m by chance."""
+        """Price of a searched constant in addition to a column's price: the best of m columns gains 2 ln m by
+        chance.
+        """
         gained = -2.0 * float(np.log(self.family.share[rival.terms[0]]))
         return max(gained - PER_COLUMN * rival.searched, 0.0)
 
     def _possible(self, scores: Scores) -> NDArray[np.bool_]:
-        """(J,) candidates whose coefficient is of a size and sign that their cause can have, within three sd."""
+        """(J,) candidates whose coefficient has a possible size and sign, within three sd."""
         most = np.array([c.effect.at_most for c in self.candidates])
         size = np.abs(scores.gamma)
         small = size - 3.0 * size / np.maximum(np.abs(scores.t), np.finfo(float).tiny) <= most
         return np.asarray(small & ~self.wrong(scores))
 
     def wrong(self, scores: Scores) -> NDArray[np.bool_]:
-        """(J,) candidates whose coefficient has, for certain, a sign that physics does not leave them."""
+        """(J,) candidates whose coefficient certainly has a physically impossible sign."""
         return np.asarray(self.signs * scores.t < -SURE)
 
     @cached_property
     def signs(self) -> FloatArray:
-        """(J,) sign that each candidate's coefficient has physically; 0 where either is possible.
-
-        A line's error is one of pressure, whatever the sensitivities; a transducer's own is a part of its output.
+        """(J,) physical sign of each candidate's coefficient; 0 if both are possible. A line's error is one of
+        pressure, independent of sensitivities; a transducer's own is relative to its output.
         """
         return np.array([c.effect.sign(c.term.name) for c in self.candidates], np.float64)
 
     def _judged(self, level: Level, stratum: Beside) -> NDArray[np.bool_]:
-        """(J,) candidates of a level that enough is left of beside the others to explain something there."""
+        """(J,) candidates of a level with a sufficient remainder beside the others."""
         length = np.linalg.norm(self.problem.length_at[level] / stratum.sigma[:, None], axis=0)
         left = np.linalg.norm(stratum.white.columns, axis=(0, 1)) > NOTHING_LEFT * length
         return np.asarray(left & np.isin(np.arange(len(self.candidates)), self.problem.within(level)))

@@ -1,7 +1,7 @@
-"""Errors of readings that remember the reading before: whether they do, and how much.
+"""Autocorrelation of readings' errors: test and estimate.
 
-Whatever moves slowly within whole plots, a settling or a lag, is like such errors; they are looked for beside the
-effects found, and what was found is judged against them again.
+Slow changes within whole plots, such as settling or a lag, look like such errors. So autocorrelation is estimated with
+the effects found, and these are tested against it again.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from procedures.pressure.trace.estimate import coefficients_of, contributed
 from procedures.pressure.trace.problem import Problem
 
 SEEMS = 0.05
-"""Probability of so much memory by chance, below which readings are whitened by it."""
+"""Probability of such an autocorrelation by chance, below which readings are whitened by it."""
 MOST = 0.98
-"""Beyond this errors stay what they were throughout a whole plot, and are the whole plot's."""
+"""Limit beyond which errors are constant throughout a whole plot, and belong to the whole plot."""
 
 
 @dataclass(frozen=True)
@@ -27,9 +27,8 @@ class Memory:
     """First-order autocorrelation of the readings' errors within whole plots, in the executed order.
 
     Attributes:
-        rho: correlation with the reading before.
-        p: probability of so clear a one where there is none.
-
+        rho: correlation with the previous reading.
+        p: probability of such a value by chance.
     """
 
     rho: float
@@ -37,7 +36,7 @@ class Memory:
 
 
 def memories(problem: Problem, chosen: tuple[int, ...]) -> tuple[Memory, ...]:
-    """Of each transducer, beside the `chosen` candidates: restricted likelihood of what is left within whole plots."""
+    """Autocorrelation of each transducer, with the `chosen` candidates: by restricted likelihood within whole plots."""
     between = tuple(int(j) for j in problem.within("whole-plot", chosen))
     known = coefficients_of(problem, chosen)
     outputs = problem.outputs - contributed(problem, {j: known[j] for j in between})

@@ -1,4 +1,4 @@
-"""What is found of the noise of a whole-plot run: scatter that grows, errors that are remembered, single readings."""
+"""Findings about noise of a whole-plot run: growing scatter, autocorrelated errors, outliers."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from procedures.pressure.trace.result import FoundPressureEffect
 from procedures.pressure.trace.settle import Look
 
 STANDS_OUT_HERE = 0.05
-"""Probability below which a reading that was left out is named as one that stands out in a transducer."""
+"""Probability below which a left-out reading is named as an outlier of a transducer."""
 
 
 def noise_findings(
@@ -28,12 +28,11 @@ def noise_findings(
 
     Args:
         data: the whole run.
-        whole: the same made ready.
-        after: model and effects, fitted without the readings that stand out.
-        look: at the noise beside the effects.
+        whole: the same, prepared.
+        after: model and effects, fitted without the outliers.
+        look: the noise with the effects.
         sensitivity: mV/psi.
         i: the transducer.
-
     """
     about = _About(data, whole, after, look, sensitivity, i)
     found = (about.growing(), about.remembered(), about.outliers())
@@ -72,7 +71,7 @@ class _About:
         return replace(found, stderr=noise.stderr, df=(df, df), half_width_95=half)
 
     def remembered(self) -> FoundPressureEffect | None:
-        """Correlation of successive readings, if it is clear of chance."""
+        """Correlation of successive readings, if it is significant."""
         memory = self.look.memory[self.i]
         if memory.p * len(self.whole.sensors) / COUNTED > ALPHA:
             return None
@@ -91,7 +90,7 @@ class _About:
         )
 
     def outliers(self) -> FoundPressureEffect | None:
-        """Readings that stand out, and what they would do to the fit."""
+        """Outliers, and their influence on the fit."""
         aside = self.look.aside
         own = np.flatnonzero(aside.p[self.i] < STANDS_OUT_HERE)
         if not own.size:
@@ -114,7 +113,7 @@ class _About:
         )
 
     def _moved(self, rows: IntArray) -> float:
-        """How far `rows` of the whole run move the declared model's coefficients, in their standard errors."""
+        """Changes of the declared model's coefficients by `rows` of the whole run, in their standard errors."""
         others = np.setdiff1d(self.look.aside.rows, rows)
         with_them = self.whole.take(np.setdiff1d(np.arange(len(self.data)), others))
         one, other = (e.fits[self.i] for e in (self.after, estimate(with_them, self.after.chosen)))

@@ -1,8 +1,8 @@
-"""What the best of all candidates scores on a whole-plot run when there is nothing to find.
+"""Distribution of the best score of all candidates of a whole-plot run without effects.
 
-The two strata are a family each. Between whole plots there are few numbers to decide by, within them plenty: the former
-have two thirds of the level. Values of a constant that is searched share what another effect's term has for itself: the
-search for one cause need not cost all others their power.
+Each of the two strata is a family. Between whole plots there are few numbers for a decision, within them many: the
+former have two thirds of the level. Values of a searched constant share the level of one term of another effect, so
+that the search of one cause does not reduce the power for all others.
 """
 
 from __future__ import annotations
@@ -23,19 +23,18 @@ from procedures.pressure.trace.score import NOTHING_LEFT, beside
 from procedures.pressure.trace.strata import LEVELS, Level
 
 _T = np.linspace(0.0, 40.0, 4001)
-"""Scores that p is interpolated between: 20,000 draws say no more of it."""
+"""Scores for interpolation of p: 20,000 draws do not determine more."""
 OF_THE_LEVEL: Mapping[Level, float] = {"whole-plot": 2 / 3, "subplot": 1 / 3}
 
 
 @dataclass(frozen=True, eq=False)
 class Families:
-    """The families of a run, one a stratum.
+    """The families of a run, one per stratum.
 
     Attributes:
-        of: the smallest of all p over their shares, in runs in which nothing is missing.
+        of: the smallest of all p over their shares, in runs without missing effects.
         level: (J,) the stratum of each candidate.
-        share: (J,) of a candidate in its family's level, one where no constant is searched.
-
+        share: (J,) of a candidate in its family's level, one without a searched constant.
     """
 
     of: Mapping[Level, Family]
@@ -46,8 +45,7 @@ class Families:
         """(J,) probability that the best of all candidates looks at least as good as each, by chance.
 
         Args:
-            p: (J,) of each candidate taken alone.
-
+            p: (J,) of each candidate alone.
         """
         out, level = np.ones(p.size), np.array(self.level)
         for name, family in self.of.items():
@@ -61,20 +59,20 @@ class Families:
         return min(float(family.adjust(p / self.share[j])) / self._part(self.level[j]), 1.0) if family else 1.0
 
     def _part(self, level: Level) -> float:
-        """Of the level, a stratum's part; all of it where the other has nothing to judge."""
+        """A stratum's share of the level; all of it if the other has no candidates."""
         return OF_THE_LEVEL[level] if len(self.of) > 1 else 1.0
 
     def least(self, j: int) -> float:
-        """What `adjusted` gives where no simulated run had the like: a bound."""
+        """Result of `adjusted` for p below all simulated ones: an upper bound."""
         return self.adjusted(0.0, j)
 
 
 def family_of(problem: Problem, seed: int) -> Families:
     """Simulate the smallest p of both strata under the null, all transducers together.
 
-    What noise does to the candidates' columns and the noise beside them are drawn together, so that few degrees of
-    freedom for whole plots' errors are allowed for exactly. Transducers are drawn as independent: if they share errors
-    there are fewer chances, and the family holds less than its level.
+    The noise along the candidates' columns and the remaining noise are drawn together, so that few degrees of freedom
+    for whole plots' errors are taken into account exactly. Transducers are drawn as independent: with common errors the
+    test is conservative.
     """
     rng, share = np.random.default_rng(seed), shares(problem)
     drawn = {level: _smallest(problem, level, share, rng) for level in LEVELS}
@@ -83,7 +81,7 @@ def family_of(problem: Problem, seed: int) -> Families:
 
 
 def shares(problem: Problem) -> FloatArray:
-    """(J,) one over the values that are searched of a candidate's constant on its transducer, at its level."""
+    """(J,) one over the number of searched values of a candidate's constant on its transducer, at its level."""
     kind = [(c.effect.name, c.sensor, level) for c, level in zip(problem.candidates, problem.judged_at, strict=True)]
     count = Counter(kind)
     return np.array(
@@ -92,7 +90,7 @@ def shares(problem: Problem) -> FloatArray:
 
 
 def _smallest(problem: Problem, level: Level, share: FloatArray, rng: np.random.Generator) -> FloatArray | None:
-    """(DRAWS,) smallest p over share of one stratum; None where there is nothing to judge."""
+    """(DRAWS,) smallest p over share of one stratum; None without candidates."""
     here, df = problem.within(level), problem.at[level].df
     stratum = beside(problem, level, (), here)
     columns, length = stratum.white.columns, problem.length_at[level][:, here] / stratum.sigma[:, None]
@@ -129,8 +127,7 @@ def _least(
         share: (q,) of each column in the family's level.
         square: (DRAWS,) of the noise.
         df: degrees of freedom of that.
-        judged_with: those that p is worked out with.
-
+        judged_with: those used for p.
     """
     smallest, log_p = np.zeros(len(square)), np.log(2.0 * special.stdtr(max(judged_with - 1.0, 1.0), -_T))
     for part in np.unique(share):

@@ -1,7 +1,7 @@
-"""Readings that stand out of their whole plot: pointed at, and left out of search and fit.
+"""Outliers of whole plots: reported, and left out of search and fit.
 
-They are looked for beside what is in the model, on the scale of a quantile of all that is left, which the few do not
-move; the worst of a whole plot first, because it moves the others.
+They are searched with the effects in the model, on the scale of a quantile of all residuals, which is insensitive to a
+few; the worst of a whole plot first, because it affects the others.
 """
 
 from __future__ import annotations
@@ -17,25 +17,24 @@ from procedures.pressure.trace.problem import Problem
 from procedures.pressure.trace.score import beside
 
 BY_CHANCE = 1e-3
-"""Probability that one of all readings of a clean run is pointed at, were their errors normal."""
+"""Probability that a reading of a clean run is named, for normal errors."""
 FEW = 0.03
-"""Of the readings at most; more are no outliers but noise with long tails, or an effect."""
+"""Maximum share of outliers; more mean noise with long tails, or an effect."""
 INSIDE = 0.95
-"""Share of what is left that the scale is taken from."""
+"""Share of residuals for the scale."""
 LONE = 0.05
-"""A reading of which no larger share than this is left has hardly another to be compared with."""
+"""A reading with no larger share in its residual has hardly another for comparison."""
 
 
 @dataclass(frozen=True, eq=False)
 class Outliers:
-    """Readings that stand out.
+    """Outliers.
 
     Attributes:
-        rows: (k,) in which any transducer does.
-        sd: (S, k) by how many standard deviations in each.
+        rows: (k,) rows with an outlier of any transducer.
+        sd: (S, k) deviations in standard deviations, in each.
         off_mV: (S, k) the same in mV.
-        p: (S, k) probability that any reading of the run stands out as far.
-
+        p: (S, k) probability that any reading of the run has such a deviation.
     """
 
     rows: IntArray
@@ -45,7 +44,7 @@ class Outliers:
 
 
 def outliers(problem: Problem, chosen: tuple[int, ...]) -> Outliers:
-    """The readings that stand out beside the `chosen` candidates, as they do once the others are out."""
+    """The outliers beside the `chosen` candidates, with deviations after removal of the others."""
     count, n = len(problem.sensors), problem.outputs.shape[1]
     kept = np.arange(n)
     steps = np.array([resolution(output) for output in problem.outputs])
@@ -64,7 +63,7 @@ def outliers(problem: Problem, chosen: tuple[int, ...]) -> Outliers:
         over = np.flatnonzero(np.any(p < BY_CHANCE, axis=0))
         if not over.size:
             break
-        # a least square's residual over what is left of it is how far the reading is from all others' prediction
+        # a residual over its share of variance is the deviation of the reading from the prediction by all others
         off = alone * stratum.sigma[:, None] / np.sqrt(part.weight) / whole
         for plot in np.unique(part.whole_plot[over]):
             mine = over[part.whole_plot[over] == plot]

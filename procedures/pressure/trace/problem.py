@@ -1,4 +1,4 @@
-"""A whole-plot run made ready for the search: every candidate's column for every transducer, in both strata."""
+"""A whole-plot run prepared for the search: every candidate's column for every transducer, in both strata."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from procedures.pressure.effects.scene import PressureEffect, PressureScene, Pre
 from procedures.pressure.trace.strata import LEVELS, Level, Strata
 
 IS_THE_MODEL = 1e-3
-"""A column of which no larger share than this is left beside the declared model adds nothing to it."""
+"""Minimum remaining share of a column beside the declared model."""
 
 
 @dataclass(frozen=True)
@@ -31,13 +31,12 @@ class Candidate:
 
 @dataclass(frozen=True, eq=False)
 class Stratum:
-    """What the declared model leaves at one level.
+    """Residuals of the declared model at one level.
 
     Attributes:
         outputs: (S, m), m readings or whole plots.
         columns: (S, m, J).
         df: (S,) degrees of freedom.
-
     """
 
     outputs: FloatArray
@@ -54,16 +53,15 @@ class Problem:
         names: of the declared model's columns.
         declared: (n, k) declared model.
         outputs: (S, n) mV.
-        raw: (S, n, J) columns as they are, mV per unit coefficient.
+        raw: (S, n, J) original columns, mV per unit coefficient.
         candidates: J of them, in catalogue order.
-        whole_plot: (n,) which whole plot, from 0.
-        replicate: (n,) which replication, from 0.
+        whole_plot: (n,) index of the whole plot, from 0.
+        replicate: (n,) index of the replication, from 0.
         order: (n,) executed position.
-        weight: (S, n) of each reading, mean one: the inverse of its variance where that grows with pressure.
+        weight: (S, n) of each reading, mean one: the inverse of its variance if that grows with pressure.
         ratio: (S,) variance of the whole-plot error over that of a reading.
-        rho: (S,) correlation of a reading's error with that of the one before in its whole plot.
-        left_out: candidates that cannot be computed with.
-
+        rho: (S,) correlation of a reading's error with that of the previous one in its whole plot.
+        left_out: candidates that cannot be used in computation.
     """
 
     sensors: tuple[str, ...]
@@ -82,7 +80,7 @@ class Problem:
 
     @cached_property
     def strata(self) -> tuple[Strata, ...]:
-        """Projections of each transducer; shared where weights are alike."""
+        """Projections of each transducer; shared for equal weights."""
         made: list[Strata] = []
         for weight, ratio, rho in zip(self.weight, self.ratio, self.rho, strict=True):
             same = (s for s in made if np.array_equal(s.weight, weight) and (s.ratio, s.rho) == (ratio, rho))
@@ -90,12 +88,12 @@ class Problem:
         return tuple(made)
 
     def stratified(self, weight: FloatArray, ratio: float, rho: float) -> Strata:
-        """Projections for readings of these weights that remember the one before."""
+        """Projections for autocorrelated readings with these weights."""
         return Strata(self.declared, self.whole_plot, self.replicate, weight, ratio, self.before, rho)
 
     @cached_property
     def before(self) -> IntArray:
-        """(n,) row of the reading before in its whole plot, the row itself at the first."""
+        """(n,) row of the previous reading in its whole plot; the row itself at the first."""
         executed = np.lexsort((self.order, self.whole_plot))
         behind = np.concatenate([executed[:1], executed[:-1]])
         behind = np.where(self.whole_plot[behind] == self.whole_plot[executed], behind, executed)
@@ -118,7 +116,7 @@ class Problem:
 
     @cached_property
     def judged_at(self) -> tuple[Level, ...]:
-        """For each candidate the level it is tested at: its own stratum's, if it varies there."""
+        """For each candidate the level of its test: its own stratum's, if it varies there."""
         varies = np.zeros(len(self.candidates), bool)
         for strata, raw, mine in zip(self.strata, self.raw, self._concerned, strict=True):
             varies[mine] |= strata.varies_within(raw[:, mine])
@@ -128,12 +126,12 @@ class Problem:
         )
 
     def within(self, level: Level, of: Sequence[int] | None = None) -> IntArray:
-        """Indices of the candidates (of those given) that are judged at a level."""
+        """Indices of the candidates (of the given ones) of a level."""
         every = range(len(self.candidates)) if of is None else of
         return np.array([j for j in every if self.judged_at[j] == level], np.int64)
 
     def take(self, rows: IntArray) -> Problem:
-        """The problem of some of the rows, its columns as they are in the whole."""
+        """The problem of some of the rows, with the columns of the whole."""
         return replace(
             self,
             declared=self.declared[rows],
@@ -155,7 +153,7 @@ class Problem:
 
     @cached_property
     def _concerned(self) -> tuple[IntArray, ...]:
-        """For each transducer, the candidates that concern it."""
+        """The candidates of each transducer."""
         return tuple(
             np.array([j for j, c in enumerate(self.candidates) if c.sensor in (None, sensor)], np.int64)
             for sensor in self.sensors

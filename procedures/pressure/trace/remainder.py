@@ -1,4 +1,4 @@
-"""What is left in each stratum beyond pure error, and where it lives; reading error by pressure."""
+"""The remainder in each stratum beyond pure error, and its place; reading error by pressure."""
 
 from __future__ import annotations
 
@@ -13,19 +13,20 @@ from procedures.pressure.trace.score import beside
 from procedures.pressure.trace.strata import Level
 
 SAME_TEMPERATURE_DEGC = 2.0
-"""Whole plots whose temperatures are closer than this repeat one another: chambers hold a degree, designs step many."""
+"""Whole plots with closer temperatures are repeats: chambers are accurate to a degree, steps of designs are many
+degrees.
+"""
 
 
 def lack_of_fit(problem: Problem, level: Level, chosen: tuple[int, ...], repeats: IntArray, i: int) -> FTest:
-    """Does what is left vary more between `repeats` than within them, in one stratum of transducer `i`?
+    """Test of larger variation of the residual between `repeats` than within them, in one stratum of transducer `i`.
 
     Args:
         problem: the run.
         level: the stratum.
         chosen: candidates in the model.
-        repeats: (m,) rows of the stratum that should agree but for its error carry one number.
+        repeats: (m,) group number of rows of the stratum that should agree within its error.
         i: the transducer.
-
     """
     stratum = beside(problem, level, chosen, ())
     left, weight = stratum.white.outputs[i], _weight(problem, level, i)
@@ -40,13 +41,13 @@ def lack_of_fit(problem: Problem, level: Level, chosen: tuple[int, ...], repeats
 
 
 def repeated_readings(data: WholePlotData) -> IntArray:
-    """(n,) readings at one pressure in one whole plot carry one number."""
+    """(n,) group number of readings at one pressure in one whole plot."""
     level = data.pressure_levels[1]
     return _numbered(data.whole_plot_index * (1 + level.max()) + level)
 
 
 def repeated_whole_plots(data: WholePlotData) -> IntArray:
-    """(W,) whole plots at one pair of temperatures carry one number."""
+    """(W,) group number of whole plots at one pair of temperatures."""
     index = data.whole_plot_index
     count = np.bincount(index)
     pairs = []
@@ -60,7 +61,7 @@ def repeated_whole_plots(data: WholePlotData) -> IntArray:
 
 
 def strongest_pressure(problem: Problem, chosen: tuple[int, ...], data: WholePlotData, i: int) -> Unnamed:
-    """The pressure at which what is left within whole plots stands out most in transducer `i`."""
+    """The pressure with the largest residual within whole plots of transducer `i`."""
     stratum = beside(problem, "subplot", chosen, ())
     left, levels = stratum.white.outputs[i], data.pressure_levels
     sums, count = np.bincount(levels[1], left), np.bincount(levels[1])
@@ -72,7 +73,7 @@ def strongest_pressure(problem: Problem, chosen: tuple[int, ...], data: WholePlo
 
 
 def strongest_whole_plot(problem: Problem, chosen: tuple[int, ...], data: WholePlotData, i: int) -> Unnamed:
-    """The temperatures at which what is left between whole plots stands out most in transducer `i`."""
+    """The temperatures with the largest residual between whole plots of transducer `i`."""
     left, repeats = beside(problem, "whole-plot", chosen, ()).white.outputs[i], repeated_whole_plots(data)
     sums, count = np.bincount(repeats, left), np.bincount(repeats)
     most = int(np.argmax(np.abs(sums) / np.sqrt(count)))
@@ -87,9 +88,8 @@ def reading_error_pct(data: WholePlotData, residual: FloatArray, slope: FloatArr
 
     Args:
         data: the run.
-        residual: (n,) of one transducer, whole-plot errors left in, mV.
+        residual: (n,) of one transducer, including whole-plot errors, mV.
         slope: (n,) dV/dP there, mV/psi.
-
     """
     psia, level = data.pressure_levels
     positive = data.pressure_psia > 0
@@ -97,7 +97,7 @@ def reading_error_pct(data: WholePlotData, residual: FloatArray, slope: FloatArr
         error = np.where(positive, np.abs(100.0 * residual / (slope * data.pressure_psia)), 0.0)
     largest = np.zeros(psia.size)
     np.maximum.at(largest, level, error)
-    names = (f"{round(float(p), 3):g}" for p in psia)  # levels are further apart than that
+    names = (f"{round(float(p), 3):g}" for p in psia)  # differences of levels are larger
     return {name: float(e) if p > 0 else None for name, p, e in zip(names, psia, largest, strict=True)}
 
 

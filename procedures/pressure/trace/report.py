@@ -1,4 +1,4 @@
-"""What was found, put together transducer by transducer."""
+"""Findings, combined by transducer."""
 
 from __future__ import annotations
 
@@ -39,29 +39,28 @@ from procedures.pressure.trace.smooth import smoothest
 from procedures.pressure.trace.strata import Level
 
 UNEXPLAINED = 1e-3
-"""Lack of fit below this probability is something that remains."""
+"""Probability of lack of fit below which a remainder is reported."""
 DIFFERENT = 0.01
-"""Coefficients of all transducers that agree with more than this probability are called the same."""
+"""Coefficients of all transducers that agree with more than this probability are called equal."""
 
 
 @dataclass(frozen=True, eq=False)
 class Finding:
-    """All that a trace knows of a run.
+    """All results of a trace of a run.
 
     Attributes:
-        data: the observations without those that stand out.
+        data: the observations without outliers.
         whole: all of them.
-        model: the declared one, as it was asked for.
+        model: the declared one, as requested.
         formula: its terms.
         scene: references.
-        judge: of the search, with the weights it ended with.
+        judge: of the search, with its final weights.
         before: the declared model.
-        after: the same beside the effects.
-        every: the whole run made ready.
-        look: at the noise beside the effects.
-        not_kept: candidates that were not kept, and why.
-        cv: (2, S) error on whole plots left out, before and after.
-
+        after: the same with the effects.
+        every: the whole run, prepared.
+        look: the noise with the effects.
+        not_kept: candidates that were not kept, with reasons.
+        cv: (2, S) error of left-out whole plots, before and after.
     """
 
     data: WholePlotData
@@ -84,7 +83,7 @@ class Finding:
 
 
 def transducer(finding: Finding, i: int) -> TransducerTrace:
-    """What was found in transducer `i`."""
+    """Findings in transducer `i`."""
     sensor = finding.judge.problem.sensors[i]
     left = _unnamed(finding, i)
     shown = [e for name in finding.classes if (e := _found(finding, name, i)) is not None]
@@ -136,7 +135,7 @@ def _side(finding: Finding, fitted: Estimate, i: int, when: int) -> Side:
 
 
 def _found(finding: Finding, name: str, i: int) -> FoundPressureEffect | None:
-    """The effect as transducer `i` shows it; None where it does not concern it."""
+    """The effect in transducer `i`; None if it does not concern it."""
     problem, after, explanations = finding.judge.problem, finding.after, finding.classes[name]
     sensor = problem.sensors[i]
     mine = [
@@ -166,7 +165,7 @@ def _found(finding: Finding, name: str, i: int) -> FoundPressureEffect | None:
         size=effect.size({term: c.value for term, c in coefficients.items()}, finding.scene.sensitivity[sensor]),
         p_adjusted=p,
         p_adjusted_is_bound=p <= min(map(finding.judge.family.least, mine)),
-        share=0.0,  # of all together: `_shares`
+        share=0.0,  # together for all effects: `_shares`
         aliases=tuple(other.name for other in alike),
         separation=separation(explanations, name),
         separate_by=f"{_experiments(effect, alike)}; {peak:.2g} mV ({psi:.2g} psi) of it are left beside the model",
@@ -181,13 +180,13 @@ def _found(finding: Finding, name: str, i: int) -> FoundPressureEffect | None:
 
 
 def _unit(effect: PressureEffect, terms: Iterable[PressureTerm]) -> str:
-    """Of the coefficients: one for all of them, or one each, as they are printed."""
+    """Unit of the coefficients: one for all of them, or one each, as displayed."""
     units = [term.unit or effect.unit for term in terms]
     return ", ".join(units if len(set(units)) > 1 else units[:1])
 
 
 def _falls(finding: Finding, effect: FoundPressureEffect, i: int) -> bool:
-    """Whether the error of the stratum an effect was found in is smaller with all effects; so of findings of noise."""
+    """Whether the error of the effect's stratum is smaller with all effects; also true for findings about noise."""
     if effect.stratum == "noise":
         return True
     level: Level = "whole-plot" if effect.stratum == "whole-plot" else "subplot"
@@ -195,14 +194,13 @@ def _falls(finding: Finding, effect: FoundPressureEffect, i: int) -> bool:
 
 
 def _shares(finding: Finding, names: list[str], unnamed: float, i: int) -> FloatArray:
-    """Share of each effect in what stands in both strata together beyond their errors, in mV^2 of all readings alike.
+    """Share of each effect in the variation of both strata beyond their errors, in mV^2 with equal weight of readings.
 
     Args:
         finding: of the run.
         names: of the effects.
-        unnamed: part of what is left beside them that is no scatter.
+        unnamed: part of the remainder that is not scatter.
         i: the transducer.
-
     """
     problem, after = finding.judge.problem, finding.after
     sensor, effects = problem.sensors[i], problem.candidates
@@ -225,7 +223,7 @@ def _shares(finding: Finding, names: list[str], unnamed: float, i: int) -> Float
 
 
 def _alike(finding: Finding, name: str) -> str:
-    """What to think of an effect that is each transducer's own and yet the same in all of them."""
+    """Note on an effect of each transducer that is equal in all of them."""
     problem, after = finding.judge.problem, finding.after
     mine = [j for j in after.chosen if problem.candidates[j].effect.name == name]
     owners = [problem.candidates[j].sensor for j in mine]
@@ -245,7 +243,7 @@ def _alike(finding: Finding, name: str) -> str:
 
 
 def _mixed(finding: Finding, name: str) -> str:
-    """Which transducers need an effect of their own besides, for a line to explain what all of them show."""
+    """Transducers that need a separate effect, for a line to explain the effect in all of them."""
     every = finding.judge.problem.candidates
     for rival in finding.classes[name]:
         own = [every[j] for j in rival.terms if every[j].effect.name != rival.effect]
@@ -256,14 +254,14 @@ def _mixed(finding: Finding, name: str) -> str:
 
 
 def _experiments(effect: Entry, aliases: Iterable[Entry]) -> str:
-    """What to measure: against each alias if there are any, else to confirm the effect."""
+    """Recommended measurement: against each alias if there are any, otherwise to confirm the effect."""
     return "; ".join(dict.fromkeys(separate_pressure(effect, alias) for alias in aliases)) or effect.separate_by
 
 
 def _unnamed(finding: Finding, i: int) -> tuple[Unnamed, ...]:
-    """What is left in both strata beyond chance: where it varies smoothly, and where it is most."""
+    """The remainder in both strata beyond chance: its smooth variation, and its largest part."""
     whitened, chosen, data = finding.judge.problem, finding.after.chosen, finding.data
-    plain = replace(whitened, rho=np.zeros_like(whitened.rho))  # repeats are compared as they were read
+    plain = replace(whitened, rho=np.zeros_like(whitened.rho))  # repeats are compared without weights
     rest: list[Unnamed] = []
     by_level: Mapping[Level, tuple[IntArray, Callable[..., Unnamed]]] = {
         "subplot": (repeated_readings(data), strongest_pressure),

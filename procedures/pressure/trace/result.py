@@ -1,4 +1,4 @@
-"""What a trace of a whole-plot run found, ready to print or to plot."""
+"""Findings of a trace of a whole-plot run, for printing and plots."""
 
 from __future__ import annotations
 
@@ -23,17 +23,15 @@ from procedures.pressure.trace.problem import Candidate, raw_columns
 
 @dataclass(frozen=True, eq=False)
 class FoundPressureEffect(Found):
-    """An effect as it shows in one transducer.
+    """An effect in one transducer.
 
     Attributes:
-        formulas: its terms as `fitter.formula` writes them, to be declared from now on; empty where it has no words for
-            them.
+        formulas: its terms in the notation of `fitter.formula`, for a declaration; empty if they have no such form.
         df: degrees of freedom of the coefficients' standard errors, those of the stratum.
         half_width_95: of the coefficients' 95 % intervals.
-        contribution_mV: (n,) what it adds to the output of each reading; zero for a finding about the noise.
-        peak_mV: largest size of what the declared model, refitted, cannot take up of it; of the noise, its largest sd.
+        contribution_mV: (n,) its contribution to the output of each reading; zero for a finding about noise.
+        peak_mV: largest size of the part that the refitted declared model cannot absorb; for noise its largest sd.
         peak_psi: the same as pressure.
-
     """
 
     formulas: tuple[str, ...]
@@ -45,13 +43,13 @@ class FoundPressureEffect(Found):
 
     @property
     def units(self) -> tuple[str, ...]:
-        """Of every coefficient."""
+        """Half-width of the 95 % interval of every coefficient."""
         given = tuple(self.unit.split(", "))
         return given if len(given) == len(self.terms) else (self.unit,) * len(self.terms)
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Its coefficients as rows beside those of the declared model."""
+        """Its coefficients as rows after those of the declared model."""
         rows = zip(self.terms, self.coefficients, self.stderr, self.df, self.units, strict=True)
         return tuple(
             Parameter(f"{self.effect}: {term}", WithError(value, error, df), unit=unit)
@@ -60,7 +58,7 @@ class FoundPressureEffect(Found):
 
     @property
     def own_keys(self) -> dict[str, JsonValue]:
-        """Keys of JSON that only pressure transducers have."""
+        """Keys of JSON for pressure transducers only."""
         pairs = [(c, h if np.isfinite(h) else None) for c, h in zip(self.coefficients, self.half_width_95, strict=True)]
         return {
             "formulas": list(self.formulas),
@@ -75,16 +73,15 @@ class FoundPressureEffect(Found):
 
 @dataclass(frozen=True, eq=False)
 class Side:
-    """One transducer before the effects, or after.
+    """One transducer before or after the effects.
 
     Attributes:
         fit: of the declared model and the effects.
-        declared: coefficients of the declared model that go with the effects' own; see `Estimate`.
-        reading_error_pct: by pressure in psia, largest residual with whole-plot errors left in over pressure.
-        cv_rms: rms error on whole plots left out of selection and fit, mV, their own error predicted as zero; None
-            where they cannot be left out.
-        residual_mV: (n,) whole-plot errors left in, in the data's order of rows.
-
+        declared: coefficients of the declared model consistent with those of the effects; see `Estimate`.
+        reading_error_pct: by pressure in psia, largest residual, including whole-plot errors, over pressure.
+        cv_rms: rms error of whole plots left out of selection and fit, mV, with their own error predicted as zero; None
+            if they cannot be left out.
+        residual_mV: (n,) including whole-plot errors, in the data's order of rows.
     """
 
     fit: SplitPlotFit
@@ -107,22 +104,21 @@ class Side:
 
 @dataclass(frozen=True, eq=False)
 class TransducerTrace:
-    """What was found in one transducer.
+    """Findings in one transducer.
 
     Attributes:
         sensor: column name of its output.
         declared: the declared model.
         verdict: "explained", "nothing to add", "partly explained" or "unexplained".
         before: with the declared model.
-        after: with the effects taken out.
+        after: with the effects removed.
         effects: found, largest share first, findings about the noise last.
-        unnamed: what remains, if it is more than error.
-        alike: sentences about effects that all transducers show alike.
-        noise: how the scatter within whole plots depends on pressure.
+        unnamed: the remainder, if it exceeds error.
+        alike: sentences about effects that are equal in all transducers.
+        noise: dependence of the scatter within whole plots on pressure.
         sensitivity: mV/psi.
-        refused: causes that would fit, but for the sign that they would need.
-        keeping: sentences about what was not kept, and what was kept for the sake of other sensors.
-
+        refused: causes that would fit, except for their required sign.
+        keeping: sentences about effects that were not kept, or kept because of other sensors.
     """
 
     sensor: str
@@ -159,7 +155,7 @@ class TransducerTrace:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Sentences that stand beside the numbers before and after."""
+        """Sentences shown with the numbers before and after."""
         notes = [*self.after.fit.notes, *self.alike, *self.keeping, *(one.sentence for one in self.refused)]
         means = self.added
         named = {effect.effect for effect in self.effects}
@@ -205,7 +201,7 @@ class TransducerTrace:
 
 @dataclass(frozen=True, eq=False)
 class WholePlotTrace:
-    """What was found in a run.
+    """Findings in a run.
 
     Attributes:
         sensors: by column name.
@@ -215,7 +211,6 @@ class WholePlotTrace:
         gamma: (q,) their coefficients, in the terms' own units.
         points: number of readings.
         explanations: all of them for each effect found, best first.
-
     """
 
     sensors: Mapping[str, TransducerTrace]
@@ -228,12 +223,12 @@ class WholePlotTrace:
 
     @property
     def about(self) -> dict[str, JsonValue]:
-        """What the run is, for JSON."""
+        """Properties of the run as JSON values."""
         return {"points": self.points, "kind": "whole-plot"}
 
     @property
     def reference(self) -> dict[str, JsonValue]:
-        """Where the effects' columns are zero, for JSON."""
+        """References at which the effects' columns are zero, as JSON values."""
         return {
             "sensor_temperature_degC": self.scene.sensor_degC,
             "sse_temperature_degC": self.scene.sse_degC,
@@ -241,16 +236,16 @@ class WholePlotTrace:
         }
 
     def outcomes(self) -> tuple[Outcome, ...]:
-        """What is said of each transducer, in the form of every kind of run."""
+        """Outcome of each transducer, in the form of every kind of run."""
         return tuple(found.outcome() for found in self.sensors.values())
 
     def predict(self, data: WholePlotData) -> dict[str, FloatArray]:
-        """(n,) outputs of each transducer for other readings, effects included, whole-plot errors zero, mV."""
+        """(n,) outputs of each transducer for other readings, with effects, and with whole-plot errors zero, mV."""
         _, columns = self.formula.columns(data.table, self.formula.levels(self.scene.data.table))
         scene = replace(self.scene, data=data)
         extra = raw_columns(scene, tuple(self.sensors), self.chosen) @ self.gamma
         return {s: columns @ t.after.declared + extra[i] for i, (s, t) in enumerate(self.sensors.items())}
 
     def to_json(self, file: str | None = None) -> dict[str, JsonValue]:
-        """The object `rig trace --json` prints; numbers that do not exist are None, never NaN."""
+        """JSON values for `rig trace --json`; missing numbers are None, never NaN."""
         return run_json({"file": file, **self.about}, self.outcomes(), reference=self.reference)

@@ -1,4 +1,4 @@
-"""From the residual to the effect, for whole plots: the whole of a trace."""
+"""The whole trace of whole plots, from the residual to the effect."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from procedures.pressure.trace.settle import settle
 
 SEED = 20260115
 FOLDS = 24
-"""Times at most that whole plots are left out."""
+"""Maximum number of repeats with left-out whole plots."""
 
 
 def trace_whole_plots(
@@ -39,21 +39,20 @@ def trace_whole_plots(
     *,
     validate: bool = True,
 ) -> WholePlotTrace:
-    """Find what the declared model of pressure transducers lacks.
+    """Find effects missing in the declared model of pressure transducers.
 
     Args:
         data: a whole-plot run; any number of transducers on one line, judged together.
-        model: a name of `procedures.pressure.fit.models`, or a formula; "hierarchical" is the full model, whose terms a
-            search could only put back.
-        catalogue: effects to look for.
-        seed: of the simulated null; the same data and seed give the same answer.
+        model: a name of `procedures.pressure.fit.models`, or a formula; "hierarchical" is the full model, because a
+            search could only restore its terms.
+        catalogue: effects to search.
+        seed: of the simulated null; the same data and seed give the same result.
         validate: repeat the search without each whole plot for the left-out error, which takes most of the time.
 
     Raises:
         fitter.linear.RankError: the observations do not determine the declared model.
         fitter.formula.FormulaError: the model is neither a name nor a formula.
-        FitError: the observations do not determine the model's errors; the message says why.
-
+        FitError: the observations do not determine the model's errors; the message has the reason.
     """
     formula = named_formula(model)
     names, declared = formula.columns(data.table)
@@ -107,10 +106,10 @@ def scene_of(data: WholePlotData) -> PressureScene:
 
 
 def left_out(problem: Problem, family: Families, found: tuple[int, ...]) -> FloatArray | None:
-    """(2, S) rms error on whole plots left out, mV, before and after; None where too few are left without one.
+    """(2, S) rms error of left-out whole plots, mV, before and after; None if too few remain.
 
-    The search is repeated without the whole plots that are left out, whose own errors are predicted as zero: one at a
-    time, or `FOLDS` times several. Where nothing was found there is nothing to repeat.
+    The search is repeated without the left-out whole plots, whose own errors are predicted as zero: one at a time, or
+    `FOLDS` times several. Without findings there is no repetition.
     """
     squares = np.zeros((2, len(problem.sensors)))
     fold = problem.whole_plot % FOLDS

@@ -1,12 +1,12 @@
-"""How much each candidate removes beyond the present model, against the error of its own stratum.
+"""Score of each candidate beyond the present model, against the error of its own stratum.
 
 A candidate's score is its coefficient over the largest of its standard errors:
 
 - from its stratum's residual beside it, which in a balanced design is the exact t test of that stratum;
 - within whole plots also from the scatter of each reading's own contribution, which holds for unequal variances, and
-  from that of whole plots' contributions, which holds where the sensitivity too is drawn again in each; and
-  from the scatter of whole plots' slopes with pressure, where that is more than readings explain, with as many degrees
-  of freedom as there are whole plots to know it by;
+  from that of whole plots' contributions, which holds where the sensitivity too is drawn again in each; and from the
+  scatter of whole plots' slopes with pressure, where that is more than readings explain, with as many degrees of
+  freedom as there are whole plots to know it by;
 - for what happens in the line also from the scatter of what all transducers together contribute, reading by reading or
   whole plot by whole plot: they may share the error, and then are not so many witnesses.
 """
@@ -26,31 +26,35 @@ from procedures.pressure.trace.problem import Problem
 from procedures.pressure.trace.strata import LEVELS, Level
 
 NOTHING_LEFT = 0.02
-"""A candidate of which less than this share is left beside the others in its stratum cannot be judged there: as little
-as readbacks of temperatures scatter about what was set."""
+"""Minimum remaining share of a candidate beside the others in its stratum: above the scatter of temperature readbacks
+about their setting.
+"""
 RESOLVED = 1e-12
-"""Of an output's swing: what is smaller than this is rounding, and data without noise are not tested against it."""
+"""Relative size of an output's range below which differences are rounding; data without noise are not tested against
+it.
+"""
 
 
 CHANCE = 0.05
-"""Probability of so much scatter of whole plots' slopes, below which sensitivities are taken to be drawn again."""
+"""Probability of the scatter of whole plots' slopes, below which sensitivities are assumed to vary between
+whole plots.
+"""
 SLOPES = 3
-"""Terms of slopes that a declared model has: P, and P times both temperatures."""
+"""Terms of slopes in a declared model: P, and P times both temperatures."""
 TINY = np.finfo(float).tiny
 
 
 @dataclass(frozen=True, eq=False)
 class Scores:
-    """One entry a candidate, (J,); zero and one where a candidate is in the model or cannot be judged.
+    """One entry per candidate, (J,); zero and one for a candidate that is in the model or cannot be judged.
 
     Attributes:
         gamma: coefficient, in the candidate's own unit.
         t: the same over its standard error.
         df: degrees of freedom of that.
-        p: probability of a larger score by chance, this candidate taken alone.
-        gain: fall of the residual sum of squares, in units of the stratum's error.
+        p: probability of a larger score by chance, for this candidate alone.
+        gain: reduction of the residual sum of squares, in units of the stratum's error.
         p_plain: as `p`, from the residual's own standard error alone.
-
     """
 
     gamma: FloatArray
@@ -63,13 +67,12 @@ class Scores:
 
 @dataclass(frozen=True, eq=False)
 class Beside:
-    """One stratum beside the candidates chosen.
+    """One stratum beside the chosen candidates.
 
     Attributes:
-        white: what is left there, over each transducer's own error.
+        white: its residuals, over each transducer's own error.
         sigma: (S,) that error, mV.
-        df: (S,) degrees of freedom left.
-
+        df: (S,) remaining degrees of freedom.
     """
 
     white: Whitened
@@ -78,17 +81,16 @@ class Beside:
 
 
 def beside(problem: Problem, level: Level, chosen: Sequence[int], of: Sequence[int] | IntArray | None = None) -> Beside:
-    """The stratum with the `chosen` candidates taken out, those of the other stratum as they are known from there.
+    """The stratum with the `chosen` candidates removed, those of the other stratum with coefficients from there.
 
-    What is judged within whole plots enters their means with the coefficient it has within them; what is judged between
-    them, a drift say, goes on within them with the coefficient it has from one to the next.
+    A candidate judged within whole plots enters their means with its coefficient from within; a candidate judged
+    between them, such as a drift, continues within them with its coefficient from between.
 
     Args:
         problem: the run.
         level: the stratum.
         chosen: candidates in the model.
-        of: the candidates whose columns are wanted; all of them if left out.
-
+        of: the candidates of the columns; by default all.
     """
     stratum = problem.at[level]
     wanted = np.arange(len(problem.candidates)) if of is None else np.asarray(of, np.int64)
@@ -162,16 +164,15 @@ def _errors(
 
 
 def _of_slopes(problem: Problem, columns: FloatArray, left: FloatArray) -> tuple[FloatArray, float]:
-    """What sensitivities that are drawn again in every whole plot add to the variance of columns' products, and its df.
+    """Contribution of sensitivities that vary between whole plots to the variance of columns' products, and its df.
 
-    Slopes of whole plots' residuals with pressure, beside what the candidate does to them, are held against the
-    readings' scatter; nothing is added where chance would do it.
+    Slopes of whole plots' residuals with pressure, beside the candidate's contribution, are compared with the readings'
+    scatter; nothing is added if chance explains them.
 
     Args:
         problem: the run.
         columns: (S, n, J) over each transducer's error.
-        left: (S, n) what is left of the outputs, over the same.
-
+        left: (S, n) residual outputs, over the same.
     """
     plots, added = int(problem.whole_plot.max()) + 1, np.zeros(columns.shape[2])
     df = float(max(plots - SLOPES - 1, 1))
@@ -195,14 +196,13 @@ def _of_slopes(problem: Problem, columns: FloatArray, left: FloatArray) -> tuple
 def _by_whole_plot(problem: Problem, own: FloatArray, norm2: FloatArray) -> FloatArray:
     """(J,) variance of each column's product with the outputs from the scatter of whole plots' contributions.
 
-    Each contribution is corrected for the share of it that the fit has taken (Bell and McCaffrey, Survey Methodology 28
-    (2002) 169, for one column).
+    Each contribution is corrected for its share absorbed by the fit (Bell and McCaffrey, Survey Methodology 28 (2002)
+    169, for one column).
 
     Args:
         problem: the run.
-        own: (n, J) each reading's part in the products.
+        own: (n, J) contribution of each reading to the products.
         norm2: (n, J) the columns' squares.
-
     """
     plots = int(problem.whole_plot.max()) + 1
     mine = (np.arange(plots)[:, None] == problem.whole_plot).astype(np.float64)
@@ -212,7 +212,9 @@ def _by_whole_plot(problem: Problem, own: FloatArray, norm2: FloatArray) -> Floa
 
 
 def _less_subplots(problem: Problem, chosen: Sequence[int], of: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Whole plots' means of outputs (S, W) and of the columns `of` (S, W, q), less what subplots say of `chosen`."""
+    """Whole plots' means of outputs (S, W) and of the columns `of` (S, W, q), minus contributions of `chosen` known
+    from subplots.
+    """
     means, known = problem.at["whole-plot"], problem.within("subplot", chosen)
     outputs, columns = means.outputs, means.columns[:, :, of]
     if not known.size:
@@ -224,7 +226,7 @@ def _less_subplots(problem: Problem, chosen: Sequence[int], of: IntArray) -> tup
 
 
 def _less_whole_plots(problem: Problem, chosen: Sequence[int]) -> FloatArray:
-    """(S, n) outputs within whole plots, less what whole plots' means say of `chosen`."""
+    """(S, n) outputs within whole plots, minus contributions of `chosen` known from whole plots' means."""
     stratum, known = problem.at["subplot"], problem.within("whole-plot", chosen)
     if not known.size:
         return stratum.outputs

@@ -1,8 +1,8 @@
-"""Search, look at the noise beside what was found, and search again as that asks for, until both stand still.
+"""Search, estimate the noise with the findings, and search again accordingly, until both are stable.
 
-Noise is looked for beside the effects and not before them: an effect of pressure not yet in the model is largest at
-the highest pressures and would pass for noise that grows, a drift would pass for errors that are remembered, and what
-stands out of a poor model need not stand out of a good one.
+Noise is estimated with the effects in the model and not before: a missing effect of pressure is largest at the highest
+pressures and would look like growing noise, a drift would look like autocorrelated errors, and outliers of a poor model
+need not be outliers of a good one.
 """
 
 from __future__ import annotations
@@ -27,20 +27,19 @@ from procedures.pressure.trace.weights import noises, stands_out, weighted, weig
 
 ROUNDS = 3
 SAME = 0.05
-"""Two autocorrelations closer than this make no difference."""
+"""Difference of two autocorrelations below which they are equal."""
 
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """The noise beside some effects, and the problem as it asks for.
+    """The noise with some effects, and the problem adapted to it.
 
     Attributes:
-        problem: without the readings that stand out, weighted and whitened.
-        noise: of each transducer, how it depends on pressure.
-        grows: of each transducer, whether it does.
-        memory: of each transducer, how readings' errors go with those before.
-        aside: readings that stand out, of the whole run.
-
+        problem: without outliers, weighted and whitened.
+        noise: of each transducer, its dependence on pressure.
+        grows: of each transducer, whether it grows.
+        memory: of each transducer, autocorrelation of readings' errors.
+        aside: outliers, of the whole run.
     """
 
     problem: Problem
@@ -50,7 +49,7 @@ class Look:
     aside: Outliers
 
     def asks_for_the_same(self, other: Look) -> bool:
-        """Whether a search would be no different."""
+        """Whether a search would give the same result."""
         return (
             self.grows == other.grows
             and np.array_equal(self.aside.rows, other.aside.rows)
@@ -60,16 +59,15 @@ class Look:
 
 @dataclass(frozen=True, eq=False)
 class Settled:
-    """A search that stands still.
+    """A stable search.
 
     Attributes:
-        problem: as it was searched.
+        problem: the searched problem.
         families: of the search.
         chosen: candidates found.
-        look: at the noise beside them.
-        kept: (m,) rows of the whole run that the problem has.
-        not_kept: candidates that stood out and were not kept, and why.
-
+        look: the noise with them.
+        kept: (m,) rows of the whole run in the problem.
+        not_kept: significant candidates that were not kept, with reasons.
     """
 
     problem: Problem
@@ -81,13 +79,12 @@ class Settled:
 
 
 def settle(pressure_psia: FloatArray, whole: Problem, seed: int) -> Settled:
-    """Find what belongs in the model.
+    """Find the terms that belong in the model.
 
     Args:
         pressure_psia: (n,) of the whole run.
-        whole: the run as it is.
+        whole: the original run.
         seed: of the simulated null.
-
     """
     count = len(whole.sensors)
     none = Outliers(np.zeros(0, np.int64), *(np.zeros((count, 0)) for _ in range(3)))
@@ -107,7 +104,7 @@ def settle(pressure_psia: FloatArray, whole: Problem, seed: int) -> Settled:
 
 
 def stays(judge: WholePlotJudge, chosen: tuple[int, ...]) -> tuple[tuple[int, ...], tuple[NotKept, ...]]:
-    """Those of the `chosen` candidates that stay, by the error of the stratum each is judged in."""
+    """The kept ones of the `chosen` candidates, by the error of the stratum of each."""
     problem = judge.problem
 
     def helps(chosen: tuple[int, ...], own: tuple[int, ...]) -> bool:
@@ -123,7 +120,7 @@ def stays(judge: WholePlotJudge, chosen: tuple[int, ...]) -> tuple[tuple[int, ..
 
 
 def _look(pressure_psia: FloatArray, whole: Problem, chosen: tuple[int, ...], held: Look) -> Look:
-    """The noise beside the `chosen` candidates; what stands out is judged by the noise `held` so far."""
+    """The noise beside the `chosen` candidates; outliers are judged with the noise `held` so far."""
     every = replace(whole, weight=weights_of(held.noise, held.grows, pressure_psia))
     aside = outliers(every, chosen)
     kept = np.setdiff1d(np.arange(pressure_psia.size), aside.rows)

@@ -1,4 +1,4 @@
-"""Where what no effect explains varies smoothly: with pressure, with a temperature, with time; and to what order."""
+"""Smooth variation of the remainder: with pressure, with a temperature, with time; and its order."""
 
 from __future__ import annotations
 
@@ -17,21 +17,20 @@ from procedures.pressure.trace.score import beside
 from procedures.pressure.trace.strata import Level
 
 HIGHEST = 6
-"""Order of the polynomials that are tried."""
+"""Maximum order of the tried polynomials."""
 ADDS = 0.02
-"""Share of a term's length that must be left beside the others for it to count."""
+"""Minimum remaining share of a term's length beside the others."""
 _WHERE: dict[Level, str] = {"subplot": "within whole plots", "whole-plot": "between whole plots"}
 
 
 def smoothest(
     problem: Problem, chosen: tuple[int, ...], data: WholePlotData, i: int, level: Level
 ) -> tuple[Unnamed, float]:
-    """The variable and order that hold most clearly what is left in a stratum of transducer `i`.
+    """The variable and order with the most significant part of the remainder in a stratum of transducer `i`.
 
     Returns:
-        Where it lives and the share of what is left, and the probability of so clear a one by chance, all orders of all
-        variables tried; one where there is nothing to try.
-
+        Its place and its share of the remainder, and the probability of such a part by chance, over all orders of all
+        variables; one without variables.
     """
     stratum, strata = beside(problem, level, chosen, ()), problem.strata[i]
     left, df = stratum.white.outputs[i], float(stratum.df[i])
@@ -57,7 +56,7 @@ def smoothest(
 
 
 def _variables(data: WholePlotData, level: Level) -> Sequence[tuple[str, FloatArray]]:
-    """Names, and polynomials from the first order on, of what a stratum may vary with."""
+    """Names, and polynomials from the first order on, of the possible variables of a stratum."""
     p, sensor, sse = (_orders(v) for v in (data.pressure_psia, data.sensor_temperature_degC, data.sse_temperature_degC))
     if level == "whole-plot":
         return (

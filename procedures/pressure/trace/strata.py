@@ -26,12 +26,13 @@ Level = Literal["subplot", "whole-plot"]
 LEVELS: tuple[Level, ...] = ("whole-plot", "subplot")
 
 VARIES = 0.005
-"""A column is one of whole plots if no larger share than this of what varies in it does so within them: temperatures
-are read again with every observation, and their scatter there says nothing about their effect."""
+"""Maximum share of a column's variation within whole plots for a column of whole plots: temperatures are read with
+every observation, and their scatter there has no information about their effect.
+"""
 MOSTLY = 0.1
-"""Of the squares of what varies between whole plots, as much within them makes a declared term one of subplots."""
+"""Ratio of squares of the variation within and between whole plots that makes a declared term one of subplots."""
 INDEPENDENT = 1e-6
-"""A column of which no larger share than this is left beside the others adds nothing to them."""
+"""Minimum remaining share of a column beside the others."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,13 +41,12 @@ class Strata:
 
     Attributes:
         declared: (n, k) columns of the declared model.
-        whole_plot: (n,) which whole plot a row is in, from 0.
-        replicate: (n,) which replication, from 0; each has an offset of its own.
+        whole_plot: (n,) index of each row's whole plot, from 0.
+        replicate: (n,) index of the replication, from 0; each has its own offset.
         weight: (n,) of a reading, its variance's inverse up to a factor.
         ratio: variance of the whole-plot error over that of a reading of weight one.
-        before: (n,) row of the reading before in the whole plot; the row itself at the first.
-        rho: correlation of a reading's error with that of the reading before.
-
+        before: (n,) row of the previous reading in the whole plot; the row itself at the first.
+        rho: correlation of a reading's error with that of the previous reading.
     """
 
     declared: FloatArray
@@ -58,7 +58,7 @@ class Strata:
     rho: float = 0.0
 
     def whiten(self, columns: FloatArray) -> FloatArray:
-        """(n, q) columns in which readings' errors are independent and of one variance."""
+        """(n, q) columns whitened so that readings' errors are independent with one variance."""
         scaled = columns * np.sqrt(self.weight)[:, None]
         if self.rho == 0.0:
             return scaled
@@ -67,7 +67,7 @@ class Strata:
 
     @cached_property
     def one(self) -> FloatArray:
-        """(n,) what a constant is when whitened."""
+        """(n,) the whitened constant."""
         return self.whiten(np.ones((self.weight.size, 1)))[:, 0]
 
     @cached_property
@@ -81,13 +81,13 @@ class Strata:
         return np.asarray(1.0 / np.sqrt(self.ratio + 1.0 / self.total))
 
     def df(self, level: Level) -> int:
-        """Degrees of freedom left at a level."""
+        """Remaining degrees of freedom at a level."""
         if level == "whole-plot":
             return self.total.size - int(self._between.shape[1])
         return self.whole_plot.size - self.total.size - int(self._within[1].shape[1])
 
     def leave(self, columns: FloatArray, level: Level) -> FloatArray:
-        """What is left of (n, q) `columns`: (n, q) of readings over their standard deviations, or (W, q) of means."""
+        """Remainder of (n, q) `columns`: (n, q) of readings over their standard deviations, or (W, q) of means."""
         if level == "whole-plot":
             return _off(self._between, self.means(columns) * self.precision[:, None])
         return _off(self._within[1], self._centred(self._still(columns)))
@@ -110,7 +110,9 @@ class Strata:
 
     @property
     def log_determinant(self) -> float:
-        """Of what restricted likelihood takes off for the readings' covariance and the coefficients fitted."""
+        """Logarithm of the determinants in the restricted likelihood, for the readings' covariance and the fitted
+        coefficients.
+        """
         followers = int(np.sum(self.before != np.arange(self.before.size)))
         covariance = followers * np.log(1.0 - self.rho**2) - np.sum(np.log(self.weight))
         fitted = np.sum(np.log(self.total)) + 2.0 * np.sum(np.log(np.abs(np.diag(self._within[2]))))
@@ -118,11 +120,11 @@ class Strata:
 
     @property
     def kept(self) -> FloatArray:
-        """(n,) share of a reading's variance that is left in the subplot stratum, one less its leverage."""
+        """(n,) share of a reading's variance in the subplot stratum, one minus its leverage."""
         return np.asarray(1.0 - self.one**2 / self.total[self.whole_plot] - np.sum(self._within[1] ** 2, axis=1))
 
     def means(self, columns: FloatArray) -> FloatArray:
-        """(W, q) means over whole plots of what the declared model leaves, its coefficients those of the subplots."""
+        """(W, q) means over whole plots of the residuals of the declared model, with coefficients of the subplots."""
         picked, basis, triangle = self._within
         if not len(picked):
             return self._mean(columns)
@@ -131,9 +133,9 @@ class Strata:
         )
 
     def _still(self, columns: FloatArray) -> FloatArray:
-        """(n, q) columns less what a declared term that is known from whole plots' means does within them.
+        """(n, q) columns minus the contribution within whole plots of declared terms known from their means.
 
-        That is next to nothing, unless a temperature was still on its way when readings began.
+        It is negligible, unless a temperature was still settling when readings began.
         """
         rest, moving = self._mostly_between
         if not np.any(moving):
@@ -150,10 +152,7 @@ class Strata:
 
     @cached_property
     def _mostly_between(self) -> tuple[IntArray, NDArray[np.bool_]]:
-        """Declared columns that vary mostly from one whole plot to the next, and which of them vary within them too.
-
-        A temperature that is still settling varies within whole plots by a degree, and between them by many.
-        """
+        """Declared columns that vary mostly between whole plots, and which of them also vary within."""
         means, weight = self._mean(self.declared), self.total
         between = np.sum(weight[:, None] * (means - weight @ means / weight.sum()) ** 2, axis=0)
         varying, within = self.varies_within(self.declared), np.sum(self._centred(self.declared) ** 2, axis=0)
@@ -173,7 +172,7 @@ class Strata:
 
     @cached_property
     def _between_columns(self) -> FloatArray:
-        """(W, c) what the declared model's other terms and the replications say of whole plots' means."""
+        """(W, c) the declared model's other terms and the replications, for whole plots' means."""
         replicates = np.eye(int(self.replicate.max()) + 1)[self.replicate]
         return np.column_stack([self.declared[:, self._mostly_between[0]], replicates[:, 1:]])
 

@@ -1,4 +1,4 @@
-"""Readings weighted by the noise that is found beside the effects."""
+"""Weights of readings by the noise estimated with the effects."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from procedures.pressure.trace.problem import Problem
 from procedures.pressure.trace.score import beside
 
 REWEIGHTED = 3
-"""Times that weights and noise are worked out from each other."""
+"""Number of iterations between weights and noise."""
 
 
 def stands_out(noise: Noise, tests: int) -> bool:
-    """Whether noise grows with pressure, as one of so many transducers tested."""
+    """Whether noise grows with pressure, for one of this number of tested transducers."""
     return noise.per_unit > 0.0 and noise.p * tests / COUNTED <= ALPHA
 
 
@@ -29,9 +29,9 @@ def weighted(
     noise: tuple[Noise, ...],
     grows: Sequence[bool],
 ) -> tuple[Problem, tuple[Noise, ...]]:
-    """The problem with readings weighted where noise grows, and the noise as residuals so weighted show it.
+    """The problem with readings weighted if noise grows, and the noise from residuals with these weights.
 
-    Where all readings count alike, the noise of high pressures gets into the residuals of low ones.
+    With equal weights the noise of high pressures affects the residuals of low ones.
     """
     if not any(grows):
         return problem, noise
@@ -43,7 +43,7 @@ def weighted(
 
 
 def weights_of(noise: Sequence[Noise], grows: Sequence[bool], pressure_psia: FloatArray) -> FloatArray:
-    """(S, n) weights of readings, mean one; one throughout where noise does not grow or is not known."""
+    """(S, n) weights of readings, mean one; all one if noise does not grow or is unknown."""
     weight = np.ones((len(grows), pressure_psia.size))
     for i, one in enumerate(noise):
         if grows[i]:
@@ -52,13 +52,12 @@ def weights_of(noise: Sequence[Noise], grows: Sequence[bool], pressure_psia: Flo
 
 
 def noises(problem: Problem, chosen: tuple[int, ...], pressure_psia: FloatArray) -> tuple[Noise, ...]:
-    """How each transducer's scatter within whole plots depends on pressure, beside the `chosen` candidates.
+    """Dependence of each transducer's scatter within whole plots on pressure, with the `chosen` candidates.
 
     Args:
         problem: the run.
         chosen: candidates in the model.
         pressure_psia: (n,).
-
     """
     stratum = beside(problem, "subplot", chosen, ())
     residual = stratum.white.outputs * stratum.sigma[:, None] / np.sqrt(problem.weight)

@@ -1,4 +1,4 @@
-"""From a trace to the run that confirms it: what could be done, what it would tell, what it told."""
+"""Confirmation of a trace by a further run: proposals, expected separation, and results."""
 
 from rig.closed_loop.confirm.answers import Confirmed, chance, evidence, judge, sentences, sizes
 from rig.closed_loop.confirm.calibration import fit_confirmed

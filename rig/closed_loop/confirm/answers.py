@@ -1,4 +1,4 @@
-"""What a further run told: in JSON, and in words for a certificate."""
+"""Results of a further run: as JSON, and as sentences for a certificate."""
 
 from __future__ import annotations
 
@@ -23,14 +23,13 @@ Value = TypeVar("Value", float, FloatArray)
 
 @dataclass(frozen=True, eq=False)
 class Confirmed:
-    """What a later run told of the effects that were found in a first.
+    """Results of a later run about the effects found in a first run.
 
     Attributes:
-        first: the run that was traced.
+        first: the traced run.
         path: the later run file.
         data: its observations.
         judged: every question, and both models.
-
     """
 
     first: First
@@ -40,30 +39,30 @@ class Confirmed:
 
     @property
     def answers(self) -> tuple[Confirmation, ...]:
-        """A question each."""
+        """One answer per question."""
         return self.judged.answers
 
     @property
     def settled(self) -> bool:
-        """Whether one explanation is left of every effect."""
+        """Whether exactly one explanation remains for every effect."""
         return all(answer.verdict in ("confirmed", "replaced") for answer in self.answers)
 
     @property
     def unit(self) -> str:
-        """Of what is inferred: errors are said in it."""
+        """Unit of the inferred quantity, in which errors are given."""
         return self.first.confirming.unit
 
     @property
     def own(self) -> str:
-        """What is taken from the further run itself when it is predicted, in words; "" where nothing is."""
+        """Parameters estimated from the further run itself for its prediction, in words; "" if there are none."""
         return self.first.confirming.own_words(realigned=self.judged.realigned)
 
     def inferred(self, error: SensorError, value: Value) -> Value:
-        """An error of the output as one of what is inferred from it, in `unit`; small angles."""
+        """An error of the output converted to an error of the inferred quantity, in `unit`; small angles."""
         return value * self.first.confirming.per_slope / abs(error.slope)
 
     def to_json(self) -> dict[str, Any]:
-        """For `--json`."""
+        """Values for `--json`."""
         told = [self._answer(a) | {"sentence": _sentence(a), "evidence": evidence(a)} for a in self.answers]
         errors = {name: self._error(e) for name, e in self.judged.errors.items()}
         about = {"run": str(self.path), "points": len(self.data), "taken_out": self.own}
@@ -105,11 +104,10 @@ class Confirmed:
 
 
 def judge(first: First, later: Path) -> Confirmed:
-    """Hold every effect found against a later run.
+    """Judge every effect found by a later run.
 
     Raises:
-        UsageError: that is none of the same kind and sensors, or not later.
-
+        UsageError: the run has another kind or other sensors, or is not later.
     """
     data, after_s = read_later(first, later)
     try:
@@ -121,17 +119,17 @@ def judge(first: First, later: Path) -> Confirmed:
 
 
 def sentences(confirmed: Confirmed) -> Iterator[str]:
-    """What was confirmed, in words that can go into a certificate; the errors of both models last."""
+    """Confirmed effects, in sentences for a certificate; the errors of both models last."""
     for answer in confirmed.answers:
         yield " ".join(filter(None, (_sentence(answer), evidence(answer))))
     errors = confirmed.judged.errors
     name = max(errors, key=lambda sensor: errors[sensor].before / errors[sensor].sigma)
     if not np.isfinite(errors[name].before):
-        yield "The further run is too short to tell the error of either model."
+        yield "The further run is too short to determine the error of either model."
         return
     before, after = (confirmed.inferred(errors[name], v) for v in (errors[name].before, errors[name].after))
     yield (
-        f"On data that neither model has seen the error of {name} is {before:.3g} {confirmed.unit} rms with the "
+        f"On data not used by either model the error of {name} is {before:.3g} {confirmed.unit} rms with the "
         f"declared model and {after:.3g} {confirmed.unit} with the effects."
     )
 
@@ -142,21 +140,21 @@ def _sentence(answer: Confirmation) -> str:
         excluded = f"; {_listed(others)} {'is' if len(others) == 1 else 'are'} excluded" if others else ""
         return f"{answer.effect} is confirmed by a further run{excluded}."
     if answer.verdict == "replaced":
-        return f"What was named {answer.effect} is {answer.members[0].effect}: a further run tells them apart."
+        return f"What was named {answer.effect} is {answer.members[0].effect}: a further run distinguishes them."
     if answer.verdict == "not shown":
-        return f"The further run does not show {answer.effect}: it cannot be distinguished from nothing there."
+        return f"The further run does not show {answer.effect}: it is not distinguishable from zero."
     if answer.verdict == "undecided":
         return f"A further run leaves {_listed(answer.holding)} undecided."
     return (
-        f"{_listed([m.effect for m in answer.members])}: not of one size in both runs, or more than error is left "
-        f"beside it. What was found is something else, or it changed between them."
+        f"{_listed([m.effect for m in answer.members])}: different sizes in the two runs, or more than error remains "
+        f"with it. The cause is a different one, or it changed between the runs."
     )
 
 
 def evidence(answer: Confirmation) -> str:
-    """What decided: by how much the further run shows what holds and excludes the others, with limits.
+    """Evidence for the verdict: separation of the confirmed explanation and of the excluded ones, with limits.
 
-    "" where several hold, or none does.
+    "" if several hold, or none does.
     """
     if len(answer.holding) != 1:
         return ""
@@ -168,22 +166,22 @@ def evidence(answer: Confirmation) -> str:
     text += f"; excluded: {'; '.join(why)}." if why else "."
     if answer.verdict in ("confirmed", "replaced") and best.zero:
         text += (
-            f" By the further run alone the 95 % interval of {_listed(best.zero)} holds zero, since that run also has "
-            "to tell the declared model and the other effects; the verdict rests on both runs together, which give "
+            f" By the further run alone the 95 % interval of {_listed(best.zero)} contains zero: that run also has "
+            "to determine the declared model and the other effects; the verdict uses both runs together, with "
             f"{_ends(best)}."
         )
     return text
 
 
 def _against(member: Member) -> str:
-    """Why an explanation is excluded."""
+    """Reason why an explanation is excluded."""
     reasons = []
     if member.sigmas > member.limit:
-        reasons.append(f"{member.sigmas:.1f} standard errors behind (limit {member.limit:.1f})")
+        reasons.append(f"{member.sigmas:.1f} standard errors worse (limit {member.limit:.1f})")
     if member.p_changed < CHANGED:
         reasons.append(f"another size than in the first run (p {chance(member.p_changed)}, limit {CHANGED:g})")
     if not member.fits:
-        reasons.append("leaves more than error of the further run")
+        reasons.append("leaves more than error in the further run")
     return ", ".join(reasons)
 
 
@@ -193,12 +191,12 @@ def _ends(member: Member) -> str:
 
 
 def chance(p: float) -> str:
-    """A probability; what is below the smallest that tails can be trusted with is told as below it."""
+    """A probability; values below the limit of reliable tails are given as below that limit."""
     return f"< {SMALLEST:g}" if p < SMALLEST else f"= {p:.2g}"
 
 
 def sizes(member: Member) -> list[str]:
-    """Of a cause in the further run, a line for each sensor, or one where all show the same."""
+    """Size of a cause in the further run, one line per sensor, or one line if all are the same."""
     different = dict.fromkeys(member.sizes.values())
     return list(different) if len(different) == 1 else [f"{name}: {size}" for name, size in member.sizes.items()]
 

@@ -1,4 +1,4 @@
-"""A calibration with what a follow-up run confirmed: `rig fit RUN --confirmed-by LATER`."""
+"""A calibration with effects confirmed by a follow-up run: `rig fit RUN --confirmed-by LATER`."""
 
 from __future__ import annotations
 
@@ -15,27 +15,26 @@ from rig.tables import run_table
 
 
 def fit_confirmed(run: Path, later: Path, options: Options) -> Fitted:
-    """The calibration of a run with the causes that a later one confirmed.
+    """The calibration of a run with the causes confirmed by a later one.
 
     Args:
-        run: the run that is traced.
-        later: the run that judges it.
-        options: of `rig fit`, as the run's kind declares them; those that `rig trace` has too are the trace's.
+        run: the traced run.
+        later: the judging run.
+        options: of `rig fit`, as declared by the run's kind; those that `rig trace` also has are passed to the trace.
 
     Raises:
-        UsageError: one is no run file, or they do not belong together.
-        procedures.errors.DataError: an option has no place here.
-
+        UsageError: one is not a run file, or they do not belong together.
+        procedures.errors.DataError: an option is not permitted here.
     """
     if run.suffix == ".csv" or later.suffix == ".csv":
-        raise UsageError("--confirmed-by takes two run files: tables do not say on which bench and when they were made")
+        raise UsageError("--confirmed-by takes two run files: tables have no bench and no time")
     given = options.model_dump(exclude_unset=True)
     first = open_traced(run, **{name: given[name] for name in ("formula", "temperature") if name in given})
     return with_confirmed(first, judge(first, later), options)
 
 
 def with_confirmed(first: First, confirmed: Confirmed, options: Options) -> Fitted:
-    """The calibration of the first run with what is left of every effect; see `fit_confirmed`."""
+    """The calibration of the first run with the remaining explanations of every effect; see `fit_confirmed`."""
     record = provenance(first, confirmed)
     fitted = first.confirming.calibrated(confirmed.answers, first.questions, record, options)
     for effect in record["effects"]:
@@ -44,7 +43,7 @@ def with_confirmed(first: First, confirmed: Confirmed, options: Options) -> Fitt
 
 
 def provenance(first: First, confirmed: Confirmed) -> dict[str, Any]:
-    """Both runs, and of every effect the verdict, what is used, and the evidence; JSON-ready."""
+    """Both runs, and for every effect the verdict, the used explanation and the evidence, as JSON values."""
     told = confirmed.to_json()["effects"]
     return {
         "run_id": first.traced.table.provenance["run_id"],
@@ -71,7 +70,7 @@ def _verdict(answer: Confirmation) -> str:
 
 
 def _used(answer: Confirmation) -> str:
-    """What of an effect's class the calibration has, for a reader of it."""
+    """Sentence about an effect's class in the calibration."""
     if answer.verdict in SETTLED:
         return f"{_verdict(answer)}; the calibration has {answer.holding[0]} alone"
     if answer.verdict == "undecided":
@@ -79,6 +78,6 @@ def _used(answer: Confirmation) -> str:
     if answer.verdict == "not shown":
         return f"{_verdict(answer)}; intervals cover every cause that the first run cannot separate"
     return (
-        f"{_verdict(answer)}: none of its causes holds in both runs; the calibration rests on the first run, intervals "
-        "cover every cause that it cannot separate and may still not hold"
+        f"{_verdict(answer)}: none of its causes holds in both runs; the calibration uses the first run, intervals "
+        "cover every cause that it cannot separate and may still be invalid"
     )

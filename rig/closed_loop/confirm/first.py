@@ -1,4 +1,4 @@
-"""The run that was traced, with all that a run after it needs."""
+"""The traced run, with everything that a further run needs."""
 
 from __future__ import annotations
 
@@ -24,20 +24,19 @@ DAY_S = 86400.0
 
 @dataclass(frozen=True, eq=False)
 class First:
-    """A run that was traced.
+    """A traced run.
 
     Attributes:
         path: the run file.
-        traced: what was found in it.
-        confirming: what its kind knows of a further run.
-        questions: an effect found each.
+        traced: result of the trace.
+        confirming: functions of its kind for further runs.
+        questions: one per effect found.
         documents: texts of its files.
-        procedure: what was run.
-        bench: on which bench.
-        dry: whether on twins.
-        began_utc_s: when.
-        world_s: a dry run: how old its world was at the start.
-
+        procedure: its procedure.
+        bench: its bench.
+        dry: whether it used twins.
+        began_utc_s: time of its begin.
+        world_s: for a dry run, age of its world at the begin.
     """
 
     path: Path
@@ -58,7 +57,7 @@ class First:
 
     @property
     def later_s(self) -> float:
-        """Seconds from its start to the same hour of a later day, when it is over."""
+        """Seconds from its begin to the same time of a later day, after its end."""
         return DAY_S * float(np.ceil((self.confirming.data.elapsed_s.max() + 3600.0) / DAY_S))
 
 
@@ -66,7 +65,7 @@ def check_run_file(path: Path) -> None:
     """Refuse a table. Raises `UsageError`."""
     if path.suffix == ".csv":
         raise UsageError(
-            f"{path} is no run file: a further run is made on the bench of the first, which its file holds"
+            f"{path} is not a run file: a further run needs the bench of the first, which only a run file contains"
         )
 
 
@@ -89,7 +88,7 @@ def open_traced(path: Path, **options: Any) -> First:
     traced, kind = trace_table(table, **options), kind_of(plan.procedure)
     confirming = kind.confirming(traced)
     if confirming is None:
-        raise UsageError(f"{path}: no further run is made of {kind.title}")
+        raise UsageError(f"{path}: {kind.title} has no further runs")
     return First(
         path=path,
         traced=traced,
@@ -105,22 +104,21 @@ def open_traced(path: Path, **options: Any) -> First:
 
 
 def read_later(first: First, path: Path) -> tuple[Any, float]:
-    """A later run, and how long after the start of the first it began, s.
+    """A later run, and the time from the begin of the first to its begin, seconds.
 
     Raises:
-        UsageError: it is of another kind, came before the first, or one of them is simulated and the other is not.
-
+        UsageError: it has another kind, began before the first, or only one of them is simulated.
     """
     table = run_table(path)
     kind, of_first = known(table).name, known(first.traced.table).name
     if kind != of_first:
         raise UsageError(f"{path} is a {kind} run and {first.path} a {of_first} run")
     if not table.provenance["complete"]:
-        raise UsageError(f"{path} is not complete: rig resume {path}, then judge by it")
+        raise UsageError(f"{path} is not complete: rig resume {path}, then repeat this command")
     if table.provenance["bench"] != first.traced.table.provenance["bench"]:
         raise UsageError(
             f"{path} was made on bench {table.provenance['bench']}, {first.path} on "
-            f"{first.traced.table.provenance['bench']}: what a head or a line does is confirmed on the same bench"
+            f"{first.traced.table.provenance['bench']}: effects of a head or a line are confirmed on the same bench"
         )
     with RunReader.open(path) as reader:
         simulated, began_utc_s = reader.about().simulated, reader.genesis().utc_s
@@ -130,11 +128,11 @@ def read_later(first: First, path: Path) -> tuple[Any, float]:
         )
     after_s = began_utc_s - first.began_utc_s
     if path.resolve() == first.path.resolve():
-        raise UsageError(f"{path} is the run that was traced: what confirms an effect has to come after it")
+        raise UsageError(f"{path} is the traced run itself: a confirming run must be later")
     if after_s <= 0:
         dry = "; a dry run begins at its world's epoch: give the world of the later one a later `epoch`"
         raise UsageError(
-            f"{path} began at the time of {first.path} or before it: what confirms an effect has to come after it"
+            f"{path} began at the time of {first.path} or before it: a confirming run must be later"
             f"{dry if first.dry else ''}"
         )
     return first.confirming.later(table), after_s

@@ -1,4 +1,4 @@
-"""A further run as a plan that can be carried out."""
+"""A further run as an executable plan."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from rig.toml_text import toml_text
 
 
 def procedure_text(procedure: Procedure) -> str:
-    """A procedure as its file."""
+    """A procedure as the text of its file."""
     values = procedure.model_dump(mode="json", exclude_none=True)
     design = procedure.design.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
-    return toml_text(values | {"design": design})  # a type of design refuses what another type needs
+    return toml_text(values | {"design": design})  # a type of design refuses keys of another type
 
 
 def plan_for(
@@ -35,7 +35,7 @@ def plan_for(
 
 
 def _warmer(truth: Mapping[str, Any], by: float) -> dict[str, Any]:
-    """The world on a night when it is warmer, in the laboratory and around the package."""
+    """The world with warmer temperatures, in the laboratory and around the package."""
     lab, enclosure = dict(truth.get("lab", {})), dict(truth.get("enclosure", {}))
     lab["mean_degC"] = lab.get("mean_degC", 21.5) + by
     enclosure["start_setpoint_degC"] = enclosure.get("start_setpoint_degC", 23.0) + by

@@ -1,4 +1,4 @@
-"""Which further run would tell most for least."""
+"""Proposals for the further run with the best information per cost."""
 
 from __future__ import annotations
 
@@ -15,22 +15,23 @@ from rig.bench import playing
 from rig.closed_loop.confirm.first import First
 
 SURE = 0.95
-"""Probability of excluding the cause that is not true, or of showing the one that is, from which a run is enough."""
+"""Probability of excluding a false cause, or of showing a true one, from which a run is sufficient."""
 LIKELY = 0.5
-"""Below this a run is unlikely to settle a thing, and does not come first for it, however many hours it takes."""
+"""Below this probability a run is unlikely to settle a question, and does not come first for it, whatever its
+duration.
+"""
 HARDLY = 0.2
-"""Below this a run tells nothing worth its hours."""
+"""Below this probability a run is not worth its duration."""
 TURN_H = 0.5
-"""What mounting the package again costs beside bench time."""
+"""Cost of mounting the package again, in addition to bench time, hours."""
 
 
 class Weakest(NamedTuple):
-    """What is least likely to be settled.
+    """The question that is least likely to be settled.
 
     Attributes:
-        chance: probability that it is.
+        chance: probability of settling it.
         sigmas: expected standard errors.
-
     """
 
     chance: float
@@ -39,15 +40,14 @@ class Weakest(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Proposal:
-    """A run that could be made, and what it would tell.
+    """A possible run and its expected results.
 
     Attributes:
-        variation: what is run.
-        separations: expected, of every effect found.
-        hours: of bench time.
+        variation: the run.
+        separations: expected separations, for every effect found.
+        hours: bench time.
         size: points and replications, for a table.
-        mounting: how the package is turned, deg about each axis; None where it is as usual.
-
+        mounting: orientation of the package, degrees about each axis; None for the usual one.
     """
 
     variation: Variation
@@ -58,18 +58,18 @@ class Proposal:
 
     @property
     def enough(self) -> bool:
-        """Whether it will very likely settle everything."""
+        """Whether it will very likely settle all questions."""
         return all(chance >= SURE for s in self.separations for chance in s.chances.values())
 
     @property
     def separated(self) -> tuple[int, int]:
-        """How many pairs of explanations it will very likely separate, and how many there are."""
+        """Number of pairs of explanations that it very likely separates, and number of all pairs."""
         alike = [s.chances[pair] for s, pair in self._alike]
         return sum(chance >= SURE for chance in alike), len(alike)
 
     @property
     def nearest(self) -> Weakest | None:
-        """The pair of explanations that it is least likely to separate; None where no effect has two."""
+        """The pair of explanations that it is least likely to separate; None if no effect has two."""
         return min((Weakest(s.chances[pair], s.sigmas[pair]) for s, pair in self._alike), default=None)
 
     @property
@@ -80,7 +80,7 @@ class Proposal:
 
     @property
     def tells(self) -> bool:
-        """Whether it may settle anything that is open: a pair of explanations, or an effect that has but one."""
+        """Whether it may settle any open question: a pair of explanations, or an effect with only one."""
         return any(
             chance >= HARDLY
             for s in self.separations
@@ -90,35 +90,35 @@ class Proposal:
 
     @property
     def open_pairs(self) -> tuple[tuple[str, str], ...]:
-        """Pairs that it may well not separate."""
+        """Pairs that it may fail to separate."""
         return tuple(pair for s in self.separations for pair, chance in s.chances.items() if chance < SURE)
 
     @property
     def likely(self) -> bool:
-        """Whether it is as likely as not to settle everything."""
+        """Whether settling all questions has a probability of at least one half."""
         return self.least.chance >= LIKELY
 
     @property
     def least(self) -> Weakest:
-        """What it is least likely to settle."""
+        """The question that it is least likely to settle."""
         return self.shown if self.nearest is None else min(self.shown, self.nearest)
 
     @property
     def rank(self) -> tuple[float, float]:
-        """The best of its kind is the least: how many pairs it will separate comes before what it costs."""
+        """Sort key within a kind of run, smallest is best: number of separated pairs first, then cost."""
         told = sum(chance for s in self.separations for chance in s.chances.values())
         return -round(told, 1), self.cost_h
 
     @property
     def place(self) -> tuple[float, float, float]:
-        """The best of all kinds is the least: chances that a run is unlikely to be right by are worth no hours."""
+        """Sort key over all kinds, smallest is best: runs that are unlikely to succeed have no worth."""
         chances = [chance for s in self.separations for chance in s.chances.values()]
         fair = sum(chance for chance in chances if chance >= LIKELY)
         return -round(fair, 1), self.cost_h, -sum(chances)
 
     @property
     def cost_h(self) -> float:
-        """Hours of bench time, and of a person's."""
+        """Cost: hours of bench time and of a person."""
         return self.hours + TURN_H * self.variation.turned
 
     @property
@@ -126,7 +126,7 @@ class Proposal:
         return [(s, pair) for s in self.separations for pair in s.sigmas if pair[1] != NOTHING]
 
     def to_json(self) -> dict[str, Any]:
-        """For `--json`."""
+        """Values for `--json`."""
         run = self.variation.procedure
         return {
             "what": self.variation.what,
@@ -150,12 +150,12 @@ class Proposal:
 
 
 def consider(first: First) -> tuple[Proposal, ...]:
-    """Of every kind of run the one that would tell most for least; the best of all first."""
+    """The most informative run per cost of every kind; the best of all first."""
     kind, best = first.confirming, dict[str, Proposal]()
     for variation in possible(_further_runs(first), first.bench.limits):
         known = best.get(variation.what)
         if known is not None and known.enough:
-            continue  # the smallest that is enough
+            continue  # the smallest sufficient run
         run_list = variation.procedure.expand()
         both = kind.ways(variation, run_list, first.questions, first.later_s)
         run = variation.procedure
@@ -177,7 +177,7 @@ def _further_runs(first: First) -> Iterator[Variation]:
 
 
 def propose(considered: Sequence[Proposal]) -> tuple[Proposal, ...]:
-    """Those of the runs considered that may settle something."""
+    """The considered runs that may settle a question."""
     return tuple(proposal for proposal in considered if proposal.tells)
 
 
@@ -187,9 +187,8 @@ class Inseparable:
 
     Attributes:
         pair: their names.
-        sigmas: the most standard errors that any run is expected to bring between them.
-        would: what a person would have to change, in words.
-
+        sigmas: maximum expected standard errors between them in any run.
+        would: the change that a person would have to make, in words.
     """
 
     pair: Pair
@@ -197,12 +196,12 @@ class Inseparable:
     would: str
 
     def to_json(self) -> dict[str, Any]:
-        """For `--json`."""
+        """Values for `--json`."""
         return {"pair": list(self.pair), "most_sigmas": self.sigmas, "would": self.would}
 
 
 def inseparable(first: First, considered: Sequence[Proposal]) -> tuple[Inseparable, ...]:
-    """Pairs of explanations that none of the runs considered has a fair chance to separate."""
+    """Pairs of explanations that no considered run is likely to separate."""
     told = [s for proposal in considered for s in proposal.separations]
     pairs = dict.fromkeys(pair for s in told for pair in s.chances if pair[1] != NOTHING)
     best = {pair: max(s.chances[pair] for s in told if pair in s.chances) for pair in pairs}
@@ -211,18 +210,17 @@ def inseparable(first: First, considered: Sequence[Proposal]) -> tuple[Inseparab
 
 
 def otherwise(first: First, proposal: Proposal, never: Sequence[Inseparable] = ()) -> Iterator[str]:
-    """What else would separate the pairs of explanations that a proposal may leave, a sentence each.
+    """Other ways to separate the pairs of explanations that a proposal may leave, one sentence each.
 
     Args:
-        first: the run that was traced.
-        proposal: what would be run.
-        never: pairs of which it has been said that no run of this bench separates them.
-
+        first: the traced run.
+        proposal: the proposed run.
+        never: pairs already reported as not separable on this bench.
     """
     if not proposal.likely:
         least = proposal.least
         yield (
-            f"it is UNLIKELY to settle everything: a chance of {least.chance:.0%} for what it settles least, and "
+            f"it is UNLIKELY to settle everything: probability {least.chance:.0%} for its most difficult question, and "
             f"{duration(3600.0 * proposal.hours)} of bench time"
         )
     chances = {pair: chance for s in proposal.separations for pair, chance in s.chances.items()}
@@ -232,11 +230,11 @@ def otherwise(first: First, proposal: Proposal, never: Sequence[Inseparable] = (
         if pair in (one.pair for one in never):
             continue
         one, other = pair
-        chance = f"a chance of {chances[pair]:.0%}"
+        chance = f"a probability of {chances[pair]:.0%}"
         if other == NOTHING:
-            yield f"it has {chance} of showing whether {one} is there at all: it is small for so short a run"
+            yield f"it has {chance} of showing whether {one} exists: it is small for such a short run"
         else:
-            yield f"it has {chance} of telling {one} from {other}; this would: {_would(first, pair)}"
+            yield f"it has {chance} of distinguishing {one} from {other}; this would: {_would(first, pair)}"
 
 
 def _would(first: First, pair: Pair) -> str:

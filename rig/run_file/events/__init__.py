@@ -1,6 +1,6 @@
-"""Everything that can happen in a run: one class an event, with what is stored of it and the words it is told in.
+"""All events of a run: each is one class, with its stored fields and its sentence for people.
 
-An event is added as a class of one of these modules, and nowhere else.
+A new event is a class in one of these modules; no other place has to change.
 """
 
 from rig.run_file.events import bench, points, sessions

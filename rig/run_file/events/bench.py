@@ -1,4 +1,4 @@
-"""What the bench was made ready for, how it was found and left, and what went wrong with it."""
+"""Events of the bench: preparation, states found and left, faults, warnings."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ if TYPE_CHECKING:
 _ABORT = "abort"
 _PAGE_FAULT = Importance("fault", "warning", "fault")
 _GIVEN_UP = Importance("fault", "error")
-"""The session's end, which follows, tells people."""
+"""Not sent: people are told by the session's end, which follows."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class AsFound(Event, status="as-found", matters=ROUTINE):
-    """The bench as it was read before anything was commanded: axes, chambers, and who had restarted."""
+    """The bench as found before any command: axes, chambers, and instruments that had restarted."""
 
     axes: Table = EMPTY
     chambers: Table = EMPTY
@@ -34,7 +34,7 @@ class AsFound(Event, status="as-found", matters=ROUTINE):
 
 @dataclass(frozen=True, kw_only=True)
 class ReadBack(Event, status="read-back", matters=ROUTINE, exported=True):
-    """The bench as it was read after a failure, before going on."""
+    """The bench as read after a failure, before the run continues."""
 
     axes: Table = EMPTY
     chambers: Table = EMPTY
@@ -51,7 +51,7 @@ def _restarted(names: Words) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class Preparing(Event, status="preparing", matters=DETAIL, says="preparing"):
-    """Set-up, homing and environment begin; logs tell it as a change of state."""
+    """Set-up, homing and environment begin; logs show it as a change of state."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,12 +61,12 @@ class Prepared(Event, status="prepared", matters=ROUTINE, says="prepared"):
 
 @dataclass(frozen=True, kw_only=True)
 class Homed(Event, status="homed", exported=True, says="homed"):
-    """Axes have found their zeros."""
+    """Axes have been homed."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class EnvironmentSettled(Event, status="environment-settled", says="environment settled"):
-    """The environment stands as asked for: how each chamber settled. They are the whole body."""
+    """The environment has settled as requested. The body is the settling evidence by chamber."""
 
     chambers: Mapping[str, Mapping[str, Any]] = EMPTY
 
@@ -82,7 +82,7 @@ class EnvironmentSettled(Event, status="environment-settled", says="environment 
 
 @dataclass(frozen=True, kw_only=True)
 class Remark(Event, status="remark", says="{instrument}: {message}"):
-    """Something an instrument said that is worth knowing."""
+    """A remark of an instrument for people."""
 
     instrument: Text = ""
     message: Text = ""
@@ -90,14 +90,14 @@ class Remark(Event, status="remark", says="{instrument}: {message}"):
 
 @dataclass(frozen=True, kw_only=True)
 class MadeSafe(Event, status="safe", exported=True):
-    """What became of bringing the bench to its safe state.
+    """The result of bringing the bench to its safe state.
 
     Attributes:
-        seconds: bench seconds it took.
-        within_s: how long it was to take at most; None where that was not stated.
-        unsafe: what could not be shown to be safe, one sentence an instrument.
-        silent: instruments that can do no harm and did not answer.
-        found: what was read back, by instrument.
+        seconds: bench seconds taken.
+        within_s: stated maximum, seconds; None if none was stated.
+        unsafe: instruments that could not be shown to be safe, one sentence each.
+        silent: harmless instruments that did not answer.
+        found: readbacks, by instrument.
 
     """
 
@@ -109,7 +109,7 @@ class MadeSafe(Event, status="safe", exported=True):
 
     @property
     def importance(self) -> Importance:
-        """An unsafe bench matters most; the session's end tells people."""
+        """An unsafe bench has the highest importance; people are told by the session's end."""
         return _GIVEN_UP if self.unsafe else self.matters
 
     @property
@@ -125,25 +125,25 @@ class MadeSafe(Event, status="safe", exported=True):
         return f"safe after {self.seconds:.1f} s{late}"
 
     def sentence(self, record: Record) -> str:
-        """After how long, or what is not safe."""
+        """How long it took, or what is not safe."""
         return self.words if self.unsafe else f"bench {self.words}"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Fault(Event, kind="fault", exported=True):
-    """Something failed, and what was decided about it.
+    """A fault and the decision about it.
 
     Attributes:
         decision: "retry", "skip", "abort"...
-        message: what failed.
-        evidence: what the error brought with it.
+        message: description of the fault.
+        evidence: data of the error.
         error: name of the error's class.
-        fault: class of the fault, as policies name it; None where the procedure had no say.
-        where: in which state.
-        failure: how often it has failed there.
-        number: how often it has failed in the session.
-        pause_s: before the next try.
-        state: in which the session was given up.
+        fault: class of the fault, as policies name it; None if no policy covered it.
+        where: the state in which it occurred.
+        failure: number of failures at this place.
+        number: number of failures in the session.
+        pause_s: pause before the next attempt, seconds.
+        state: the state in which the session was given up.
 
     """
 
@@ -160,12 +160,12 @@ class Fault(Event, kind="fault", exported=True):
 
     @property
     def gives_up(self) -> bool:
-        """Whether it ends its session."""
+        """Whether the fault ends its session."""
         return self.decision == _ABORT
 
     @property
     def importance(self) -> Importance:
-        """One that ends the session matters most."""
+        """A fault that ends the session has the highest importance."""
         return _GIVEN_UP if self.gives_up else _PAGE_FAULT
 
     @property
@@ -175,11 +175,11 @@ class Fault(Event, kind="fault", exported=True):
 
     @property
     def decided(self) -> str:
-        """What was decided about which class: "no_reply: retry"."""
+        """Class of fault and decision: "no_reply: retry"."""
         return f"{self.fault or 'fault'}: {self.decision}"
 
     def sentence(self, record: Record) -> str:
-        """What failed, where, how often, and the decision."""
+        """The fault, its place, its number, and the decision."""
         name = (self.fault or "fault").replace("_", " ")
         where = at(record) or (f" while {self.where}" if self.where else "")
         again = f", failure {self.failure}" if self.failure and self.failure > 1 else ""
@@ -189,7 +189,7 @@ class Fault(Event, kind="fault", exported=True):
 
 @dataclass(frozen=True, kw_only=True)
 class Recovered(Event, status="recovered", exported=True):
-    """A place went well in the end, after so many failures of each class."""
+    """Success at a place after failures; the number of failures by class."""
 
     place: Text = ""
     failures: Counts = EMPTY
@@ -207,9 +207,9 @@ class Warned(
     """An early warning.
 
     Attributes:
-        cause: "noise", "drift", "calibration", "response" or "thermometer"; "itself" where warnings have ended.
-        output: of which sensor or thermometer.
-        message: in plain words, with figures.
+        cause: "noise", "drift", "calibration", "response" or "thermometer"; "itself" if the warnings have ended.
+        output: name of the output or thermometer.
+        message: a sentence with figures.
 
     """
 

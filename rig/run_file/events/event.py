@@ -1,8 +1,8 @@
-"""What an event is: a frozen dataclass that is stored as a record's kind, status and body, and told in one sentence.
+"""The base of events: a frozen dataclass, stored as a record's kind, status and body, and shown as one sentence.
 
-A class names its kind and status and annotates its fields with what they may be (`rig.run_file.bodies`); storing,
-opening with checks, and the registry follow from that. A field without a default has to be in a body; others may be
-missing in files of earlier versions, and fields of later versions are passed over.
+A class names its kind and status and annotates its fields with their types (`rig.run_file.bodies`). Storage, checks on
+reading, and the registry follow from that. A field without a default must be in a body. Other fields may be missing in
+files of earlier versions. Fields of later versions are ignored.
 """
 
 from __future__ import annotations
@@ -20,12 +20,13 @@ if TYPE_CHECKING:
 
 
 class Importance(NamedTuple):
-    """Who tells of an event, and how.
+    """Importance of an event: where it is shown, and how.
 
     Attributes:
-        page: on the page, and whether reports tell it: "fault", "decision", "session", "warning", "step"; "": not.
-        level: of its line in the log: "info", "warning", "error"; "": it has none.
-        message: what sort of message people get, as in `notify.toml`; "event": none.
+        page: its class on the live page and in reports: "fault", "decision", "session", "warning", "step"; "":
+            none.
+        level: level of its line in the log: "info", "warning", "error"; "": no line.
+        message: class of its message to people, as in `notify.toml`; "event": no message.
 
     """
 
@@ -35,7 +36,7 @@ class Importance(NamedTuple):
 
 
 DETAIL = Importance("", "")
-"""Belongs to the ordinary course of a point, or is told in another way."""
+"""Part of the normal work on a point, or shown in another way."""
 ROUTINE = Importance("", "info")
 STEP = Importance("step", "info")
 SESSION = Importance("session", "info")
@@ -61,11 +62,11 @@ class _Empty(Mapping[str, Any]):
 
 
 EMPTY: Any = _Empty()
-"""Default of a table or list that is left out of the body where there is none, as a field that is None is."""
+"""Default of a table or list that is left out of the body if it is missing, like a field that is None."""
 
 
 class _Shape(NamedTuple):
-    """How a class is stored: its body's fields, which of them must be there, which one is its status."""
+    """Storage of a class: fields of its body, required fields, and the field that is its status."""
 
     kinds: Mapping[str, Kind]
     names: tuple[str, ...]
@@ -75,11 +76,11 @@ class _Shape(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Event:
-    """Something that happened in a run, as the run file keeps it.
+    """An event of a run, as stored in the run file.
 
     Attributes:
-        kind: of its record.
-        matters: how much, where all events of the class matter alike.
+        kind: kind of its record.
+        matters: importance, if it is the same for all events of the class.
         exported: whether `rig export --all` lists it.
 
     """
@@ -101,15 +102,16 @@ class Event:
         says: str = "",
         ends: str = "",
     ) -> None:
-        """Register the class as that of records of its kind, and of its status where it names one.
+        """Register the class for records of its kind, and of its status if it names one.
 
         Args:
             kind: see `Event`.
-            status: of its records, where all have the same.
+            status: status of its records, if it is the same for all.
             matters: see `Event`.
             exported: see `Event`.
-            says: its sentence, with fields in braces; `{at}` is where, `{record.whole_plot}` a column of its record.
-            ends: how it ends its session, in words; then that is its sentence too.
+            says: its sentence, with fields in braces; `{at}` is the place, `{record.whole_plot}` a column of its
+                record.
+            ends: how it ends its session, in words; this is then its sentence too.
 
         """
         cls.kind, cls._status, cls.matters, cls.exported = kind, status, matters, exported
@@ -125,22 +127,22 @@ class Event:
 
     @property
     def importance(self) -> Importance:
-        """Who tells of it, and how."""
+        """Its importance."""
         return self.matters
 
     @property
     def ending(self) -> str:
-        """How it ends its session, in words; "" if it does not."""
+        """How it ends its session, in words; "" if it does not end it."""
         return self._ends.format(**vars(self))
 
     def body(self) -> dict[str, Any]:
-        """What the record holds besides its own columns."""
+        """Fields of the record besides its own columns."""
         values = ((name, getattr(self, name)) for name in _shape(type(self)).names)
         return {name: value for name, value in values if value is not None and value is not EMPTY}
 
     @classmethod
     def of_body(cls, body: Mapping[str, Any], status: str | None) -> Event:
-        """The event of a body that was checked."""
+        """The event for a checked body."""
         shape = _shape(cls)
         given = {name: body[name] for name in shape.names if name in body}
         if shape.status is not None:
@@ -148,10 +150,10 @@ class Event:
         return cls(**given)
 
     def sentence(self, record: Record) -> str:
-        """The event in a person's words.
+        """The event as a sentence.
 
         Args:
-            record: the one that it is of, for session, point and whole plot.
+            record: its record, for session, point and whole plot.
 
         """
         return self._says.format(at=at(record), record=record, **vars(self))
@@ -162,7 +164,7 @@ _CLASSES: dict[tuple[str, str | None], type[Event]] = {}
 
 @dataclass(frozen=True, kw_only=True)
 class Unknown(Event, kind=""):
-    """An event that this version does not know: another version wrote it.
+    """An event of an unknown kind, written by another version.
 
     Attributes:
         sort: kind and status of its record.
@@ -174,14 +176,14 @@ class Unknown(Event, kind=""):
     content: Mapping[str, Any]
 
     def sentence(self, record: Record) -> str:
-        """Its name, and the sentence that it brings with it, under whichever of these names."""
+        """Its name, and the sentence stored in its body, under any of these keys."""
         found = (self.content[key] for key in ("message", "reason", "why", "cause") if key in self.content)
         said = next((text for text in found if isinstance(text, str) and text), "")
         return f"{self.sort}{at(record)}{f': {said}' if said else ''}"
 
 
 def at(record: Record) -> str:
-    """Where it is of a point: "... at point 3"."""
+    """The place, if it has a point: "... at point 3"."""
     return "" if record.run_index is None else f" at point {record.run_index}"
 
 
@@ -196,7 +198,7 @@ def class_of(kind: str, status: str | None) -> type[Event]:
 
 
 def decode(kind: str, status: str | None, body: Mapping[str, Any]) -> Event:
-    """The event that a record holds; its body was checked."""
+    """The event of a record, with a checked body."""
     cls = class_of(kind, status)
     if cls is Unknown:
         return Unknown(sort=" ".join(str(part) for part in (kind, status) if part).replace("-", " "), content=body)
@@ -213,8 +215,7 @@ def body_of(text: object, kind: str, status: str | None, where: Callable[[], str
         where: names the record, for errors.
 
     Raises:
-        ContentsError: it is no JSON object, a field is missing without which it means nothing, or one is of another
-            kind than a controller writes.
+        ContentsError: it is not a JSON object, a required field is missing, or a field has a wrong type.
 
     """
     if not isinstance(text, str):
@@ -263,7 +264,7 @@ def _shape_of(cls: type[Event]) -> _Shape:
 
 
 def _mark(hint: Any) -> Any:
-    """What a field is annotated with, also where it may be None; None where it is not."""
+    """The type of a field by its annotation, also if it may be None; None if it has no such annotation."""
     for one in (hint, *get_args(hint)):
         for extra in getattr(one, "__metadata__", ()):
             if isinstance(extra, Kind) or extra is _STATUS:

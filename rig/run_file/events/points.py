@@ -1,4 +1,4 @@
-"""Points and whole plots: what was observed, given up, begun and lost."""
+"""Events of points and whole plots: observed, skipped, begun and lost."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ _LATER, _FINAL = "later", "final"
 
 @dataclass(frozen=True, kw_only=True)
 class Observed(Event, kind="observation", matters=DETAIL):
-    """What was captured at a point.
+    """An observation at a point.
 
     Attributes:
         verdict: `ACCEPTED` or `REJECTED`.
         approach: side and start, by axis.
-        readback: of the axes, by quantity.
+        readback: readbacks of the axes, by quantity.
         settling: evidence that the axes settled, by name.
         measured_s: elapsed time when the readings began and ended.
         environment: state of the chambers, by name.
-        overload: what was out of range; only then the readings stand in `readings`, with null for what was.
-        readings: by column.
+        overload: columns that were out of range; `readings` is used only then, with null for overloads.
+        readings: readings by column.
         outputs: mean, sd and readings, by column.
         temperatures: likewise.
-        references: likewise, of what the sensors are calibrated against.
-        flags: what a reader of the data should know of it.
+        references: likewise, for the reference of the calibration.
+        flags: remarks for readers of the data.
         rejected: readings of the same attempt that were too noisy.
-        hole_s: a hole in time for which it was rejected.
-        lost: why its whole plot was lost, for which it was rejected.
+        hole_s: length of the hole in time for which it was rejected, seconds.
+        lost: reason for the loss of its whole plot, if it was rejected for that.
 
     """
 
@@ -63,11 +63,11 @@ class Observed(Event, kind="observation", matters=DETAIL):
 
     @property
     def importance(self) -> Importance:
-        """One that was rejected is told."""
+        """A rejected observation is reported."""
         return self.matters if self.accepted else DECISION
 
     def sentence(self, record: Record) -> str:
-        """Whether it was accepted."""
+        """Whether the observation was accepted."""
         if self.accepted:
             return f"point {record.run_index} observed"
         lost = " in a whole plot that was lost" if record.whole_plot is not None else ""
@@ -76,11 +76,11 @@ class Observed(Event, kind="observation", matters=DETAIL):
 
 @dataclass(frozen=True, kw_only=True)
 class Skipped(Event, kind="skip", exported=True):
-    """A point was put off, or given up for good.
+    """A point was postponed or skipped.
 
     Attributes:
         when: "later" or "final".
-        reason: why.
+        reason: reason for the decision.
 
     """
 
@@ -89,22 +89,22 @@ class Skipped(Event, kind="skip", exported=True):
 
     @classmethod
     def until_later(cls, reason: str) -> Skipped:
-        """A point that is put off."""
+        """A postponed point."""
         return cls(when=_LATER, reason=reason)
 
     @classmethod
     def for_good(cls, reason: str) -> Skipped:
-        """A point that is given up."""
+        """A skipped point."""
         return cls(when=_FINAL, reason=reason)
 
     @property
     def final(self) -> bool:
-        """Whether it was given up for good."""
+        """Whether the point was skipped for good."""
         return self.when == _FINAL
 
     @property
     def importance(self) -> Importance:
-        """People are told of points that were given up."""
+        """Skipped points are reported to people."""
         return Importance("decision", "warning", "warning" if self.final else "event")
 
     def sentence(self, record: Record) -> str:
@@ -114,7 +114,7 @@ class Skipped(Event, kind="skip", exported=True):
 
 @dataclass(frozen=True, kw_only=True)
 class Renewing(Event, status="renewing", matters=ROUTINE):
-    """Temperatures that stand already are left before a whole plot is soaked: where chambers are set meanwhile."""
+    """Chambers leave temperatures they already have, before a whole plot is soaked: their setpoints on the way."""
 
     setpoints_degC: Numbers = EMPTY
 
@@ -137,12 +137,12 @@ class TemperaturesLeft(
 
 @dataclass(frozen=True, kw_only=True)
 class WholePlotBegan(Event, status="whole-plot"):
-    """A soak is over: what follows belongs to a new whole plot, whose identity the record has.
+    """The end of a soak: what follows belongs to a new whole plot, whose identity is in the record.
 
     Attributes:
-        planned: which planned one it is a measurement of.
-        setpoints_degC: by chamber.
-        settling: evidence, by name.
+        planned: number of the planned whole plot.
+        setpoints_degC: setpoint by chamber.
+        settling: evidence of settling, by name.
 
     """
 
@@ -158,15 +158,15 @@ class WholePlotBegan(Event, status="whole-plot"):
 
 @dataclass(frozen=True, kw_only=True)
 class WholePlotLost(Event, status="whole-plot-lost", matters=LOSS, exported=True):
-    """A whole plot was given up, and is measured again under a new identity.
+    """A whole plot was given up; it is measured again under a new identity.
 
     Attributes:
-        reason: why.
-        planned: which planned one it was a measurement of.
+        reason: reason for its loss.
+        planned: number of the planned whole plot.
         first: its first point in the run list.
-        count: its points.
-        kept: readings that stay.
-        doubted_s: elapsed time from which on its readings are in doubt, and how many are `doubted`.
+        count: number of its points.
+        kept: number of its readings that are kept.
+        doubted_s: elapsed time from which its readings are in doubt; their number is `doubted`.
 
     """
 
@@ -184,7 +184,7 @@ class WholePlotLost(Event, status="whole-plot-lost", matters=LOSS, exported=True
         return range(self.first, self.first + self.count)
 
     def sentence(self, record: Record) -> str:
-        """Why, and what becomes of it."""
+        """Reason and consequence."""
         kept = "" if self.kept is None else f"{self.kept} readings stay, "
         return f"whole plot {record.whole_plot} lost: {self.reason}; {kept}it is measured again under a new identity"
 

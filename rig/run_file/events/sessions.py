@@ -1,4 +1,4 @@
-"""The run, its sessions, and who took part."""
+"""Events of the run and its sessions, instruments and operators."""
 
 from __future__ import annotations
 
@@ -28,20 +28,20 @@ _UNKNOWN_GAP = "a gap of unknown length: the machine restarted, and its clock wa
 
 @dataclass(frozen=True, kw_only=True)
 class RunCreated(Event, kind="run", says="run created, {points} points, run list {run_list:.16}..."):
-    """What a run is, as it was created.
+    """The definition of a run, written at its creation.
 
     Attributes:
         run_id: its name.
-        simulated: no real instrument involved.
+        simulated: whether no real instrument is involved.
         documents: digests of its documents, by name.
         run_list: hash of the run list.
         points: length of the run list.
-        seed: of the run list.
+        seed: seed of the run list.
         dry: whether its instruments are simulated by this program.
         software: versions, by name.
         procedure: name of the procedure.
         bench: name of the bench.
-        operator: who created it, and how that is known.
+        operator: person who created it, and source of the name.
         world_start_s: age of a dry run's world when the run began.
 
     """
@@ -62,7 +62,9 @@ class RunCreated(Event, kind="run", says="run created, {points} points, run list
 
     @property
     def runs_dry(self) -> bool:
-        """Whether it is a dry run; a simulated one that does not say is taken for one, and commands nothing real."""
+        """Whether it is a dry run. A simulated run without this field counts as one, because it commands nothing
+        real.
+        """
         return self.simulated if self.dry is None else self.dry
 
 
@@ -71,15 +73,17 @@ class SessionBegan(Event, kind="session", matters=Importance("session", "info", 
     """A controller was started on the run.
 
     Attributes:
-        operator: who runs it, and how that is known.
-        simulated: no real instrument involved.
-        pid: of the controller, on its `host`.
-        boot: the name of this boot of the bench's clock.
+        operator: person who runs it, and source of the name.
+        simulated: whether no real instrument is involved.
+        pid: process id of the controller, on its `host`.
+        boot: identifier of this boot of the bench's clock.
         software: versions, by name.
-        utc_step_s: by how much UTC had stepped against bench time since the record before.
+        utc_step_s: step of UTC relative to bench time since the previous record.
         clock_s: reading of the bench's clock, at `elapsed_s` since the run was created.
-        gap_s: since the last record, `gap_certain` unless it was bridged by UTC, `gap_known` unless UTC was wrong.
-        wal_frames_dropped: of a damaged log, with `wal_commits_lost` records, for `wal_damage`.
+        gap_s: time since the last record; `gap_certain` unless bridged by UTC, `gap_known` unless UTC was
+            wrong.
+        wal_frames_dropped: dropped frames of a damaged log, with `wal_commits_lost` records, because of
+            `wal_damage`.
 
     """
 
@@ -102,12 +106,12 @@ class SessionBegan(Event, kind="session", matters=Importance("session", "info", 
 
     @property
     def by(self) -> str:
-        """Who runs it, for people; "" if it does not say."""
+        """Operator, for people; "" if unknown."""
         return told({"operator": self.operator, "operator_by": self.operator_by})
 
     @property
     def writes_all(self) -> bool:
-        """Whether its controller writes down all that is held against one another; early versions did not."""
+        """Whether its controller records everything that the consistency checks need; early versions did not."""
         return self.utc_step_s is not None
 
     @property
@@ -116,7 +120,7 @@ class SessionBegan(Event, kind="session", matters=Importance("session", "info", 
         return self.clock_s - self.elapsed_s
 
     def sentence(self, record: Record) -> str:
-        """Which session, by whom, after which gap, and what had been lost."""
+        """Session, operator, gap before it, and lost records."""
         words = f"session {record.session} began{f', operator {self.by}' if self.by else ''}"
         if record.session > 1:
             certain = "" if self.gap_certain else " (by UTC, across a restart of the machine)"
@@ -129,14 +133,14 @@ class SessionBegan(Event, kind="session", matters=Importance("session", "info", 
 
 @dataclass(frozen=True, kw_only=True)
 class Identified(Event, kind="identity"):
-    """An instrument said who it is; it is new, or another one that was accepted.
+    """The identity of an instrument; it is new, or an accepted exchange.
 
     Attributes:
         instrument: the bench's name for it.
-        maker: as the instrument says, like `model`, `serial` and `firmware`.
-        asset: as the bench file says, like `due`, when its own calibration is due.
-        confirmed: whether the reply alone tells it from another of its model.
-        replaces: the body of the one before.
+        maker: by the instrument, like `model`, `serial` and `firmware`.
+        asset: by the bench file, like `due`, the date of its next calibration.
+        confirmed: whether the reply alone distinguishes it from another one of its model.
+        replaces: body of its predecessor.
 
     """
 
@@ -151,7 +155,7 @@ class Identified(Event, kind="identity"):
     replaces: Mapping[str, Any] | None = None
 
     def body(self) -> dict[str, Any]:
-        """See `Event.body`; what is not known is told as null."""
+        """See `Event.body`; unknown values are null."""
         return {name: value for name, value in vars(self).items() if name != "instrument"}
 
     @property
@@ -161,21 +165,21 @@ class Identified(Event, kind="identity"):
         return f"{self.maker} {self.model}, {serial}, asset {self.asset or 'not declared'}"
 
     def sentence(self, record: Record) -> str:
-        """Who it is, and whether in place of another."""
+        """Identity, and whether it replaces another instrument."""
         again = "" if self.replaces is None else ", accepted in place of another one"
         return f"{self.instrument}: {self.words}{again}"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Interruption(Event, status="interrupted", matters=SESSION, exported=True, ends="interrupted ({signal})"):
-    """A signal asked for the run to be left for a later resume."""
+    """A signal ended the session; the run can be resumed."""
 
     signal: Text = "signal"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Held(Event, kind="hold", matters=Importance("decision", "warning", "hold"), exported=True):
-    """The run waits for a person."""
+    """The run holds for a person."""
 
     why: Text = ""
 
@@ -186,17 +190,17 @@ class Held(Event, kind="hold", matters=Importance("decision", "warning", "hold")
 
 @dataclass(frozen=True, kw_only=True)
 class Released(Event, kind="release", matters=DECISION, exported=True, says="released"):
-    """A person let the run go on."""
+    """A person released the hold."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Stopped(Event, kind="stop", matters=DECISION, exported=True, ends="stopped on request"):
-    """A person asked for the run to be stopped."""
+    """A person asked to stop the run."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Parked(Event, status="parked", says="parked"):
-    """The session ended with its axes where they rest."""
+    """The session ended with its axes in their parking positions."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -211,12 +215,12 @@ class Ended(
 
     Attributes:
         how: "complete".
-        accepted: points observed.
+        accepted: number of observed points.
         skipped: reasons, by index of the point.
-        whole_plots: identities given; None where nothing is hard to change.
+        whole_plots: number of identities given; None if no factor is hard to change.
         lost: reasons, by identity of the whole plot.
-        records: before this one, which the writer of the file fills in.
-        head: hash of the record before this one, likewise.
+        records: number of records before this one; filled in by the writer of the file.
+        head: hash of the record before this one; likewise.
 
     """
 
@@ -231,14 +235,14 @@ class Ended(
 
 @dataclass(frozen=True, kw_only=True)
 class Rescued(Event, status="rescued", says="the file was moved, deleted or replaced; the run goes on in {to}"):
-    """The file lost its name; the run goes on in a copy."""
+    """The file was moved, deleted or replaced; the run continues in a copy."""
 
     to: Text
 
 
 @dataclass(frozen=True, kw_only=True)
 class ClockSet(Event, status="clock-set", exported=True, says="{message}"):
-    """The machine's clock was set: dates before and after do not go together."""
+    """The machine's clock was set: earlier and later dates disagree."""
 
     step_s: Seconds
     message: Text
@@ -248,7 +252,7 @@ class ClockSet(Event, status="clock-set", exported=True, says="{message}"):
 class NotNotified(
     Event, status="not-notified", matters=Importance("step", ""), says="{channel} was not told of {about}: {why}"
 ):
-    """Somebody could not be told of something; the log has it from when it happened."""
+    """A message could not be sent; the log has it from the time of its event."""
 
     channel: Text = ""
     about: Text = ""
@@ -257,11 +261,11 @@ class NotNotified(
 
 @dataclass(frozen=True, kw_only=True)
 class Hole(Event, status="hole", matters=LOSS, exported=True):
-    """The controller had no turn for longer than waiting explains: it was stopped, or the machine slept.
+    """The controller did not run for longer than its waits explain: it was stopped, or the machine slept.
 
     Attributes:
-        hole_s: how long, less what was being waited for.
-        where: in which state.
+        hole_s: length, less any announced wait, seconds.
+        where: state of the sequencer.
 
     """
 
@@ -269,7 +273,7 @@ class Hole(Event, status="hole", matters=LOSS, exported=True):
     where: Text = ""
 
     def sentence(self, record: Record) -> str:
-        """How long, where, and what follows."""
+        """Length, place, and consequence."""
         where = at(record) or f" while {self.where}"
         return (
             f"the controller had no turn for {self.hole_s:.0f} s{where} (stopped, or the machine asleep?); "

@@ -1,9 +1,9 @@
-"""Whether the records of a whole run file make sense together: what a controller that wrote them cannot have written.
+"""Consistency of the records of a sound run file: finds records that no controller can have written.
 
-The chain of hashes tells a change by somebody who does not make it again, and anybody can. What is held against one
-another here takes more to keep consistent: readings and their means, readbacks and setpoints, times, counts, marks and
-the events that explain them. A change that is consistent in itself (every reading and mean multiplied by 1.001) shows
-nowhere but against a head hash that was noted elsewhere.
+The hash chain shows a change only if its author did not compute the hashes again, and anybody can do that. The checks
+here are harder to satisfy: readings and their means, readbacks and setpoints, times, counts, marks and
+the events that explain them must agree. A change that is consistent in itself (every reading and mean multiplied by
+1.001) shows only in a comparison with a head hash that was noted elsewhere.
 """
 
 from rig.run_file.sense.check import Judged, judged

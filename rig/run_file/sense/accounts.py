@@ -1,4 +1,4 @@
-"""Whether what is counted and named is so: sessions, instruments, points, whole plots, the end's numbers."""
+"""Consistency of counts and names: sessions, instruments, points, whole plots, numbers of the end record."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from rig.run_file.state import RunState
 
 
 class Accounts:
-    """Looks at numbers and names.
+    """Checks numbers and names.
 
     Args:
         case: the run.
@@ -78,7 +78,7 @@ class Accounts:
         assert record.run_index is not None
         if not self._found:
             yield "nothing says how the bench was found in its session"
-        if not fold.prepared and fold.whole_plot is None:  # a soak that is over is enough, were it only just
+        if not fold.prepared and fold.whole_plot is None:  # a soak that has just ended is enough
             yield "nothing says that the bench was prepared"
         if self._closed or self._held:
             yield f"it was made after {self._closed or self._held}"

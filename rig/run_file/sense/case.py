@@ -1,4 +1,4 @@
-"""What a run file says the run is: the plan that its records are held against."""
+"""The definition of a run by its own file: the plan for the consistency checks of its records."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ from rig.run_file.reader import RunReader
 from rig.run_file.state import RunState
 
 NOTED = (NotNotified, ClockSet)
-"""Events that are written between two records which otherwise follow one another."""
+"""Events that may be written between two records that otherwise are consecutive."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """A run, as its own file has it.
+    """A run by its own file.
 
     Attributes:
         genesis: the first record.
-        about: what it says.
+        about: its event.
         run_list: every point.
         documents: file texts by name.
-        procedure: None where this version of rig does not read it.
+        procedure: None if this version of rig cannot read it.
         bench: likewise.
 
     """
@@ -51,28 +51,28 @@ class Case:
 
     @cached_property
     def conduct(self) -> Conduct | None:
-        """How its points were to be approached and read; None where the procedure is not read."""
+        """Planned approach and reading of its points; None if the procedure cannot be read."""
         return None if self.procedure is None else self.procedure.conduct
 
     @property
     def soak(self) -> SoakSettings | None:
-        """When its whole plots are soaked; None where it has none."""
+        """Criteria of soaking; None if it has no whole plots."""
         plots = None if self.conduct is None else self.conduct.whole_plots
         return None if plots is None else plots.soak
 
     @property
     def environment(self) -> EnvironmentSettings | None:
-        """What was asked of its environment, if anything."""
+        """Requested environment, if any."""
         return None if self.conduct is None else self.conduct.environment
 
     @property
     def speed(self) -> float:
-        """Bench seconds in a real second."""
+        """Bench seconds per real second."""
         live = self.bench.live if self.bench is not None else None
         return 1.0 if live is None else live.speed
 
     def unread(self) -> Iterator[str]:
-        """What cannot be checked, a sentence each."""
+        """Checks that are not possible, one sentence each."""
         if self.procedure is None:
             yield "this version of rig does not read its procedure: nothing was held against what that asks for"
         if self.bench is None:
@@ -94,15 +94,15 @@ def _bench(documents: Mapping[str, str]) -> BenchConfig | None:
 
 
 class Rule(Protocol):
-    """One kind of sense; looks at every record in order."""
+    """One group of checks; sees every record in order."""
 
     def look(self, record: Record, event: Event, fold: RunState) -> Iterator[str]:
-        """What makes no sense about a record: ends of sentences that begin with the record's name.
+        """Defects of a record: ends of sentences that begin with the record's name.
 
         Args:
             record: the record.
-            event: what it tells.
-            fold: what the run had come to before it.
+            event: its event.
+            fold: state of the run before it.
 
         """
         ...

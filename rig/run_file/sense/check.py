@@ -1,4 +1,4 @@
-"""All rules over all records, and what they find as findings."""
+"""All consistency checks over all records."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ _DOUBTS = 10
 
 @dataclass(frozen=True)
 class Judged:
-    """What was found.
+    """The results of the checks.
 
     Attributes:
-        findings: what no controller can have written.
-        doubts: what an honest run can have too, and what could not be checked; sentences.
+        findings: defects that no controller can have written.
+        doubts: remarks that are possible in an honest run too, and checks that were not possible; sentences.
 
     """
 
@@ -42,11 +42,11 @@ class Judged:
 
 
 def judged(run: RunReader, most: int) -> Judged:
-    """Hold the records of a file whose hashes are right against one another, and against its own documents.
+    """Compare the records of a file with correct hashes with one another and with the file's documents.
 
     Args:
-        run: the file, opened; it is read once more.
-        most: so many findings are told at most.
+        run: the opened file; it is read once more.
+        most: maximum number of findings.
 
     """
     case = Case.of(run)

@@ -1,4 +1,4 @@
-"""Whether what was done between two records can have been done in that time, and why it took no longer."""
+"""Consistency of durations: whether the work between two records fits into the time between them."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from rig.run_file.state import RunState
 _ROUNDED_S = 0.05
 _MOVE_S = 600.0
 _LEGS = 4
-"""An axis goes on so many legs to a point at most, each for ten minutes or as long as it may settle at most."""
+"""Maximum number of legs to a point; each takes at most ten minutes, or the settling timeout."""
 _SLACK_S = 3600.0
 _REAL_SLACK_S = 600.0
-"""Real seconds in which a busy machine may give a controller no turn without a hole of its own, again and again."""
+"""Real seconds for which a busy machine may repeatedly delay a controller without a recorded hole."""
 _LINE_HZ = 60.0
 _SURE = 0.9
 
 
 class Durations:
-    """Looks at how long things took.
+    """Checks durations.
 
     Args:
         case: the run.
@@ -104,7 +104,7 @@ class Durations:
 
 
 def _sweep_s(case: Case) -> float:
-    """What one reading takes at least: the longest integration time that the bench file gives."""
+    """Minimum duration of one reading, seconds: the longest integration time in the bench file."""
     if case.bench is None:
         return 0.0
     read = {sensor.reader for sensor in case.bench.sensors.values()}

@@ -1,4 +1,4 @@
-"""Whether the evidence that goes with a place is there, and says what it is taken for."""
+"""Consistency of evidence: whether the required evidence is present and supports its record."""
 
 from __future__ import annotations
 
@@ -18,25 +18,25 @@ from rig.run_file.sense.settled import Asked, unsettled
 from rig.run_file.state import RunState
 
 _STRAY_SDS, _SDS_OF_MAD = 6.0, 1.4826
-"""As the controller looks for a stray readback of a reference."""
+"""Same factor as in the controller's search for an outlier among readbacks of a reference."""
 _BEYOND = 2.0
-"""By so many overtravels, and one unit, an axis may be found beyond its limits."""
+"""Number of overtravels, plus one unit, by which an axis may be found beyond its limits."""
 _SETPOINT_STANDS = 0.1
 _RE_HOME = "re-home"
 _CLASS_OF = {"noisy": "noisy", "frozen": "frozen", "temperature": "temperature_left"}
-"""Marks, and the class of fault that the procedure accepts with each."""
+"""Flags, and the class of fault that the procedure accepts with each."""
 _OF_THE_RUN = "temperature_left"
 _ROUNDING = 1e-9
 
 
 class Evidence:
-    """Looks at evidence of settling, at marks against policies, at references, and at outputs that hang.
+    """Checks evidence of settling, flags against policies, references, and outputs that hang.
 
     Args:
         case: the run.
 
     Attributes:
-        doubts: what an honest run can have, too, and is worth a look.
+        doubts: remarks that are possible in an honest run too, but should be looked at.
 
     """
 
@@ -129,7 +129,7 @@ class Evidence:
                     yield from unsettled(name, evidence, Asked(target, band, soak.dwell_s, drift))
 
     def _lost(self, record: Record, event: WholePlotLost) -> Iterator[str]:
-        """How many readings are in doubt, and since when, say the same."""
+        """Check that the number of readings in doubt agrees with the start of the doubt."""
         if (event.doubted_s is None) is not (event.doubted is None):
             yield "it says how many readings are in doubt and not since when, or the other way round"
         elif event.doubted_s is not None:
@@ -179,7 +179,7 @@ class Evidence:
                 yield f"{factor.axis} came from {came[1]:g}, where the limits of the bench let nothing go"
 
     def _marks(self, record: Record, event: Observed) -> Iterator[str]:
-        """What is marked was accepted by a policy, after so many failures as that asks for."""
+        """Check that flagged observations were accepted by a policy, after the number of failures it requires."""
         if len(set(event.flags)) < len(event.flags):
             yield f"it is marked twice: {', '.join(event.flags)}"
         conduct = self._case.conduct
@@ -195,7 +195,7 @@ class Evidence:
                     yield f"it is marked as {flag}, and the procedure does not accept that here"
 
     def _note_chambers(self, event: Observed) -> None:
-        """A chamber that somebody sets or switches off stays near its temperature for a while."""
+        """Check chambers: one that somebody sets or switches off stays near its temperature for a while."""
         wanted = self._case.environment
         if wanted is None or self._case.soak is not None:
             return
@@ -213,7 +213,7 @@ class Evidence:
 
 
 def _hanging(event: Observed, before: Observed, *, moved: bool) -> Iterator[str]:
-    """An output that repeats, to the last digit, what was read directly before is marked, or is not accepted."""
+    """Check that an output that repeats its previous reading to the last digit is flagged, or not accepted."""
     for name, channel in event.outputs.items():
         then = before.outputs.get(name, {}).get("readings")
         if then and set(channel["readings"]) == {then[-1]} and (moved or len(set(then)) > 1):

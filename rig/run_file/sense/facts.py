@@ -1,4 +1,4 @@
-"""Whether the facts that a run and its sessions state are those of its own documents: SIMULATED above all."""
+"""Consistency of the facts of a run and its sessions with the run's documents, above all SIMULATED."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from rig.run_file.sense.case import Case
 from rig.run_file.state import RunState
 
 _SIMULATED = "sim://"
-"""How the address of a simulated instrument begins."""
+"""First characters of the address of a simulated instrument."""
 _DOCUMENTS = ("bench.toml", "procedure.toml")
-"""What every run begins with."""
+"""Documents that every run has."""
 _VIRTUAL = "virtual"
-"""The boot of a dry run, whose time is virtual."""
+"""Boot identifier of a dry run, whose time is virtual."""
 
 
 class Facts:
-    """Looks at the first record and at those of the sessions.
+    """Checks the first record and the records of sessions.
 
     Args:
         case: the run.
@@ -41,7 +41,7 @@ class Facts:
     def _run(self, run: RunCreated) -> Iterator[str]:
         case, bench = self._case, self._case.bench
         for name in _DOCUMENTS:
-            if name not in case.documents and run.dry is not None:  # as every controller's first record has it
+            if name not in case.documents and run.dry is not None:  # present in every controller's first record
                 yield f"it holds no {name}, with which every run begins"
         if run.points != len(case.run_list):
             yield f"it has {run.points} points, its run list {len(case.run_list)}"

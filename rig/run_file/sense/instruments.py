@@ -1,4 +1,6 @@
-"""Whether what instruments are said to be, to have read and to be left as goes with the bench file, and with nature."""
+"""Consistency of instruments: identities, readings and final states agree with the bench file and are physically
+possible.
+"""
 
 from __future__ import annotations
 
@@ -19,13 +21,13 @@ from rig.run_file.state import RunState
 
 _ABSOLUTE_ZERO_DEGC = -273.15
 _OVER_RANGE = 1.21
-"""Of its range a meter shows a fifth more at most, and says "overload" beyond."""
+"""Largest reading of a meter, relative to its range; beyond that it reports an overload."""
 _ROUNDING = 1e-6
 _PER_VOLT = {"V": 1.0, "mV": 1e3}
 
 
 class Instruments:
-    """Looks at identities, at the ends of scales, and at how axes and safe states were found.
+    """Checks identities, ends of scales, and the found states of axes and of the safe state.
 
     Args:
         case: the run.
@@ -56,7 +58,7 @@ class Instruments:
             case AsFound() | ReadBack():
                 self._chambers = set(event.chambers)
                 self._not_homed = [axis for axis, found in event.axes.items() if not found.get("homed", True)]
-            case Homed() | Held():  # while it is held somebody may home it
+            case Homed() | Held():  # during a hold somebody may home it
                 self._not_homed = []
             case MadeSafe():
                 yield from self._safe(event)
@@ -70,7 +72,7 @@ class Instruments:
         if event.due is not None and not _is_date(event.due):
             yield f"{event.due} is no date on which the calibration of {name} is due"
         declared = None if self._bench is None else self._bench.instruments.get(name)
-        if declared is None or event.replaces is not None or record.session > 1:  # the bench file may be another then
+        if declared is None or event.replaces is not None or record.session > 1:  # the bench file may have changed then
             return
         due = declared.due.isoformat() if declared.due else None
         for what, said, stands in (("asset", event.asset, declared.asset), ("due", event.due, due)):
@@ -96,7 +98,7 @@ class Instruments:
             yield f"it does not say at what temperature {', '.join(unseen)} was"
 
     def _safe(self, event: MadeSafe) -> Iterator[str]:
-        """What was read back is what it says: safe, or named as unsafe."""
+        """Check that every readback is safe, or that its instrument is named as unsafe."""
         if self._bench is None:
             return
         told = {words.partition(":")[0] for words in (*event.unsafe, *event.silent)}
@@ -119,7 +121,7 @@ class Instruments:
 
 
 def _measuring_range(instrument: InstrumentConfig, channel: str) -> float | None:
-    """Measuring range of a channel, volts; None where its driver has none."""
+    """Measuring range of a channel, volts; None if its driver has none."""
     own = instrument.options.get("ranges", {}).get(channel)
     if own is None:
         own = instrument.options.get("range_V")

@@ -1,4 +1,4 @@
-"""Whether faults, rejections, skips and attempts explain one another."""
+"""Consistency of faults, rejections, skips and attempts: each must be explained by the others."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from rig.run_file.sense.case import NOTED, Case
 from rig.run_file.state import RunState
 
 _AT_POINT = ("recovering", "moving", "settling", "measuring", "recording")
-"""States in which a failure is counted at the point in hand."""
+"""States in which a failure is counted at the current point."""
 _OF_THE_RUN = "temperature_left"
-"""The class of fault that is counted over the whole session."""
+"""Class of fault that is counted over the whole session."""
 _FLAGS = {"noisy", "frozen", "temperature"}
 _SKIP, _MEASURING, _OVERLOAD = "skip", "measuring", "overload"
 
 
 class Marks:
-    """Looks at what should have been written down before something else.
+    """Checks that the records required before another record are present.
 
     Args:
         case: the run.
@@ -68,7 +68,7 @@ class Marks:
                     yield f"it is marked as {', '.join(sorted(map(str, flags)))}, which no controller does"
 
     def _attempt(self, record: Record, event: Event) -> Iterator[str]:
-        """Every attempt at a point but the first follows something that made the one before end."""
+        """Check that every attempt after the first follows a record that ended the previous one."""
         index, attempt = record.run_index, record.attempt
         if index is None or attempt is None:
             return
@@ -92,7 +92,7 @@ class Marks:
 
 
 def _follows(record: Record, event: Event, before: Record, was: Event) -> Iterator[str]:
-    """What was written directly after one another belongs together."""
+    """Check records that must be consecutive."""
     same_point = record.run_index == before.run_index
     overloaded = isinstance(was, Observed) and was.overload is not None
     if isinstance(was, Observed) and not was.accepted:

@@ -1,4 +1,4 @@
-"""Whether an accepted observation was made where its point is: readbacks, references, settling, approach, chambers."""
+"""Consistency of accepted observations with their points: readbacks, references, settling, approach, chambers."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from rig.run_file.sense.case import Case
 from rig.run_file.state import RunState
 
 _NEAREST = 0.5
-"""Of its overtravel an axis must have come at least; the controller asks for more."""
+"""Smallest fraction of its overtravel that an axis must cover; the controller requires more."""
 _SETPOINT_STANDS = 0.1
-"""Degrees Celsius; a chamber keeps tenths or hundredths. The controller asks for more."""
+"""Tolerance of setpoints, degrees Celsius: a chamber rounds to tenths or hundredths. The controller requires less."""
 _ROUNDED_S = 0.002
-"""Seconds of a settling are written to the millisecond."""
+"""Tolerance of settling times, seconds: they are written to the millisecond."""
 _ROUNDING = 1e-9
 
 
 class Places:
-    """Looks at accepted observations and at the soaks of whole plots.
+    """Checks accepted observations and soaks of whole plots.
 
     Args:
         case: the run.
@@ -118,7 +118,7 @@ class Places:
                 yield factor.name, target
 
     def _soak(self, event: WholePlotBegan) -> Iterator[str]:
-        """A whole plot begins where the run list has it."""
+        """Check that a whole plot begins at its place in the run list."""
         soak = self._case.soak
         if soak is None:
             return
@@ -138,7 +138,7 @@ class Places:
                     yield from _settled(name, settled, target, tolerance)
 
     def _chambers_settled(self, chambers: Mapping[str, Any]) -> Iterator[str]:
-        """Before the first point the environment has settled as asked for."""
+        """Check that the environment had settled as requested before the first point."""
         wanted = self._case.environment
         if wanted is not None:
             for name, settled in chambers.items():

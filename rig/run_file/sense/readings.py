@@ -1,4 +1,4 @@
-"""Whether what an observation says of its readings is what they give: mean, sd, number, columns, the mark for noise."""
+"""Consistency of readings: mean, sd, number, columns and noise flag of an observation agree with its readings."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from rig.run_file.state import RunState
 
 _GROUPS = ("outputs", "temperatures", "references")
 _MEAN, _SD = 1e-12, 1e-9
-"""Of the largest reading: so far sums in another order may differ."""
+"""Tolerance, relative to the largest reading: rounding of sums in another order."""
 _SURE_BITS = 30.0
-"""Readings that repeat those of another observation by chance once in two to this power are not taken for chance."""
+"""Repeated readings count as a copy if their probability by chance is below two to the power of minus this."""
 _REMEMBERED = 200_000
 
 
 class Readings:
-    """Looks at every observation that has readings.
+    """Checks every observation that has readings.
 
     Args:
         case: the run.
@@ -80,7 +80,7 @@ class Readings:
             yield f"sd of NAME is {channel['sd']!r}, that of its {n} readings is {sd!r}"
 
     def _noise(self, event: Observed) -> Iterator[str]:
-        """An observation is marked as noisy where its noisiest output is, and nowhere else."""
+        """Check that an observation is flagged as noisy if and only if its noisiest output is."""
         marked = "noisy" in event.flags
         if self._most_V is None:
             if marked:
@@ -95,14 +95,14 @@ class Readings:
 
 
 class _Again:
-    """Knows readings again that were copied from one observation to another, where chance does not explain it."""
+    """Finds readings that were copied from another observation, if chance does not explain them."""
 
     def __init__(self) -> None:
         self._resolution: dict[str, float] = {}
         self._seen: dict[int, int | None] = {}
 
     def look(self, record: Record, outputs: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
-        """What repeats the readings of another observation; see `Rule.look`."""
+        """Observations that repeat the readings of another one; see `Rule.look`."""
         for name, channel in outputs.items():
             self._learn(name, channel["readings"])
         key = hash(tuple((name, *channel["readings"]) for name, channel in outputs.items()))
@@ -114,13 +114,13 @@ class _Again:
             self._seen[key] = record.run_index
 
     def _learn(self, name: str, readings: Sequence[float]) -> None:
-        """The smallest step between two readings of a column is a digit of its instrument, or a few."""
+        """Resolution of a column: the smallest step between two readings, one digit of its instrument or a few."""
         smallest, least = self._resolution.get(name, math.inf), _MEAN * abs(readings[0])
         for one, next_one in pairwise(sorted(readings)):
             if least < next_one - one < smallest:
                 smallest = self._resolution[name] = next_one - one
 
     def _bits(self, name: str, channel: Mapping[str, Any]) -> float:
-        """How many bits of chance the readings of a column have: what each scatters by, in digits."""
+        """Bits of randomness in the readings of a column, from the scatter of each in digits."""
         digits = channel["sd"] / self._resolution.get(name, math.inf)
         return len(channel["readings"]) * math.log2(max(1.0, digits))

@@ -1,4 +1,4 @@
-"""Whether evidence of settling is any: samples that stay within their band, for the dwell, without drift."""
+"""Validity of settling evidence: samples stay within their band, for the dwell time, without drift."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from itertools import pairwise
 from typing import Any
 
 _KEPT = 200
-"""Of a longer trace so many samples are kept, evenly: what lay between them is not known."""
+"""Number of samples kept of a longer trace, evenly spaced; values between them are unknown."""
 _ROUNDED_S = 0.001
 _ROUNDING = 1e-9
 _SLOPE = 1.02
-"""By so much at most a slope differs for the rounding of its times."""
+"""Maximum relative error of a slope by rounding of its times."""
 
 
 @dataclass(frozen=True)
 class Asked:
-    """When something has settled; drift is per second."""
+    """Criteria of settling; drift is per second."""
 
     target: float
     band: float
@@ -26,12 +26,12 @@ class Asked:
 
 
 def unsettled(name: str, evidence: Mapping[str, Any], asked: Asked) -> Iterator[str]:
-    """Why evidence shows nothing settled, though it says so: ends of sentences.
+    """Contradictions between settling evidence and its outcome: ends of sentences.
 
     Args:
-        name: of what settled.
+        name: name of the settled quantity.
         evidence: outcome, seconds taken, samples as [seconds, value].
-        asked: when it has settled.
+        asked: criteria of settling.
 
     """
     samples: Sequence[tuple[float, float]] = evidence["samples"]
@@ -57,7 +57,7 @@ def unsettled(name: str, evidence: Mapping[str, Any], asked: Asked) -> Iterator[
 
 
 def _inside_s(samples: Sequence[tuple[float, float]], asked: Asked) -> float:
-    """Seconds within the band, those outside taken off: as the controller counts, or more where samples are missing."""
+    """Seconds within the band, minus those outside: as the controller counts, or more if samples are missing."""
     inside_s, before = 0.0, False
     last = samples[0][0]
     for seconds, value in samples:
@@ -71,7 +71,7 @@ def _inside_s(samples: Sequence[tuple[float, float]], asked: Asked) -> float:
 
 
 def _slope(samples: Sequence[tuple[float, float]], asked: Asked, more_s: float) -> float:
-    """Of the last dwell and `more_s`: at its edge rounding says whether a sample is in it."""
+    """Slope over the last dwell time and `more_s`: rounding decides whether a sample at the edge is inside."""
     since = samples[-1][0] - asked.dwell_s - more_s
     recent = [s for s in samples if s[0] >= since and abs(s[1] - asked.target) <= asked.band + _ROUNDING]
     mean_s = sum(t for t, _ in recent) / max(len(recent), 1)

@@ -1,4 +1,4 @@
-"""Whether times follow one another: records, sessions, the readings inside their session, and dates against them."""
+"""Consistency of times: order of records and sessions, readings inside their session, and dates."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from rig.run_file.sense.case import Case
 from rig.run_file.state import RunState
 
 _ROUNDING_S = 0.002
-"""So far a session's first record may seem to lie before the last one's of the session before."""
+"""Seconds by which a session's first record may appear to be before the last record of the previous session."""
 _NAMED_S = 3600.0
-"""Of a real bench the run's name has the date of its first record, to the second."""
+"""On a real bench the run's name has the date of its first record, to the second."""
 _STEP_S = 120.0
-"""A step of UTC above this is marked by those that mark steps, which they do from less on."""
+"""Step of UTC, seconds, above which a mark is required; controllers mark smaller steps too."""
 _NAME = re.compile(r"(\d{8}T\d{6})-")
 
 
 class Times:
-    """Looks at the times of every record.
+    """Checks the times of every record.
 
     Args:
         case: the run.
 
     Attributes:
-        doubts: what an honest run can have, too, and is worth a look.
+        doubts: remarks that are possible in an honest run too, but should be looked at.
 
     """
 
@@ -105,7 +105,9 @@ class Times:
             yield f"its readings began at {began:.3f} s, before a hole in time that ended at {self._hole_s:.3f}"
 
     def _date(self, record: Record, event: Event, before: Record) -> Iterator[str]:
-        """Dates go on as elapsed time does, but for steps of the machine's clock, which a controller marks."""
+        """Check that dates advance with elapsed time, except for steps of the machine's clock, which a controller
+        marks.
+        """
         step_s = (record.utc_s - record.elapsed_s) - (before.utc_s - before.elapsed_s)
         marked_s = 0.0
         if isinstance(event, SessionBegan):
@@ -117,7 +119,7 @@ class Times:
         what = f"its date, {_date(record.utc_s)}, is off by {step_s - marked_s:.0f} s from that of the record before it"
         if self._marks_steps:
             yield f"{what}, and nothing says that the clock was set"
-        elif record.session > 1 or not isinstance(event, SessionBegan):  # a run may be created long before it is begun
+        elif record.session > 1 or not isinstance(event, SessionBegan):  # a run may be created long before its start
             self.doubts.append(f"{_name(record)}: {what}: the machine's clock was set, or a date was changed")
 
 

@@ -1,4 +1,4 @@
-"""Whether a record is one that a controller of this version writes: known kinds, every field, in an order it has."""
+"""Whether a controller of this version writes such records: known kinds, complete fields, possible order."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ _RIG = "calibration-rig"
 _DECISIONS = {"retry", "re-home", "re-soak", "skip", "hold", "abort", "leave"}
 _HOLD = "hold"
 _OF_A_FAULT = ("error", "where", "failure", "number", "pause_s")
-"""Of one that a policy decided about."""
+"""Fields of a fault that a policy decided about."""
 _LEFT = "temperature_left"
 _DOUBTED = " readings are in doubt and left out)"
 
 
 def other_version(case: Case) -> Iterator[str]:
-    """What is not held against the stored procedure since another version of rig is said to have begun the run."""
+    """Remark on checks against the stored procedure that were left out because another version of rig began the run."""
     said = case.about.software.get(_RIG, "none")
     if said == VERSION or case.procedure is None:
         return
@@ -35,7 +35,7 @@ def other_version(case: Case) -> Iterator[str]:
 
 
 class Written:
-    """Looks at what no controller of this version writes.
+    """Finds records that no controller of this version writes.
 
     Args:
         case: the run.
@@ -52,7 +52,7 @@ class Written:
 
     @property
     def doubts(self) -> list[str]:
-        """What was not looked at, since a session is said to be another version's."""
+        """Remarks on checks that were left out because a session is by another version."""
         return [
             f"session {first} is said to be {what}: its records were not held against all that this version writes"
             for what, first in self._unheld.items()

@@ -1,6 +1,6 @@
-"""The evening's doctor: everything that can be known before a night about bench, disk, clock, machine and people.
+"""`rig doctor`: checks of bench, disk, clock, machine and notifications before an unattended run.
 
-It asks every instrument who it is and changes nothing.
+It asks every instrument for its identity and changes nothing.
 """
 
 from __future__ import annotations
@@ -34,17 +34,17 @@ __all__ = ["Finding", "Level", "Visit", "examine"]
 
 @dataclass(frozen=True)
 class Visit:
-    """What the doctor is asked to look at.
+    """Inputs of the checks.
 
     Attributes:
         bench: a bench file.
         procedure: a procedure file.
-        run: a run file that is to go on.
-        out: the folder that a new run file is to go to.
-        dry: twins in place of the instruments.
-        world: the truth behind them.
+        run: a run file to be resumed.
+        out: the folder for a new run file.
+        dry: use twins in place of the instruments.
+        world: the world file for the twins.
         notify: send a test message.
-        notify_file: another notify.toml than the usual one.
+        notify_file: a notify.toml in place of the default one.
 
     """
 
@@ -60,7 +60,7 @@ class Visit:
 
 @dataclass
 class _Patient:
-    """What has been found out so far, for the checks that follow."""
+    """Results so far, for later checks."""
 
     config: BenchConfig | None = None
     plan: Plan | None = None
@@ -72,7 +72,7 @@ class _Patient:
 
 
 def examine(visit: Visit) -> Iterator[Finding]:
-    """Every finding, as it is made. Raises `UsageError` for what cannot be asked together."""
+    """Yield every finding as it is made. Raises `UsageError` for options that exclude one another."""
     _check_question(visit)
     now_s = RealClock().utc()
     patient = _Patient(dry=visit.dry)
@@ -103,7 +103,7 @@ def _check_question(visit: Visit) -> None:
 
 
 def _caught(findings: Iterator[Finding], check: str) -> Iterator[Finding]:
-    """Findings, and an error that ends them as the last: the other checks go on."""
+    """The findings of a check; an error ends this check and is its last finding. Other checks continue."""
     try:
         yield from findings
     except RigError as error:
@@ -146,7 +146,7 @@ def _read_files(visit: Visit, patient: _Patient) -> Iterator[Finding]:
 
 
 def _forecast(patient: _Patient, now_s: float) -> Iterator[Finding]:
-    """How long it will take, by a rehearsal on twins; what is done already is taken off in proportion."""
+    """Expected duration, by a rehearsal on twins; completed points are subtracted in proportion."""
     from rig.forecast import rehearse  # noqa: PLC0415
 
     assert patient.plan is not None
@@ -160,7 +160,7 @@ def _forecast(patient: _Patient, now_s: float) -> Iterator[Finding]:
 
 
 _REHEARSED = 60
-"""Points that are rehearsed: enough to know the day it ends on."""
+"""Maximum number of rehearsed points: enough to know the day of the end."""
 
 
 def _instruments(visit: Visit, patient: _Patient) -> Iterator[Finding]:

@@ -1,4 +1,4 @@
-"""Addresses of a bench: is the device there, may it be opened, does another program have it?"""
+"""Addresses of a bench: checks that each device exists, may be opened, and is free."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _RAW_NAME = re.compile(r"/dev/tty(USB|ACM)\d+$")
 
 
 def check_addresses(instruments: Mapping[str, InstrumentConfig]) -> Iterator[tuple[str, Finding]]:
-    """A name and a finding for every instrument; nothing is opened."""
+    """Pairs (name, finding) for every instrument; nothing is opened."""
     holders = _holders()
     for name, instrument in instruments.items():
         yield name, _check(f"address of {name}", instrument.address, holders)
@@ -44,11 +44,11 @@ def _check_device(check: str, device: Path, holders: Mapping[str, str]) -> Findi
     try:
         found = device.stat()
     except FileNotFoundError:
-        return problem(check, f"there is no {device}", _where_else(device))
+        return problem(check, f"{device} does not exist", _where_else(device))
     except OSError as error:
-        return problem(check, f"{device}: {error.strerror}", "ask whoever administers this machine")
+        return problem(check, f"{device}: {error.strerror}", "ask the administrator of this machine")
     if not stat.S_ISCHR(found.st_mode):
-        return problem(check, f"{device} is no device", "correct the address in the bench file")
+        return problem(check, f"{device} is not a device", "correct the address in the bench file")
     if not os.access(device, os.R_OK | os.W_OK):
         return problem(check, f"{device} may not be opened by {_me()}", _how_to_be_let_in(found))
     holder = holders.get(os.path.realpath(device))
@@ -56,7 +56,7 @@ def _check_device(check: str, device: Path, holders: Mapping[str, str]) -> Findi
         return problem(check, f"{device} is open in {holder}", "end that program before the run")
     if _RAW_NAME.search(str(device)):
         next_step = f"name it by {_by_id(device)}, or by a udev rule (docs/unattended.md)"
-        return warning(check, f"{device} is there; its number changes when cables are moved", next_step)
+        return warning(check, f"{device} exists; its number changes when cables are moved", next_step)
     real = os.path.realpath(device)
     return ok(check, str(device) if real == str(device) else f"{device} -> {real}")
 
@@ -107,7 +107,7 @@ def _check_can(check: str, interface: str) -> Finding:
     try:
         flags = int((folder / "flags").read_text(encoding="ascii"), 16)
     except (OSError, ValueError):
-        return warning(check, f"whether {interface} is up cannot be told", "ip -details link")
+        return warning(check, f"the state of {interface} cannot be read", "ip -details link")
     return ok(check, f"{interface} is up") if flags & 1 else problem(check, f"{interface} is down", up)
 
 
@@ -115,13 +115,13 @@ def _check_host(check: str, address: str, host: str) -> Finding:
     try:
         found = {str(info[4][0]) for info in socket.getaddrinfo(host, None, type=socket.SOCK_STREAM)}
     except OSError as error:
-        return problem(check, f"{host} is not known: {error.strerror}", "correct the name, or see to the network")
+        return problem(check, f"{host} is not known: {error.strerror}", "correct the name, or check the network")
     known = host if host in found else f"{host} is {', '.join(sorted(found))}"
     return ok(check, f"{address} ({known})" if known != host else address)
 
 
 def _holders() -> dict[str, str]:
-    """Device files that processes have open, as far as this user may see, with the process's name and number."""
+    """Open device files of processes, as far as this user may see them, with the process's name and number."""
     held: dict[str, str] = {}
     for folder in Path("/proc").glob("[0-9]*"):
         if folder.name == str(os.getpid()):

@@ -1,4 +1,4 @@
-"""The disk a run file is to live on: room, rights, kind of file system, locks, and whether it really syncs."""
+"""The disk for run files: free space, rights, kind of file system, locks, and durable writes."""
 
 from __future__ import annotations
 
@@ -39,8 +39,8 @@ def check_disk(folder: Path, points: int | None) -> Iterator[Finding]:
     """Findings about the folder for run files.
 
     Args:
-        folder: where the run file is or will be; it need not exist.
-        points: how many points are to come, None if nobody knows.
+        folder: folder of the run file; it need not exist yet.
+        points: number of remaining points, None if unknown.
 
     """
     existing = next((p for p in (folder, *folder.absolute().parents) if p.is_dir()), Path("/"))
@@ -54,7 +54,7 @@ def check_disk(folder: Path, points: int | None) -> Iterator[Finding]:
             yield _locks(Path(inside) / "lock")
             yield _sync(Path(inside) / "sync")
     except OSError as error:
-        yield problem("disk: writing", f"{existing}: {error.strerror}", "mend the disk, or choose another folder")
+        yield problem("disk: writing", f"{existing}: {error.strerror}", "repair the disk, or choose another folder")
 
 
 def _room(folder: Path, points: int | None) -> Finding:
@@ -62,7 +62,7 @@ def _room(folder: Path, points: int | None) -> Finding:
     has = f"{folder} has {free / 1e9:.1f} GB free"
     if points is None:
         if free < 1e9:
-            return warning("disk: room", has, "name the procedure, to know what it needs; or free some")
+            return warning("disk: room", has, "give the procedure, so that its need is known; or free some space")
         return ok("disk: room", has)
     needed, largest = needed_bytes(points), largest_file_bytes()
     text = f"{has}; {points} points need {needed / 1e6:.0f} MB"
@@ -70,12 +70,12 @@ def _room(folder: Path, points: int | None) -> Finding:
     if free < needed:
         return problem("disk: room", text, "free some, or choose another folder with --out")
     if largest is not None and largest < needed:
-        limited = f"{text}, and files may have {largest / 1e6:.1f} MB at most here"
+        limited = f"{text}, and the size of files is limited to {largest / 1e6:.1f} MB here"
         return problem("disk: room", limited, "ulimit -f unlimited; LimitFSIZE= of a service")
     if os.statvfs(folder).f_files and names < 100:
-        return problem("disk: room", f"{folder} has room for {names} more files only", "remove files there")
+        return problem("disk: room", f"{folder} has room for only {names} more files", "remove files there")
     if free < 5 * needed + 1e9:
-        return warning("disk: room", text, "see that nothing else fills it in the night")
+        return warning("disk: room", text, "make sure that nothing else fills it in the night")
     return ok("disk: room", text)
 
 
@@ -83,9 +83,9 @@ def _kind(folder: Path) -> Iterator[Finding]:
     kind, options = mounted(folder)
     check = "disk: file system"
     if not kind:
-        yield warning(check, "its kind cannot be told", "see that it is a local disk")
+        yield warning(check, "its kind is unknown", "make sure that it is a local disk")
     elif kind in _MEMORY:
-        yield warning(check, f"{kind}: lives in memory", "a power cut loses the run; choose a folder on a disk")
+        yield warning(check, f"{kind}: it is in memory", "a power cut loses the run; choose a folder on a disk")
     elif kind in _NETWORK:
         advice = "locks and syncs over a network cannot be relied on: choose a folder on a local disk and copy later"
         yield warning(check, f"{kind}: a network file system", advice)
@@ -100,7 +100,7 @@ def _kind(folder: Path) -> Iterator[Finding]:
 
 
 def mounted(folder: Path) -> tuple[str, set[str]]:
-    """Kind and options of the file system a folder is on; "" where the system does not say."""
+    """Kind and options of a folder's file system; "" if unknown."""
     try:
         device = os.stat(folder).st_dev
         text = Path("/proc/self/mountinfo").read_text(encoding="utf-8", errors="replace")
@@ -143,9 +143,9 @@ def _sync(path: Path) -> Finding:
     seconds = sync_s(path)
     text = f"one record is on the disk within {1e3 * seconds:.3g} ms (median of {_SYNCS})"
     if seconds < _TOO_QUICK_S:
-        return warning(check, f"{text}: no disk is that quick", "a power cut would lose records; choose another folder")
+        return warning(check, f"{text}: no disk is that fast", "a power cut would lose records; choose another folder")
     if seconds > _SLOW_S:
-        return warning(check, text, "every point waits for it: see what else uses the disk, or choose another")
+        return warning(check, text, "every point waits for it: find out what else uses the disk, or choose another")
     return ok(check, text)
 
 

@@ -1,4 +1,4 @@
-"""What the doctor says: one finding a check, with what to do next."""
+"""Findings of `rig doctor`: one per check, with the next step."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ class Finding:
     """The outcome of one check.
 
     Attributes:
-        level: "ok"; "warning": the night can go on, but; "problem": mend it before the night.
-        check: what was looked at.
-        found: what was found.
+        level: "ok"; "warning": the run can start; "problem": repair it before the run.
+        check: the subject of the check.
+        found: the result.
         next_step: what to do, "" if nothing.
-        exit_code: what `rig doctor` ends with if this is the worst it finds.
+        exit_code: exit code of `rig doctor` if this is the most severe finding.
 
     """
 
@@ -38,10 +38,10 @@ def ok(check: str, found: str) -> Finding:
 
 
 def warning(check: str, found: str, next_step: str) -> Finding:
-    """The night can go on, but."""
+    """A finding of level "warning": the run can start."""
     return Finding("warning", check, found, next_step)
 
 
 def problem(check: str, found: str, next_step: str, exit_code: int = 1) -> Finding:
-    """To be mended before the night."""
+    """A finding of level "problem": to be repaired before the run."""
     return Finding("problem", check, found, next_step, exit_code)

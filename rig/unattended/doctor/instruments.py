@@ -1,4 +1,6 @@
-"""The instruments of a bench: free, answering, the right ones, in calibration. Asks who they are, changes nothing."""
+"""The instruments of a bench: checks that they are free, answer, are the right ones, and are within their
+calibration interval. It asks for identities and changes nothing.
+"""
 
 from __future__ import annotations
 
@@ -20,16 +22,16 @@ from rig.unattended.doctor.addresses import check_addresses
 from rig.unattended.doctor.findings import Finding, ok, problem, warning
 
 Known = Mapping[str, Mapping[str, Any]]
-"""Identities that a run file holds, by instrument."""
+"""Identities in a run file, by instrument."""
 
 
 def check_instruments(config: BenchConfig, known: Known, run_file: Path | None) -> Iterator[Finding]:
-    """Findings about a real bench: addresses, locks, who answers.
+    """Findings about a real bench: addresses, locks, identities.
 
     Args:
         config: the bench file.
-        known: who the instruments were when the run last went on; {} for a new one.
-        run_file: the run that is to go on, for messages.
+        known: identities in the run's last session; {} for a new run.
+        run_file: the run to be resumed, for messages.
 
     """
     addresses = dict(check_addresses(config.instruments))
@@ -46,7 +48,7 @@ def check_instruments(config: BenchConfig, known: Known, run_file: Path | None) 
 
 
 def check_twins(config: BenchConfig, truth: Mapping[str, Any], known: Known) -> Iterator[Finding]:
-    """The same of a dry run's simulated bench, which has neither addresses nor locks."""
+    """The same for the simulated bench of a dry run, which has neither addresses nor locks."""
     from rig.simulated.dry_run import DryBench  # noqa: PLC0415 - a real run never loads the simulation
 
     dry = DryBench(config, truth)
@@ -65,7 +67,7 @@ def ask(
     *,
     leave_out: Collection[str] = (),
 ) -> Iterator[Finding]:
-    """Ask every instrument who it is, going on past those that do not answer, without those that cannot be reached."""
+    """Ask every reachable instrument for its identity, also after one does not answer."""
     options = check_options(config, "bench")
     opened: list[Instrument] = []
     try:
@@ -81,7 +83,7 @@ def ask(
             else:
                 yield _identity(name, declared, identity, known.get(name), run_file)
                 for said in instrument.remarks() if isinstance(instrument, Remarking) else ():
-                    yield warning(name, said, "see whether that will do; docs/instruments.md says what depends on it")
+                    yield warning(name, said, "check whether this is enough (docs/instruments.md)")
     finally:
         for instrument in opened:
             instrument.close()
@@ -91,19 +93,20 @@ def ask(
 def _identity(
     name: str, declared: InstrumentConfig, found: Identity, before: Mapping[str, Any] | None, run_file: Path | None
 ) -> Finding:
-    serial = f"serial number {found.serial}" if found.confirmed else "does not tell its serial number"
+    serial = f"serial number {found.serial}" if found.confirmed else "does not report its serial number"
     text = f"{found.maker} {found.model}, {serial}"
     if declared.serial and found.confirmed and declared.serial != found.serial:
         advice = "connect the declared instrument, or correct the bench file"
         return problem(name, f"{text}; the bench file says {declared.serial}", advice)
     now = {"maker": found.maker, "model": found.model, "serial": found.serial, "asset": declared.asset}
     if before is not None and any(before[key] != now[key] for key in now):
-        was = f"{before['maker']} {before['model']}, serial number {before['serial'] or 'not told'}"
+        was = f"{before['maker']} {before['model']}, serial number {before['serial'] or 'unknown'}"
         was += f", asset {before['asset']}" if before["asset"] else ""
         advice = f"connect the first one, or: rig resume {run_file or 'RUN'} --accept {name}"
         return problem(name, f"{text}; the run began with another one ({was})", advice)
     if not found.confirmed and not declared.asset:
-        return warning(name, text, "give it an asset number in the bench file: nothing else tells it from another")
+        advice = "give it an asset number in the bench file: nothing else distinguishes it from another one"
+        return warning(name, text, advice)
     return ok(name, text if found.confirmed else f"{text}; known by asset number {declared.asset}")
 
 
@@ -116,7 +119,7 @@ def check_due(config: BenchConfig, now_s: float, end_s: float | None) -> Iterato
 
 
 def _due(check: str, due: date | None, today: date, last: date) -> Finding:
-    advice = "have it calibrated first: what is measured with it is not traceable"
+    advice = "have it calibrated first: its measurements are not traceable"
     if due is None:
         return ok(check, "no due date in the bench file")
     if due < today:

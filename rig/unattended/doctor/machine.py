@@ -1,4 +1,4 @@
-"""The machine: will it sleep, restart by itself, run on a battery; and the software on it."""
+"""The machine: sleep, automatic restarts, battery; and its software."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from rig.unattended.doctor.findings import Finding, ok, problem, warning
-from rig.versions import versions
+from rig.version import versions
 
 
 def check_power(root: Path = Path("/")) -> Iterator[Finding]:
-    """Findings about sleep, battery and restarts, from what files say; `root` is where those files are."""
+    """Findings about sleep, battery and restarts, from system files; `root` is the folder of these files."""
     yield _sleep(root)
     yield from _battery(root)
     if _restarts_by_itself(root):
-        advice = "a service carries the run on (rig service); better, put the restart off: Automatic-Reboot false"
+        advice = "a service continues the run (rig service); better, disable the restart: Automatic-Reboot false"
         yield warning("restarts", "automatic updates may restart the machine", advice)
 
 
@@ -68,7 +68,7 @@ def _read(path: Path) -> str:
 
 
 def check_software() -> Iterator[Finding]:
-    """Findings about Python, SQLite and the libraries whose answers matter."""
+    """Findings about Python, SQLite and the numerical libraries."""
     known = versions()
     yield ok("python", f"{platform.python_version()} on {platform.system()} {platform.release()}")
     yield check_sqlite(known["sqlite"])
@@ -93,7 +93,8 @@ _NEEDED = (
     "jinja2",
 )
 _MENDED = {(3, 44): 6, (3, 50): 7, (3, 51): 3}
-"""Lines of SQLite in which the WAL-reset bug was mended, and by which release; from 3.52 on it is mended everywhere."""
+"""Release lines of SQLite and the release of each that corrected the WAL-reset bug; it is corrected in all from 3.52
+on."""
 
 
 def check_sqlite(version: str) -> Finding:

@@ -1,4 +1,4 @@
-"""Whether anybody will be told: notify.toml, its secrets, and a test message where that was asked for."""
+"""Notifications: notify.toml, its secrets, and a test message if requested."""
 
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ def check_people(explicit: Path | None, facts: RunFacts, now_s: float, *, send: 
     """Findings about notifications.
 
     Args:
-        explicit: the file to use, None for the usual one.
-        facts: what a test message is to say of the bench.
+        explicit: the file to use, None for the default one.
+        facts: facts about the bench for a test message.
         now_s: UTC, seconds since 1970-01-01.
         send: send a test message over every channel.
 
     """
     path = find_settings(explicit)
     if path is None:
-        yield warning("notifications", "nobody is told of anything", "write a notify.toml (docs/unattended.md)")
+        yield warning("notifications", "nobody is notified", "write a notify.toml (docs/unattended.md)")
         return
     try:
         settings = read_settings(path)
     except ConfigurationError as error:
-        yield problem("notifications", str(error), "correct it; a resumed run would go on and tell nobody")
+        yield problem("notifications", str(error), "correct it; a resumed run would notify nobody")
         return
     sends, wrong = senders(settings, str(path))
     for text in wrong:
-        yield problem("notifications", text, "correct it; a resumed run would go on and tell nobody there")
+        yield problem("notifications", text, "correct it; a resumed run would notify nobody on this channel")
     for file in secret_files(settings):
         if file.stat().st_mode & (stat.S_IRWXG | stat.S_IRWXO):
             yield warning("notifications: secrets", f"{file} may be read by others", f"chmod 600 {file}")
@@ -47,12 +47,12 @@ def check_people(explicit: Path | None, facts: RunFacts, now_s: float, *, send: 
 
 
 def _try(sends: Mapping[str, Send], facts: RunFacts, now_s: float) -> Iterator[Finding]:
-    test = Happening(Kind.TEST, "info", "rig doctor tries whether messages arrive; nothing has happened", now_s)
+    test = Happening(Kind.TEST, "info", "a test by rig doctor that messages arrive; nothing has happened", now_s)
     for label, send in sends.items():
         check = f"notifications: {label}"
         try:
             send(compose(test, facts, None))
         except NotSent as error:
-            yield problem(check, str(error), "correct notify.toml, or see to the network; then try again")
+            yield problem(check, str(error), "correct notify.toml, or check the network; then try again")
         else:
-            yield ok(check, "a test message was sent; see that it arrived")
+            yield ok(check, "a test message was sent; check that it arrived")

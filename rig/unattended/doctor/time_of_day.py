@@ -1,4 +1,4 @@
-"""The machine's clock: is UTC sane and kept in step, and does local time change during the run?"""
+"""The machine's clock: checks that UTC is plausible and synchronised, and whether local time changes during the run."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rig.unattended.doctor.findings import Finding, ok, problem, warning
 _BUILT = datetime(2025, 1, 1, tzinfo=UTC).timestamp()
 _FAR = datetime(2100, 1, 1, tzinfo=UTC).timestamp()
 _UNSYNCHRONISED = 0x40  # STA_UNSYNC of <sys/timex.h>
-_STEP_S = 900.0  # no place on Earth changes its clocks other than on a quarter of an hour
+_STEP_S = 900.0  # clocks change only at quarters of an hour, everywhere on Earth
 
 
 def check_clock(now_s: float, end_s: float | None, newest_s: float | None) -> Iterator[Finding]:
@@ -21,7 +21,7 @@ def check_clock(now_s: float, end_s: float | None, newest_s: float | None) -> It
 
     Args:
         now_s: UTC, seconds since 1970-01-01.
-        end_s: when the run is expected to end, None if nobody knows.
+        end_s: expected end of the run, None if unknown.
         newest_s: UTC of the newest record of the run or the newest file, which cannot be later than now.
 
     """
@@ -72,7 +72,7 @@ def _in_step() -> Finding:
             return ok("clock: in step", "kept in step by a time service")
         case False:
             advice = "timedatectl set-ntp true (or chrony): durations do not need it, dates on certificates do"
-            return warning("clock: in step", "no time service keeps it in step", advice)
+            return warning("clock: in step", "no time service synchronises it", advice)
         case _:
             return ok("clock: in step", "cannot be told here")
 

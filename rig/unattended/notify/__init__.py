@@ -1,4 +1,4 @@
-"""Telling people: on hold, fault, warning, stop, finish, and after a crash. Never in the way of a run."""
+"""Notifications to people: on hold, fault, warning, stop, finish, and after a crash. They never delay a run."""
 
 from rig.unattended.notify.channels import Send, sender, senders
 from rig.unattended.notify.delivery import NotSent

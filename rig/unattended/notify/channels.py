@@ -1,4 +1,4 @@
-"""How a message gets to people: mail, webhook, a program of the user's, apprise. Each send may block and may fail."""
+"""Channels of notifications: mail, webhook, a program of the user, apprise. Each send may block and may fail."""
 
 from __future__ import annotations
 
@@ -26,7 +26,9 @@ Send = Callable[[Message], None]
 
 
 def sender(channel: Mail | Webhook | Command | Apprise) -> Send:
-    """What sends a message over a channel, or raises `NotSent`. Raises `ConfigurationError` for a missing secret."""
+    """A function that sends a message over a channel, or raises `NotSent`. Raises `ConfigurationError` for a missing
+    secret.
+    """
     match channel:
         case Mail():
             return mail_sender(channel)
@@ -39,7 +41,9 @@ def sender(channel: Mail | Webhook | Command | Apprise) -> Send:
 
 
 def senders(settings: NotifySettings, where: str) -> tuple[dict[str, Send], list[str]]:
-    """What sends over each channel, by label; and what is wrong with each of the others, naming channel and file."""
+    """Functions that send, by label of the channel; and for each invalid channel a sentence with channel, file and
+    defect.
+    """
     found, wrong = {}, []
     for channel in settings.channel:
         try:
@@ -52,7 +56,7 @@ def senders(settings: NotifySettings, where: str) -> tuple[dict[str, Send], list
 # --- command ----------------------------------------------------------------------------------------------------------
 
 _MOST_BYTES = 1 << 16
-"""Of what a program complains, many times what is repeated of it."""
+"""Maximum length of a program's error output that is read; much more than is repeated."""
 _NOT_FOR_CHILDREN = ("NOTIFY_SOCKET", "WATCHDOG_USEC", "WATCHDOG_PID")
 
 
@@ -66,7 +70,7 @@ def _command(channel: Command) -> Send:
         argv = [program, *(str(filled(part, words)).replace("\0", "") for part in channel.argv[1:])]
         told = {f"RIG_{name.upper()}": text.replace("\0", "") for name, text in words.items()}
         env = {k: v for k, v in os.environ.items() if k not in _NOT_FOR_CHILDREN} | told
-        with tempfile.TemporaryFile() as complaints:  # a file, so that a grandchild cannot keep us waiting on a pipe
+        with tempfile.TemporaryFile() as complaints:  # a file, so that we never wait for a grandchild that holds a pipe
             try:
                 process = subprocess.Popen(
                     argv,
@@ -74,7 +78,7 @@ def _command(channel: Command) -> Send:
                     stdout=subprocess.DEVNULL,
                     stderr=complaints,
                     env=env,
-                    start_new_session=True,  # Ctrl-C at the controller's terminal is not for it
+                    start_new_session=True,  # Ctrl-C at the controller's terminal must not end it
                 )
             except (OSError, ValueError) as error:
                 raise NotSent(f"{argv[0]}: {error}", permanent=True) from None
@@ -85,7 +89,7 @@ def _command(channel: Command) -> Send:
                 raise NotSent(f"{argv[0]} took longer than {channel.timeout_s:g} s", permanent=True) from None
             if process.returncode:
                 complaints.seek(0)
-                # Veiled before it is cut: half an address would not be known for one.
+                # Secrets are masked before the text is cut: a part of an address would not be recognised.
                 whole = complaints.read(_MOST_BYTES).decode("utf-8", "replace")
                 said = veiled(whole, [a for a in channel.argv if "://" in a])
                 raise NotSent(f"{argv[0]} ended with {process.returncode} {said}")
@@ -105,7 +109,7 @@ def _no_program(program: str) -> str:
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:
-    """End a program of the user's that takes too long, and what it started."""
+    """End a user's program that takes too long, and the processes it started."""
     with contextlib.suppress(ProcessLookupError):
         os.killpg(process.pid, signal.SIGKILL)
     if process.stdin:
@@ -124,14 +128,15 @@ def _apprise(channel: Apprise) -> Send:
 
     def send(message: Message) -> None:
         def tell(_: Line) -> None:
-            library = importlib.import_module("apprise")  # takes a while to import: in the channel's own thread
-            logging.getLogger("apprise").disabled = True  # what it logs repeats addresses
+            library = importlib.import_module("apprise")  # its import is slow, so it is done in the channel's own
+            # thread
+            logging.getLogger("apprise").disabled = True  # its log lines repeat addresses
             told = library.Apprise()
             if not all(told.add(address) for address in addresses):
                 raise NotSent("apprise does not know one of the addresses", permanent=True)
             if not told.notify(title=message.headline, body=message.text):
                 raise NotSent("apprise could not deliver it to every address")
 
-        deliver(channel.timeout_s, tell, "apprise", again_if_late=False)  # it cannot be ended, and may yet deliver
+        deliver(channel.timeout_s, tell, "apprise", again_if_late=False)  # it cannot be ended, and may still deliver
 
     return send

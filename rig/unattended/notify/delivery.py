@@ -1,7 +1,7 @@
-"""One delivery over a network: one deadline for all of it, and what went wrong in words of our own.
+"""One delivery over a network: with one deadline for all of it, and errors in our own words.
 
-A library's time-out counts for one read: a server that sends one byte a second never reaches it. A library's message
-may repeat an address or a token. Neither is good enough at night.
+A library's timeout counts for one read: a server that sends one byte per second never reaches it. A library's message
+may repeat an address or a token.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ _MARGIN_S = 5.0
 
 
 class NotSent(Exception):
-    """A message did not go out.
+    """A message could not be sent.
 
     Attributes:
-        permanent: trying again would not help.
+        permanent: whether another attempt would not help.
 
     """
 
@@ -37,10 +37,10 @@ class NotSent(Exception):
 
 
 class Line:
-    """The connections of one delivery, which are cut when its time is over.
+    """The connections of one delivery; they are cut when its time is over.
 
     Args:
-        seconds: for all of it: looking up names, connecting, encryption, sending, the answer.
+        seconds: time for everything: looking up names, connecting, encryption, sending, the answer.
 
     """
 
@@ -59,15 +59,15 @@ class Line:
         return left
 
     def connect(self, host: str, port: int) -> socket.socket:
-        """A connection to the first of the host's addresses that takes it, in the time that is left. Raises OSError."""
+        """A connection to the first of the host's addresses that accepts it, in the remaining time. Raises OSError."""
         trouble: OSError = OSError("there is no address")
         for family, kind, protocol, _, address in socket.getaddrinfo(host, port, type=socket.SOCK_STREAM):
             one = socket.socket(family, kind, protocol)
             try:
                 one.settimeout(self.left())
                 one.connect(address)
-                one.settimeout(self.left() + _MARGIN_S)  # for one read: the end of it all is `cut`
-                self._keep(one.dup())  # encryption takes the first one over, and a handle is needed to cut it
+                one.settimeout(self.left() + _MARGIN_S)  # for one read; `cut` ends the whole delivery
+                self._keep(one.dup())  # encryption takes over the first handle, and a handle is needed to cut it
             except OSError as error:
                 one.close()
                 trouble = error
@@ -83,12 +83,12 @@ class Line:
             self._handles.append(handle)
 
     def take(self) -> None:
-        """The receiver has the message, whatever becomes of the connection. Too late when the line has been cut."""
+        """Note that the receiver has the message, even if the connection fails later; no effect after `cut`."""
         with self._lock:
             self._taken = not self._over
 
     def cut(self) -> bool:
-        """End every connection; whoever waits for one goes on at once, and no new one is made.
+        """End every connection. Threads that wait for one continue at once, and no new one is made.
 
         Returns:
             whether the receiver has the message.
@@ -102,7 +102,7 @@ class Line:
             return self._taken
 
     def close(self) -> None:
-        """Give the handles back."""
+        """Close the handles."""
         with self._lock:
             self._over = True
             while self._handles:
@@ -110,13 +110,13 @@ class Line:
 
 
 def deliver(seconds: float, do: Callable[[Line], None], who: str, *, again_if_late: bool = True) -> None:
-    """Deliver in a thread that is waited for no longer than this, for looking up a name cannot be ended.
+    """Deliver in a thread, and wait for it for a limited time, because a look-up of a name cannot be interrupted.
 
     Args:
-        seconds: for the whole delivery.
-        do: delivers; its connections come from the `Line` it is given.
-        who: whom the message goes to, as a sentence may name it.
-        again_if_late: whether another attempt may be made at what was late.
+        seconds: time for the whole delivery.
+        do: delivers; its connections come from its `Line`.
+        who: name of the receiver, for sentences.
+        again_if_late: whether a late delivery may be repeated.
 
     Raises:
         NotSent: late, or what `do` raised, in one sentence without addresses.
@@ -128,7 +128,7 @@ def deliver(seconds: float, do: Callable[[Line], None], who: str, *, again_if_la
     def work() -> None:
         try:
             do(line)
-        except Exception as error:  # told below, in the thread that waits
+        except Exception as error:  # raised below, in the waiting thread
             raised.append(error)
         finally:
             line.close()
@@ -154,7 +154,7 @@ def _cause(error: object) -> object:
 
 
 def reason(error: object) -> str:
-    """What went wrong on a connection. Nothing that a library or a server made up is repeated."""
+    """The error of a connection, in words. Texts of libraries or servers are not repeated."""
     match error:
         case urllib.error.URLError(reason=inner):
             return reason(inner)
@@ -167,7 +167,7 @@ def reason(error: object) -> str:
         case smtplib.SMTPServerDisconnected() | http.client.RemoteDisconnected():
             return "it closed the connection without a complete answer"
         case smtplib.SMTPNotSupportedError():
-            return str(error)  # the library's own fixed words: which extension is missing
+            return str(error)  # fixed words of the library: the name of the missing extension
         case smtplib.SMTPException() | http.client.HTTPException():
             return f"its answer cannot be understood ({type(error).__name__})"
         case OSError(errno=int(number)):
@@ -177,7 +177,7 @@ def reason(error: object) -> str:
 
 
 def veiled(text: str, secrets: Iterable[str]) -> str:
-    """Text of a server's with every secret in it replaced by `***`."""
+    """Text of a server, with every secret replaced by `***`."""
     for secret in sorted(filter(None, secrets), key=len, reverse=True):
         text = text.replace(secret, "***")
     return text

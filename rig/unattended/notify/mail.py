@@ -1,4 +1,4 @@
-"""E-mail by SMTP, headers of our own encoding."""
+"""E-mail by SMTP, with headers encoded here."""
 
 from __future__ import annotations
 
@@ -19,11 +19,13 @@ from rig.unattended.notify.settings import Mail, secret
 
 _PORTS = {"starttls": 587, "ssl": 465, "none": 25}
 _MOST_ANSWERED = 100_000
-"""Characters of answers that a mail server is listened to for; a real one needs 2,000."""
+"""Maximum number of characters of a mail server's answers; a real server needs 2,000."""
 
 
 def mail_sender(channel: Mail) -> Callable[[Message], None]:
-    """What sends a message as e-mail, or raises `NotSent`. Raises `ConfigurationError` for a secret that cannot be."""
+    """A function that sends a message as e-mail, or raises `NotSent`. Raises `ConfigurationError` for an invalid
+    secret.
+    """
     password = secret(channel, "password")
     if not password.isascii():
         raise ConfigurationError("the password has characters that are not ASCII, which SMTP does not take: change it")
@@ -68,23 +70,23 @@ def mail_sender(channel: Mail) -> Callable[[Message], None]:
 
 
 def _spellings(user: str, password: str) -> list[str]:
-    """A password as it stands, and as it goes to the server."""
+    """A password in plain form, and in the forms that are sent to the server."""
     plain = [password, f"\0{user}\0{password}"] if password else []
     return [*plain, *(base64.b64encode(text.encode()).decode() for text in plain)]
 
 
 class _TooMuch(Exception):
-    """A server's answers have no end."""
+    """A server's answers are too long."""
 
 
 class _Bounded:
-    """As much of a file as smtplib asks of one, with an end."""
+    """The part of the file interface that smtplib uses, with a limit."""
 
     def __init__(self, file: IO[bytes], most: int) -> None:
         self._file, self._left = file, most
 
     def readline(self, size: int = -1) -> bytes:
-        """One line, or what of it fits into `size` bytes. Raises `_TooMuch`."""
+        """One line, or the part of it that fits into `size` bytes. Raises `_TooMuch`."""
         text = self._file.readline(size)
         self._left -= len(text)
         if self._left < 0:
@@ -97,7 +99,7 @@ class _Bounded:
 
 
 class _Server(smtplib.SMTP):
-    """A mail server on a line of ours."""
+    """A connection to a mail server over a `Line`."""
 
     def __init__(self, line: Line, host: str, port: int, *, encrypted: bool) -> None:
         self._line, self._encrypted = line, encrypted
@@ -123,10 +125,10 @@ def _5xx(error: smtplib.SMTPResponseException) -> bool:
 
 
 def as_mail(message: Message, channel: Mail) -> MIMEText:
-    """The message as e-mail, with headers that keep automatic replies away.
+    """The message as e-mail, with headers that prevent automatic replies.
 
-    Of `email`'s two families this is the one that takes headers as they are given: the other decodes what looks like
-    an encoded word, and a bench's name could become a header, or a body, of its own.
+    This uses the classes of `email` that take headers unchanged. The other ones decode everything that looks like
+    an encoded word, so a bench's name could become a header, or a body.
     """
     text = message.text.encode("utf-8", "replace").decode("utf-8")
     readable = text.isascii() and max(map(len, text.splitlines())) < _LINE
@@ -143,13 +145,15 @@ def as_mail(message: Message, channel: Mail) -> MIMEText:
 
 
 _LINE = 990
-"""Characters in a line of a mail that is sent as it is."""
+"""Maximum number of characters in a line of a mail that is sent unchanged."""
 _WORD = 42
-"""Bytes of text in an encoded word, which may be 75 characters long."""
+"""Maximum number of bytes of text in an encoded word, which may be 75 characters long."""
 
 
 def _plain_header(text: str) -> str:
-    """A header's text in ASCII: as it is where it is that and no encoded word, else in encoded words (RFC 2047)."""
+    """A header's text in ASCII: unchanged if it is ASCII without encoded words, otherwise in encoded words (RFC
+    2047).
+    """
     text = " ".join("".join(c if c.isprintable() else " " for c in text).split())
     if text.isascii() and "=?" not in text:
         return text

@@ -1,4 +1,4 @@
-"""A message to a person: what, where, when, how far, what to do next. Plain words, the same on every channel."""
+"""A message to a person: event, place, time, progress, next step. It is the same on every channel."""
 
 from __future__ import annotations
 
@@ -29,24 +29,24 @@ _AGAIN = (
 _LONGEST = 2000
 URGENT = frozenset({Kind.HOLD, Kind.ENDED_BY_FAULT})
 PLACEHOLDERS = ("event", "headline", "message", "what", "where", "when", "progress", "next", "run")
-"""Names that `{...}` may have in `notify.toml`."""
+"""Permitted names in `{...}` in `notify.toml`."""
 
 
 @dataclass(frozen=True)
 class Message:
-    """What is sent.
+    """A message.
 
     Attributes:
-        kind: what it is about.
+        kind: kind of its report.
         headline: one line, for subjects and small screens.
         what: what happened.
         where: bench and machine.
         when: UTC and local time.
-        progress: how far the run is, "" if that is not known.
+        progress: progress of the run, "" if unknown.
         next_step: what to do.
         run: the run file, "" if there is none.
-        also: what has not been told separately, "" if nothing.
-        urgent: somebody should come.
+        also: summary of messages that were not sent separately, "" if none.
+        urgent: whether somebody should come.
 
     """
 
@@ -76,7 +76,7 @@ class Message:
         return "\n".join(f"{name + ':':<11}{text}" for name, text in lines if text) + "\n"
 
     def placeholders(self) -> dict[str, str]:
-        """What `{...}` in commands and bodies of webhooks stands for, by `PLACEHOLDERS`."""
+        """Values for `{...}` in commands and bodies of webhooks, by `PLACEHOLDERS`."""
         return {
             "event": self.kind.value,
             "headline": self.headline,
@@ -91,7 +91,7 @@ class Message:
 
 
 def compose(happening: Happening, facts: RunFacts, news: Progress | None) -> Message:
-    """A happening as a message."""
+    """A report as a message."""
     mark = "SIMULATED " if facts.simulated else ""
     who = facts.bench or "rig"
     headline = f"{mark}{who}: {HEADLINES[happening.kind]}"
@@ -136,7 +136,7 @@ def _next(happening: Happening, facts: RunFacts) -> str:
             return f"Look at the bench, then: rig release {run} (or rig stop {run} to park it). It waits."
         case Kind.ENDED_BY_FAULT:
             where = f"then: rig resume {run}" if facts.path else "then start again"
-            return f"Mend the cause, {where}.{again}"
+            return f"Remove the cause, {where}.{again}"
         case Kind.STOP | Kind.INTERRUPT:
             return f"When ready: rig resume {run}"
         case Kind.FINISH:

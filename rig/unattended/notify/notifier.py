@@ -1,7 +1,7 @@
-"""Who is told of what, how often, and what becomes of what could not be sent.
+"""Sending messages to people: choice of channels, limits on the number of messages, repeated attempts.
 
-The sequencer hands over and never waits: every channel has a thread of its own. What comes too often is held back
-and told together with the next message; the message that ends a session always goes out.
+The sequencer never waits: every channel has a thread of its own. Messages that come too often are held back and
+summarised in the next one. The message that ends a session is always sent.
 """
 
 from __future__ import annotations
@@ -26,20 +26,20 @@ _ENDING = frozenset({Kind.FINISH, Kind.STOP, Kind.INTERRUPT, Kind.ENDED_BY_FAULT
 _TOLD = frozenset(Kind) - {Kind.STATE, Kind.PROGRESS, Kind.EVENT, Kind.LOG}
 
 PAUSES_S = (5.0, 30.0, 120.0)
-"""Real seconds between attempts at one message; after the last it is given up."""
+"""Real seconds between attempts at one message; after the last one it is given up."""
 
 CLOSE_S = 30.0
-"""Real seconds at the end of a session for what has not been sent yet."""
+"""Real seconds at the end of a session for unsent messages."""
 
 
 @dataclass(frozen=True)
 class Failure:
-    """A message that somebody did not get.
+    """A message that could not be sent.
 
     Attributes:
-        channel: its label.
-        about: what the message was about.
-        why: in words, without addresses' secrets.
+        channel: label of the channel.
+        about: subject of the message.
+        why: reason in words, without secrets of addresses.
 
     """
 
@@ -50,7 +50,7 @@ class Failure:
 
 @dataclass
 class _Desk:
-    """One channel: its thread, what it sent in the last hour, and what it holds back."""
+    """One channel: its thread, its messages of the last hour, and those held back."""
 
     settings: _Channel
     worker: Worker[Message]
@@ -61,12 +61,12 @@ class _Desk:
 
 
 class Notifier:
-    """Tells people; a listener of a session.
+    """Sends messages to people; a listener of a session.
 
     Args:
-        settings: who is told of what.
-        sends: what sends over each channel, by label; a channel that is not here is out of order.
-        told: called from a channel's thread when a message went out, with its label and headline.
+        settings: channels and their reports.
+        sends: functions that send, by label of the channel; a missing channel is out of order.
+        told: called from a channel's thread when a message was sent, with its label and headline.
         failed: called from a channel's thread, or at the end, with every message that could not be sent.
         clock: real time.
         pauses_s: see `PAUSES_S`.
@@ -101,7 +101,7 @@ class Notifier:
         return _Desk(channel, worker)
 
     def progress(self, news: Progress, facts: RunFacts, utc_s: float) -> None:
-        """How far the run is. What was held back is told once there is room for it again."""
+        """Take the progress of the run. Held-back messages are sent when the limit permits it."""
         self._news = news
         for desk in self._desks:
             if desk.held_back and self._may(desk, Kind.WARNING):
@@ -110,7 +110,7 @@ class Notifier:
                 self._post(desk, Happening(kind, "warning", text, utc_s), facts)
 
     def happened(self, happening: Happening, facts: RunFacts) -> None:
-        """Tell whoever wants to know, now or with the next message."""
+        """Send a report to its channels, now or with the next message."""
         if happening.kind not in _TOLD:
             return
         for desk in self._desks:
@@ -128,7 +128,7 @@ class Notifier:
         now = self._clock.now()
         while desk.sent and now - desk.sent[0] >= _HOUR_S:
             desk.sent.popleft()
-        if kind in _REPEATING:  # they leave half of the hour's messages to what a person is waited for
+        if kind in _REPEATING:  # they leave half of the hour's messages for reports that need a person
             recent = any(now - desk.last.get(other, float("-inf")) < self._repeats_s for other in _REPEATING)
             return not recent and len(desk.sent) < self._most // 2
         return len(desk.sent) < self._most
@@ -148,7 +148,7 @@ class Notifier:
             self._failed(Failure(desk.settings.label, message.kind, "too many messages wait to be sent"))
 
     def _deliver(self, label: str, send: Send, message: Message, worker: Worker[Message]) -> None:
-        """In the channel's thread: send, and try again a few times."""
+        """Send in the channel's thread, with a few more attempts."""
         why = ""
         for pause in (*self._pauses_s, None):
             try:
@@ -157,8 +157,8 @@ class Notifier:
                 why = str(error)
                 if error.permanent:
                     break
-            except Exception as error:  # a library's surprise must not end the channel
-                why = reason(error)  # its own words may repeat an address
+            except Exception as error:  # an unexpected error of a library must not end the channel
+                why = reason(error)  # the error's text may repeat an address
             else:
                 self._told(label, message.headline)
                 return
@@ -168,11 +168,11 @@ class Notifier:
 
     @property
     def busy(self) -> bool:
-        """Whether something waits to be sent."""
+        """Whether messages are waiting."""
         return not all(desk.worker.idle() for desk in self._desks)
 
     def close(self, within_s: float = CLOSE_S) -> None:
-        """Send what waits, for a limited time over all channels; what is left then has failed."""
+        """Send waiting messages, for a limited time over all channels; those left then have failed."""
         end = self._clock.now() + within_s
         for desk in self._desks:
             desk.worker.finish()

@@ -1,4 +1,4 @@
-"""Texts of the user's with `{name}` in them: what they may name, and filling them in."""
+"""Templates of the user with `{name}` in them: checking and filling in."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ _PLACE = re.compile(r"\{\{(\w+)\}\}|\{(\w+)\}")
 
 
 def filled(value: object, words: Mapping[str, str]) -> object:
-    """A table with `{name}` filled in, in every text at every depth; `{{name}}` becomes `{name}`."""
+    """A table with `{name}` filled in, in all its texts at every depth; `{{name}}` becomes `{name}`."""
     if isinstance(value, str):
         return _PLACE.sub(lambda found: f"{{{found[1]}}}" if found[1] else words.get(found[2], found[0]), value)
     if isinstance(value, Mapping):
@@ -21,7 +21,7 @@ def filled(value: object, words: Mapping[str, str]) -> object:
 
 
 def check_names(value: object, known: tuple[str, ...], place: str) -> None:
-    """Raise ValueError if a text names something that there is not, saying where and what it may have meant."""
+    """Raise ValueError for an unknown name, with its place and the most similar known name."""
     for at, text in _texts(value, place):
         for found in _PLACE.finditer(text):
             name = found[2]
@@ -29,11 +29,11 @@ def check_names(value: object, known: tuple[str, ...], place: str) -> None:
                 continue
             near = difflib.get_close_matches(name, known, n=1)
             meant = f"did you mean {{{near[0]}}}?" if near else f"known: {', '.join(f'{{{k}}}' for k in known)}"
-            raise ValueError(f"{at}: there is no {{{name}}}; {meant} (to send it as it stands, write {{{{{name}}}}})")
+            raise ValueError(f"{at}: there is no {{{name}}}; {meant} (to send it unchanged, write {{{{{name}}}}})")
 
 
 def _texts(value: object, place: str) -> Iterator[tuple[str, str]]:
-    """Every text at every depth, and where it stands."""
+    """Every text at every depth, and its place."""
     if isinstance(value, str):
         yield place, value
     elif isinstance(value, Mapping):

@@ -19,13 +19,13 @@ from rig.unattended.notify.template import filled
 
 
 def webhook_sender(channel: Webhook) -> Callable[[Message], None]:
-    """What posts a message, or raises `NotSent`. Raises `ConfigurationError` for a secret that cannot be."""
+    """A function that posts a message, or raises `NotSent`. Raises `ConfigurationError` for an invalid secret."""
     url = web_address(channel.url or secret(channel, "url"))
     if channel.shape == "ntfy" and channel.body is None and not urlsplit(url).path.strip("/"):
         raise ConfigurationError('shape = "ntfy": the address ends with the topic (https://host/topic)')
     token = secret(channel, "token")
     if not (token.isascii() and token.isprintable()):
-        raise ConfigurationError("the token has characters that no header takes: it is one line of plain ASCII")
+        raise ConfigurationError("the token has characters that no header permits: it must be one line of plain ASCII")
     where = urlsplit(url).hostname if channel.url else "the webhook"  # the rest of an address is often the secret
     headers = {"Content-Type": "application/json", "User-Agent": "calibration-rig"}
     if token:
@@ -39,11 +39,11 @@ def webhook_sender(channel: Webhook) -> Callable[[Message], None]:
         def post(line: Line) -> None:
             try:
                 with _opener(line).open(request, timeout=line.left()):
-                    line.take()  # by the answer's code; nothing else in it counts
+                    line.take()  # only the status code of the answer counts
             except urllib.error.HTTPError as error:
                 error.close()
                 again = error.code in (408, 425, 429) or error.code >= 500
-                said = f"{where} answers HTTP {error.code} {_PHRASES.get(error.code, '')}"  # not in the server's words
+                said = f"{where} answers HTTP {error.code} {_PHRASES.get(error.code, '')}"  # not the server's text
                 raise NotSent(said, permanent=not again) from None
 
         deliver(channel.timeout_s, post, str(where))
@@ -55,9 +55,9 @@ _PHRASES = {status.value: status.phrase for status in http.HTTPStatus}
 
 
 def _opener(line: Line) -> urllib.request.OpenerDirector:
-    """What makes HTTP requests on a line of ours, through the proxy that the environment names, and nothing else.
+    """An opener for HTTP requests over a `Line`, through the proxy of the environment, without redirects.
 
-    urllib would follow a redirected POST with a GET, which looks like success and tells nobody.
+    urllib would follow a redirected POST with a GET, which looks like success but sends nothing.
     """
 
     def plain(host: str, **more: Any) -> http.client.HTTPConnection:
@@ -87,17 +87,17 @@ def _opener(line: Line) -> urllib.request.OpenerDirector:
 
 
 def _on(connection: http.client.HTTPConnection, line: Line) -> http.client.HTTPConnection:
-    """A connection that is made on a line."""
+    """A connection over a `Line`."""
 
     def create(address: tuple[str, int], *_: Any) -> Any:
         return line.connect(*address)
 
-    connection._create_connection = create  # type: ignore[attr-defined]  # the library's place for another maker
+    connection._create_connection = create  # type: ignore[attr-defined]  # the library's hook for another constructor
     return connection
 
 
 def payload(message: Message, channel: Webhook, url: str) -> tuple[str, object]:
-    """Where to post, and what: the shape that the receiver expects."""
+    """Address and content of the POST, in the form that the receiver expects."""
     if channel.body is not None:
         return url, filled(channel.body, message.placeholders())
     match channel.shape:

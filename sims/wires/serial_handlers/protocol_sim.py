@@ -1,7 +1,7 @@
 """`sim://KEY/INSTRUMENT`: a pyserial port whose other end is a twin in this process, under virtual time.
 
-Reading pumps the world until bytes are there or the timeout has passed in virtual time; nothing ever waits. A port
-opened with another baud rate or frame than the twin's hears and says nothing, as on a real line.
+Reading pumps the world until bytes come or the timeout has passed in virtual time; no real time is spent. A port with
+another baud rate or frame than the twin's receives and sends nothing, as on a real line.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ _GONE = "device reports readiness to read but returned no data (device disconnec
 
 
 class Serial(SerialBase):
-    """A port on a simulated cable; see pyserial's `SerialBase` for what its methods mean."""
+    """A port on a simulated cable; see pyserial's `SerialBase` for its methods."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         self._cable: SerialCable | None = None
@@ -29,7 +29,7 @@ class Serial(SerialBase):
         super().__init__(*args, **kwargs)
 
     def open(self) -> None:
-        """Plug into the cable named by the URL. Raises `SerialException` if there is none or it is taken."""
+        """Connect to the cable named by the URL. Raises `SerialException` if there is none or it is taken."""
         place = str(self.port).partition("://")[2]
         cable = find(place)
         if cable is None:
@@ -47,7 +47,7 @@ class Serial(SerialBase):
         self.is_open = True
 
     def close(self) -> None:
-        """Unplug."""
+        """Disconnect."""
         if self.is_open and self._alive():
             self._plugged().attach(None)
             self._plugged().host_dtr(None)
@@ -73,7 +73,7 @@ class Serial(SerialBase):
         return cable is not None and cable.connection == self._connection
 
     def _check(self, words: str) -> SerialCable:
-        """The cable; what pyserial says on Linux when a USB adapter has gone."""
+        """The cable; raises pyserial's Linux error of a removed USB adapter."""
         cable = self._cable
         if cable is None:
             raise PortNotOpenError()
@@ -83,7 +83,7 @@ class Serial(SerialBase):
 
     @property
     def in_waiting(self) -> int:
-        """Bytes received and not yet read."""
+        """Number of received, unread bytes."""
         self._check("[Errno 5] Input/output error")
         return len(self._received)
 
@@ -111,17 +111,17 @@ class Serial(SerialBase):
         return len(sent)
 
     def flush(self) -> None:
-        """Everything handed over is on its way already."""
+        """All bytes are already on their way."""
 
     def reset_input_buffer(self) -> None:
-        """Forget what was received and not read."""
+        """Discard received bytes."""
         self._received.clear()
 
     def reset_output_buffer(self) -> None:
-        """Nothing waits on this side."""
+        """There is no output buffer."""
 
     def _update_rts_state(self) -> None:
-        pass  # nobody looks at it
+        pass  # not used
 
     def _update_dtr_state(self) -> None:
         self._check("[Errno 5] Input/output error").host_dtr(self.dtr)
@@ -141,10 +141,10 @@ class Serial(SerialBase):
 
     @property
     def ri(self) -> bool:
-        """Nobody rings."""
+        """There is no ring signal."""
         return False
 
     @property
     def cd(self) -> bool:
-        """The cable is plugged in."""
+        """The cable is connected."""
         return True

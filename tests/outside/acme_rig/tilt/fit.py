@@ -15,8 +15,7 @@ from fitter.quantiles import t_limit
 from procedures.acceptance import Verdict
 from procedures.blocks import Block, Grid, headline
 from procedures.errors import DataError
-from procedures.inference import Inference
-from procedures.missing import empty_rows
+from procedures.inference import Inference, empty_rows
 from procedures.results import Page
 from procedures.table import Reader, Table
 from procedures.unused import Unused, unused_in_fit
