@@ -20,6 +20,7 @@ Outputs = dict[str, Array]
 """Volts by column name."""
 
 GRAVITY = np.array([0.0, 0.0, -1.0])
+LEVEL_FIELD = np.array([0.8, 0.6, 0.0])
 
 
 def turn_pitch(a: Array) -> Array:
@@ -70,6 +71,24 @@ class Sensor:
     b_roll_side: float = 0.0
     creep: float = 0.0
     """Share of the change of acceleration since the point before that is still to come."""
+
+    asymmetry: float = 0.0
+    """By which the sensitivity is larger for positive acceleration than the mean of both."""
+    sticks_g: float = 0.0
+    """Half of the zone about null in which it does not answer."""
+    saturates: float = 0.0
+    """Share of the sensitivity that is missing beyond 0.8 g."""
+    magnetic_V: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Answer to the level field of the laboratory along the axes of the package."""
+    S_since: float = 0.0
+    """Change of sensitivity from replication `Bench.since` on."""
+
+    def bent(self, u: Array) -> Array:
+        """(n,) g that it makes of the acceleration along its axis, by stiction, asymmetry and saturation."""
+        out: Array = u + self.asymmetry * np.abs(u)
+        if self.sticks_g:
+            out = out - np.clip(u, -self.sticks_g, self.sticks_g)
+        return out - self.saturates * np.sign(u) * np.clip(np.abs(u) - 0.8, 0.0, None)
 
     def gravity_along(self, g: Array, warmth: Array | float = 0.0) -> Array:
         """(n,) component along the sensitive axis, in g; eqs. (114) to (116)."""
@@ -127,6 +146,18 @@ class Bench:
     """Turn of the package about its axes from replication `since` on."""
     pitch_shift_deg: float = 0.0
     """Of the head's zero, from replication `since` on."""
+    slip_unrecorded_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Turn of the package about its axes from `unrecorded_h` on."""
+    scale_per_g: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Share by which all outputs grow for 1 g along each axis of the package."""
+    cable_deg: tuple[float, float] = (0.0, 0.0)
+    """Error of roll and of pitch for a whole turn of roll that winds up the cable."""
+    backlash_deg_per_degC: tuple[float, float] = (0.0, 0.0)
+    """Of pitch and of roll."""
+    tilt_deg_per_h: tuple[float, float] = (0.0, 0.0)
+    """Of the base of the head, along pitch and sideways."""
+    tilt_daily_deg: tuple[float, float] = (0.0, 0.0)
+    """Amplitude of the same over a day."""
     since: int = 4
     range_V: tuple[float, float] = (0.0, 0.0)
     """Zero and gain that the voltmeter's upper range has beside those of the lower, up at 1.2 V, down at 1 V."""
@@ -177,10 +208,22 @@ class Bench:
         a = a + _teeth(pitch_deg, self.pitch_teeth, self.pitch_gear_deg)
         r = r + _teeth(roll_deg, self.roll_teeth, self.roll_gear_deg)
         a = a + np.radians(self.pitch_zero_deg) + _head(roll_deg, self.wobble_deg) - np.radians(roll_deg)
-        down = turn_roll(np.array([np.radians(self.lean_deg)]))[0] @ GRAVITY
+        warm, passed = temperature - 23.0, (hours >= self.unrecorded_h).astype(float)
+        a = a - np.radians(self.backlash_deg_per_degC[0]) * warm * pitch_side / 2
+        r = r - np.radians(self.backlash_deg_per_degC[1]) * warm * roll_side / 2
+        r, a = (one + np.radians(c) * roll_deg / 360.0 for one, c in zip((r, a), self.cable_deg, strict=True))
+        day = np.sin(np.pi / 12 * hours + 1.1)
+        ahead, sideways = (
+            np.radians(drift * (hours - 14.0) + daily * day)
+            for drift, daily in zip(self.tilt_deg_per_h, self.tilt_daily_deg, strict=True)
+        )
+        a = a + ahead
+        down = turn_roll(np.radians(self.lean_deg) + sideways) @ GRAVITY
         square = turn_yaw(np.array([np.radians(self.not_square_deg)]))[0]
-        g = np.einsum("nij,jk,nkl,l->ni", turn_roll(r), square, turn_pitch(a), down)
+        g = np.einsum("nij,jk,nkl,nl->ni", turn_roll(r), square, turn_pitch(a), down)
+        field = np.einsum("nij,jk,nkl,l->ni", turn_roll(r), square, turn_pitch(a), LEVEL_FIELD)
         rotation = np.radians(np.array(self.slip_deg)) * late[:, None]
+        rotation += np.radians(np.array(self.slip_unrecorded_deg)) * passed[:, None]
         for (about, along), degrees in self.compliance.items():
             rotation["xyz".index(about) == np.arange(3)[None, :].repeat(len(g), 0)] += (
                 np.radians(degrees) * g[:, "xyz".index(along)]
@@ -197,6 +240,8 @@ class Bench:
             if s.creep:
                 u = u + s.creep * (s.gravity_along(back) - u)
             gain = s.S * (1 + s.S_per_degC * dt + s.S_per_h * (hours - 14.0)) + s.S_step * (block > 0)
+            gain = (gain + s.S_since * late) * (1 + g @ np.array(self.scale_per_g))
+            straight = s.bent(u)
             v = (
                 s.b
                 + s.b_per_degC * dt
@@ -208,7 +253,8 @@ class Bench:
                 + s.b_unrecorded * (hours >= self.unrecorded_h)
                 + s.b_pitch_side * pitch_side / 2
                 + s.b_roll_side * roll_side / 2
-                + gain * (u + s.quadratic * u**2 + s.cubic * u**3 + s.cross * g[:, (i + 1) % 3] * g[:, (i + 2) % 3])
+                + field @ np.array(s.magnetic_V)
+                + gain * (straight + s.quadratic * u**2 + s.cubic * u**3 + s.cross * g[:, (i + 1) % 3] * g[:, (i + 2) % 3])
             )
             out[f"{s.axis}_V"] = self._read(v, hours)
         return out

@@ -79,6 +79,19 @@ HIDDEN = {
     "voltmeter range": Hidden("voltmeter-range", lambda c: Bench(range_V=(c, 0.5 * c)), 1e-4),
     "index shift": Hidden("index-shift", lambda c: Bench(pitch_shift_deg=c), 1e-3),
     "slip": Hidden("mounting-slip", lambda c: Bench(slip_deg=(0.5 * c, c, 0.3 * c)), 1e-3),
+    "scale, attitude": Hidden("scale-attitude", lambda c: Bench(scale_per_g=(c, 0.5 * c, -0.3 * c)), 1e-6),
+    "cable": Hidden("cable-wind-up", lambda c: Bench(cable_deg=(c, 0.4 * c)), 1e-3),
+    "asymmetry": Hidden("sensor-asymmetry", lambda c: on_x(asymmetry=c), 1e-5),
+    "stiction": Hidden("dead-zone", lambda c: on_x(sticks_g=c), 1e-6),
+    "saturation": Hidden("saturation", lambda c: on_x(saturates=c), 1e-4),
+    "level field": Hidden("magnetic-heading", lambda c: on_x(magnetic_V=(c, 0.5 * c, -0.3 * c)), 1e-5),
+    "backlash, warm": Hidden("backlash-temperature", lambda c: Bench(backlash_deg_per_degC=(c, 0.5 * c)), 1e-3),
+    "tilt, time": Hidden("tilt-drift", lambda c: Bench(tilt_deg_per_h=(c, 0.5 * c)), 1e-4),
+    "tilt, day": Hidden("tilt-daily", lambda c: Bench(tilt_daily_deg=(c, 0.5 * c)), 1e-3),
+    "sensitivity step, unrecorded": Hidden("sensitivity-step-unrecorded", lambda c: on_x(S_since=c), 1e-5),
+    "slip, unrecorded": Hidden(
+        "mounting-slip-unrecorded", lambda c: Bench(slip_unrecorded_deg=(0.5 * c, c, 0.3 * c)), 1e-3
+    ),
     "gear, pitch": Hidden("gear-pitch", lambda c: Bench(pitch_gear_deg=(c, 0.6 * c)), 1e-3),
     "gear, roll": Hidden("gear-roll", lambda c: Bench(roll_gear_deg=(c, 0.6 * c)), 1e-3),
 }
