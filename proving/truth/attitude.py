@@ -153,7 +153,7 @@ class Bench:
     cable_deg: tuple[float, float] = (0.0, 0.0)
     """Error of roll and of pitch for a whole turn of roll that winds up the cable."""
     backlash_deg_per_degC: tuple[float, float] = (0.0, 0.0)
-    """Of pitch and of roll."""
+    """Of pitch and of roll, about the mean temperature."""
     tilt_deg_per_h: tuple[float, float] = (0.0, 0.0)
     """Of the base of the head, along pitch and sideways."""
     tilt_daily_deg: tuple[float, float] = (0.0, 0.0)
@@ -208,7 +208,7 @@ class Bench:
         a = a + _teeth(pitch_deg, self.pitch_teeth, self.pitch_gear_deg)
         r = r + _teeth(roll_deg, self.roll_teeth, self.roll_gear_deg)
         a = a + np.radians(self.pitch_zero_deg) + _head(roll_deg, self.wobble_deg) - np.radians(roll_deg)
-        warm, passed = temperature - 23.0, (hours >= self.unrecorded_h).astype(float)
+        warm, passed = temperature - temperature.mean(), (hours >= self.unrecorded_h).astype(float)
         a = a - np.radians(self.backlash_deg_per_degC[0]) * warm * pitch_side / 2
         r = r - np.radians(self.backlash_deg_per_degC[1]) * warm * roll_side / 2
         r, a = (one + np.radians(c) * roll_deg / 360.0 for one, c in zip((r, a), self.cable_deg, strict=True))

@@ -105,9 +105,19 @@ class AttitudeJudge:
 
     def rivals(self, chosen: tuple[int, ...], effect: str) -> tuple[Rival, ...]:
         """All explanations for the terms of `effect` among `chosen`, at the level of the estimates."""
-        problem = self.problem
-        group = tuple(j for j in chosen if problem.candidates[j].effect.name == effect)
-        rest = tuple(j for j in chosen if j not in group)
+        group = tuple(j for j in chosen if self.candidates[j].effect.name == effect)
+        return self.explanations(group, tuple(j for j in chosen if j not in group))
+
+    def explanations(self, group: tuple[int, ...], rest: tuple[int, ...]) -> tuple[Rival, ...]:
+        """All explanations of what some candidates explain beside the `rest` of the model.
+
+        Args:
+            group: candidates of one effect or of several; they come back under the name of the first.
+            rest: the other candidates in the model.
+
+        """
+        problem, chosen = self.problem, tuple(sorted((*group, *rest)))
+        effect = self.candidates[group[0]].effect.name
         every = np.arange(len(problem.candidates))
         sigma = errors(problem, chosen)
         left = beside(problem, estimate(problem, chosen).level, rest, every, sigma)

@@ -32,6 +32,7 @@ from procedures.attitude.trace.problem import Problem
 from procedures.attitude.trace.restarts import search_with_restarts
 from procedures.attitude.trace.result import Trace
 from procedures.attitude.trace.score import score
+from procedures.attitude.trace.simpler import simplified
 from procedures.attitude.trace.wander import expected, with_wander
 
 SEED = 20260115
@@ -66,6 +67,9 @@ class Search:
         judge, chosen = plausible(
             *supported(*(search_with_restarts if restarts else search_and_name)(AttitudeJudge(problem, family)))
         )
+        simple = simplified(judge, chosen)
+        if simple != chosen:
+            judge, chosen = plausible(*supported(*search_and_name(judge, prune(judge, simple))))
         by = expected(problem)
         for _ in range(ROUNDS if by is not None else 0):
             assert by is not None

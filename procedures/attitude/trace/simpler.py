@@ -1,0 +1,37 @@
+"""One cause in the place of two: names that arrive one after the other may be the parts of a third.
+
+A search adds what explains most at each step. Where that is part of the true cause only, the rest of it is added under
+another name. Two names that one effect explains as well, all of its terms taken together, are that one.
+"""
+
+from __future__ import annotations
+
+from itertools import permutations
+
+from fitter.trace.search import names_of
+from procedures.attitude.trace.judge import AttitudeJudge
+
+ROUNDS = 4
+
+
+def simplified(judge: AttitudeJudge, chosen: tuple[int, ...]) -> tuple[int, ...]:
+    """The `chosen` candidates with one effect in the place of two, wherever it explains as much within `DELTA`."""
+    for _ in range(ROUNDS):
+        simpler = _one_for_two(judge, chosen)
+        if simpler is None:
+            break
+        chosen = simpler
+    return chosen
+
+
+def _one_for_two(judge: AttitudeJudge, chosen: tuple[int, ...]) -> tuple[int, ...] | None:
+    every = judge.candidates
+    for first, second in permutations(names_of(every, chosen), 2):
+        both = tuple(j for name in (first, second) for j in chosen if every[j].effect.name == name)
+        if len({judge.problem.judged_at[j] for j in both}) > 1:
+            continue
+        rest = tuple(j for j in chosen if j not in both)
+        able = [r for r in judge.explanations(both, rest) if r.alias and r.effect != first]
+        if able:
+            return (*rest, *min(able, key=lambda rival: rival.sigmas).terms)
+    return None
