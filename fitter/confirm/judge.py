@@ -201,12 +201,40 @@ def confirm(both: Together, question: Question) -> Confirmation:
         both = both.only(kept)
     comparison = Comparison(both, question)
     told = comparison.apart(both.outputs[:, None])
+    together = _with_pair(both, question, int(np.argmin(told.behind[:, 0])))
+    if together is not None:
+        question = together
+        comparison = Comparison(both, question)
+        told = comparison.apart(both.outputs[:, None])
     members = [
         _member(comparison, j, float(behind), float(shown))
         for j, (behind, shown) in enumerate(zip(told.behind[:, 0], told.shown[:, 0], strict=True))
     ]
     members.sort(key=lambda member: (not member.holds, member.sigmas, len(member.terms)))
     return Confirmation(question.effect, tuple(members), aside)
+
+
+def _with_pair(both: Together, question: Question, best: int) -> Question | None:
+    """The question with the best single explanation and another one together, if a single one is clearly not enough.
+
+    None if no pair is better than all single explanations by what separates two.
+    """
+    if len(question.members) < 2:
+        return None
+    one = question.members[best]
+    pairs = tuple(
+        Hypothesis(f"{one.effect} with {other.effect}", (*one.terms, *other.terms), min(one.sigmas, other.sigmas))
+        for other in question.members
+        if other is not one and not set(other.terms) & set(one.terms)
+    )
+    if not pairs:
+        return None
+    tried = replace(question, members=(one, *pairs))
+    costs = Comparison(both, tried).apart(both.outputs[:, None]).costs[:, 0]
+    at = int(np.argmin(costs))
+    if at == 0 or costs[0] - costs[at] <= t_limit(DISTINGUISHED, both.df) ** 2:
+        return None
+    return replace(question, members=(*question.members, tried.members[at]))
 
 
 def _misfit(both: Together, model: FloatArray) -> tuple[float, float]:

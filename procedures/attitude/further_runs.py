@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -41,6 +42,11 @@ def further_runs(first: PitchRollProcedure, limits: Limits, *, chamber: bool) ->
     if _rolls(design) == 1:
         yield from _sizes("at roll 0 and 180 deg", _over(first, pitches, [0.0, 180.0]))
         yield from _sizes("at roll 0, 90 and 180 deg", _over(first, pitches, [0.0, 90.0, 180.0]))
+    rolls = design.build().roll_deg
+    if (between := _half_way(pitches)) is not None:
+        yield from _sizes("at pitches half-way between those of the design", _over(first, between, rolls))
+    if (between := _half_way(rolls)) is not None:
+        yield from _sizes("at rolls half-way between those of the design", _over(first, pitches, between))
     if max(map(abs, pitches)) < WHOLE_TURN_DEG:
         count = min(max(len(pitches), LEAST_WHOLE_TURN), MOST_WHOLE_TURN)
         around = uniform(-WHOLE_TURN_DEG, WHOLE_TURN_DEG, count)
@@ -90,6 +96,14 @@ def _thinned(design: DesignSettings) -> Iterator[DesignSettings]:
             yield design.model_copy(update={"pitch_deg": list(pitch), "fraction": None})
         elif every == 1:
             yield design
+
+
+def _half_way(angle_deg: Sequence[float]) -> tuple[float, ...] | None:
+    """Angles half-way between those of a design, to distinguish periods that look alike on it; None for few."""
+    at = sorted(set(angle_deg))
+    if len(at) < LEAST_ROLL:
+        return None
+    return tuple((low + high) / 2.0 for low, high in pairwise(at))
 
 
 def _over(first: PitchRollProcedure, pitch_deg: Sequence[float], roll_deg: Sequence[float]) -> PitchRollProcedure:

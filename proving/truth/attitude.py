@@ -254,7 +254,8 @@ class Bench:
                 + s.b_pitch_side * pitch_side / 2
                 + s.b_roll_side * roll_side / 2
                 + field @ np.array(s.magnetic_V)
-                + gain * (straight + s.quadratic * u**2 + s.cubic * u**3 + s.cross * g[:, (i + 1) % 3] * g[:, (i + 2) % 3])
+                + gain
+                * (straight + s.quadratic * u**2 + s.cubic * u**3 + s.cross * g[:, (i + 1) % 3] * g[:, (i + 2) % 3])
             )
             out[f"{s.axis}_V"] = self._read(v, hours)
         return out
