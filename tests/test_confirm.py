@@ -85,6 +85,23 @@ def test_the_further_run_tells_which_it_is(tmp_path: Path, sagging: Path, true: 
     assert Path(told["run"]).exists()
 
 
+def test_two_causes_that_look_alike_are_told_to_be_two(tmp_path: Path) -> None:
+    """Pads and head together: either alone has another size in the further run, and neither is confirmed."""
+    first = make(tmp_path, PADS | ECCENTRIC)
+    done = rig("confirm", first, "--dry", "--json", "--out", tmp_path)
+    assert done.returncode == 0, done.stderr
+    (effect,) = json.loads(done.stdout)["effects"]
+    (held,) = effect["holds"]
+    assert set(held.split(" with ")) == {"isolation-pad-deflection", "head-once-per-turn"}
+    assert effect["verdict"] == "replaced"
+    (both,) = (member for member in effect["members"] if member["effect"] == held)
+    ends = next(ends for t, ends in zip(both["terms"], both["interval_95"], strict=True) if "by weight" in t)
+    low, high = sorted(map(abs, ends))
+    assert low < 8e-4 < high
+    told = rig("confirm", first, "--by", json.loads(done.stdout)["run"])
+    assert " with " in told.stdout
+
+
 def test_what_it_says_and_shows_to_a_person(tmp_path: Path, sagging: Path) -> None:
     first = sagging
     page = tmp_path / "confirm.html"

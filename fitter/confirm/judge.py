@@ -108,6 +108,7 @@ class Confirmation:
     Attributes:
         effect: effect named by the trace.
         members: its explanations, the best first.
+        holder: terms of the explanation that holds, if another one replaces the named one; empty otherwise.
         outliers: readings of the later run that are outliers under every explanation and were left out, by their
             position in that run.
     """
@@ -115,6 +116,7 @@ class Confirmation:
     effect: str
     members: tuple[Member, ...]
     outliers: tuple[int, ...] = ()
+    holder: tuple[Any, ...] = ()
 
     @property
     def holding(self) -> tuple[str, ...]:
@@ -188,7 +190,7 @@ def _holder(question: Question, answer: Confirmation) -> tuple[Any, ...]:
     """Terms of the confirmed explanation: as named, unless another is clearly better."""
     if answer.verdict != "replaced":
         return question.terms
-    return next(m.terms for m in question.members if m.effect == answer.holding[0])
+    return answer.holder
 
 
 def confirm(both: Together, question: Question) -> Confirmation:
@@ -211,7 +213,10 @@ def confirm(both: Together, question: Question) -> Confirmation:
         for j, (behind, shown) in enumerate(zip(told.behind[:, 0], told.shown[:, 0], strict=True))
     ]
     members.sort(key=lambda member: (not member.holds, member.sigmas, len(member.terms)))
-    return Confirmation(question.effect, tuple(members), aside)
+    answer = Confirmation(question.effect, tuple(members), aside)
+    if answer.verdict != "replaced":
+        return answer
+    return replace(answer, holder=next(m.terms for m in question.members if m.effect == answer.holding[0]))
 
 
 def _with_pair(both: Together, question: Question, best: int) -> Question | None:
@@ -225,7 +230,7 @@ def _with_pair(both: Together, question: Question, best: int) -> Question | None
     pairs = tuple(
         Hypothesis(f"{one.effect} with {other.effect}", (*one.terms, *other.terms), min(one.sigmas, other.sigmas))
         for other in question.members
-        if other is not one and not set(other.terms) & set(one.terms)
+        if other is not one
     )
     if not pairs:
         return None

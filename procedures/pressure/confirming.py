@@ -147,8 +147,8 @@ class ConfirmedFit:
 def _terms(questions: Sequence[Question], answer: Confirmation) -> list[str]:
     """Formulas of the confirmed cause, for `rig fit --add`; [] if it has none."""
     question = next(q for q in questions if q.effect == answer.effect)
-    member = next(m for m in question.members if m.effect == answer.holding[0])
-    formulas = [str(getattr(candidate.term, "formula", "")) for candidate in member.terms]
+    terms = answer.holder or question.members[0].terms
+    formulas = [str(getattr(candidate.term, "formula", "")) for candidate in terms]
     return list(dict.fromkeys(formulas)) if all(formulas) else []
 
 

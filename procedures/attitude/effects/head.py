@@ -67,7 +67,7 @@ def periods(angle_deg: FloatArray) -> tuple[float, ...]:
 
     Up to where half a period is one step of the design; errors of more periods look like one of fewer, of halves too
     where a turn is no whole number of steps. Where less than a turn is visited, no closer than half a period over what
-    is. And the two that look like one period and like two on the angles visited.
+    is.
     """
     setting = settings_of(angle_deg)
     at = np.bincount(setting, angle_deg) / np.bincount(setting)
@@ -75,9 +75,8 @@ def periods(angle_deg: FloatArray) -> tuple[float, ...]:
         return ()
     step, turn = float(np.median(np.diff(at))), float(at[-1] - at[0])
     spacing = max(1.0 if (360.0 / step) % 1.0 < 1e-6 else 0.5, np.ceil(2 * 180.0 / turn) / 2)
-    tried = np.arange(spacing, 180.0 / step + 1e-6, spacing).tolist()
-    alike = (round(360.0 / step, 6) - k for k in (1.0, 2.0))  # look like one period and two
-    return tuple(k for k in (*tried, *alike) if k >= FEWEST_TEETH)
+    tried = np.arange(spacing, 180.0 / step + 1e-6, spacing)
+    return tuple(tried[tried >= FEWEST_TEETH].tolist())
 
 
 _PLAY = Signed(

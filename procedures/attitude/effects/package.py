@@ -188,4 +188,5 @@ SCALE_ATTITUDE = Effect(
         "sensor-second-order": Alias("for a sensor by itself", "read the common supply at several attitudes"),
         "cross-axis": Alias("for a sensor by itself", "read the common supply at several attitudes"),
     },
+    needs=("several sensors",),
 )
