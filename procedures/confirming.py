@@ -51,7 +51,7 @@ class Confirming(Protocol):
 
     @property
     def data(self) -> Observations:
-        """Of the run."""
+        """Observations of the run."""
 
     def own_words(self, *, realigned: bool) -> str:
         """Parameters estimated from the further run itself for its prediction, in words; "" if there are none."""

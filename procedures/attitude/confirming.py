@@ -54,7 +54,7 @@ class AttitudeConfirming:
 
     @property
     def data(self) -> AttitudeData:
-        """Of the run."""
+        """Observations of the run."""
         return self.traced.data
 
     def own_words(self, *, realigned: bool) -> str:

@@ -51,7 +51,7 @@ class WholePlotConfirming:
 
     @property
     def data(self) -> WholePlotData:
-        """Of the run."""
+        """Observations of the run."""
         return self.traced.data
 
     def own_words(self, *, realigned: bool) -> str:
