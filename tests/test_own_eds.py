@@ -44,7 +44,11 @@ def bench(tmp_path: Path) -> Path:
 def test_a_run_says_what_the_drives_do_without_and_the_run_file_keeps_their_eds(tmp_path: Path, bench: Path) -> None:
     path = dry(tmp_path / "runs", bench=bench, text=ONE)
     said = [line.what for line in story(path)]
-    judged = [what for what in said if what.startswith("head: the EDS has no 6067h that can be set: this program judges whether a target")]
+    judged = [
+        what
+        for what in said
+        if what.startswith("head: the EDS has no 6067h that can be set: this program judges whether a target")
+    ]
     assert len(judged) == 1, said
     assert sum(what.startswith("head: the EDS has no") for what in said) == 6
     shutil.rmtree(bench.parent)
@@ -59,7 +63,9 @@ def test_a_file_that_is_not_there_is_a_mistake_in_the_bench_file(tmp_path: Path,
     documents = dict(load_plan(procedure, bench, dry=True).documents)
     (bench.parent / "drives" / "sparse.eds").unlink()
     for read in (lambda: load_plan(procedure, bench, dry=True), lambda: read_bench(bench)):
-        with pytest.raises(ConfigurationError, match=r"eds \(instruments.head\) file .*drives/sparse.eds does not exist"):
+        with pytest.raises(
+            ConfigurationError, match=r"eds \(instruments.head\) file .*drives/sparse.eds does not exist"
+        ):
             read()
     del documents["drives/sparse.eds"]
     with pytest.raises(ConfigurationError, match=r"instruments.head.eds = 'drives/sparse.eds' does not exist"):

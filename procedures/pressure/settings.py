@@ -110,7 +110,7 @@ class WholePlotDesign(Strict):
         if not self.pairs():
             raise ValueError("the design has no whole plots")
         if len(set(self.pressures_psia)) != len(self.pressures_psia):
-            raise ValueError("a pressure stands twice in pressures_psia; repeats go into repeated_psia")
+            raise ValueError("pressures_psia has a pressure twice; repeats go into repeated_psia")
         strange = [p for p in self.repeated_psia if p not in self.pressures_psia]
         if strange:
             raise ValueError(f"repeated_psia names {strange[0]:g} psia, which is not in pressures_psia")

@@ -130,9 +130,7 @@ def _sensor(name: str, view: View, found: Mapping[str, Any]) -> Iterator[Block]:
         yield Line(f"  {escape(sentence)}")
     if found["due"]["status"] == "too few":
         return
-    due_dates = Grid(
-        (f"tolerance / {found['due']['unit']}", "due", "if calibrations scatter", "for a random walk")
-    )
+    due_dates = Grid((f"tolerance / {found['due']['unit']}", "due", "if calibrations scatter", "for a random walk"))
     for due in found["due_by_tolerance"]:
         by_variation = (value or "-" for value in due["by_variation"].values())
         due_dates.add_row(f"{due['tolerance']:.2g}", due_date(due), *by_variation)
