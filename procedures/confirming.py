@@ -43,7 +43,7 @@ class Confirming(ABC):
 
     @property
     def data(self) -> Any:
-        """Of the run."""
+        """Observations of the run."""
         return self.traced.data
 
     @abstractmethod

@@ -172,7 +172,7 @@ def _of_rows(fit: LinearFit) -> dict[str, Any]:
 
 
 def _of_whole_plots(fit: SplitPlotFit) -> dict[str, Any]:
-    """The same of a fit with whole plots."""
+    """The same for a fit with whole plots."""
     return {
         "coefficients": coefficient_table(fit.names, fit.coefficients, fit.kenward_roger().stderr, fit.df),
         "sigma_subplot": fit.sigma_subplot,
@@ -245,7 +245,7 @@ def _calibration(
 
 @dataclass(frozen=True)
 class GeneralFitted(PlainFitted):
-    """A fit to a table of anything, ready for JSON."""
+    """A fit to any table, as JSON values."""
 
     def blocks(self) -> Iterator[Block]:
         """Blocks for people."""

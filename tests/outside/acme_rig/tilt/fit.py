@@ -116,12 +116,12 @@ class TiltFitted:
     lines: Mapping[str, Line]
 
     def to_json(self) -> dict[str, Any]:
-        """What `rig fit --json` prints and `--out` keeps."""
+        """JSON values for `rig fit --json` and `--out`."""
         sensors = {name: line.to_json() for name, line in self.lines.items()}
         return {"data": about(self.table, self.kind), "sensors": sensors, "unused": unused(self.table).to_json()}
 
     def blocks(self) -> Iterator[Block]:
-        """What a person reads of it."""
+        """Lines for people."""
         yield headline(self.table.source, self.table)
         grid = Grid(("sensor", "offset / V", "slope / V", "standard error / deg"))
         for name, line in self.lines.items():
