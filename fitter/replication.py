@@ -41,7 +41,7 @@ class Blind:
         inflation: mean square of readings at one point over that beyond each replication's own parameters; 1 where
             the parameters do not drift between replications.
         bias: lack of fit against the latter, beside the replications' own parameters.
-        wander: correlation of neighbours in time of what is left of them; 0 where it is not significant.
+        wander: correlation of neighbours in time of their residuals; 0 where it is not significant.
 
     """
 

@@ -80,7 +80,7 @@ class View:
 
 
 class Charting(ABC):
-    """What a kind knows of calibrations to chart; sensors are those of its `Calibrations`.
+    """A kind's knowledge of calibrations to chart; sensors are those of its `Calibrations`.
 
     Attributes:
         at_one_temperature: whether the charted parameters are for one temperature of the sensor.

@@ -232,7 +232,7 @@ def _check_sensors(config: BenchConfig, where: str, conduct: Conduct) -> None:
     unit = conduct.output_unit
     for name, sensor in config.sensors.items():
         if conduct.sensor_axes is not None and (sensor.axis is not None) != conduct.sensor_axes:
-            needs = "needs its axis, x, y or z" if conduct.sensor_axes else "has an axis, which it may not have"
+            needs = "needs its axis, x, y or z" if conduct.sensor_axes else "must not have an axis"
             raise ConfigurationError(f"{where}: sensors.{name} {needs}, for this kind of procedure")
         if unit and sensor.unit != unit:
             raise ConfigurationError(
@@ -264,7 +264,7 @@ def _check_atmosphere(factor: str, guard: Guard, where: str) -> None:
     low, high = guard.limits.get(factor, (0.0, ATMOSPHERE_PSIA + 1.0))
     if not low <= ATMOSPHERE_PSIA <= high:
         raise ConfigurationError(
-            f"{where}: limits.{factor} = {low:g} to {high:g} does not hold the atmosphere, about "
+            f"{where}: limits.{factor} = {low:g} to {high:g} does not include the atmosphere, about "
             f"{ATMOSPHERE_PSIA:g} psia, where a vented line is; keep setpoints low by the controller's own high_psia"
         )
 
@@ -277,6 +277,6 @@ def _check_renewal(whole_plots: WholePlotConduct, run_list: RunList, guard: Guar
             away = renewal(target, whole_plots.soak.renew_degC)
             if not low <= away <= high:
                 raise ConfigurationError(
-                    f"{where}: {factor.name}: a temperature that stands is left for {away:g} degC first "
+                    f"{where}: {factor.name}: the temperature is changed to {away:g} degC first "
                     f"(soak.renew_degC), outside {low:g} to {high:g}; widen the limits or leave it by less"
                 )

@@ -103,7 +103,7 @@ class Calibration(Evaluated):
 
 
 class Trace(Evaluated):
-    """What the declared model lacks.
+    """Effects that the declared model lacks.
 
     Attributes:
         traced: as its kind has it.

@@ -1,4 +1,4 @@
-"""What is given beside the outputs, what one chunk of readings is asked for, and what a package at rest can give."""
+"""Quantities given beside the outputs, the questions to a chunk of readings, and what a package at rest determines."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ class AcmeM7(ScpiMeter):
     contracts: ClassVar[tuple[ContractFile, ...]] = (ContractFile("conditions", "acme_rig", "m7_conditions.toml"),)
 
     class Options(SerialOptions):
-        """Options of this instrument in the bench file."""
+        """What the bench file may say about this instrument."""
 
         conditions: str = Field(description="what the bits of its event register mean")
         period_ms: int = Field(100, ge=20, le=1000, description="how long each input is read")

@@ -116,12 +116,12 @@ class TiltFitted:
     lines: Mapping[str, Line]
 
     def to_json(self) -> dict[str, Any]:
-        """JSON values for `rig fit --json` and `--out`."""
+        """What `rig fit --json` prints and `--out` keeps."""
         sensors = {name: line.to_json() for name, line in self.lines.items()}
         return {"data": about(self.table, self.kind), "sensors": sensors, "unused": unused(self.table).to_json()}
 
     def blocks(self) -> Iterator[Block]:
-        """Lines for people."""
+        """What a person reads of it."""
         yield headline(self.table.source, self.table)
         grid = Grid(("sensor", "offset / V", "slope / V", "standard error / deg"))
         for name, line in self.lines.items():

@@ -21,14 +21,14 @@ class TiltDesign(Strict):
 
 
 class TiltSettle(Strict):
-    """Criterion for reaching an angle."""
+    """When an angle counts as reached."""
 
     band_deg: Positive = 0.0005
     dwell_s: float = Field(3.0, ge=0)
 
 
 class TiltAcceptance(Acceptance):
-    """Acceptance limits of a finished calibration."""
+    """When a finished calibration is fit for use."""
 
     sigma_deg: Positive | None = Field(None, description="largest standard error of one observation, as an angle")
 
@@ -54,7 +54,7 @@ class TiltProcedure(Strict):
 
     @property
     def conduct(self) -> Conduct:
-        """Execution of the run."""
+        """How the run is carried out."""
         settle = Settle(self.settle.band_deg, self.settle.dwell_s, drift_per_s=0.001, timeout_s=120.0)
         return Conduct(settle=settle, readings=self.readings, faults=self.faults, warnings=self.warnings, response=line)
 

@@ -141,12 +141,12 @@ class TiltTraced:
     outcomes: tuple[Outcome, ...]
 
     def to_json(self) -> dict[str, Any]:
-        """The JSON of `rig trace --json`."""
+        """What `rig trace --json` prints."""
         data = {"file": self.table.source, **about(self.table, self.kind)}
         return run_json(data, self.outcomes, unused=unused(self.table).to_json())
 
     def blocks(self) -> Iterator[Block]:
-        """Lines for people."""
+        """What a person reads of it."""
         yield headline(self.table.source, self.table)
         for found in self._sensors():
             yield Line(found["sentence"], wrapped=True)
