@@ -20,7 +20,7 @@ def if_finite(value: SupportsFloat) -> float | None:
 def coefficient_table(
     names: Sequence[str], estimates: FloatArray, stderr: FloatArray, df: FloatArray
 ) -> dict[str, dict[str, float | None]]:
-    """Estimate, standard error and degrees of freedom by name; None where one does not exist."""
+    """Estimate, standard error and degrees of freedom by name; None for missing ones."""
     return {
         name: {"estimate": float(b), "stderr": if_finite(s), "df": if_finite(d)}
         for name, b, s, d in zip(names, estimates, stderr, df, strict=True)

@@ -30,7 +30,7 @@ from fitter.sums_of_squares import NAN, FTest, centred, off, own_parameters, rat
 _DRIFTS = 0.05
 _WANDERS = 1e-3
 _INFLATED = 1.1
-"""Less than this hides nothing that scatter does not hide as well."""
+"""Inflation below which drift hides no more than scatter does."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Blind:
         inflation: mean square of readings at one point over that beyond each replication's own parameters; 1 where
             the parameters do not drift between replications.
         bias: lack of fit against the latter, beside the replications' own parameters.
-        wander: correlation of neighbours in time of what is left of them; 0 where it is not significant.
+        wander: correlation of neighbours in time of their residuals; 0 where it is not significant.
 
     """
 
@@ -51,12 +51,12 @@ class Blind:
 
     @property
     def lacks_fit(self) -> bool:
-        """Whether lack of fit is significant once drift between replications is out of the denominator."""
+        """Whether lack of fit is significant with drift between replications removed from the denominator."""
         return bool(self.bias.value > self.bias.limit_95)
 
     @property
     def sentence(self) -> str:
-        """For people."""
+        """A sentence for people."""
         texts = []
         if self.inflation > 1.0:
             test = f"F {self.bias.value:.3g}, 95 % limit {self.bias.limit_95:.3g}"
@@ -84,18 +84,17 @@ def blind(
     drift: FTest,
     pure_error: float,
 ) -> Blind | None:
-    """Why the test of lack of fit can miss one; None where nothing speaks for that.
+    """Reasons why the test of lack of fit can miss one; None if there are none.
 
     Args:
-        output: (n,) volts, rows in order of time.
+        output: (n,) outputs, volts, rows in order of time.
         extra: (n, q) columns of effects fitted together with the model.
         columns: (n, L) rows of the model.
-        within: (n, r) orthonormal basis of what effects and replications' own parameters span within points.
+        within: (n, r) orthonormal basis of the span of effects and replications' own parameters within points.
         point: (n,) point of the design, from 0.
         replicate: (n,) replication, from 0.
         drift: the joint test of drift between replications.
         pure_error: mean square of readings at one point.
-
     """
     left = off(centred(output[:, None], point), within)[:, 0]
     rest = float(left @ left)
@@ -115,7 +114,7 @@ def blind(
 
 
 def _wander(left: FloatArray, within: FloatArray, point: IntArray, replicate: IntArray, df: int) -> tuple[float, float]:
-    """Correlation of neighbours in time beyond what the fit itself gives, and its one-sided probability.
+    """Correlation of neighbours in time beyond that caused by the fit, and its one-sided probability.
 
     Its mean and variance for white noise seen through the projection are exact (Durbin and Watson, Biometrika 37,
     1950); its distribution is taken as normal.

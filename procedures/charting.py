@@ -80,7 +80,7 @@ class View:
 
 
 class Charting(ABC):
-    """What a kind knows of calibrations to chart; sensors are those of its `Calibrations`.
+    """A kind's knowledge of calibrations to chart; sensors are those of its `Calibrations`.
 
     Attributes:
         at_one_temperature: whether the charted parameters are for one temperature of the sensor.
@@ -114,7 +114,7 @@ class Charting(ABC):
         """
 
     def model(self, sensor: Any) -> str:
-        """What was fitted to a sensor; only calibrations of one model are charted together."""
+        """The fitted model of a sensor; only calibrations of one model are charted together."""
         return str(sensor.formula)
 
     def apart(self, first: Any, later: Any, between: str) -> str:
@@ -132,7 +132,7 @@ class Charting(ABC):
         return np.array_equal(first.coefficients, later.coefficients)
 
     def at(self, sensor: Any, degC: float) -> Any:
-        """A sensor at another temperature, where that can be told."""
+        """A sensor at another temperature, if it is possible."""
         return sensor
 
     @abstractmethod

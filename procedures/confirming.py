@@ -18,7 +18,7 @@ SETTLED = ("confirmed", "replaced")
 
 
 class Confirming(ABC):
-    """What a kind knows of a run that was traced in it.
+    """A kind's knowledge of a traced run.
 
     Attributes:
         traced: the run.
@@ -38,12 +38,12 @@ class Confirming(ABC):
 
     @property
     def found(self) -> Any:
-        """What was found, a `fitter.confirm.question.Traced`."""
+        """The findings, a `fitter.confirm.question.Traced`."""
         return self.traced.trace
 
     @property
     def data(self) -> Any:
-        """Of the run."""
+        """Observations of the run."""
         return self.traced.data
 
     @abstractmethod

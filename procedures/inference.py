@@ -54,7 +54,7 @@ class Inference:
 
 
 def empty_rows(inputs: Mapping[str, FloatArray]) -> NDArray[Any]:
-    """(n,) what a row lacks, in words; empty where it is complete."""
+    """(n,) missing values of a row, in words; empty for a complete row."""
     lacks = {name: ~np.isfinite(values) for name, values in inputs.items()}
     flag = np.full(len(next(iter(inputs.values()))), "", dtype=object)
     for i in np.flatnonzero(np.any(list(lacks.values()), axis=0)):
@@ -63,7 +63,7 @@ def empty_rows(inputs: Mapping[str, FloatArray]) -> NDArray[Any]:
 
 
 def incomplete_rows(table: Table, inputs: Mapping[str, FloatArray]) -> list[tuple[int, str]]:
-    """(row in the file, column) of every value that is missing."""
+    """(row in the file, column) of every missing value."""
     return [(table.row(int(i)), name) for name, values in inputs.items() for i in np.flatnonzero(~np.isfinite(values))]
 
 

@@ -86,7 +86,7 @@ class FitSummary:
         return FitSummary(sigmas, unit, dict(zip(names, values, strict=True)))
 
     def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
+        """JSON values."""
         table = {n: {"estimate": if_finite(b), "stderr": if_finite(s)} for n, (b, s) in self.coefficients.items()}
         return {**self.sigmas, "coefficients": table}
 

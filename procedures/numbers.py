@@ -32,5 +32,5 @@ def _places(error: float) -> int:
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """A number, or a dash where there is none."""
+    """A number, or a dash if there is none."""
     return "-" if value is None or isnan(value) else f"{value:.{digits}g}"

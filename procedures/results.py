@@ -92,7 +92,7 @@ class PlainFitted:
     result: dict[str, Any]
 
     def to_json(self) -> dict[str, Any]:
-        """What `rig fit --json` prints."""
+        """The JSON of `rig fit --json`."""
         return self.result
 
     def page(self) -> None:

@@ -21,11 +21,10 @@ _WIDER = {"B": "H", "H": "I", "I": "Q"}
 
 
 class Coded(Generic[Level]):
-    """Values in order, each kept as the number of its level.
+    """Values in order, each stored as the number of its level.
 
     Attributes:
         levels: the different values, in order of first appearance.
-
     """
 
     def __init__(self) -> None:
@@ -34,7 +33,7 @@ class Coded(Generic[Level]):
         self._codes = array("B")
 
     def extend(self, values: Sequence[Level]) -> None:
-        """Add values at the end."""
+        """Append values."""
         for value in dict.fromkeys(values):
             if value not in self._code_of:
                 self._code_of[value] = len(self.levels)
@@ -44,11 +43,11 @@ class Coded(Generic[Level]):
         self._codes.extend(map(self._code_of.__getitem__, values))
 
     def first(self, code: int) -> int:
-        """Index of the first value that is the level of this number."""
+        """Index of the first value of this level."""
         return self._codes.index(code)
 
     def count(self, code: int) -> int:
-        """How many values are the level of this number."""
+        """Number of values of this level."""
         return self._codes.count(code)
 
     def __len__(self) -> int:
@@ -265,7 +264,7 @@ class RunList:
         return list(dict.fromkeys(value for value, _ in column.levels))
 
     def sha256(self) -> str:
-        """Hash of everything that decides what the bench will do; two equal lists have equal hashes."""
+        """Hash of everything that determines the bench's actions; equal lists have equal hashes."""
         rows = self.points.rows()
         return rows_sha256(self.factors, self.seed, iter(lambda: list(itertools.islice(rows, _AT_ONCE)), []))
 

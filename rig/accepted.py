@@ -80,11 +80,10 @@ class Acceptance:
 
 
 def judge(procedure: Procedure, run_file: Path) -> Sequence[Verdict]:
-    """Every sensor of a complete run against the procedure's limit; [] where there is none.
+    """Verdicts on every sensor of a complete run, by the procedure's limit; [] without a limit.
 
     Raises:
         RigError: the run cannot be fitted.
-
     """
     from rig.tables import run_table  # noqa: PLC0415 - few runs have limits
 

@@ -205,13 +205,12 @@ def check_match(config: BenchConfig, procedure: Procedure, run_list: RunList, wh
 
     Args:
         config: the bench file.
-        procedure: what is to be run.
+        procedure: the procedure.
         run_list: every point of it.
         where: the bench file's name, for messages.
 
     Raises:
-        ConfigurationError: saying what does not fit, and what to do.
-
+        ConfigurationError: with the defect and the next step.
     """
     guard, conduct = Guard(config.limits, config.factors), procedure.conduct
     guard.check_run_list(run_list, {})
@@ -233,7 +232,7 @@ def _check_sensors(config: BenchConfig, where: str, conduct: Conduct) -> None:
     unit = conduct.output_unit
     for name, sensor in config.sensors.items():
         if conduct.sensor_axes is not None and (sensor.axis is not None) != conduct.sensor_axes:
-            needs = "needs its axis, x, y or z" if conduct.sensor_axes else "has an axis, which it may not have"
+            needs = "needs its axis, x, y or z" if conduct.sensor_axes else "must not have an axis"
             raise ConfigurationError(f"{where}: sensors.{name} {needs}, for this kind of procedure")
         if unit and sensor.unit != unit:
             raise ConfigurationError(
@@ -242,7 +241,7 @@ def _check_sensors(config: BenchConfig, where: str, conduct: Conduct) -> None:
 
 
 def _check_factors(config: BenchConfig, run_list: RunList, guard: Guard, where: str) -> None:
-    """Every factor has an instrument of its own that can set it."""
+    """Check that every factor has its own instrument that can set it."""
     setting: dict[str, str] = {}
     for factor in run_list.factors:
         name = config.factors.get(factor.name)
@@ -261,23 +260,23 @@ def _check_factors(config: BenchConfig, run_list: RunList, guard: Guard, where: 
 
 
 def _check_atmosphere(factor: str, guard: Guard, where: str) -> None:
-    """A pressure controller may vent its line."""
+    """Check that the atmosphere is within the limits: a pressure controller may vent its line."""
     low, high = guard.limits.get(factor, (0.0, ATMOSPHERE_PSIA + 1.0))
     if not low <= ATMOSPHERE_PSIA <= high:
         raise ConfigurationError(
-            f"{where}: limits.{factor} = {low:g} to {high:g} does not hold the atmosphere, about "
+            f"{where}: limits.{factor} = {low:g} to {high:g} does not include the atmosphere, about "
             f"{ATMOSPHERE_PSIA:g} psia, where a vented line is; keep setpoints low by the controller's own high_psia"
         )
 
 
 def _check_renewal(whole_plots: WholePlotConduct, run_list: RunList, guard: Guard, where: str) -> None:
-    """A temperature that stands is left before it is set again."""
+    """Check the limits for a renewed setpoint: the chamber leaves its temperature before it is set again."""
     for factor in run_list.hard:
         low, high = guard.limits.get(factor.name, (float("-inf"), float("inf")))
         for target in run_list.levels(factor):
             away = renewal(target, whole_plots.soak.renew_degC)
             if not low <= away <= high:
                 raise ConfigurationError(
-                    f"{where}: {factor.name}: a temperature that stands is left for {away:g} degC first "
+                    f"{where}: {factor.name}: the temperature is changed to {away:g} degC first "
                     f"(soak.renew_degC), outside {low:g} to {high:g}; widen the limits or leave it by less"
                 )

@@ -20,7 +20,7 @@ VERSION = _version()
 
 
 def versions(drivers: Iterable[str] = ()) -> dict[str, str]:
-    """By name, for the run file and reports; with the packages that these drivers come with, if not with ours."""
+    """Versions by name, for the run file and reports; with the packages of these drivers, if not ours."""
     import apsw  # noqa: PLC0415
     import numpy as np  # noqa: PLC0415
 

@@ -42,7 +42,7 @@ def test_every_file_it_names_exists(document, least):
 
 
 @pytest.mark.parametrize(
-    "title", ["The way of one reading, from wire to certificate", "The way of one fault, from driver to exit code"]
+    "title", ["The path of a reading, from wire to certificate", "The path of a fault, from driver to exit code"]
 )
 def test_every_step_of_a_way_says_where(title):
     rows = section(title)
@@ -51,6 +51,6 @@ def test_every_step_of_a_way_says_where(title):
 
 
 def test_twenty_tasks_have_a_file_each():
-    rows = section("You want to change X: open Y")
+    rows = section("Where to change what")
     assert len(rows) >= 20
     assert all(re.search(r"`[\w./]+\.(py|j2)`", row) for row in rows)

@@ -84,7 +84,7 @@ def test_what_goes_with_another_kind_is_refused(tables, tmp_path):
     names = ("replicate", "order", "elapsed_s", "pitch_deg", "roll_deg", "sensor_temperature_degC")
     write_csv({**{name: getattr(data, name) for name in names}, **data.outputs}, tmp_path / "angles.csv")
     angles = f"{tmp_path / 'angles.csv'}@2023-01-01"
-    with pytest.raises(UsageError, match="they do not belong on one chart"):
+    with pytest.raises(UsageError, match="they cannot be charted together"):
         read_together([tables[0], angles])
     with pytest.raises(DataError, match="--formula is for whole plots"):
         read_together([angles, tables[0]], "full")

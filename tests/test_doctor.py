@@ -66,7 +66,7 @@ def instruments_of(path):
 def test_a_bench_that_is_not_there_is_a_problem_and_the_other_checks_go_on(tmp_path, quiet):
     done = rig("doctor", "--bench", tmp_path / "no.toml", "--out", tmp_path, env=quiet)
     assert done.returncode == 78, "what rig plan and rig run would end with"
-    assert "there is no bench file" in done.stdout
+    assert "does not exist" in done.stdout
     assert "disk: syncing" in done.stdout
     assert "not ready for the night" in done.stderr
 

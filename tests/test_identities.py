@@ -58,5 +58,5 @@ def test_a_cut_answer_at_a_resume_is_no_other_instrument_and_another_instrument_
 
 def test_who_says_something_else_every_time_is_not_believed():
     answers = [Identity("HP", "34970A", str(n), "") for n in range(9)]
-    with pytest.raises(BadReply, match="scanner says otherwise who it is every time"):
+    with pytest.raises(BadReply, match="scanner reports a different identity every time"):
         makers(bench(*answers)[0], {})

@@ -208,7 +208,7 @@ def test_what_hides_is_traced_and_reported(lagging, tmp_path):
 
 
 def test_what_it_does_not_do_is_said_in_a_line(plain):
-    for command, words in (("confirm", "no further run is made of level sensors"), ("chart", "control charts are not")):
+    for command, words in (("confirm", "level sensors has no further runs"), ("chart", "control charts are not")):
         done = rig(command, plain, "--list") if command == "confirm" else rig(command, plain, plain)
         assert done.returncode == 2
         assert words in done.stderr

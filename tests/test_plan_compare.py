@@ -37,7 +37,7 @@ def test_designs_side_by_side_with_hours_precision_and_a_recommendation(tmp_path
 @pytest.mark.parametrize(
     ("arguments", "code", "message"),
     [
-        (("--compare", "nothing.toml"), 78, "there is no procedure file"),
+        (("--compare", "nothing.toml"), 78, "procedure file nothing.toml does not exist"),
         (("--compare", str(LAB.parent / "pressure-lab" / "procedure.toml")), 78, ""),
     ],
 )

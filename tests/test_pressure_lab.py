@@ -193,7 +193,7 @@ def test_acceptance_is_by_reading_error(tmp_path, run):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (('pressure_psia = "supply"\n', ""), "lacks the instrument of pressure_psia"),
+        (('pressure_psia = "supply"\n', ""), "does not say what sets pressure_psia"),
         (('pressure_psia = "supply"', 'pressure_psia = "scanner"'), "scanner cannot set pressure_psia"),
         (
             ('sse_temperature_degC = "sse_chamber"', 'sse_temperature_degC = "scanner"'),
@@ -263,8 +263,8 @@ def test_a_dead_transducer_does_not_stop_the_others(tmp_path, run):
 @pytest.mark.parametrize(
     ("columns", "message"),
     [
-        ({"pressure_psia": -1.0}, "column pressure_psia: -1 cannot be"),
-        ({"sensor_temperature_degC": -390.0}, "column sensor_temperature_degC: -390 cannot be"),
+        ({"pressure_psia": -1.0}, "column pressure_psia: -1 is wrong"),
+        ({"sensor_temperature_degC": -390.0}, "column sensor_temperature_degC: -390 is wrong"),
         ({"whole_plot": 1e300}, "too large"),
         ({"order": 1.0}, "order 1 stands there twice"),
     ],

@@ -84,7 +84,10 @@ def test_a_second_accepted_observation_of_a_point_is_impossible(path):
     ],
 )
 def test_the_file_refuses_to_be_changed(path, statement):
-    with sqlite3.connect(path) as db, pytest.raises(sqlite3.IntegrityError, match="append-only"):
+    with (
+        contextlib.closing(sqlite3.connect(path)) as db,
+        pytest.raises(sqlite3.IntegrityError, match="append-only"),
+    ):
         db.execute(statement)
 
 

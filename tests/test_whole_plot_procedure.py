@@ -90,7 +90,7 @@ def test_the_same_seed_gives_the_same_list_and_another_another():
         ({"temperatures_degC": [[1, 2]]}, "does not use temperatures_degC"),
         ({"type": "list", "temperatures_degC": []}, "no whole plots"),
         ({"factorial": 0, "axial_sensor": 0, "axial_sse": 0, "centre": 0}, "no whole plots"),
-        ({"pressures_psia": [1, 1, 2]}, "stands twice"),
+        ({"pressures_psia": [1, 1, 2]}, "has a pressure twice"),
         ({"repeated_psia": [3]}, "3 psia, which is not in pressures_psia"),
         ({"pressures_psia": [-1, 2], "repeated_psia": []}, "greater than or equal to 0"),
     ],

@@ -50,7 +50,7 @@ class CanLine:
         return CanNode(self._bus, node, dictionary, self._address, self._label, self._tap, timeout_s)
 
     def listen(self, can_id: int, heard: Callable[[bytes], None]) -> None:
-        """Call `heard` with the data of every frame with this identifier, whoever receives frames.
+        """Call `heard` with the data of every frame with this identifier, at every reception.
 
         Raises:
             Unreachable: another instrument on this bus has this identifier.

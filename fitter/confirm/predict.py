@@ -23,9 +23,9 @@ from fitter.quantiles import DISTINGUISHED, t_limit
 from fitter.trace.aliases import PER_COLUMN
 
 SELECTED = 3.5e-4
-"""Probability at which a trace takes up one candidate: 3.5 % of a run, over the hundred or so that it tries."""
+"""Probability at which a trace selects one candidate: 3.5 % of a run, over the hundred or so that it tries."""
 MORE = 20
-"""Sizes drawn for each that is kept when those are weighed by how easily a trace would have found them."""
+"""Number of drawn sizes per kept one, when they are weighted by their probability of detection by a trace."""
 RANK = 1e-8
 
 
@@ -34,9 +34,8 @@ class Fit:
     """Coefficients of columns that may not all be determined.
 
     Attributes:
-        estimate: (q,) or (q, k) the shortest that fit best, columns being of length one.
-        spread: (q, r) times r independent standard errors: what they are uncertain by.
-
+        estimate: (q,) or (q, k) the shortest least-squares solution, for columns of length one.
+        spread: (q, r) matrix whose product with r independent standard normal numbers has their covariance.
     """
 
     estimate: FloatArray
@@ -44,7 +43,7 @@ class Fit:
 
     @classmethod
     def of(cls, columns: FloatArray, outputs: FloatArray) -> Fit:
-        """Least squares of columns (n, q) to outputs (n,) or, for as many estimates side by side, (n, k)."""
+        """Least squares of columns (n, q) on outputs (n,) or (n, k), k estimates side by side."""
         length = np.linalg.norm(columns, axis=0)
         length = np.where(length > 0, length, 1.0)
         u, s, vt = np.linalg.svd(columns / length, full_matrices=False)
@@ -55,17 +54,16 @@ class Fit:
 
 @dataclass(frozen=True, eq=False)
 class Could:
-    """Both runs as they could be: the first as it was read, the later one drawn.
+    """Both runs with simulated outputs: the first as measured, the later one drawn.
 
-    Each time: how large the error is, which is known with few degrees of freedom only; the sizes of the effects and
-    the declared model's parameters, as the first run leaves them uncertain; what each replication or whole plot has of
-    its own; the errors of readings. Sizes are weighed by what it took to be found: of effects just large enough for
-    that, those are seen of which chance made more (Yekutieli, J. R. Statist. Soc. B 74, 2012).
+    Each draw has a variance of error, known with few degrees of freedom only; sizes of the effects and parameters of
+    the declared model, with the uncertainty left by the first run; the own error of each replication or whole plot;
+    errors of readings. Sizes are weighted by their probability of detection: small effects are detected if chance
+    increased them (Yekutieli, J. R. Statist. Soc. B 74, 2012).
 
     Attributes:
         both: the first run and a planned one.
-        question: whose members are the explanations.
-
+        question: its members are the explanations.
     """
 
     both: Together
@@ -83,7 +81,7 @@ class Could:
         return np.asarray(weights / weights.sum())
 
     def outputs(self, member: int, draws: int) -> FloatArray:
-        """(S n, draws) both runs if one member is true; weighed, the declared model taken out."""
+        """(S n, draws) both runs if one member is true; weighted, with the declared model removed."""
         rng, both = np.random.default_rng([draws, member]), self.both
         error = np.sqrt(both.df / rng.chisquare(both.df, draws))
         terms = [*self.question.members[member].terms, *self.question.rest]
@@ -111,7 +109,7 @@ class Could:
     def _of_sensor(
         self, i: int, effects: FloatArray, sizes: FloatArray, error: FloatArray, rng: np.random.Generator
     ) -> FloatArray:
-        """(n, draws) of one sensor."""
+        """(n, draws) readings of one sensor."""
         both, fresh = self.both, self.both.fresh
         declared, effects = both.weigh(i, both.declared[i]), both.weigh(i, effects)
         read = both.weigh(i, both.raw_outputs[i][:, None])
@@ -125,7 +123,9 @@ class Could:
     def _own(
         self, i: int, declared: FloatArray, errors: FloatArray, error: FloatArray, rng: np.random.Generator
     ) -> None:
-        """Give each replication or whole plot its own, of a variance that the first run knows from a few of them."""
+        """Add each replication's or whole plot's own error, with a variance estimated from a few of them in the first
+        run.
+        """
         groups = [own for own in self.both.own[i] if not self.both.fresh[own.rows[0]]]
         if not groups:
             return
@@ -140,7 +140,7 @@ class Could:
 
 
 def _groups(terms: Candidates) -> list[list[int]]:
-    """Terms that were found together: those of one effect on one sensor."""
+    """Terms found together: those of one effect on one sensor."""
     groups: dict[tuple[str, str | None], list[int]] = {}
     for k, term in enumerate(terms):
         groups.setdefault((term.effect.name, term.sensor), []).append(k)

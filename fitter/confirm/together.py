@@ -91,7 +91,7 @@ class Together(ABC):
 
     @property
     def raw_outputs(self) -> FloatArray:
-        """(S, n) outputs as they were read."""
+        """(S, n) measured outputs."""
         return np.stack([self.data.outputs[s] for s in self.sensors])
 
     @property

@@ -73,7 +73,7 @@ class SplitPlotDesign:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the columns."""
+        """Names of the columns."""
         return self.nesting.fixed.names
 
     @property

@@ -131,7 +131,7 @@ def separation(explanations: Sequence[Rival], name: str) -> dict[str, float]:
 
 
 def simplest(candidates: Iterable[Rival]) -> Rival:
-    """Of the indistinguishable explanations the one with the fewest columns, then the first in the catalogue."""
+    """The indistinguishable explanation with the fewest columns, then the first in the catalogue."""
     return min((r for r in candidates if r.alias), key=lambda r: (len(r.terms) + r.searched, min(r.terms)))
 
 

@@ -101,7 +101,7 @@ class Found:
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Its coefficients as rows beside those of the declared model."""
+        """Its coefficients as rows after those of the declared model."""
         rows = zip(self.terms, self.coefficients, self.stderr, strict=True)
         named = ((f"{self.effect}: {term}", WithError(value, error)) for term, value, error in rows)
         return tuple(Parameter(name, estimate, unit=self.unit) for name, estimate in named)

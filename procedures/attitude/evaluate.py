@@ -104,7 +104,7 @@ def fit_attitude_table(
 def _gross(
     data: AttitudeData, searched: Searched, fit: AttitudeFit, others: Mapping[str, AttitudeFit] | str | None
 ) -> dict[str, Any]:
-    """A sensor's gross errors for JSON; `data` are all rows of the table."""
+    """A sensor's gross errors as JSON values; `data` are all rows of the table."""
     other = _summary(others[fit.sensor]) if isinstance(others, Mapping) else others
 
     def where(row: int) -> str:
@@ -375,7 +375,7 @@ def _degrees(volts: float, sensitivity: float) -> str:
 
 @dataclass(frozen=True)
 class AttitudeFitted(PlainFitted):
-    """A table and the calibration fitted to it, ready for JSON."""
+    """A table and its calibration as JSON values."""
 
     table: Table
 

@@ -271,7 +271,7 @@ def _sensor(part: PartFit, whole: PartFit) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class FractionsCompared(PlainFitted):
-    """A run and what fewer points would have cost, ready for JSON."""
+    """A run and its fractions as JSON values."""
 
     table: Table
     which: str

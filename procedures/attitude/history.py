@@ -265,8 +265,7 @@ def calibrated_from(content: Mapping[str, Any]) -> dict[str, Calibrated]:
         content: with "sensors", each as `AttitudeFit.to_dict`, and "calibration", as `AttitudeCalibration.to_dict`.
 
     Raises:
-        FitError: the content is not that, or leaves no error to chart against.
-
+        FitError: the content is invalid, or has no error for charts.
     """
     package = AttitudeCalibration.from_dict(content["calibration"])
     keep = list(range(len(COLUMNS))) if package.roll else [0, 1, 3]
@@ -302,7 +301,7 @@ def calibrated_from(content: Mapping[str, Any]) -> dict[str, Calibrated]:
 def _warmth(
     sensor: SensorModel, reference_degC: float | None, covariance: FloatArray, keep: list[int]
 ) -> Warmth | None:
-    """From the terms of offset and sensitivity over temperature, if the sensor has them."""
+    """From the temperature terms of offset and sensitivity, if the sensor has them."""
     linear = {powers: row for row, powers in enumerate(((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)))}
     turn = np.zeros((len(COLUMNS), len(sensor.terms)))
     for j, term in enumerate(sensor.terms):
@@ -317,13 +316,12 @@ def _warmth(
 
 
 def _between(fitted: Mapping[str, Any], shape: FloatArray, sensitivity: FloatArray) -> FloatArray:
-    """(k, k) covariance from the variation between replications, of mean squares in place of one variance.
+    """(k, k) covariance from the variation between replications, with mean squares in place of one variance.
 
     Args:
         fitted: analysis of variance.
         shape: (k, k) (X'X)^-1.
         sensitivity: (k - 1,) coefficients after the offset.
-
     """
     k = len(shape)
     turn = np.eye(k)  # rows: offset, along the sensitivity, square to it

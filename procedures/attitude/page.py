@@ -29,18 +29,17 @@ _MARKS = "osD^v<>ph*"
 
 @dataclass(frozen=True)
 class Picture:
-    """What is plotted of one sensor.
+    """Plotted values of one sensor.
 
     Attributes:
         pitch_deg: (n,) setpoints.
         roll_deg: (n,) setpoints.
         elapsed_h: (n,) hours since the start of the run.
-        temperature_degC: (n,) at the sensor, None where it was not recorded.
-        replicate: (n,) which pass over the design.
+        temperature_degC: (n,) at the sensor, None if it was not recorded.
+        replicate: (n,) number of the pass over the design.
         before_deg: (n,) residual of the declared model.
-        after_deg: (n,) residual with the effects that were found.
+        after_deg: (n,) residual with the effects found.
         interval_deg: half-width of the 95 % prediction interval before and after, one number each.
-
     """
 
     pitch_deg: Array
@@ -54,7 +53,7 @@ class Picture:
 
 
 def residuals_against(picture: Picture, x: Array, label: str, *, legend: bool) -> Figure:
-    """Residuals before and after over one variable, a colour for each replication, a legend if asked."""
+    """Residuals before and after over one variable, with a colour for each replication, and a legend on request."""
     figure, axes = side_by_side(3.2)
     sides = picture.before_deg, picture.after_deg
     for axis, residual, half, title in zip(axes, sides, picture.interval_deg, BEFORE_AFTER, strict=True):

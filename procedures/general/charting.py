@@ -23,19 +23,18 @@ from procedures.table import Table
 from procedures.unused import unit_of
 
 _PLACES = 33
-"""Of the range at which the error of the response is bounded."""
+"""Number of places of the range for the bound of the response's error."""
 
 
 @dataclass(frozen=True, eq=False)
 class CurveCharted(Charted):
-    """The response at k places of the range that all calibrations have.
+    """The response at k places of the common range of all calibrations.
 
     Attributes:
         low: of that range.
         high: of it.
-        rows: (H, k) response that a unit of each charted value adds, over the range.
+        rows: (H, k) derivative of the response by each charted value, over the range.
         interval: half-width of the last calibration's 95 % interval of one new reading, at its widest.
-
     """
 
     low: float
@@ -45,7 +44,7 @@ class CurveCharted(Charted):
 
 
 def curve_charted(fits: Sequence[CurveCalibration], years: FloatArray) -> CurveCharted:
-    """What is charted of one response.
+    """Charted values of one response.
 
     Args:
         fits: m of them, of one formula, in order of time.
@@ -54,7 +53,6 @@ def curve_charted(fits: Sequence[CurveCalibration], years: FloatArray) -> CurveC
     Raises:
         FitError: a formula is not of one variable, an error is unknown, rounding leaves too few digits of one, or the
             ranges have nothing in common.
-
     """
     variable, formula = fits[0].variable, fits[0].formula
     low, high = max(f.ranges[variable][0] for f in fits), min(f.ranges[variable][1] for f in fits)
@@ -72,7 +70,9 @@ def curve_charted(fits: Sequence[CurveCalibration], years: FloatArray) -> CurveC
         return _within(fits, weights @ directions)
 
     last = fits[-1]
-    root = last.factored.root  # powers of an abscissa far from zero are nearly alike; their combinations by it are not
+    root = (
+        last.factored.root
+    )  # powers of an abscissa far from zero are nearly dependent; their combinations here are not
     widest = float(last.factored.variance(across).max() + last.variances.sum())
     _, df = _within([last], across[-1])
     names = tuple(f"{last.response} at {variable} = {place:.6g}" for place in places)
@@ -95,8 +95,8 @@ def curve_charted(fits: Sequence[CurveCalibration], years: FloatArray) -> CurveC
 def _within(fits: Sequence[CurveCalibration], direction: FloatArray) -> tuple[FloatArray, float]:
     """(m,) variance within of `direction` @ coefficients and its degrees of freedom, pooled over the calibrations.
 
-    Independent rows: one variance of a row, each calibration its own design. Whole plots: the calibrations are taken
-    to be of one design, and the variance of the combination is pooled.
+    Independent rows: one variance of a row, with each calibration's own design. Whole plots: one common design of the
+    calibrations is assumed, and the variance of the combination is pooled.
     """
     row = direction[None, :]
     gradients = [fit.factored.gradient(row)[0] for fit in fits]

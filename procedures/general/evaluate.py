@@ -1,4 +1,4 @@
-"""Tables of any kind: what the declared model lacks, in JSON and in words."""
+"""Traces of tables of any kind, in JSON and in words."""
 
 from __future__ import annotations
 
@@ -26,15 +26,14 @@ from procedures.words import noise_of, part, verdict
 
 @dataclass(frozen=True, eq=False)
 class GeneralTraced:
-    """A table and what was traced in it.
+    """A table and its trace.
 
     Attributes:
-        table: as it was read.
-        roles: what the user said of its columns.
-        trace: what was found.
-        taken: sentences about what was taken for what.
-        parts: the same by part, ready for JSON.
-
+        table: the table as read.
+        roles: the user's declarations about columns.
+        trace: the findings.
+        taken: sentences about the roles of columns.
+        parts: the roles of columns as JSON values.
     """
 
     table: Table
@@ -44,18 +43,18 @@ class GeneralTraced:
     parts: dict[str, Any] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:
-        """What `rig trace --json` prints."""
+        """JSON values for `rig trace --json`."""
         data = {"file": Path(self.table.source).name, "points": len(self.table), "kind": "general"}
         unused = unused_columns(self.table, used_columns(self.roles, self.parts), self._spared()).to_json()
         return run_json(data, [self.outcome], unused=unused)
 
     @property
     def outcomes(self) -> tuple[Outcome, ...]:
-        """What is said of each response: of the one there is."""
+        """Outcome of the only response."""
         return (self.outcome,)
 
     def blocks(self) -> Iterator[Block]:
-        """What a person reads of it."""
+        """Blocks for people."""
         from procedures.general.shown import show_general_trace  # noqa: PLC0415
 
         return show_general_trace(self.to_json())
@@ -72,7 +71,7 @@ class GeneralTraced:
 
     @cached_property
     def outcome(self) -> Outcome:
-        """What is said of the response."""
+        """Outcome of the response."""
         plain = self.trace.outcome()
         worded = (_worded(self.trace, effect, self._df(effect)) for effect in self.trace.effects)
         told = replace(
@@ -81,7 +80,7 @@ class GeneralTraced:
         return certified(told, general_sentence(self.trace), _errors(self.trace), roles=self.parts)
 
     def _spared(self) -> dict[str, str]:
-        """Why columns that were free to be looked at were not."""
+        """Reasons why free columns were not used."""
         reasons = {name: "does not vary" for name, v in self.table.columns.items() if np.ptp(v) == 0}
         reasons |= dict.fromkeys(self.table.text, TEXT)
         if self.roles.candidates is not None:
@@ -89,7 +88,9 @@ class GeneralTraced:
         return reasons | dict.fromkeys(self.roles.ignore, "named with --ignore")
 
     def _df(self, effect: FoundTableEffect) -> int:
-        """Degrees of freedom of an effect's standard errors: of what is constant in whole plots, whole plots count."""
+        """Degrees of freedom of an effect's standard errors: for effects constant in whole plots, by the number of
+        whole plots.
+        """
         sharing = self.roles.whole_plot or ((self.roles.replicate,) if self.roles.replicate else ())
         if effect.stratum != "whole-plot" or not sharing:
             return self.trace.after.fit.df
@@ -104,7 +105,7 @@ def _worded(found: TableTrace, effect: FoundTableEffect, df: int) -> Finding:
     halves = [t * error for error in effect.stderr]
     size, pairs = "", zip(effect.coefficients, effect.stderr, strict=True)
     known = [(c, e) for c, e in pairs if np.isfinite(e) and e > 0]
-    if known and effect.stratum != "noise":  # of several columns as if they were at right angles
+    if known and effect.stratum != "noise":  # for several columns as if they were orthogonal
         part, rms = t / float(np.sqrt(sum((c / e) ** 2 for c, e in known))), effect.rms
         about = "about " if len(known) > 1 else ""
         size = f"{about}{rms * max(1.0 - part, 0.0):.3g} to {rms * (1.0 + part):.3g} rms"
@@ -120,11 +121,10 @@ def _errors(found: TableTrace) -> Errors:
 
 
 def trace_general_table(read: Reader, roles: Roles) -> GeneralTraced:
-    """Trace what the declared model lacks in a CSV table of any kind.
+    """Find effects missing in the declared model of any CSV table.
 
     Raises:
-        DataError: a column is missing, the formula cannot be read, or rows are too few for it.
-
+        DataError: a column is missing, the formula cannot be read, or there are too few rows for it.
     """
     table, data, taken = read_roles(read, roles)
     try:
@@ -134,7 +134,7 @@ def trace_general_table(read: Reader, roles: Roles) -> GeneralTraced:
 
 
 def general_sentence(found: TableTrace) -> str:
-    """What was found, in brief."""
+    """Summary of the findings."""
     before, after = found.before.fit.sigma_E, found.after.fit.sigma_E
     start = f"{found.response}: the declared model ({found.declared}) leaves a standard error of {before:.4g}"
     noise = [effect.cause for effect in found.effects if effect.stratum == "noise"]

@@ -1,4 +1,4 @@
-"""Tables of any kind: a response, a formula, and whole plots where readings share an error."""
+"""Tables of any kind: a response, a formula, and whole plots if readings have common errors."""
 
 from __future__ import annotations
 
@@ -38,19 +38,19 @@ def fit_general(
     replicate: str | None = None,
     leave_out: Sequence[str] = (),
 ) -> dict[str, Any]:
-    """Fit a formula to a column of a CSV table; JSON-ready.
+    """Fit a formula to a column of a CSV table; returns JSON values.
 
     Args:
         read: the table.
-        response: the column to be explained, in back-ticks or not.
+        response: the explained column, with or without back-ticks.
         formula: the model; see `fitter.formula`.
-        whole_plot: columns whose values together say which rows share a whole-plot error; none: all independent.
-        replicate: column of replications that whole plots are nested in.
-        leave_out: "gross" for the rows that the search for gross errors names, or row numbers of the file.
+        whole_plot: columns whose values together identify rows with a common whole-plot error; none for independent
+            rows.
+        replicate: column of the replications of whole plots.
+        leave_out: "gross" for the rows named by the search for gross errors, or row numbers of the file.
 
     Raises:
         DataError: a column is missing, the formula cannot be read, or the rows do not determine it.
-
     """
     try:
         model = Formula.parse(formula)
@@ -107,16 +107,15 @@ def fit_general(
 
 @dataclass(frozen=True, eq=False)
 class _Rows:
-    """Rows of a table and the model to fit to them.
+    """Rows of a table and their model.
 
     Attributes:
         names: of the k columns.
         columns: (n, k).
-        tails: (n, k) what the doubles in `columns` leave out.
+        tails: (n, k) rounding errors of the doubles in `columns`.
         y: (n,) response.
-        plots: (n,) identity of each row's whole plot; None where rows are independent.
-        blocks: (n,) replication that whole plots are nested in; None where they are not.
-
+        plots: (n,) identity of each row's whole plot; None for independent rows.
+        blocks: (n,) replication of each row's whole plot; None if they are not nested.
     """
 
     names: Sequence[str]
@@ -154,13 +153,13 @@ def _summary(fit: LinearFit | SplitPlotFit) -> FitSummary:
 
 
 def _order_of(table: Table) -> Where:
-    """A row's place in words: its order, where the table has one."""
+    """Place of a row in words: its order, if the table has one."""
     order = table.columns.get("order")
     return lambda row: "" if order is None else f"order {order[row]:.0f}"
 
 
 def _of_rows(fit: LinearFit) -> dict[str, Any]:
-    """Coefficients and errors of a fit of independent rows; null where the rows leave nothing to tell them."""
+    """Coefficients and errors of a fit of independent rows; null without degrees of freedom."""
     known = fit.df > 0
     every = np.ones(len(fit.names))
     notes = [] if known else [no_error(fit.n, len(fit.names))]
@@ -173,7 +172,7 @@ def _of_rows(fit: LinearFit) -> dict[str, Any]:
 
 
 def _of_whole_plots(fit: SplitPlotFit) -> dict[str, Any]:
-    """The same of a fit with whole plots."""
+    """The same for a fit with whole plots."""
     return {
         "coefficients": coefficient_table(fit.names, fit.coefficients, fit.kenward_roger().stderr, fit.df),
         "sigma_subplot": fit.sigma_subplot,
@@ -186,7 +185,7 @@ def _of_whole_plots(fit: SplitPlotFit) -> dict[str, Any]:
 
 
 def no_error(rows: int, coefficients: int) -> str:
-    """Why a fit has no errors, and what it takes."""
+    """Reason why a fit has no errors, with the next step."""
     return (
         f"{rows} rows for {coefficients} coefficients: the curve goes through every row, so no error can be estimated, "
         f"and a reading cannot be given an interval; it takes more rows than coefficients"
@@ -196,7 +195,7 @@ def no_error(rows: int, coefficients: int) -> str:
 def _uneven(
     fit: LinearFit | SplitPlotFit, given: _Rows, model: Formula, table: Table, rows: IntArray
 ) -> tuple[str, ...]:
-    """What is to be said where the rows do not scatter alike; nothing where they do."""
+    """Sentence about unequal scatter of the rows; nothing if it is equal."""
     if isinstance(fit, LinearFit):
         left, own = given.y - fit.predict(given.columns), 1.0 - fit.variance_function(given.columns)
     else:
@@ -204,7 +203,7 @@ def _uneven(
         taken = 1.0 - 1.0 / (1.0 + fit.structure.ratio * spectrum.xi)
         own = 1.0 - np.sum(spectrum.basis[:, :k] ** 2, axis=1) - spectrum.left**2 @ taken
         left = fit.conditional_residuals
-    seen = own > 1e-6  # a row that the fit goes through has nothing to show
+    seen = own > 1e-6  # a row that the fit reproduces exactly has no information
     along = {name: table.columns[name][rows][seen] for name in model.names if name in table.columns}
     along["the fitted value"] = (given.columns @ fit.coefficients)[seen]
     said = uneven_scatter(left[seen] / np.sqrt(own[seen]), along)
@@ -214,7 +213,7 @@ def _uneven(
 def _calibration(
     fit: LinearFit | SplitPlotFit, response: str, formula: Formula, table: Table, rows: IntArray, notes: Sequence[str]
 ) -> CurveCalibration:
-    """What `rig infer` and `rig chart` need of a fit to these rows of a table."""
+    """Data of a fit to these rows for `rig infer` and `rig chart`."""
     if isinstance(fit, SplitPlotFit):
         covariance, variances = fit.kenward_roger().covariance, fit.structure.variances
         derivatives, spread = fit.moments.derivatives, fit.moments.inverse_information
@@ -246,10 +245,10 @@ def _calibration(
 
 @dataclass(frozen=True)
 class GeneralFitted(PlainFitted):
-    """A fit to a table of anything, ready for JSON."""
+    """A fit to any table, as JSON values."""
 
     def blocks(self) -> Iterator[Block]:
-        """What a person reads of it."""
+        """Blocks for people."""
         from procedures.general.shown import show_general_fit  # noqa: PLC0415
 
         return show_general_fit(self.result["data"]["file"], self.result)

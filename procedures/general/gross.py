@@ -1,6 +1,6 @@
 """Gross errors of any table.
 
-Rows are compared with the declared model; beside it whole plots, and settings that are repeated often enough.
+Rows are compared with the declared model, with whole plots, and with settings that are repeated often enough.
 """
 
 from __future__ import annotations
@@ -12,11 +12,11 @@ from fitter.gross import GrossErrors, gross_errors
 from fitter.resolution import resolution
 
 SETTINGS, OFTEN = 50, 4
-"""Settings of a table at most that get a level of their own, and how often each is repeated at least."""
+"""Maximum number of settings with a level of their own, and minimum number of repeats of each."""
 
 
 def of_table(y: FloatArray, columns: FloatArray, whole_plot: IntArray | None = None) -> GrossErrors:
-    """Of a response (n,) with model columns (n, k) and, where there are, (n,) whole plots from 0."""
+    """Search in a response (n,) with model columns (n, k) and, if there are whole plots, their numbers (n,) from 0."""
     settings = np.unique(columns, axis=0, return_inverse=True)[1].reshape(-1)
     visits = np.bincount(settings)
     if visits.size <= SETTINGS and visits.min() >= OFTEN:

@@ -23,9 +23,9 @@ Array = np.ndarray[Any, np.dtype[np.float64]]
 
 _PARTS = 12
 _APART = 3
-"""Values up to which a variable of numbers is drawn as levels are: a mean at each and no line."""
+"""Maximum number of values of a numeric variable drawn like levels: a mean at each and no line."""
 _TICKS, _WIDE = 24, 50
-"""Names of levels that are shown, and letters from which they are turned."""
+"""Maximum number of displayed level names, and length from which they are rotated."""
 
 
 def residuals_over(
@@ -35,11 +35,10 @@ def residuals_over(
 
     Args:
         name: of the variable.
-        values: of the variable; of a group the place of each row's level.
+        values: of the variable; for a group the index of each row's level.
         left: residuals before and after.
         response: its name.
-        levels: names of the levels, where the variable is a group.
-
+        levels: names of the levels, if the variable is a group.
     """
     figure, axes = side_by_side(3.2)
     apart = levels is not None or len(np.unique(values)) <= _APART
@@ -59,7 +58,7 @@ def residuals_over(
 
 
 def _name_ticks(axis: Any, values: Array, levels: Sequence[str] | None) -> None:
-    """A tick at each level, or at each of a few where there are many."""
+    """A tick at each level, or at some of many."""
     places = np.unique(values) if levels is None else np.arange(len(levels), dtype=np.float64)
     places = places[:: -(-len(places) // _TICKS)]
     names = [f"{place:g}" if levels is None else levels[int(place)] for place in places]
@@ -68,7 +67,7 @@ def _name_ticks(axis: Any, values: Array, levels: Sequence[str] | None) -> None:
 
 
 def _means(values: Array, residual: Array, *, each: bool = False) -> tuple[Array, Array]:
-    """Mean residual in parts of the range that hold as many rows each, or at each value where these are few."""
+    """Mean residual in parts of the range with equal numbers of rows, or at each of few values."""
     distinct, index = np.unique(values, return_inverse=True)
     if len(distinct) > _PARTS and not each:
         order = np.argsort(values, kind="stable")

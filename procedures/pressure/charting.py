@@ -30,10 +30,9 @@ class PressureCharted(Charted):
     """Intercept and gain over the calibrated range of pressure, at the centre temperatures.
 
     Attributes:
-        highest_psia: highest pressure that all calibrations have.
+        highest_psia: highest common pressure of all calibrations.
         centre_degC: sensor and SSE temperature.
         interval_psi: half-width of the last calibration's 95 % interval of one reading after a change of temperature.
-
     """
 
     highest_psia: float
@@ -41,12 +40,12 @@ class PressureCharted(Charted):
     interval_psi: float
 
     def output_rows(self) -> FloatArray:
-        """(2, 2) psi of output that a unit of intercept and of gain add, without pressure and at the highest."""
+        """(2, 2) derivatives of the output, psi, by intercept and gain, at zero and at the highest pressure."""
         return np.array([[1.0, 0.0], [1.0, self.highest_psia]]) / self.sensitivity
 
 
 def pressure_charted(fits: Sequence[PressureFit], years: FloatArray) -> PressureCharted:
-    """What is charted of one transducer.
+    """Charted parameters of one transducer.
 
     Args:
         fits: m of them, of one model, in order of time.
@@ -54,7 +53,6 @@ def pressure_charted(fits: Sequence[PressureFit], years: FloatArray) -> Pressure
 
     Raises:
         FitError: the calibrations are of different models, or fewer than two.
-
     """
     models = sorted({str(f.formula) for f in fits})
     if len(models) > 1:
@@ -91,7 +89,9 @@ def pressure_charted(fits: Sequence[PressureFit], years: FloatArray) -> Pressure
 
 
 def _within(fits: Sequence[SplitPlotFit], direction: FloatArray) -> tuple[float, float]:
-    """Variance within of `direction` @ coefficients and its degrees of freedom, pooled; all of one design."""
+    """Variance within calibrations of `direction` @ coefficients and its degrees of freedom, pooled; for one common
+    design.
+    """
     own = np.concatenate([fit.variance(direction) for fit in fits])
     df = np.concatenate([fit.df_of(direction) for fit in fits])
     return float(df @ own / df.sum()), float(df.sum())

@@ -144,7 +144,7 @@ class WholePlotFitted:
         return fit_page(self)
 
     def gross(self, name: str) -> dict[str, Any]:
-        """The gross errors of a transducer for JSON."""
+        """The gross errors of a transducer as JSON values."""
         columns, others = self.table.columns, self.others
         other = _summary(others[name]) if isinstance(others, Mapping) else others
 

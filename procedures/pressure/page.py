@@ -24,14 +24,13 @@ Array = np.ndarray[Any, np.dtype[np.float64]]
 
 @dataclass(frozen=True)
 class Residuals:
-    """What is plotted of one transducer.
+    """Plotted values of one transducer.
 
     Attributes:
-        data: where and when each reading was made.
-        before_mV: (n,) residual of the declared model, whole-plot errors left in.
+        data: settings and times of the readings.
+        before_mV: (n,) residual of the declared model, including whole-plot errors.
         after_mV: (n,) the same with the effects found.
         sensitivity: mV/psi.
-
     """
 
     data: WholePlotData
@@ -46,7 +45,7 @@ class Residuals:
 
 
 def within_whole_plots(residuals: Residuals) -> Figure:
-    """Residuals less their whole plot's mean over pressure, a colour for each side of approach."""
+    """Residuals minus their whole plot's mean over pressure, with a colour for each direction of approach."""
     data, means = residuals.data, [_less_means(residuals.data, side) for side in residuals.sides]
     figure, axes = side_by_side(3.2)
     for axis, left, title in zip(axes, means, BEFORE_AFTER, strict=True):
@@ -61,7 +60,7 @@ def within_whole_plots(residuals: Residuals) -> Figure:
 
 
 def reading_errors(residuals: Residuals) -> Figure:
-    """Residuals over pressure as a percentage of reading, whole-plot errors left in."""
+    """Residuals over pressure as a percentage of reading, including whole-plot errors."""
     data = residuals.data
     figure, axes = side_by_side(3.2)
     nonzero = data.pressure_psia > 0
@@ -77,7 +76,7 @@ def reading_errors(residuals: Residuals) -> Figure:
 
 
 def between_whole_plots(residuals: Residuals) -> Figure:
-    """Whole plots' mean residuals in the order they were run, coloured by sensor temperature."""
+    """Whole plots' mean residuals in running order, coloured by sensor temperature."""
     data = residuals.data
     index, count = data.whole_plot_index, np.bincount(data.whole_plot_index)
     began = np.array([data.order[index == i].min() for i in range(len(count))])

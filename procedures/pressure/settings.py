@@ -65,15 +65,14 @@ def spherical(factorial: int, axial_first: int, axial_second: int, centre: int) 
     """Spherical central composite design in two coded factors: every outer point at distance 1 from the centre.
 
     Args:
-        factorial: how often each of the four factorial points stands in it.
-        axial_first: how often each of the two axial points of the first factor does.
-        axial_second: the same of the second factor.
-        centre: how often the centre does.
+        factorial: number of repeats of each of the four factorial points.
+        axial_first: number of repeats of each of the two axial points of the first factor.
+        axial_second: the same for the second factor.
+        centre: number of repeats of the centre.
 
     Returns:
         Coded pairs; -1 and 1 are a factor's extremes, which its axial points reach (Myers and Montgomery, Response
         Surface Methodology, chapter 7, with axial distance sqrt(2) scaled to 1).
-
     """
     c = sqrt(0.5)
     corners = [(x, y) for x in (-c, c) for y in (-c, c)]
@@ -110,7 +109,7 @@ class WholePlotDesign(Strict):
         if not self.pairs():
             raise ValueError("the design has no whole plots")
         if len(set(self.pressures_psia)) != len(self.pressures_psia):
-            raise ValueError("a pressure stands twice in pressures_psia; repeats go into repeated_psia")
+            raise ValueError("pressures_psia has a pressure twice; repeats go into repeated_psia")
         strange = [p for p in self.repeated_psia if p not in self.pressures_psia]
         if strange:
             raise ValueError(f"repeated_psia names {strange[0]:g} psia, which is not in pressures_psia")
@@ -216,7 +215,7 @@ def square_of_pressure(given: Mapping[str, float]) -> tuple[float, ...]:
 
 
 class WholePlotFaults(FaultSettings):
-    """What to do when something goes wrong: steps for each class of fault; see docs/policies.md."""
+    """Policies for faults: steps for each class of fault; see docs/policies.md."""
 
     supply_failure: Policy = Field(["retry 8", ABORT], description="the pressure controller lost its supply or vacuum")
     soak: Policy = Field(ABORT, description="a soak that does not settle")

@@ -61,7 +61,7 @@ def whole_plot_data(table: Table) -> WholePlotData:
         if below.size:
             row, value = int(below[0]), table.columns[name][below[0]]
             raise DataError(
-                f"{table.source}, row {table.row(row)}, column {name}: {value:g} cannot be; mend or remove the row"
+                f"{table.source}, row {table.row(row)}, column {name}: {value:g} is wrong; correct or remove the row"
             )
     whole_plot, order = (integers(table, name) for name in ("whole_plot", "order"))
     check_order(table, order)

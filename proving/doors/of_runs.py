@@ -88,13 +88,15 @@ class Image:
         db.commit()
         if len(rows["record"]) > _MOST:
             rows["record"] = _few(rows["record"])
+        loose = db.serialize()
+        db.close()
         ending = [row for row in rows["record"] if row[2] == "end"][:1]
         records = rows["record"][: len(rows["record"]) - len(ending)]
         at = max(row[3] for row in records)
         last = records[-1]
         for kind, status, body in _MORE:
             records.append([0, last[1], kind, at, last[4], 1, last[6], 1, status, json.dumps(body), b"", b""])
-        return cls(db.serialize(), schema, triggers, rows["document"], rows["factor"], rows["point"], records + ending)
+        return cls(loose, schema, triggers, rows["document"], rows["factor"], rows["point"], records + ending)
 
     def copy(self) -> Image:
         """One whose rows can be changed."""
@@ -158,6 +160,7 @@ class Image:
             )
         db.commit()
         content = bytearray(db.serialize())
+        db.close()
         db.close()
         if under_way:
             content[18] = content[19] = 2

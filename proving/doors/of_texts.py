@@ -188,7 +188,7 @@ def formula(rng: random.Random, _: Material) -> Acts:
 
 
 def calibration(rng: random.Random, material: Material) -> Acts:
-    """What `rig fit --out` wrote."""
+    """A calibration file of `rig fit --out`."""
     content = mutated(rng.choice(material.calibrations), rng)
     text = json.dumps(content).encode()
     path = material.path("changed.json")

@@ -55,12 +55,12 @@ def status(
 
 
 _VERIFIED = 10_000
-"""Runs of so many records at most are verified on the way, so that a folder of them is listed within seconds."""
+"""Maximum number of records of a run that is verified in a list, so that a folder is listed within seconds."""
 _RESTED = {"stopped": ExitCode.STOPPED, "faulted": ExitCode.FAULT}
 
 
 def check_code(state: RunState, run_file: Path) -> ExitCode:
-    """What a script is told of a run: complete, running (starting counts), stopped, faulted, or interrupted."""
+    """Exit code for the state of a run: complete, running (also starting), stopped, faulted, or interrupted."""
     if controller_alive(run_file):
         return ExitCode.RUNNING
     if state.ended is not None:
@@ -69,7 +69,7 @@ def check_code(state: RunState, run_file: Path) -> ExitCode:
 
 
 def list_runs(folder: Path, *, as_json: bool, check: bool) -> int:
-    """Show the runs of a folder, the newest first. With `check` the code is the first one's that is not done."""
+    """Show the runs of a folder, newest first. With `check` the code is that of the first incomplete one."""
     paths = sorted(folder.glob("*.sqlite"), key=_changed, reverse=True)
     if not paths:
         raise UsageError(f"there are no run files in {folder}")
@@ -86,7 +86,7 @@ def list_runs(folder: Path, *, as_json: bool, check: bool) -> int:
 
 
 def _changed(path: Path) -> float:
-    """When a run was last written to: its log file counts, the main file may be hours behind."""
+    """Time of the last write to a run; its log file counts, because the main file may be hours older."""
     real = real_path(path)
     log = real.with_name(real.name + "-wal")
     return max((p.stat().st_mtime for p in (real, log) if p.exists()), default=0.0)
@@ -107,7 +107,7 @@ def _row(path: Path) -> tuple[dict[str, Any], int]:
 
 
 def _known(path: Path, state: RunState, about: RunCreated) -> tuple[dict[str, Any], int]:
-    """A run's line, and what `--check` would end with."""
+    """A run's line, and its exit code for `--check`."""
     said = read_live(path)
     running, live = said is not None, said or {}
     row = {
@@ -146,5 +146,5 @@ def _show(rows: list[dict[str, Any]]) -> None:
         last = row["last_record_utc"][:16].replace("T", " ")
         points = f"{row['done']}/{row['points']}"
         table.add_row(escape(row["run_file"]) + mark, state, points, duration(row["elapsed_s"]), left, last)
-    # Never wrapped, so that grep and cut find a run on one line of its own.
+    # Not wrapped, so that grep and cut find one line per run.
     (out if out.is_terminal else type(out)(highlight=False, width=10_000)).print(table)

@@ -142,7 +142,7 @@ class SensorChart:
 
 
 def _quantity_json(q: QuantityChart, dates: Sequence[str]) -> dict[str, Any]:
-    """Values, tests and limits of one parameter; None for what too few calibrations cannot tell."""
+    """Values, tests and limits of one parameter; None for statistics that need more calibrations."""
     series, spread = q.series, q.homogeneity
     result: dict[str, Any] = {
         "values": [float(v) for v in series.values],

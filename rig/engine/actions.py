@@ -1,4 +1,4 @@
-"""What the sequencer does with a bench: home, go, settle, measure, soak, prepare the environment, park.
+"""Actions of the sequencer on a bench: home, go, settle, measure, soak, prepare the environment, park.
 
 Each action sends a command and then polls. Every wait goes through `wait`, so the sequencer can look for signals and
 requests. Every action may raise `drivers.errors.DriverError`; further errors are listed at each method.

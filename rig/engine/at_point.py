@@ -1,4 +1,4 @@
-"""What is done at a point: approach, settling, readings, record. Each state has one handler.
+"""Actions at a point: approach, settling, readings, record. Each state has one handler.
 
 Every handler returns the next trigger. Failures are raised; the sequencer decides about them.
 """

@@ -1,4 +1,4 @@
-"""What is done about an error: ask the policy, record the decision, read the bench before commanding it.
+"""Reaction to an error: ask the policy, record the decision, read the bench before commanding it.
 
 A write is never repeated blindly: motion is stopped and every state is read back first. A failure of that readback is
 decided about in the same way.

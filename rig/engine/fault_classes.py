@@ -61,7 +61,7 @@ class LimitViolation(BenchFault):
 
 
 FAULTS = (NotSettled, OverloadedError, TooNoisy, FrozenReading, TemperatureLeft, DriverError)
-"""What a procedure's policies may decide about."""
+"""Classes of faults for the policies of procedures."""
 
 _CLASSES: tuple[tuple[type[Exception], str], ...] = (
     (TemperaturesNotSettled, "soak"),

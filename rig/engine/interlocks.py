@@ -57,7 +57,7 @@ _WAY_ON = {"hold": "release", "safe": "resume"}
 
 
 def _wrong(rule: InterlockConfig, value: Any) -> str:
-    """What is wrong about a reading, "" if nothing."""
+    """Defect of a reading, "" if none."""
     if rule.within is not None:
         low, high = rule.within
         if is_overload(float(value)):

@@ -41,7 +41,7 @@ class Channel:
         return math.sqrt(math.fsum((r - mean) ** 2 for r in self.readings) / (n - 1))
 
     def as_json(self) -> dict[str, Any]:
-        """For the run file."""
+        """Values for the run file."""
         return {"mean": self.mean, "sd": self.sd, "readings": list(self.readings)}
 
 

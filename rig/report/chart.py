@@ -30,7 +30,7 @@ _WORDS = {Between.SCATTER: "if calibrations scatter", Between.WALK: "if the sens
 
 
 def parameter_charts(sensor: SensorChart) -> Figure:
-    """One chart a parameter: points with error bars, centre, limits, trend, forecast, due date."""
+    """One chart per parameter: points with error bars, centre, limits, trend, forecast, due date."""
     charts = sensor.chart.quantities
     figure, axes = grid(len(charts), columns=2, height=3.0)
     due = sensor.due(sensor.tolerance)
@@ -68,7 +68,7 @@ def _parameter(axis: Axes, q: QuantityChart, sensor: SensorChart) -> None:
 
 
 def _forecast(axis: Axes, q: QuantityChart, sensor: SensorChart, shown: Any) -> None:
-    """Prediction of the parameter under the variation that the data favour, as far as the last due date shown."""
+    """Prediction of the parameter under the variation favoured by the data, up to the last due date shown."""
     assert q.trend is not None
     ages = np.linspace(0.0, _reach(sensor), 25)
     found = predict(q.series, q.trend.favoured, ages)
@@ -119,7 +119,7 @@ def error_chart(sensor: SensorChart) -> Figure:
 
 
 def _reach(sensor: SensorChart) -> float:
-    """Years ahead that are worth showing: somewhat beyond the due date, within what is forecast."""
+    """Years ahead to be shown: somewhat beyond the due date, within the forecast."""
     bound = sensor.chart.bound
     assert bound is not None
     held = bound.holds_for(sensor.tolerance) or 0.0

@@ -50,16 +50,16 @@ def render(page: Page) -> str:
 
 
 class Line(NamedTuple):
-    """One happening: when, in hours and minutes of bench time, and what."""
+    """One event: its time, in hours and minutes of bench time, and a sentence."""
 
     when: str
     what: str
 
 
 def story(path: Path) -> list[Line]:
-    """The happenings of a run file, in order; what belongs to the ordinary course of a point is left out."""
+    """The events of a run file, in order, without the ordinary steps of points."""
     with RunReader.open(path) as reader:
-        reader.about()  # a file that does not begin with its run is none
+        reader.about()  # a file that does not begin with the record of its run
         told = (r for r in reader.records() if not r.accepted and r.event.importance.page)
         return [Line(_clock(record.elapsed_s), record.sentence()) for record in told]
 

@@ -53,11 +53,11 @@ class Evaluated(Reported):
         return self._evaluated.to_json()
 
     def blocks(self) -> Iterable[Block]:
-        """What a person reads of it."""
+        """Lines for people."""
         return self._evaluated.blocks()
 
     def notes(self) -> Sequence[str]:
-        """What of the table was not used."""
+        """Unused columns and rows."""
         return sentences(self._told["unused"])
 
 
@@ -82,14 +82,14 @@ class Calibration(Evaluated):
         return page
 
     def frame(self) -> Frame:
-        """A row a coefficient and parameter. Raises `UsageError` where nothing was estimated."""
+        """One row per coefficient and parameter. Raises `UsageError` if nothing was estimated."""
         rows = list(_estimates(self._told))
         if not rows:
             raise UsageError(f"this result of {self.source} is not a calibration: it has no table of estimates")
         return of_rows(rows, *_ESTIMATES, {"source": self.source, "kind": self.kind.name})
 
     def save(self, path: str | Path) -> None:
-        """Write it as `rig fit --out` does. Raises `UsageError` if the disk refuses."""
+        """Write the calibration file of `rig fit --out`. Raises `UsageError` if the disk refuses."""
         write_whole(Path(path), lambda file: json.dump(self._told, file, indent=2, allow_nan=False))
 
     def infer(self, readings: Readings, *, out: str | Path | None = None, **options: Any) -> Inferred:
@@ -103,7 +103,7 @@ class Calibration(Evaluated):
 
 
 class Trace(Evaluated):
-    """What the declared model lacks.
+    """Effects that the declared model lacks.
 
     Attributes:
         traced: as its kind has it.

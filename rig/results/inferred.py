@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 class Inferred(Columned):
-    """What was inferred from readings, with standard deviations and 95 % intervals.
+    """Quantities inferred from readings, with standard deviations and 95 % intervals.
 
     Attributes:
         found: columns of the readings and the added ones, notes, flags.

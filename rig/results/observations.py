@@ -74,7 +74,7 @@ class Observations(Columned):
 
     @property
     def _told(self) -> dict[str, Any]:
-        """Where it comes from and all of its columns; no command prints this."""
+        """Source and all columns; no command prints this."""
         about = {"source": self.table.source, "simulated": self.simulated, "provenance": dict(self.provenance)}
         return {**about, "columns": {n: v.tolist() for n, v in self.columns.items()}}
 

@@ -42,7 +42,7 @@ class Result(ABC):
     """A result: the output of a command, as an object."""
 
     def to_json(self) -> dict[str, Any]:
-        """What the command prints with `--json`, read back: dictionaries, lists, text, numbers, None."""
+        """The JSON of the command with `--json`, as dictionaries, lists, text, numbers, None."""
         found: dict[str, Any] = finite(self._told)
         return found
 

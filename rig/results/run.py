@@ -51,7 +51,7 @@ class Run(Result):
 
     @property
     def _told(self) -> Mapping[str, Any]:
-        """What `rig status RUN --json` prints."""
+        """The JSON of `rig status RUN --json`."""
         return status_of(self.path).told
 
     def blocks(self) -> Iterable[Block]:

@@ -215,7 +215,7 @@ def _last_key(page: bytes) -> int | None:
 
 
 def _put_back(main: int, data: bytes, count: int, nonce: int, pages: int, size: int) -> str:
-    """What a journal would change besides the mode, "" if nothing."""
+    """Changes by a journal besides the mode, "" if none."""
     there = os.fstat(main).st_size
     if pages * size != there:
         return f"the file would have {pages * size} bytes instead of {there}"

@@ -1,4 +1,4 @@
-"""What is given beside the outputs, what one chunk of readings is asked for, and what a package at rest can give."""
+"""Quantities given beside the outputs, the questions to a chunk of readings, and what a package at rest determines."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from procedures.attitude.infer.singular import normal
 
 
 def noise_of(calibration: AttitudeCalibration, noise_sd_V: ArrayLike | None) -> Noise:
-    """Of new readings: known, (S,) or one for all, V, or that of the calibration."""
+    """Noise of new readings: known, (S,) or one for all, V, or that of the calibration."""
     if noise_sd_V is None:
         return Noise(calibration.sigma_V**2, of_fit=True)
     sd = np.broadcast_to(np.asarray(noise_sd_V, np.float64), (len(calibration.sensors),))
@@ -29,11 +29,10 @@ def noise_of(calibration: AttitudeCalibration, noise_sd_V: ArrayLike | None) -> 
 def near_of(
     matrix: FloatArray, near_deg: tuple[ArrayLike, ArrayLike] | None, n: int, *, free: bool
 ) -> tuple[FloatArray, FloatArray]:
-    """(n,) pitch and (n,) roll in rad on the side to look; `free` where roll is sought, too.
+    """(n,) pitch and (n,) roll in rad near the expected attitude; `free` if roll is inferred too.
 
     Raises:
-        FitError: two sensors' solutions are equally near, or none is the ordinary one.
-
+        FitError: two sensors' solutions are equally near, or neither is the usual one.
     """
     if near_deg is not None:
         pitch, roll = (np.radians(each("near_deg", value, n)) for value in near_deg)
@@ -49,7 +48,7 @@ def near_of(
 
 
 def each(name: str, values: ArrayLike, n: int) -> FloatArray:
-    """(n,) of one value or n."""
+    """(n,) values from one value or n."""
     array = np.asarray(values, np.float64)
     if array.shape not in ((), (1,), (n,)):
         raise ValueError(f"{name}: expected one value, or {n}, found shape {array.shape}")

@@ -121,7 +121,7 @@ class Event:
 
     @property
     def status(self) -> str | None:
-        """Of its record."""
+        """Status of its record."""
         name = _shape(type(self)).status
         return self._status if name is None else str(getattr(self, name))
 
