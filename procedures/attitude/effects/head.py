@@ -412,7 +412,7 @@ def _warm_play(data: AttitudeData) -> tuple[Term, ...]:
 BACKLASH_TEMPERATURE = Effect(
     name="backlash-temperature",
     cause="the backlash of an axis changes with the temperature",
-    source="temperature",
+    source="pitch axis",
     scope="package",
     stratum="point-by-replication",
     unit="deg/degC",
