@@ -17,7 +17,7 @@ from procedures.pressure.effects.scene import (
     settling,
 )
 
-BORES_MM = (0.05, 0.1, 0.2, 0.5)
+BORES_MM = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5)
 """Of the line, searched: in wider ones a cold end makes no difference that could be seen."""
 SETTLES_H = (0.01, 0.03)
 """Time constants of a line, searched: what is left of a step where readings wait for unequal times."""
