@@ -182,10 +182,9 @@ def _daily(data: WholePlotData) -> tuple[PressureTerm, ...]:
     """Waves of one day, if the run is as long as that: over a part of one they are a drift."""
     if float(np.ptp(data.elapsed_s)) < 3600.0 * DAY_H:
         return ()
-    waves = (("cos", np.cos), ("sin", np.sin))
-    return tuple(
-        PressureTerm(f"{text}(time of day)", lambda s, wave=wave: wave(2.0 * np.pi * s.hours / DAY_H), unit="mV")
-        for text, wave in waves
+    return (
+        PressureTerm("cos(time of day)", lambda s: np.cos(2.0 * np.pi * s.hours / DAY_H)),
+        PressureTerm("sin(time of day)", lambda s: np.sin(2.0 * np.pi * s.hours / DAY_H)),
     )
 
 

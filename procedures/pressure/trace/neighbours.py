@@ -21,6 +21,7 @@ RHO = np.array([0.0, 0.25, 0.5, 0.7, 0.85])
 """Correlations of neighbours that are tried."""
 PRIOR = np.array([0.4, 0.15, 0.15, 0.15, 0.15])
 """How likely each is before the run: one as good as none, where the order of whole plots is random."""
+
 TINY = np.finfo(float).tiny
 
 
@@ -126,7 +127,7 @@ class Neighbours:
             share = np.clip(np.where(freedom > 0, freedom / length, 1.0), 0.1, 1.0)
             ps[k] = 2.0 * special.stdtr(np.maximum(df * share, 1.0), -np.abs(ts) / factor)
         weight = np.exp(log - log.max(axis=0))
-        return np.asarray(np.sum(weight * ps, axis=0) / np.sum(weight, axis=0))
+        return np.asarray(np.exp(np.sum(weight * np.log(np.maximum(ps, TINY)), axis=0) / np.sum(weight, axis=0)))
 
     def p_of_block(self, i: int, basis: FloatArray, outputs: FloatArray) -> float:
         """Probability by chance of what an orthonormal basis (W, q) takes up of transducer `i`."""
@@ -142,7 +143,7 @@ class Neighbours:
             ps[k] = special.fdtrc(q, below, gain / held / error)
             log[k] += float(_likelihood_of(one, basis, outputs))
         weight = np.exp(log - log.max())
-        return float(weight @ ps / weight.sum())
+        return float(np.exp(weight @ np.log(np.maximum(ps, TINY)) / weight.sum()))
 
 
 def _likelihood(one: _Alike, columns: FloatArray, outputs: FloatArray) -> FloatArray:
@@ -159,7 +160,7 @@ def _likelihood_of(one: _Alike, basis: FloatArray, outputs: FloatArray) -> float
     q, r = np.linalg.qr(x)
     rss = max(float(y @ y - np.sum((q.T @ y) ** 2)), 1e-9 * max(float(y @ y), TINY))
     extra = 2.0 * float(np.sum(np.log(np.maximum(np.abs(np.diag(r)), TINY))))
-    return -0.5 * ((y.size - basis.shape[1]) * np.log(rss) + one.log_determinant + extra)
+    return float(-0.5 * ((y.size - basis.shape[1]) * np.log(rss) + one.log_determinant + extra))
 
 
 def neighbours(problem: Problem, chosen: Sequence[int]) -> Neighbours:

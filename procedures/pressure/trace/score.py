@@ -147,7 +147,6 @@ def score(problem: Problem, chosen: Sequence[int], of: Sequence[int] | None = No
         if level == "whole-plot":
             alike = neighbours(problem, chosen)
             p, p_plain = (alike.p(score, df, columns, white.outputs) for score in (t, alone))
-            t = np.sign(t) * np.minimum(np.abs(t), -special.stdtrit(df, np.clip(p / 2.0, TINY, 0.5)))
         scores.gamma[here], scores.t[here], scores.df[here] = gamma, t, df
         scores.p[here], scores.p_plain[here] = np.where(can, p, 1.0), np.where(can, p_plain, 1.0)
         scores.gain[here] = np.where(can, gamma * dot.sum(axis=0), 0.0)

@@ -1,0 +1,261 @@
+"""What is left of a whole-plot run over smooth shapes without a name, and whether each name found beats them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+
+import numpy as np
+from scipy import special
+
+from fitter.arrays import FloatArray
+from fitter.linear import orthonormal
+from fitter.trace.doubts import BUNDLE, DOUBT, bundle, no_better, something_left
+from fitter.trace.flexible import Remainder, evidence, remainders, tried
+from fitter.trace.found import Unnamed
+from fitter.trace.lines import Line, line
+from fitter.trace.search import names_of
+from procedures.pressure.effects.scene import PressureScene
+from procedures.pressure.trace.neighbours import Neighbours, neighbours
+from procedures.pressure.trace.places import Place, places_of
+from procedures.pressure.trace.problem import Problem
+from procedures.pressure.trace.score import CHANCE, RESOLVED, SLOPES, TINY, beside
+from procedures.pressure.trace.strata import LEVELS, Level
+
+EARNED = 1.0
+"""Nats by which names must be likelier than the likeliest shape without one. Most causes here are of one column that is
+also the slowest wave of its place (a drift, a square of a temperature): no data make such a name likelier by much more
+than its price and a shape's are apart."""
+LOOKED_AT = 0.05
+"""What is less clear than this is not held against noise that is alike from one whole plot to the next."""
+_SEEN: dict[Level, str] = {"subplot": "within whole plots", "whole-plot": "between whole plots"}
+
+
+@dataclass(frozen=True, eq=False)
+class Left:
+    """What a residual still follows.
+
+    Attributes:
+        place: where.
+        remainder: how clearly.
+        sensor: index of the transducer.
+        p: over all places, orders and transducers.
+
+    """
+
+    place: Place
+    remainder: Remainder
+    sensor: int
+    p: float
+
+    def unnamed(self) -> Unnamed:
+        """As it is reported."""
+        return Unnamed(f"{_SEEN[self.place.level]}, {self.place.block.place}", self.remainder.share)
+
+
+@dataclass(frozen=True, eq=False)
+class Nameless:
+    """A run beside what was found in it.
+
+    Attributes:
+        problem: the run.
+        scene: its references, of the same rows.
+        chosen: candidates in the model.
+
+    """
+
+    problem: Problem
+    scene: PressureScene
+    chosen: tuple[int, ...]
+
+    @cached_property
+    def places(self) -> tuple[Place, ...]:
+        """All there are."""
+        return places_of(self.scene)
+
+    @cached_property
+    def able(self) -> bool:
+        """Whether there is noise to hold shapes against."""
+        swing = np.ptp(self.problem.outputs, axis=1)
+        return all(bool(np.all(self._view(level).sigma > 10 * RESOLVED * swing)) for level in LEVELS)
+
+    @cached_property
+    def left(self) -> tuple[Left, ...]:
+        """Places that residuals follow, the clearest first."""
+        if not self.able:
+            return ()
+        problem = self.problem
+        count = tried(place.block for place in self.places) * len(problem.sensors)
+        found = []
+        for place in self.places:
+            view = self._view(place.level)
+            for i in range(len(problem.sensors)):
+                df = int(view.df[i])
+                if df < 3:
+                    continue
+                project = partial(view.project, i=i)
+                for one in remainders(view.outputs[i], df, [place.block], project):
+                    p = one.p
+                    if p * count < LOOKED_AT:
+                        p = max(p, self._held_against(place, i, one, view))
+                    found.append(Left(place, one, i, min(p * count, 1.0)))
+        return tuple(sorted(found, key=lambda one: one.p))
+
+    def left_in(self, i: int, level: Level) -> Left | None:
+        """The clearest of what transducer `i` follows at a level."""
+        return next((one for one in self.left if one.sensor == i and one.place.level == level), None)
+
+    @cached_property
+    def lines(self) -> tuple[Line | None, ...]:
+        """The clearest period in each transducer's residual within whole plots, p over all transducers."""
+        problem, data = self.problem, self.scene.data
+        if not self.able:
+            return (None,) * len(problem.sensors)
+        rows = np.argsort(problem.order)
+        every = self._view("subplot").outputs
+        found = (line(one[rows], data.elapsed_s[rows], problem.whole_plot[rows]) for one in every)
+        return tuple(None if one is None else replace(one, p=min(len(every) * one.p, 1.0)) for one in found)
+
+    @cached_property
+    def doubts(self) -> dict[tuple[str, int], str]:
+        """Why a name found should not be believed yet, by name and transducer."""
+        if not self.able:
+            return {}
+        out: dict[tuple[str, int], str] = {}
+        for i in range(len(self.problem.sensors)):
+            for level in LEVELS:
+                names = self.names_in(i, level)
+                left = self.left_in(i, level)
+                if left is not None and left.p < DOUBT:
+                    out |= {(name, i): something_left(left.place.block.place, left.p) for name in names}
+                if len(names) >= BUNDLE:
+                    out |= {(name, i): bundle(names) for name in names if (name, i) not in out}
+                if names and any((name, i) not in out for name in names):
+                    named, nameless, where = self.earned(names, i, level)
+                    if named - nameless < EARNED:
+                        out |= {(name, i): no_better(names, where) for name in names if (name, i) not in out}
+        return out
+
+    def names_in(self, i: int, level: Level) -> tuple[str, ...]:
+        """Effects found that are judged at a level and show in transducer `i`, those about the noise apart."""
+        problem, sensor = self.problem, self.problem.sensors[i]
+        mine = [
+            j
+            for j in self.chosen
+            if problem.judged_at[j] == level
+            and problem.candidates[j].sensor in (None, sensor)
+            and not problem.candidates[j].effect.of_noise
+        ]
+        return tuple(names_of(problem.candidates, tuple(mine)))
+
+    def earned(self, names: Sequence[str], i: int, level: Level) -> tuple[float, float, str]:
+        """Evidence for effects in transducer `i`, in nats; the best for one shape without a name; where that lives.
+
+        An effect of the line is judged in all transducers.
+        """
+        problem = self.problem
+        mine = [j for j in self.chosen if problem.candidates[j].effect.name in names and problem.judged_at[j] == level]
+        mine = [j for j in mine if problem.candidates[j].sensor in (None, problem.sensors[i])]
+        rest = tuple(j for j in self.chosen if j not in mine)
+        of_line = any(problem.candidates[j].sensor is None for j in mine)
+        sensors = list(range(len(problem.sensors))) if of_line else [i]
+        view = _View(problem, level, rest, self._view(level).sigma)
+        y = view.outputs[sensors].reshape(-1)
+        left, taken, named = y, np.empty((y.size, 0)), 0.0
+        for name in names:
+            raw = view.of([j for j in mine if problem.candidates[j].effect.name == name], sensors)
+            own = raw - taken @ (taken.T @ raw)
+            named += evidence(left, own) - self._price(name, level)
+            basis = orthonormal(own, np.linalg.norm(raw, axis=0), 1e-4)
+            left, taken = left - basis @ (basis.T @ left), np.column_stack([taken, basis])
+        best, where = -np.inf, ""
+        at = [place for place in self.places if place.level == level]
+        for place in at:
+            total = -float(np.log(len(at)))
+            for k in sensors:
+                total += evidence(view.outputs[k], view.project(place.block.columns, k), place.block.roughness)
+            if total > best:
+                best, where = total, place.block.place
+        return float(named), float(best), where
+
+    def _price(self, name: str, level: Level) -> float:
+        """What it costs in nats to have chosen this name, and its constant where that was searched."""
+        problem = self.problem
+        at = problem.within(level)
+        names = {problem.candidates[j].effect.name for j in at}
+        effect = next(c.effect for c in problem.candidates if c.effect.name == name)
+        terms = {problem.candidates[j].term.name for j in at if problem.candidates[j].effect.name == name}
+        return float(np.log(len(names)) + (0.5 * np.log(max(len(terms), 1)) if effect.searched else 0.0))
+
+    def _held_against(self, place: Place, i: int, one: Remainder, view: _View) -> float:
+        """P by chance beside whole plots that are like their neighbours, or sensitivities drawn again in each."""
+        if place.level == "whole-plot":
+            return self._alike.p_of_block(i, one.basis, view.outputs[i])
+        return self._among_slopes(i, one.basis, view) if place.slopes else 0.0
+
+    @cached_property
+    def _alike(self) -> Neighbours:
+        return neighbours(self.problem, self.chosen)
+
+    def _among_slopes(self, i: int, basis: FloatArray, view: _View) -> float:
+        """P of a basis (n, q) from the scatter of whole plots' slopes, where that is more than readings explain."""
+        problem = self.problem
+        if "P" not in problem.names:
+            return 0.0
+        z = view.pressure[i]
+        index, count = problem.whole_plot, int(problem.whole_plot.max()) + 1
+        length = np.sqrt(np.maximum(np.bincount(index, z * z, count), TINY))
+        slopes = np.bincount(index, z * view.outputs[i], count) / length
+        own = np.column_stack([np.bincount(index, z * b, count) / length for b in basis.T])
+        own = orthonormal(own, np.ones(own.shape[1]), 0.05)
+        gain, q = float(np.sum((own.T @ slopes) ** 2)), own.shape[1]
+        below = count - SLOPES - q
+        if below < 1 or q < 1:
+            return 1.0
+        rest = max(float(slopes @ slopes) - gain, TINY) / below
+        if special.fdtrc(below, view.df[i], rest) >= CHANCE:
+            return 0.0
+        return float(special.fdtrc(q, below, gain / q / rest))
+
+    def _view(self, level: Level) -> _View:
+        return self._views[level]
+
+    @cached_property
+    def _views(self) -> dict[Level, _View]:
+        return {level: _View(self.problem, level, self.chosen, None) for level in LEVELS}
+
+
+class _View:
+    """What a level leaves of outputs and columns over the transducers' errors, beside some candidates."""
+
+    def __init__(self, problem: Problem, level: Level, rest: Sequence[int], sigma: FloatArray | None) -> None:
+        self.problem, self.level = problem, level
+        stratum = beside(problem, level, rest)
+        self.sigma = stratum.sigma if sigma is None else sigma
+        self.df = stratum.df
+        self._scale = stratum.sigma / self.sigma
+        self.outputs = stratum.white.outputs * self._scale[:, None]
+        self._columns = stratum.white.columns
+        self._taken = problem.within(level, rest)
+
+    def of(self, picked: Sequence[int], sensors: Sequence[int]) -> FloatArray:
+        """(s m, q) of candidates in some transducers."""
+        some = self._columns[:, :, list(picked)][list(sensors)] * self._scale[list(sensors)][:, None, None]
+        return np.asarray(some.reshape(-1, len(picked)))
+
+    def project(self, columns: FloatArray, i: int) -> FloatArray:
+        """(m, q) what is left of columns (n, q) in transducer `i`."""
+        left = self.problem.strata[i].leave(columns, self.level) / self.sigma[i]
+        taken = self.problem.at[self.level].columns[i][:, self._taken]
+        basis = orthonormal(taken, self.problem.length_at[self.level][i, self._taken], 1e-3)
+        return np.asarray(left - basis @ (basis.T @ left))
+
+    @cached_property
+    def pressure(self) -> FloatArray:
+        """(S, n) pressure within whole plots, over the errors."""
+        p = self.problem.declared[:, [self.problem.names.index("P")]]
+        index = self.problem.whole_plot
+        p = p - (np.bincount(index, p[:, 0]) / np.bincount(index))[index][:, None]
+        every = [strata.whiten(p)[:, 0] for strata in self.problem.strata]
+        return np.stack(every) / self.sigma[:, None]
