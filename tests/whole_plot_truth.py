@@ -64,7 +64,7 @@ class Transducer:
     boss: float = 0.0  # mV that a boss adds once it has touched down
     stop: float = 0.0  # mV/psi that are missing beyond `STOP_PSIA`
     glass: float = 0.0  # mV/degC of slope that is gone above `GLASS_DEGC`
-    remembers_cold: float = 0.0  # mV right after the coldest whole plots
+    remembers_cold: float = 0.0  # mV right after cold whole plots
     day: float = 0.0  # mV up and down
     warming: float = 0.0  # mV at the beginning of the run
 
@@ -231,10 +231,10 @@ def _behind(p: np.ndarray, waits: np.ndarray, first: np.ndarray, tau_h: float) -
 
 
 def _cold_before(degC: np.ndarray, hours: np.ndarray) -> np.ndarray:
-    """What is left of visits to the coldest temperatures when each whole plot begins."""
+    """What is left of visits to the cold when each whole plot begins."""
     left, out = 0.0, np.zeros(degC.size)
     for k in range(1, degC.size):
-        left = max(left, float(degC[k - 1] < SENSOR_DEGC - 0.9 * HALF_RANGE_DEGC))
+        left = max(left, float(degC[k - 1] < SENSOR_DEGC - 0.4 * HALF_RANGE_DEGC))
         left *= np.exp(-(hours[k] - hours[k - 1]) / RECOVERS_H)
         out[k] = left
     return out

@@ -157,7 +157,9 @@ class PressureScene:
         return np.diff(mean[first], prepend=mean[first[0]])[in_time]
 
     def displaced(self, temperature: FloatArray, side: float, tau_h: float) -> FloatArray:
-        """(n,) what is left of the deepest visit to one end of a temperature's range in the whole plots before, 0 to 1.
+        """(n,) what is left of visits to one end of a temperature's range in the whole plots before, 0 to 1.
+
+        Whatever is further than a half of the way from the middle to that end counts fully.
 
         Args:
             temperature: (n,) degC.
@@ -167,7 +169,7 @@ class PressureScene:
         """
         mean, index = self._mean(temperature), self.data.whole_plot_index
         half = max(float(np.ptp(mean)) / 2.0, np.finfo(float).tiny)
-        depth = np.maximum(side * (mean - float(mean.max() + mean.min()) / 2.0) / half, 0.0)
+        depth = np.clip(2.0 * side * (mean - float(mean.max() + mean.min()) / 2.0) / half, 0.0, 1.0)
         count = int(index.max()) + 1
         begun, own = np.full(count, np.inf), np.zeros(count)
         np.minimum.at(begun, index, self.hours)

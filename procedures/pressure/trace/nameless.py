@@ -23,10 +23,12 @@ from procedures.pressure.trace.problem import Problem
 from procedures.pressure.trace.score import CHANCE, RESOLVED, SLOPES, TINY, beside
 from procedures.pressure.trace.strata import LEVELS, Level
 
-EARNED = 1.0
-"""Nats by which names must be likelier than the likeliest shape without one. Most causes here are of one column that is
-also the slowest wave of its place (a drift, a square of a temperature): no data make such a name likelier by much more
-than its price and a shape's are apart."""
+EARNED = 0.0
+"""Nats by which names must be likelier at least than the likeliest shape without one.
+
+Most causes here are one column that is also the slowest wave of its place (a drift, a square of a temperature): no data
+make such a name likelier by much more than its price and a shape's are apart.
+"""
 LOOKED_AT = 0.05
 """What is less clear than this is not held against noise that is alike from one whole plot to the next."""
 _SEEN: dict[Level, str] = {"subplot": "within whole plots", "whole-plot": "between whole plots"}
@@ -127,7 +129,7 @@ class Nameless:
             for level in LEVELS:
                 names = self.names_in(i, level)
                 left = self.left_in(i, level)
-                if left is not None and left.p < DOUBT:
+                if left is not None and left.p < DOUBT and not self._own_constant(left, names):
                     out |= {(name, i): something_left(left.place.block.place, left.p) for name in names}
                 if len(names) >= BUNDLE:
                     out |= {(name, i): bundle(names) for name in names if (name, i) not in out}
@@ -136,6 +138,33 @@ class Nameless:
                     if named - nameless < EARNED:
                         out |= {(name, i): no_better(names, where) for name in names if (name, i) not in out}
         return out
+
+    def _own_constant(self, left: Left, names: Sequence[str]) -> bool:
+        """Whether other values of the constants searched for these names leave nothing there."""
+        beside = (
+            *self.chosen,
+            *(j for j in self._values(names, left.sensor, left.place.level) if j not in self.chosen),
+        )
+        if len(beside) == len(self.chosen):
+            return False
+        i, view = left.sensor, _View(self.problem, left.place.level, beside, self._view(left.place.level).sigma)
+        rest = remainders(view.outputs[i], int(view.df[i]), [left.place.block], partial(view.project, i=i))
+        count = tried(place.block for place in self.places) * len(self.problem.sensors)
+        return not rest or rest[0].p * count >= DOUBT
+
+    def _values(self, names: Sequence[str], i: int, level: Level) -> tuple[int, ...]:
+        """Candidates for every value of the constants searched for these names, in transducer `i`."""
+        problem = self.problem
+        own = {(problem.candidates[j].effect.name, problem.candidates[j].sensor) for j in self.chosen}
+        return tuple(
+            j
+            for j, c in enumerate(problem.candidates)
+            if c.effect.searched
+            and c.effect.name in names
+            and (c.effect.name, c.sensor) in own
+            and c.sensor in (None, problem.sensors[i])
+            and problem.judged_at[j] == level
+        )
 
     def names_in(self, i: int, level: Level) -> tuple[str, ...]:
         """Effects found that are judged at a level and show in transducer `i`, those about the noise apart."""
@@ -166,7 +195,13 @@ class Nameless:
         for name in names:
             raw = view.of([j for j in mine if problem.candidates[j].effect.name == name], sensors)
             own = raw - taken @ (taken.T @ raw)
-            named += evidence(left, own) - self._price(name, level)
+            alone = evidence(left, own) - self._price(name, level)
+            values = self._values([name], i, level)
+            if values:  # a constant between those tried shows in several
+                every = view.of(values, sensors)
+                both = evidence(left, every - taken @ (taken.T @ every)) - self._price(name, level, searched=False)
+                alone = max(alone, both)
+            named += alone
             basis = orthonormal(own, np.linalg.norm(raw, axis=0), 1e-4)
             left, taken = left - basis @ (basis.T @ left), np.column_stack([taken, basis])
         best, where = -np.inf, ""
@@ -179,14 +214,14 @@ class Nameless:
                 best, where = total, place.block.place
         return float(named), float(best), where
 
-    def _price(self, name: str, level: Level) -> float:
+    def _price(self, name: str, level: Level, *, searched: bool = True) -> float:
         """What it costs in nats to have chosen this name, and its constant where that was searched."""
         problem = self.problem
         at = problem.within(level)
         names = {problem.candidates[j].effect.name for j in at}
         effect = next(c.effect for c in problem.candidates if c.effect.name == name)
         terms = {problem.candidates[j].term.name for j in at if problem.candidates[j].effect.name == name}
-        return float(np.log(len(names)) + (0.5 * np.log(max(len(terms), 1)) if effect.searched else 0.0))
+        return float(np.log(len(names)) + (0.5 * np.log(max(len(terms), 1)) if searched and effect.searched else 0.0))
 
     def _held_against(self, place: Place, i: int, one: Remainder, view: _View) -> float:
         """P by chance beside whole plots that are like their neighbours, or sensitivities drawn again in each."""
