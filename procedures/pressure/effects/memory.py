@@ -24,7 +24,7 @@ LAGS_H = (0.25, 0.5, 1.0, 2.0, 4.0)
 CREEPS_H = (0.05, 0.15, 0.5, 1.5)
 """Searched: faster ones remember the last step only, slower ones outlast the whole plot."""
 
-RECOVERS_H = (4.0, 12.0, 36.0)
+RECOVERS_H = (6.0, 20.0)
 """Searched: faster ones are over in the next whole plot, slower ones outlast a run."""
 
 _TWICE = "visit a pressure twice in a whole plot, once from below and once from above, by steps of different height"
@@ -162,7 +162,7 @@ THERMAL_GRADIENT = PressureEffect(
 
 def _displaced(side: float, tau_h: float) -> tuple[str, Callable[[PressureScene], FloatArray]]:
     end = "cold" if side < 0 else "warmth"
-    text = f"after the deepest {end}, recovering in {tau_h:g} h"
+    text = f"after the {end}, recovering in {tau_h:g} h"
     return text, lambda scene: scene.displaced(scene.data.sensor_temperature_degC, side, tau_h)
 
 

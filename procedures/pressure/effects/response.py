@@ -139,7 +139,7 @@ BANDS = (0.02, 0.05, 0.1, 0.2)
 """Of the highest pressure, searched: where a transducer begins to answer."""
 ENDS = (0.5, 0.7, 0.85)
 """Of the highest pressure, searched: from where on the sensitivity is smaller."""
-KNEES = (0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9)
+KNEES = (0.2, 0.35, 0.5, 0.65, 0.8)
 """Of the range of a temperature, searched: where the offset turns."""
 
 _LOW = "read more pressures at the low end of the range, at two temperatures"

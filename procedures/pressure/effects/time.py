@@ -174,7 +174,7 @@ SENSITIVITY_STEP_UNRECORDED = PressureEffect(
     searched=True,
 )
 DAY_H = 24.0
-WARMS_UP_H = (1.0, 3.0, 8.0)
+WARMS_UP_H = (1.5, 5.0)
 """Searched: of the electronics and of a room."""
 
 

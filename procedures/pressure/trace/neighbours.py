@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from weakref import ReferenceType, WeakKeyDictionary, ref
 
 import numpy as np
 from scipy import linalg, special
@@ -22,6 +23,8 @@ RHO = np.array([0.0, 0.25, 0.5, 0.7, 0.85])
 PRIOR = np.array([0.2, 0.15, 0.2, 0.25, 0.2])
 """How likely each is before the run: what leaves 5 % of false alarms at a correlation of 0.7 too."""
 
+REMARKABLE = 0.05
+"""What is less is not looked at again."""
 TINY = np.finfo(float).tiny
 
 
@@ -50,13 +53,20 @@ class Neighbours:
     """Whole plots of a run beside some candidates.
 
     Attributes:
-        problem: the run.
+        run: the run; who asks has it, and it has these.
         chosen: candidates judged between whole plots that are in the model.
 
     """
 
-    problem: Problem
+    run: ReferenceType[Problem]
     chosen: IntArray
+
+    @property
+    def problem(self) -> Problem:
+        """The run."""
+        problem = self.run()
+        assert problem is not None
+        return problem
 
     @cached_property
     def _of(self) -> tuple[tuple[_Alike, ...], ...]:
@@ -101,33 +111,42 @@ class Neighbours:
         return np.argsort(np.argsort(begun)).astype(np.float64)
 
     def p(self, ts: FloatArray, df: FloatArray, columns: FloatArray, outputs: FloatArray) -> FloatArray:
-        """(J,) probability of a larger score by chance, from scores (J,) that take whole plots as independent.
+        """(K, J) probability of a larger score by chance, from scores (K, J) that take whole plots as independent.
+
+        What is not remarkable as it is stays as it is.
 
         Args:
-            ts: coefficients over their standard errors.
+            ts: coefficients over their standard errors, one way to work these out or several.
             df: (J,) degrees of freedom of these.
             columns: (S, W, J) beside the chosen, over each transducer's error.
             outputs: (S, W) the same.
 
         """
-        length = np.maximum(np.sum(columns**2, axis=(0, 1)), TINY)
-        within = [float(one[0].df) > 1.0 for one in self._of]
-        log = np.tile(np.log(PRIOR)[:, None], (1, ts.size))
-        ps = np.empty_like(log)
+        out = 2.0 * special.stdtr(df, -np.abs(ts))
+        some = np.flatnonzero(np.min(out, axis=0) < REMARKABLE)
+        if some.size:
+            out[:, some] = self._p(ts[:, some], df[some], columns[:, :, some], outputs)
+        return np.asarray(out)
+
+    def _p(self, ts: FloatArray, df: FloatArray, columns: FloatArray, outputs: FloatArray) -> FloatArray:
+        squares = np.sum(columns**2, axis=1)
+        length = np.maximum(np.sum(squares, axis=0), TINY)
+        log, ps = np.tile(np.log(PRIOR)[:, None], (1, df.size)), np.empty((RHO.size, *ts.shape))
         for k in range(RHO.size):
-            spread, freedom = np.zeros(ts.size), np.zeros(ts.size)
-            for i, able in enumerate(within):
-                if not able:
+            spread, freedom = np.zeros(df.size), np.zeros(df.size)
+            for i, of in enumerate(self._of):
+                if of[0].df <= 1.0:
                     continue
-                one, mine = self._of[i][k], np.sum(columns[i] ** 2, axis=0)
+                one = of[k]
                 spread += np.sum(columns[i] * (one.covariance @ columns[i]), axis=0) / one.mean
-                freedom += mine * (one.df / self._of[i][0].df)
-                log[k] += np.where(mine > 1e-6 * length, _likelihood(one, columns[i], outputs[i]), 0.0)
+                freedom += squares[i] * (one.df / of[0].df)
+                log[k] += np.where(squares[i] > 1e-6 * length, _likelihood(one, columns[i], outputs[i]), 0.0)
             factor = np.sqrt(np.maximum(spread / length, TINY))
             share = np.clip(np.where(freedom > 0, freedom / length, 1.0), 0.1, 1.0)
             ps[k] = 2.0 * special.stdtr(np.maximum(df * share, 1.0), -np.abs(ts) / factor)
         weight = np.exp(log - log.max(axis=0))
-        return np.asarray(np.exp(np.sum(weight * np.log(np.maximum(ps, TINY)), axis=0) / np.sum(weight, axis=0)))
+        mean = np.sum(weight[:, None] * np.log(np.maximum(ps, TINY)), axis=0) / np.sum(weight, axis=0)
+        return np.asarray(np.exp(mean))
 
     def p_of_block(self, i: int, basis: FloatArray, outputs: FloatArray) -> float:
         """Probability by chance of what an orthonormal basis (W, q) takes up of transducer `i`."""
@@ -163,6 +182,11 @@ def _likelihood_of(one: _Alike, basis: FloatArray, outputs: FloatArray) -> float
     return float(-0.5 * ((y.size - basis.shape[1]) * np.log(rss) + one.log_determinant + extra))
 
 
+_KNOWN: WeakKeyDictionary[Problem, dict[tuple[int, ...], Neighbours]] = WeakKeyDictionary()
+"""A search asks for the same ones many times."""
+
+
 def neighbours(problem: Problem, chosen: Sequence[int]) -> Neighbours:
     """Of a run beside the `chosen` candidates."""
-    return Neighbours(problem, problem.within("whole-plot", chosen))
+    known, here = _KNOWN.setdefault(problem, {}), problem.within("whole-plot", chosen)
+    return known.setdefault(tuple(sorted(here.tolist())), Neighbours(ref(problem), here))

@@ -143,10 +143,10 @@ def score(problem: Problem, chosen: Sequence[int], of: Sequence[int] | None = No
             variance = np.maximum(np.maximum(both, single), slow)
         t = np.where(can, gamma * total / np.sqrt(np.where(variance > 0, variance, np.inf)), 0.0)
         alone = np.where(can, gamma * total / np.sqrt(np.where(plain > 0, plain, np.inf)), 0.0)
-        p, p_plain = (2.0 * special.stdtr(df, -np.abs(score)) for score in (t, alone))
         if level == "whole-plot":
-            alike = neighbours(problem, chosen)
-            p, p_plain = (alike.p(score, df, columns, white.outputs) for score in (t, alone))
+            p, p_plain = neighbours(problem, chosen).p(np.stack([t, alone]), df, columns, white.outputs)
+        else:
+            p, p_plain = (2.0 * special.stdtr(df, -np.abs(score)) for score in (t, alone))
         scores.gamma[here], scores.t[here], scores.df[here] = gamma, t, df
         scores.p[here], scores.p_plain[here] = np.where(can, p, 1.0), np.where(can, p_plain, 1.0)
         scores.gain[here] = np.where(can, gamma * dot.sum(axis=0), 0.0)
