@@ -224,13 +224,16 @@ SATURATION = PressureEffect(
 
 
 def _knee(name: str, share: float, temperature: FloatArray) -> PressureTerm:
+    """What a change of slope is beside a straight line: where none is declared, it is no part of a knee."""
     low, high = float(np.min(temperature)), float(np.max(temperature))
-    at = low + share * (high - low)
+    at, middle = low + share * (high - low), float(np.mean(temperature))
+    off = temperature - middle
+    slope = float(off @ np.maximum(temperature - at, 0.0) / max(float(off @ off), np.finfo(float).tiny))
 
     def column(scene: PressureScene) -> FloatArray:
         data = scene.data
         now = data.sensor_temperature_degC if name == "T_sensor" else data.sse_temperature_degC
-        return np.asarray(np.maximum(now - at, 0.0))
+        return np.asarray(np.maximum(now - at, 0.0) - slope * (now - middle))
 
     return PressureTerm(f"{name} above {at:.3g} degC", column)
 

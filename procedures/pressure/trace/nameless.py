@@ -23,8 +23,8 @@ from procedures.pressure.trace.problem import Problem
 from procedures.pressure.trace.score import CHANCE, RESOLVED, SLOPES, TINY, beside
 from procedures.pressure.trace.strata import LEVELS, Level
 
-EARNED = 0.0
-"""Nats by which names must be likelier at least than the likeliest shape without one.
+EARNED = -1.0
+"""Nats by which names must be likelier than the likeliest shape without one, or may be less likely.
 
 Most causes here are one column that is also the slowest wave of its place (a drift, a square of a temperature): no data
 make such a name likelier by much more than its price and a shape's are apart.
