@@ -5,7 +5,8 @@ Sizes that are usual are those of piezoresistive transducers of about 2 mV/psi, 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from functools import partial
 
 import numpy as np
 
@@ -145,13 +146,15 @@ KNEES = (0.2, 0.35, 0.5, 0.65, 0.8)
 _LOW = "read more pressures at the low end of the range, at two temperatures"
 
 
-def _touch_down(share: float, most: float) -> PressureTerm:
+def _touch_down(share: float, most: float, *, warm: bool = False) -> PressureTerm:
     at = share * most
 
     def column(scene: PressureScene) -> FloatArray:
-        return np.asarray((scene.p / at) ** 2 / (1.0 + (scene.p / at) ** 2))
+        bend = (scene.p / at) ** 2 / (1.0 + (scene.p / at) ** 2)
+        return np.asarray(bend * scene.sensor if warm else bend)
 
-    return PressureTerm(f"bend that is half over at {at:.3g} psi", column)
+    text = f"bend that is half over at {at:.3g} psi"
+    return PressureTerm(f"{text}, times T_sensor" if warm else text, column, unit="mV/degC" if warm else "mV")
 
 
 def _band(share: float, most: float) -> PressureTerm:
@@ -176,19 +179,30 @@ def _each_of(
     return terms
 
 
+def _bending(values: Mapping[str, float], per_psi: float) -> str:
+    """Every coefficient in millivolts, or for a degree in nanovolts."""
+    return ", ".join(
+        (micro("nV per degC") if name.endswith("T_sensor") else each("mV"))({name: value}, per_psi)
+        for name, value in values.items()
+    )
+
+
 TOUCH_DOWN = PressureEffect(
     name="touch-down",
     cause="the output bends at low pressure and no more above: something of the diaphragm touches down",
     source="sensor",
     scope="sensor",
     stratum="subplot",
-    unit="mV",
-    size=each("mV"),
+    unit="mV, mV/degC",
+    size=_bending,
     against="pressure_psia",
     separate_by=_LOW,
     usual_size="5e-4 of the range",
     known_aliases={},
-    terms=_each_of(BENDS, _touch_down),
+    terms=lambda data: (
+        *_each_of(BENDS, _touch_down)(data),
+        *_each_of(BENDS, partial(_touch_down, warm=True))(data),
+    ),
     searched=True,
 )
 DEAD_BAND = PressureEffect(

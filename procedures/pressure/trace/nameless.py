@@ -12,6 +12,7 @@ from scipy import special
 from fitter.arrays import FloatArray
 from fitter.linear import orthonormal
 from fitter.trace.doubts import BUNDLE, DOUBT, bundle, no_better, something_left
+from fitter.trace.doubts import beside as small_beside
 from fitter.trace.flexible import Remainder, evidence, remainders, tried
 from fitter.trace.found import Unnamed
 from fitter.trace.lines import Line, line
@@ -29,6 +30,9 @@ EARNED = -1.0
 Most causes here are one column that is also the slowest wave of its place (a drift, a square of a temperature): no data
 make such a name likelier by much more than its price and a shape's are apart.
 """
+SMALL, ALIKE = 0.05, 0.3
+"""Evidence of an effect over that of a stronger one, below which it may be what the stronger one's law lacks: a fifth
+of its size; and the part of its length that then lies along the stronger one."""
 LOOKED_AT = 0.05
 """What is less clear than this is not held against noise that is alike from one whole plot to the next."""
 _SEEN: dict[Level, str] = {"subplot": "within whole plots", "whole-plot": "between whole plots"}
@@ -137,7 +141,34 @@ class Nameless:
                     named, nameless, where = self.earned(names, i, level)
                     if named - nameless < EARNED:
                         out |= {(name, i): no_better(names, where) for name in names if (name, i) not in out}
+                if len(names) > 1:
+                    out |= {(name, i): why for name, why in self._each(names, i, level).items() if (name, i) not in out}
         return out
+
+    def _each(self, names: Sequence[str], i: int, level: Level) -> dict[str, str]:
+        """Why single names of several should not be believed: beside the others, each by itself."""
+        out: dict[str, str] = {}
+        evidence_of = {name: self.earned([name], i, level) for name in names}
+        strongest = max(names, key=lambda name: evidence_of[name][0])
+        for name, (named, nameless, where) in evidence_of.items():
+            if named - nameless < EARNED:
+                out[name] = no_better([name], where)
+            elif name != strongest and self._overlap(name, strongest, i, level) > ALIKE:
+                if named < SMALL * evidence_of[strongest][0]:
+                    out[name] = small_beside(strongest)
+                elif where == evidence_of[strongest][2]:
+                    out[name] = bundle([strongest, name])
+        return out
+
+    def _overlap(self, name: str, other: str, i: int, level: Level) -> float:
+        """Part of an effect in transducer `i` that lies along another, of its length beside the declared model."""
+        problem, columns = self.problem, self.problem.at[level].columns[i]
+        one, along = (
+            columns[:, [j for j in self.chosen if problem.candidates[j].effect.name == text]] for text in (name, other)
+        )
+        one, along = (some[:, np.any(some != 0.0, axis=0)] for some in (one, along))
+        basis = orthonormal(along)
+        return float(np.linalg.norm(basis.T @ one) / max(float(np.linalg.norm(one)), TINY))
 
     def _own_constant(self, left: Left, names: Sequence[str]) -> bool:
         """Whether other values of the constants searched for these names leave nothing there."""
