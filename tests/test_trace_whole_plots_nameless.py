@@ -96,3 +96,13 @@ def test_whole_plots_that_are_like_their_neighbours_are_no_drift(rho, most):
         scores = score(replace(problem, outputs=noise[None]), (), problem.within("whole-plot").tolist())
         false += bool(np.any(family.adjust(scores.p) <= ALPHA))
     assert false <= most
+
+
+def test_a_second_name_of_the_same_shape_is_doubtful():
+    """The line's law is not exactly that of the catalogue: what it lacks there gets no name without a mark."""
+    trace = trace_whole_plots(hide(["transpiration"], [2.0], seed=100, transducers=1).data, validate=False).sensors[ONE]
+    by_name = {effect.effect: effect for effect in effects_in(trace)}
+    assert by_name.pop("thermal-transpiration").doubtful is None
+    assert by_name
+    assert all(effect.doubtful for effect in by_name.values())
+    assert trace.verdict == "partly explained"
