@@ -14,7 +14,7 @@ from fitter.arrays import FloatArray
 from fitter.effects.entry import Alias
 from fitter.effects.sizes import Size, each, micro
 from procedures.pressure.data import WholePlotData
-from procedures.pressure.effects.scene import PressureEffect, PressureScene, PressureTerm
+from procedures.pressure.effects.scene import TIMES_WARM, PressureEffect, PressureScene, PressureTerm
 
 _MORE_PRESSURES = "read more pressures between those of the design, up and down, at one temperature"
 _MORE_TEMPERATURES = (
@@ -154,7 +154,7 @@ def _touch_down(share: float, most: float, *, warm: bool = False) -> PressureTer
         return np.asarray(bend * scene.sensor if warm else bend)
 
     text = f"bend that is half over at {at:.3g} psi"
-    return PressureTerm(f"{text}, times T_sensor" if warm else text, column, unit="mV/degC" if warm else "mV")
+    return PressureTerm(f"{text}{TIMES_WARM}" if warm else text, column, unit="mV/degC" if warm else "mV")
 
 
 def _band(share: float, most: float) -> PressureTerm:

@@ -27,6 +27,9 @@ _NITROGEN = 12e5, 10e2, 14.0
 _WEIGHT_K_PER_M = 0.02896 * 9.80665 / 8.314463
 """Of air: molar mass times gravity over the gas constant."""
 
+TIMES_WARM = ", times T_sensor"
+"""Ends the name of a term that is another one's change with the temperature."""
+
 AT_EASE = "wait at one pressure of a whole plot and go on reading: what follows the last step fades, a loop stays"
 SOAK = "soak twice as long at a few temperatures: a lag is gone by then"
 SECOND_GAUGE = (

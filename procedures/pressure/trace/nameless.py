@@ -11,13 +11,13 @@ from scipy import special
 
 from fitter.arrays import FloatArray
 from fitter.linear import orthonormal
-from fitter.trace.doubts import BUNDLE, DOUBT, bundle, no_better, something_left
+from fitter.trace.doubts import BUNDLE, DOUBT, bundle, in_several, no_better, something_left
 from fitter.trace.doubts import beside as small_beside
 from fitter.trace.flexible import Remainder, evidence, remainders, tried
 from fitter.trace.found import Unnamed
 from fitter.trace.lines import Line, line
 from fitter.trace.search import names_of
-from procedures.pressure.effects.scene import PressureScene
+from procedures.pressure.effects.scene import TIMES_WARM, PressureScene
 from procedures.pressure.trace.neighbours import Neighbours, neighbours
 from procedures.pressure.trace.places import Place, places_of
 from procedures.pressure.trace.problem import Problem
@@ -33,6 +33,7 @@ make such a name likelier by much more than its price and a shape's are apart.
 SMALL, ALIKE = 0.05, 0.3
 """Evidence of an effect over that of a stronger one, below which it may be what the stronger one's law lacks: a fifth
 of its size; and the part of its length that then lies along the stronger one."""
+ONLY_WARM = "only its change with the temperature was found, and nothing of it that every temperature has"
 LOOKED_AT = 0.05
 """What is less clear than this is not held against noise that is alike from one whole plot to the next."""
 _SEEN: dict[Level, str] = {"subplot": "within whole plots", "whole-plot": "between whole plots"}
@@ -135,6 +136,12 @@ class Nameless:
                 left = self.left_in(i, level)
                 if left is not None and left.p < DOUBT and not self._own_constant(left, names):
                     out |= {(name, i): something_left(left.place.block.place, left.p) for name in names}
+                for name in names:
+                    if self._only_warm(name, i) and (name, i) not in out:
+                        out[name, i] = ONLY_WARM
+                    sensors = self._own_of(name)
+                    if len(sensors) > 1 and (name, i) not in out:
+                        out[name, i] = in_several(sensors)
                 if len(names) >= BUNDLE:
                     out |= {(name, i): bundle(names) for name in names if (name, i) not in out}
                 if names and any((name, i) not in out for name in names):
@@ -144,6 +151,22 @@ class Nameless:
                 if len(names) > 1:
                     out |= {(name, i): why for name, why in self._each(names, i, level).items() if (name, i) not in out}
         return out
+
+    def _own_of(self, name: str) -> tuple[str, ...]:
+        """Transducers that have an effect of a searched constant each for itself, which no common cause gives to all.
+
+        All of one make may be bent or stick alike; that all have the same corner at one pressure is the line's doing.
+        """
+        mine = [c for j in self.chosen if (c := self.problem.candidates[j]).effect.name == name]
+        if mine[0].effect.source != "sensor" or not mine[0].effect.searched:
+            return ()
+        return tuple(dict.fromkeys(c.sensor for c in mine if c.sensor is not None))
+
+    def _only_warm(self, name: str, i: int) -> bool:
+        """Whether of an effect that follows the temperature only that was found in transducer `i`."""
+        every = (self.problem.candidates[j] for j in self.chosen)
+        mine = [c.term.name for c in every if c.effect.name == name and c.sensor in (None, self.problem.sensors[i])]
+        return all(text.endswith(TIMES_WARM) for text in mine)
 
     def _each(self, names: Sequence[str], i: int, level: Level) -> dict[str, str]:
         """Why single names of several should not be believed: beside the others, each by itself."""
