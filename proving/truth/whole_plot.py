@@ -22,6 +22,7 @@ PAIRS = (
 )
 SENSOR_DEGC, SSE_DEGC, HALF_RANGE_DEGC = -90.0, 0.0, 40.0
 SETTLES_H = 0.35
+SILENT_PSIA, BOSS_PSIA, STOP_PSIA, GLASS_DEGC, RECOVERS_H, WARMS_H = 0.4, 0.7, 3.7, -112.0, 9.0, 2.5
 # sd of a reading and of a whole plot, mV: ten times in variance, together 12 % of reading at 0.12 psia and 2 mV/psi
 SUBPLOT, WHOLE_PLOT = 0.0049, 0.0155
 # undeclared cubic that with a sd growing as 0.4 + 0.3 P gives the paper's 12, 11.5, 3.1 and 2.2 % with its four methods
@@ -58,6 +59,14 @@ class Transducer:
     shift: float = 0.0  # mV from `Run.shifted_at` on, which nobody noted
     gain_shift: float = 0.0  # mV/psi from then on
     gradient: float = 0.0  # mV per degC/h at which the transducer's temperature changes
+    sticks_cold: float = 0.0  # mV to each side at the coldest, none at the warmest
+    silent: float = 0.0  # mV that are missing once pressure has passed `SILENT_PSIA`
+    boss: float = 0.0  # mV that a boss adds once it has touched down
+    stop: float = 0.0  # mV/psi that are missing beyond `STOP_PSIA`
+    glass: float = 0.0  # mV/degC of slope that is gone above `GLASS_DEGC`
+    remembers_cold: float = 0.0  # mV right after cold whole plots
+    day: float = 0.0  # mV up and down
+    warming: float = 0.0  # mV at the beginning of the run
 
 
 @dataclass(frozen=True)
@@ -182,6 +191,12 @@ def simulate(bench: Bench = Bench(), run: Run = Run(), seed: int = 0) -> WholePl
         mV = mV + stepped @ truth.lag * np.exp(-since / truth.lag_h)
         mV = mV + truth.drift * hours + truth.settling * since + truth.step * block
         mV = mV + truth.shift * (plot >= run.shifted_at * len(plots)) + truth.gradient * rate
+        mV = mV + truth.sticks_cold * side * (0.5 - a / 80.0)
+        mV = mV + truth.silent * (1.0 - np.minimum(p, SILENT_PSIA) / SILENT_PSIA)
+        mV = mV + truth.boss * p**2 / (p**2 + BOSS_PSIA**2) - truth.stop * np.maximum(p - STOP_PSIA, 0.0)
+        mV = mV + truth.glass * np.minimum(at[:, 0] - GLASS_DEGC, 0.0)
+        mV = mV + truth.remembers_cold * _cold_before(of_plot[:, 0], hours[first])[plot]
+        mV = mV + truth.day * np.sin(2 * np.pi * (hours + 5.0) / 24.0) + truth.warming * np.exp(-hours / WARMS_H)
         mV = mV * (1.0 + bench.supply_per_h * (hours - hours.mean()) + bench.supply_per_degC * b)
         noise = rng.standard_t(5, n) / np.sqrt(5 / 3) if bench.long_tails else rng.standard_normal(n)
         if bench.remembered:
@@ -212,6 +227,16 @@ def _behind(p: np.ndarray, waits: np.ndarray, first: np.ndarray, tau_h: float) -
     for i in range(p.size):
         state = p[i] if first[i] else p[i] + (state - p[i]) * np.exp(-waits[i] / tau_h)
         out[i] = state - p[i]
+    return out
+
+
+def _cold_before(degC: np.ndarray, hours: np.ndarray) -> np.ndarray:
+    """What is left of visits to the cold when each whole plot begins."""
+    left, out = 0.0, np.zeros(degC.size)
+    for k in range(1, degC.size):
+        left = max(left, float(degC[k - 1] < SENSOR_DEGC - 0.4 * HALF_RANGE_DEGC))
+        left *= np.exp(-(hours[k] - hours[k - 1]) / RECOVERS_H)
+        out[k] = left
     return out
 
 

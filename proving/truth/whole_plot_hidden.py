@@ -15,6 +15,8 @@ import numpy as np
 from procedures.pressure.data import WholePlotData
 from proving.truth.whole_plot import SUBPLOT, WHOLE_PLOT, Bench, Run, Transducer, simulate
 
+# nine temperatures of the transducer: a knee is none of a cube
+NINE = tuple((k / 4.0 - 1.0, (-1.0) ** k * e) for e in (0.3, 1.0) for k in range(9)) + 2 * ((0.0, 0.0),)
 ORDINARY, NIGHT = Bench(), Run()
 WARM, WARMED = ("P:T_sensor", "P:T_SSE"), Transducer().sensitivity_warm
 
@@ -74,6 +76,14 @@ HIDDEN: Mapping[str, Hidden] = {
     "supply, time": Hidden("excitation", line={"supply_per_h": 4e-5}),
     "supply, electronics": Hidden("excitation", line={"supply_per_degC": 2e-5}, lacks=("P:T_SSE",)),
     "reference bends": Hidden("reference-nonlinearity", line={"reference_cubic": 5e-4}),
+    "sticks in the cold": Hidden("hysteresis-temperature", {"sticks_cold": 6e-3}),
+    "silent below": Hidden("dead-band", {"silent": 2e-2}),
+    "boss touches down": Hidden("touch-down", {"boss": 2e-2}),
+    "stop is near": Hidden("saturation", {"stop": 2e-2}),
+    "glass transition": Hidden("offset-knee", {"glass": 5e-3}, run={"pairs": NINE}, between=True),
+    "remembers the cold": Hidden("thermal-hysteresis", {"remembers_cold": 0.1}, between=True),
+    "follows the day": Hidden("daily-course", {"day": 0.05}, between=True),
+    "warms up": Hidden("warm-up", {"warming": 0.1}, between=True),
     "leak": Hidden("line-leak", line={"leak_per_h": 8e-3}, run={"uneven": 0.6}),
 }
 

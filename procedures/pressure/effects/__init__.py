@@ -18,22 +18,35 @@ from procedures.pressure.effects.line import (
     REFERENCE_ZERO_DRIFT,
     TRANSPIRATION,
 )
-from procedures.pressure.effects.memory import CREEP, HYSTERESIS, SENSOR_LAG, SSE_LAG, THERMAL_GRADIENT
+from procedures.pressure.effects.memory import (
+    CREEP,
+    HYSTERESIS,
+    HYSTERESIS_TEMPERATURE,
+    SENSOR_LAG,
+    SSE_LAG,
+    THERMAL_GRADIENT,
+    THERMAL_HYSTERESIS,
+)
 from procedures.pressure.effects.response import (
+    DEAD_BAND,
+    OFFSET_KNEE,
     OFFSET_TEMPERATURE,
     OFFSET_TEMPERATURE_SQUARED,
     PRESSURE_CUBED,
     PRESSURE_SQUARED,
     PRESSURE_SQUARED_TEMPERATURE,
     PRESSURE_TEMPERATURE_SQUARED,
+    SATURATION,
     SENSITIVITY_TEMPERATURE,
     SENSOR_BY_SSE_SQUARED,
     SENSOR_TEMPERATURE_CUBED,
     SSE_BY_SENSOR_SQUARED,
     SSE_TEMPERATURE_CUBED,
+    TOUCH_DOWN,
 )
 from procedures.pressure.effects.scene import PressureEffect
 from procedures.pressure.effects.time import (
+    DAILY_COURSE,
     EXCITATION,
     OFFSET_STEP,
     ORDER_DRIFT,
@@ -43,6 +56,7 @@ from procedures.pressure.effects.time import (
     SENSITIVITY_STEP_UNRECORDED,
     SUBPLOT_DRIFT,
     UNRECORDED_STEP,
+    WARM_UP,
 )
 
 GROWING_NOISE = Entry(
@@ -75,14 +89,22 @@ PRESSURE_CATALOGUE: tuple[PressureEffect, ...] = (
     CARRY_OVER,
     CREEP,
     HYSTERESIS,
+    HYSTERESIS_TEMPERATURE,
     SENSOR_LAG,
     SSE_LAG,
     THERMAL_GRADIENT,
+    THERMAL_HYSTERESIS,
     TRANSPIRATION,
+    DEAD_BAND,
+    TOUCH_DOWN,
+    SATURATION,
+    OFFSET_KNEE,
     HEAD_CORRECTION,
     OFFSET_STEP,
     SENSITIVITY_STEP,
     ORDER_DRIFT,
+    WARM_UP,
+    DAILY_COURSE,
     REFERENCE_ZERO_DRIFT,
     SUBPLOT_DRIFT,
     SENSITIVITY_DRIFT,

@@ -17,7 +17,7 @@ from procedures.pressure.effects.scene import (
     settling,
 )
 
-BORES_MM = (0.05, 0.1, 0.2, 0.5)
+BORES_MM = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5)
 """Searched bores of the line: in wider ones a cold end has no visible effect."""
 SETTLES_H = (0.01, 0.03)
 """Searched time constants of a line, visible if readings wait for unequal times."""

@@ -24,6 +24,9 @@ LAGS_H = (0.25, 0.5, 1.0, 2.0, 4.0)
 CREEPS_H = (0.05, 0.15, 0.5, 1.5)
 """Searched: faster ones remember only the last step, slower ones last longer than the whole plot."""
 
+RECOVERS_H = (6.0, 20.0)
+"""Searched: faster ones are over in the next whole plot, slower ones outlast a run."""
+
 _TWICE = "visit a pressure twice in a whole plot, once from below and once from above, by steps of different height"
 
 
@@ -72,6 +75,24 @@ HYSTERESIS = PressureEffect(
     terms=fixed(
         ("side*loop(P)", lambda s: s.data.pressure_side * s.loop),
         ("side", lambda s: np.asarray(s.data.pressure_side, np.float64)),
+    ),
+)
+HYSTERESIS_TEMPERATURE = PressureEffect(
+    name="hysteresis-temperature",
+    cause="the difference between pressures reached from below and from above follows the transducer's temperature: "
+    "friction that grows in the cold",
+    source="sensor",
+    scope="sensor",
+    stratum="subplot",
+    unit="mV/degC",
+    size=micro("nV/degC to each side"),
+    against="pressure_side",
+    separate_by="run pressures up and down at the coldest and at the warmest temperature",
+    usual_size="5e-6 of the range per degC",
+    known_aliases={},
+    terms=fixed(
+        ("side*loop(P)*T_sensor", lambda s: s.data.pressure_side * s.loop * s.sensor),
+        ("side*T_sensor", lambda s: s.data.pressure_side * s.sensor),
     ),
 )
 CREEP = PressureEffect(
@@ -137,4 +158,28 @@ THERMAL_GRADIENT = PressureEffect(
         ("dT_sensor/dt", lambda s: s.rate(s.data.sensor_temperature_degC)),
         ("dT_SSE/dt", lambda s: s.rate(s.data.sse_temperature_degC)),
     ),
+)
+
+
+def _displaced(side: float, tau_h: float) -> tuple[str, Callable[[PressureScene], FloatArray]]:
+    end = "cold" if side < 0 else "warmth"
+    text = f"after the {end}, recovering in {tau_h:g} h"
+    return text, lambda scene: scene.displaced(scene.data.sensor_temperature_degC, side, tau_h)
+
+
+THERMAL_HYSTERESIS = PressureEffect(
+    name="thermal-hysteresis",
+    cause="the offset remembers which temperatures came before: a visit to the cold (or to the warm) end displaces it, "
+    "and it recovers over hours",
+    source="chamber",
+    scope="sensor",
+    stratum="whole-plot",
+    unit="mV",
+    size=each("mV after a visit to the end of the range"),
+    against="elapsed_s",
+    separate_by="repeat one pair of temperatures right after the coldest one, after the warmest one, and hours later",
+    usual_size="5e-4 of the range",
+    known_aliases={},
+    terms=fixed(*(_displaced(side, tau_h) for side in (-1.0, 1.0) for tau_h in RECOVERS_H)),
+    searched=True,
 )

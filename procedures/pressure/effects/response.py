@@ -5,11 +5,16 @@ Sizes that are usual are those of piezoresistive transducers of about 2 mV/psi, 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from functools import partial
+
+import numpy as np
 
 from fitter.arrays import FloatArray
+from fitter.effects.entry import Alias
 from fitter.effects.sizes import Size, each, micro
-from procedures.pressure.effects.scene import PressureEffect, PressureScene, PressureTerm
+from procedures.pressure.data import WholePlotData
+from procedures.pressure.effects.scene import TIMES_WARM, PressureEffect, PressureScene, PressureTerm
 
 _MORE_PRESSURES = "read more pressures between those of the design, up and down, at one temperature"
 _MORE_TEMPERATURES = (
@@ -126,4 +131,149 @@ SSE_BY_SENSOR_SQUARED = _cubic(
     "its electronics' temperature times the square of its own",
     "T_sensor^2*T_SSE",
     lambda s: s.sensor**2 * s.sse,
+)
+
+
+BENDS = (0.08, 0.16, 0.3)
+"""Of the highest pressure, searched: where a bend of low pressures is half over."""
+BANDS = (0.02, 0.05, 0.1, 0.2)
+"""Of the highest pressure, searched: where a transducer begins to answer."""
+ENDS = (0.5, 0.7, 0.85)
+"""Of the highest pressure, searched: from where on the sensitivity is smaller."""
+KNEES = (0.2, 0.35, 0.5, 0.65, 0.8)
+"""Of the range of a temperature, searched: where the offset turns."""
+
+_LOW = "read more pressures at the low end of the range, at two temperatures"
+
+
+def _touch_down(share: float, most: float, *, warm: bool = False) -> PressureTerm:
+    at = share * most
+
+    def column(scene: PressureScene) -> FloatArray:
+        bend = (scene.p / at) ** 2 / (1.0 + (scene.p / at) ** 2)
+        return np.asarray(bend * scene.sensor if warm else bend)
+
+    text = f"bend that is half over at {at:.3g} psi"
+    return PressureTerm(f"{text}{TIMES_WARM}" if warm else text, column, unit="mV/degC" if warm else "mV")
+
+
+def _band(share: float, most: float) -> PressureTerm:
+    at = share * most
+    return PressureTerm(f"min(P, {at:.3g} psi)", lambda scene: np.asarray(np.minimum(scene.p, at)))
+
+
+def _end(share: float, most: float) -> PressureTerm:
+    at = share * most
+    return PressureTerm(f"P beyond {at:.3g} psi", lambda scene: np.asarray(np.maximum(scene.p - at, 0.0)))
+
+
+def _each_of(
+    shares: tuple[float, ...], term: Callable[[float, float], PressureTerm]
+) -> Callable[[WholePlotData], tuple[PressureTerm, ...]]:
+    """Terms for every share of the highest pressure of a run."""
+
+    def terms(data: WholePlotData) -> tuple[PressureTerm, ...]:
+        most = float(np.max(data.pressure_psia))
+        return tuple(term(share, most) for share in shares) if most > 0 else ()
+
+    return terms
+
+
+def _bending(values: Mapping[str, float], per_psi: float) -> str:
+    """Every coefficient in millivolts, or for a degree in nanovolts."""
+    return ", ".join(
+        (micro("nV per degC") if name.endswith("T_sensor") else each("mV"))({name: value}, per_psi)
+        for name, value in values.items()
+    )
+
+
+TOUCH_DOWN = PressureEffect(
+    name="touch-down",
+    cause="the output bends at low pressure and no more above: something of the diaphragm touches down",
+    source="sensor",
+    scope="sensor",
+    stratum="subplot",
+    unit="mV, mV/degC",
+    size=_bending,
+    against="pressure_psia",
+    separate_by=_LOW,
+    usual_size="5e-4 of the range",
+    known_aliases={},
+    terms=lambda data: (
+        *_each_of(BENDS, _touch_down)(data),
+        *_each_of(BENDS, partial(_touch_down, warm=True))(data),
+    ),
+    searched=True,
+)
+DEAD_BAND = PressureEffect(
+    name="dead-band",
+    cause="below a small pressure the transducer does not answer, or not with its whole sensitivity",
+    source="sensor",
+    scope="sensor",
+    stratum="subplot",
+    unit="mV/psi",
+    size=each("mV/psi of sensitivity that is missing there"),
+    against="pressure_psia",
+    separate_by=_LOW,
+    usual_size="1e-2 of the sensitivity",
+    known_aliases={},
+    terms=_each_of(BANDS, _band),
+    searched=True,
+)
+SATURATION = PressureEffect(
+    name="saturation",
+    cause="the sensitivity is smaller near the end of the range: a stop is near, or the amplifier saturates",
+    source="sensor",
+    scope="sensor",
+    stratum="subplot",
+    unit="mV/psi",
+    size=each("mV/psi"),
+    against="pressure_psia",
+    separate_by=_MORE_PRESSURES,
+    usual_size="1e-3 of the sensitivity",
+    known_aliases={},
+    terms=_each_of(ENDS, _end),
+    searched=True,
+)
+
+
+def _knee(name: str, share: float, temperature: FloatArray) -> PressureTerm:
+    """What a change of slope is beside a straight line: where none is declared, it is no part of a knee."""
+    low, high = float(np.min(temperature)), float(np.max(temperature))
+    at, middle = low + share * (high - low), float(np.mean(temperature))
+    off = temperature - middle
+    slope = float(off @ np.maximum(temperature - at, 0.0) / max(float(off @ off), np.finfo(float).tiny))
+
+    def column(scene: PressureScene) -> FloatArray:
+        data = scene.data
+        now = data.sensor_temperature_degC if name == "T_sensor" else data.sse_temperature_degC
+        return np.asarray(np.maximum(now - at, 0.0) - slope * (now - middle))
+
+    return PressureTerm(f"{name} above {at:.3g} degC", column)
+
+
+OFFSET_KNEE = PressureEffect(
+    name="offset-knee",
+    cause="the offset follows a temperature by one slope below a knee and by another above: a glass transition, a "
+    "joint that opens",
+    source="temperature",
+    scope="sensor",
+    stratum="whole-plot",
+    unit="mV/degC",
+    size=micro("nV/degC of change of the slope"),
+    against="sensor_temperature_degC",
+    separate_by="add whole plots at temperatures about the knee",
+    usual_size="3e-4 mV/degC",
+    known_aliases={
+        "sensor-temperature-third-order": Alias(
+            "with five temperatures or fewer", "add whole plots at temperatures about the knee"
+        )
+    },
+    terms=lambda data: tuple(
+        _knee(name, share, of)
+        for name, of in (("T_sensor", data.sensor_temperature_degC), ("T_SSE", data.sse_temperature_degC))
+        for share in KNEES
+        if np.ptp(of) > 0
+    ),
+    searched=True,
 )

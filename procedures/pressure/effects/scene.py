@@ -27,6 +27,9 @@ _NITROGEN = 12e5, 10e2, 14.0
 _WEIGHT_K_PER_M = 0.02896 * 9.80665 / 8.314463
 """Of air: molar mass times gravity over the gas constant."""
 
+TIMES_WARM = ", times T_sensor"
+"""Ends the name of a term that is another one's change with the temperature."""
+
 AT_EASE = "wait at one pressure of a whole plot and go on reading: what follows the last step fades, a loop stays"
 SOAK = "soak twice as long at a few temperatures: a lag is gone by then"
 SECOND_GAUGE = (
@@ -44,6 +47,7 @@ class PressureScene:
         sensor_degC: reference temperature of the transducers.
         sse_degC: the same of the electronics.
         elapsed_s: reference time; drifts are zero there.
+        begun_s: time at which the run began.
         sensitivity: of each transducer, mV/psi.
         zero: its output at zero pressure, mV.
 
@@ -53,6 +57,7 @@ class PressureScene:
     sensor_degC: float
     sse_degC: float
     elapsed_s: float
+    begun_s: float
     sensitivity: Mapping[str, float]
     zero: Mapping[str, float]
 
@@ -75,6 +80,11 @@ class PressureScene:
     def hours(self) -> FloatArray:
         """(n,) time since the reference, h."""
         return (self.data.elapsed_s - self.elapsed_s) / 3600.0
+
+    @property
+    def begun_h(self) -> float:
+        """When the run began, h from the reference."""
+        return (self.begun_s - self.elapsed_s) / 3600.0
 
     @cached_property
     def since_h(self) -> FloatArray:
@@ -149,6 +159,30 @@ class PressureScene:
             self._mean(self.data.order.astype(np.float64)), return_index=True, return_inverse=True
         )
         return np.diff(mean[first], prepend=mean[first[0]])[in_time]
+
+    def displaced(self, temperature: FloatArray, side: float, tau_h: float) -> FloatArray:
+        """(n,) what is left of visits to one end of a temperature's range in the whole plots before, 0 to 1.
+
+        Whatever is further than a half of the way from the middle to that end counts fully.
+
+        Args:
+            temperature: (n,) degC.
+            side: -1 for the cold end, +1 for the warm one.
+            tau_h: time constant of the recovery, h.
+
+        """
+        mean, index = self._mean(temperature), self.data.whole_plot_index
+        half = max(float(np.ptp(mean)) / 2.0, np.finfo(float).tiny)
+        depth = np.clip(2.0 * side * (mean - float(mean.max() + mean.min()) / 2.0) / half, 0.0, 1.0)
+        count = int(index.max()) + 1
+        begun, own = np.full(count, np.inf), np.zeros(count)
+        np.minimum.at(begun, index, self.hours)
+        own[index] = depth
+        left, state = np.zeros(count), 0.0
+        for last, plot in pairwise(np.argsort(begun, kind="stable").tolist()):
+            state = max(state, float(own[last])) * float(np.exp(-(begun[plot] - begun[last]) / tau_h))
+            left[plot] = state
+        return left[index]
 
     def transpiration(self, bore_mm: float) -> FloatArray:
         """(n,) error of the pressure at a cold transducer whose line of this bore begins in the room, psi.

@@ -173,6 +173,54 @@ SENSITIVITY_STEP_UNRECORDED = PressureEffect(
     terms=lambda data: _unrecorded("P ", lambda s: s.p, data),
     searched=True,
 )
+DAY_H = 24.0
+WARMS_UP_H = (1.5, 5.0)
+"""Searched: of the electronics and of a room."""
+
+
+def _daily(data: WholePlotData) -> tuple[PressureTerm, ...]:
+    """Waves of one day, if the run is as long as that: over a part of one they are a drift."""
+    if float(np.ptp(data.elapsed_s)) < 3600.0 * DAY_H:
+        return ()
+    return (
+        PressureTerm("cos(time of day)", lambda s: np.cos(2.0 * np.pi * s.hours / DAY_H)),
+        PressureTerm("sin(time of day)", lambda s: np.sin(2.0 * np.pi * s.hours / DAY_H)),
+    )
+
+
+def _warming(tau_h: float) -> tuple[str, Callable[[PressureScene], FloatArray]]:
+    return f"exp(-time of the run/{tau_h:g}h)", lambda s: np.exp(-(s.hours - s.begun_h) / tau_h)
+
+
+DAILY_COURSE = PressureEffect(
+    name="daily-course",
+    cause="the offset follows the time of day: the room, or the supply, goes up and down with it",
+    source="time",
+    scope="sensor",
+    stratum="whole-plot",
+    unit="mV",
+    size=each("mV up and down"),
+    against="elapsed_s",
+    separate_by="record the temperature of the room and of the instruments through the run",
+    usual_size="2e-4 of the range",
+    known_aliases={},
+    terms=_daily,
+)
+WARM_UP = PressureEffect(
+    name="warm-up",
+    cause="the offset settles after the instruments were switched on at the beginning of the run",
+    source="time",
+    scope="sensor",
+    stratum="whole-plot",
+    unit="mV",
+    size=each("mV at the beginning of the run"),
+    against="elapsed_s",
+    separate_by=_REPEAT_FIRST,
+    usual_size="1e-3 of the range",
+    known_aliases={},
+    terms=fixed(*map(_warming, WARMS_UP_H)),
+    searched=True,
+)
 EXCITATION = PressureEffect(
     name="excitation",
     cause="the supply of all bridges, or the gain of the voltmeter, changes with time or with the electronics' "

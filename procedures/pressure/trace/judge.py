@@ -54,7 +54,7 @@ class WholePlotJudge:
         scores = score(self.problem, chosen)
         found = np.flatnonzero((self.family.adjust(scores.p) <= ALPHA) & self._possible(scores))
         if found.size:
-            return (int(found[np.argmax(scores.gain[found])]),)
+            return (self._clearest(found, scores),)
         hidden = np.flatnonzero((self.family.adjust(scores.p_plain) <= ALPHA) & self._possible(scores))
         for j in hidden[np.argsort(-scores.gain[hidden])][:TRIED].tolist():
             beside_it = score(self.problem, (*chosen, j))
@@ -63,6 +63,16 @@ class WholePlotJudge:
             if able[other] <= ALPHA and self.p_adjusted((*chosen, j, other), j) <= ALPHA:
                 return j, other
         return ()
+
+    def _clearest(self, found: NDArray[np.int64], scores: Scores) -> int:
+        """That of the candidates `found` which removes most in its stratum, of both strata's the clearer one.
+
+        Of few whole plots no effect removes more than there are, however clear it is.
+        """
+        levels = np.array(self.problem.judged_at)[found]
+        each = [found[levels == level] for level in dict.fromkeys(levels.tolist())]
+        best = [int(of[np.argmax(scores.gain[of])]) for of in each]
+        return max(best, key=lambda j: abs(float(scores.t[j])))
 
     def p_adjusted(self, chosen: tuple[int, ...], j: int) -> float:
         """Probability that the best of the family looks as good as `j` beside the other `chosen` by chance."""

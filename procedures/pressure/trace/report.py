@@ -23,6 +23,7 @@ from procedures.pressure.effects.separation import separate_pressure
 from procedures.pressure.trace.agreement import classes
 from procedures.pressure.trace.estimate import Estimate, error_of, residual_of
 from procedures.pressure.trace.judge import WholePlotJudge
+from procedures.pressure.trace.nameless import Nameless
 from procedures.pressure.trace.noise_report import noise_findings
 from procedures.pressure.trace.problem import Problem
 from procedures.pressure.trace.remainder import (
@@ -81,6 +82,11 @@ class Finding:
         """Every explanation of each effect found."""
         return classes(self.judge, self.after.chosen)
 
+    @cached_property
+    def nameless(self) -> Nameless:
+        """Shapes without a name beside what was found."""
+        return Nameless(self.judge.problem, replace(self.scene, data=self.data), self.after.chosen)
+
 
 def transducer(finding: Finding, i: int) -> TransducerTrace:
     """Findings in transducer `i`."""
@@ -88,7 +94,11 @@ def transducer(finding: Finding, i: int) -> TransducerTrace:
     left = _unnamed(finding, i)
     shown = [e for name in finding.classes if (e := _found(finding, name, i)) is not None]
     divided = _shares(finding, [effect.effect for effect in shown], unnamed_part(left), i)
-    effects = [replace(effect, share=float(share)) for effect, share in zip(shown, divided, strict=True)]
+    doubts = finding.nameless.doubts
+    effects = [
+        replace(effect, share=float(share), doubtful=doubts.get((effect.effect, i)))
+        for effect, share in zip(shown, divided, strict=True)
+    ]
     effects.sort(key=lambda effect: -effect.share)
     effects += noise_findings(
         finding.whole, finding.every, finding.after, finding.look, finding.scene.sensitivity[sensor], i
@@ -102,6 +112,7 @@ def transducer(finding: Finding, i: int) -> TransducerTrace:
             found=any(e.stratum != "noise" for e in effects),
             fell=not idle,
             rest=rest,
+            doubtful=any(effect.doubtful for effect in effects),
         ),
         before=_side(finding, finding.before, i, 0),
         after=_side(finding, finding.after, i, 1),
@@ -273,4 +284,10 @@ def _unnamed(finding: Finding, i: int) -> tuple[Unnamed, ...]:
             rest.append(smooth)
         if lack_of_fit(plain, level, chosen, repeats, i).p < UNEXPLAINED:
             rest.append(strongest(plain, chosen, data, i))
+        left = finding.nameless.left_in(i, level)
+        if not rest and left is not None and left.p < UNEXPLAINED:
+            rest.append(left.unnamed())
+    line = finding.nameless.lines[i]
+    if line is not None and line.p < UNEXPLAINED:
+        rest.append(Unnamed(line.where, line.share))
     return tuple(rest)

@@ -100,6 +100,7 @@ def scene_of(data: WholePlotData) -> PressureScene:
         sensor_degC=float(np.mean(data.sensor_temperature_degC)),
         sse_degC=float(np.mean(data.sse_temperature_degC)),
         elapsed_s=float(np.mean(data.elapsed_s)),
+        begun_s=float(np.min(data.elapsed_s)),
         sensitivity=slope,
         zero={s: float(np.mean(y)) - slope[s] * middle for s, y in data.outputs.items()},
     )

@@ -4,9 +4,11 @@ A candidate's score is its coefficient over the largest of its standard errors:
 
 - from its stratum's residual beside it, which in a balanced design is the exact t test of that stratum;
 - within whole plots also from the scatter of each reading's own contribution, which holds for unequal variances, and
-  from that of whole plots' contributions, which holds where the sensitivity too is drawn again in each; and from the
-  scatter of whole plots' slopes with pressure, where that is more than readings explain, with as many degrees of
-  freedom as there are whole plots to know it by;
+  from that of whole plots' contributions, which holds where the sensitivity too is drawn again in each; and
+  from the scatter of whole plots' slopes with pressure, where that is more than readings explain, with as many degrees
+  of freedom as there are whole plots to know it by;
+- between whole plots also at several correlations of neighbours in time, averaged by how likely these are
+  (`neighbours`);
 - for what happens in the line also from the scatter of what all transducers together contribute, reading by reading or
   whole plot by whole plot: they may share the error, and then are not so many witnesses.
 """
@@ -22,6 +24,7 @@ from scipy import special
 from fitter.arrays import FloatArray, IntArray
 from fitter.linear import orthonormal
 from fitter.trace.whitened import Whitened
+from procedures.pressure.trace.neighbours import neighbours
 from procedures.pressure.trace.problem import Problem
 from procedures.pressure.trace.strata import LEVELS, Level
 
@@ -141,10 +144,13 @@ def score(problem: Problem, chosen: Sequence[int], of: Sequence[int] | None = No
             df = np.where((drawn > 0) & (spread > 0), both**2 / np.where(spread > 0, spread, 1.0), df)
             variance = np.maximum(np.maximum(both, single), slow)
         t = np.where(can, gamma * total / np.sqrt(np.where(variance > 0, variance, np.inf)), 0.0)
-        scores.gamma[here], scores.t[here], scores.df[here] = gamma, t, df
-        scores.p[here] = np.where(can, 2.0 * special.stdtr(df, -np.abs(t)), 1.0)
         alone = np.where(can, gamma * total / np.sqrt(np.where(plain > 0, plain, np.inf)), 0.0)
-        scores.p_plain[here] = np.where(can, 2.0 * special.stdtr(df, -np.abs(alone)), 1.0)
+        if level == "whole-plot":
+            p, p_plain = neighbours(problem, chosen).p(np.stack([t, alone]), df, columns, white.outputs)
+        else:
+            p, p_plain = (2.0 * special.stdtr(df, -np.abs(score)) for score in (t, alone))
+        scores.gamma[here], scores.t[here], scores.df[here] = gamma, t, df
+        scores.p[here], scores.p_plain[here] = np.where(can, p, 1.0), np.where(can, p_plain, 1.0)
         scores.gain[here] = np.where(can, gamma * dot.sum(axis=0), 0.0)
     return scores
 

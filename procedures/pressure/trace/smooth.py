@@ -12,6 +12,7 @@ from fitter.linear import orthonormal
 from fitter.quantiles import f_tail
 from fitter.trace.found import Unnamed
 from procedures.pressure.data import WholePlotData
+from procedures.pressure.trace.neighbours import neighbours
 from procedures.pressure.trace.problem import Problem
 from procedures.pressure.trace.score import beside
 from procedures.pressure.trace.strata import Level
@@ -36,7 +37,7 @@ def smoothest(
     left, df = stratum.white.outputs[i], float(stratum.df[i])
     total, here = float(left @ left), problem.within(level, chosen)
     taken = problem.at[level].columns[i][:, here]
-    tried, best = 0, (1.0, "", 0.0)
+    tried, best, alike = 0, (1.0, "", 0.0), neighbours(problem, chosen)
     for name, columns in _variables(data, level):
         length = np.linalg.norm(strata.whiten(columns), axis=0) if level == "subplot" else _length(problem, i, columns)
         own = strata.leave(columns, level)
@@ -50,6 +51,8 @@ def smoothest(
             tried += 1
             held = float(np.sum((basis.T @ left) ** 2))
             p = f_tail(held / q / max((total - held) / (df - q), np.finfo(float).tiny), q, df - q)
+            if level == "whole-plot" and p < best[0]:
+                p = max(p, alike.p_of_block(i, basis, left))
             if p < best[0]:
                 best = p, f"{_WHERE[level]}, with {name}, to order {order}", held / total
     return Unnamed(best[1], best[2]), min(best[0] * max(tried, 1), 1.0)

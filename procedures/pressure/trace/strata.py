@@ -83,13 +83,13 @@ class Strata:
     def df(self, level: Level) -> int:
         """Remaining degrees of freedom at a level."""
         if level == "whole-plot":
-            return self.total.size - int(self._between.shape[1])
+            return self.total.size - int(self.between.shape[1])
         return self.whole_plot.size - self.total.size - int(self._within[1].shape[1])
 
     def leave(self, columns: FloatArray, level: Level) -> FloatArray:
         """Remainder of (n, q) `columns`: (n, q) of readings over their standard deviations, or (W, q) of means."""
         if level == "whole-plot":
-            return _off(self._between, self.means(columns) * self.precision[:, None])
+            return _off(self.between, self.means(columns) * self.precision[:, None])
         return _off(self._within[1], self._centred(self._still(columns)))
 
     def varies_within(self, columns: FloatArray) -> NDArray[np.bool_]:
@@ -177,8 +177,8 @@ class Strata:
         return np.column_stack([self.declared[:, self._mostly_between[0]], replicates[:, 1:]])
 
     @cached_property
-    def _between(self) -> FloatArray:
-        """(W, m) orthonormal basis of those."""
+    def between(self) -> FloatArray:
+        """(W, m) orthonormal basis of those, over the errors of whole plots' means."""
         columns = self._between_columns
         length = np.linalg.norm(self._mean(columns) * self.precision[:, None], axis=0)
         return orthonormal(self.means(columns) * self.precision[:, None], length, INDEPENDENT)

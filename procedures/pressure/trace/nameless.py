@@ -1,0 +1,350 @@
+"""What is left of a whole-plot run over smooth shapes without a name, and whether each name found beats them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+
+import numpy as np
+from scipy import special
+
+from fitter.arrays import FloatArray
+from fitter.linear import orthonormal
+from fitter.trace.doubts import BUNDLE, DOUBT, bundle, in_several, no_better, something_left
+from fitter.trace.doubts import beside as small_beside
+from fitter.trace.flexible import Remainder, evidence, remainders, tried
+from fitter.trace.found import Unnamed
+from fitter.trace.lines import Line, line
+from fitter.trace.search import names_of
+from procedures.pressure.effects.scene import TIMES_WARM, PressureScene
+from procedures.pressure.trace.neighbours import Neighbours, neighbours
+from procedures.pressure.trace.places import Place, places_of
+from procedures.pressure.trace.problem import Problem
+from procedures.pressure.trace.score import CHANCE, RESOLVED, SLOPES, TINY, beside
+from procedures.pressure.trace.strata import LEVELS, Level
+
+EARNED = -1.0
+"""Nats by which names must be likelier than the likeliest shape without one, or may be less likely.
+
+Most causes here are one column that is also the slowest wave of its place (a drift, a square of a temperature): no data
+make such a name likelier by much more than its price and a shape's are apart.
+"""
+SMALL, ALIKE = 0.05, 0.3
+"""Evidence of an effect over that of a stronger one, below which it may be what the stronger one's law lacks: a fifth
+of its size; and the part of its length that then lies along the stronger one."""
+ONLY_WARM = "only its change with the temperature was found, and nothing of it that every temperature has"
+LOOKED_AT = 0.05
+"""What is less clear than this is not held against noise that is alike from one whole plot to the next."""
+_SEEN: dict[Level, str] = {"subplot": "within whole plots", "whole-plot": "between whole plots"}
+
+
+@dataclass(frozen=True, eq=False)
+class Left:
+    """What a residual still follows.
+
+    Attributes:
+        place: where.
+        remainder: how clearly.
+        sensor: index of the transducer.
+        p: over all places, orders and transducers.
+
+    """
+
+    place: Place
+    remainder: Remainder
+    sensor: int
+    p: float
+
+    def unnamed(self) -> Unnamed:
+        """As it is reported."""
+        return Unnamed(f"{_SEEN[self.place.level]}, {self.place.block.place}", self.remainder.share)
+
+
+@dataclass(frozen=True, eq=False)
+class Nameless:
+    """A run beside what was found in it.
+
+    Attributes:
+        problem: the run.
+        scene: its references, of the same rows.
+        chosen: candidates in the model.
+
+    """
+
+    problem: Problem
+    scene: PressureScene
+    chosen: tuple[int, ...]
+
+    @cached_property
+    def places(self) -> tuple[Place, ...]:
+        """All there are."""
+        return places_of(self.scene)
+
+    @cached_property
+    def able(self) -> bool:
+        """Whether there is noise to hold shapes against."""
+        swing = np.ptp(self.problem.outputs, axis=1)
+        return all(bool(np.all(self._view(level).sigma > 10 * RESOLVED * swing)) for level in LEVELS)
+
+    @cached_property
+    def left(self) -> tuple[Left, ...]:
+        """Places that residuals follow, the clearest first."""
+        if not self.able:
+            return ()
+        problem = self.problem
+        count = tried(place.block for place in self.places) * len(problem.sensors)
+        found = []
+        for place in self.places:
+            view = self._view(place.level)
+            for i in range(len(problem.sensors)):
+                df = int(view.df[i])
+                if df < 3:
+                    continue
+                project = partial(view.project, i=i)
+                for one in remainders(view.outputs[i], df, [place.block], project):
+                    p = one.p
+                    if p * count < LOOKED_AT:
+                        p = max(p, self._held_against(place, i, one, view))
+                    found.append(Left(place, one, i, min(p * count, 1.0)))
+        return tuple(sorted(found, key=lambda one: one.p))
+
+    def left_in(self, i: int, level: Level) -> Left | None:
+        """The clearest of what transducer `i` follows at a level."""
+        return next((one for one in self.left if one.sensor == i and one.place.level == level), None)
+
+    @cached_property
+    def lines(self) -> tuple[Line | None, ...]:
+        """The clearest period in each transducer's residual within whole plots, p over all transducers."""
+        problem, data = self.problem, self.scene.data
+        if not self.able:
+            return (None,) * len(problem.sensors)
+        rows = np.argsort(problem.order)
+        every = self._view("subplot").outputs
+        found = (line(one[rows], data.elapsed_s[rows], problem.whole_plot[rows]) for one in every)
+        return tuple(None if one is None else replace(one, p=min(len(every) * one.p, 1.0)) for one in found)
+
+    @cached_property
+    def doubts(self) -> dict[tuple[str, int], str]:
+        """Why a name found should not be believed yet, by name and transducer."""
+        if not self.able:
+            return {}
+        out: dict[tuple[str, int], str] = {}
+        for i in range(len(self.problem.sensors)):
+            for level in LEVELS:
+                names = self.names_in(i, level)
+                left = self.left_in(i, level)
+                if left is not None and left.p < DOUBT and not self._own_constant(left, names):
+                    out |= {(name, i): something_left(left.place.block.place, left.p) for name in names}
+                for name in names:
+                    if self._only_warm(name, i) and (name, i) not in out:
+                        out[name, i] = ONLY_WARM
+                    sensors = self._own_of(name)
+                    if len(sensors) > 1 and (name, i) not in out:
+                        out[name, i] = in_several(sensors)
+                if len(names) >= BUNDLE:
+                    out |= {(name, i): bundle(names) for name in names if (name, i) not in out}
+                if names and any((name, i) not in out for name in names):
+                    named, nameless, where = self.earned(names, i, level)
+                    if named - nameless < EARNED:
+                        out |= {(name, i): no_better(names, where) for name in names if (name, i) not in out}
+                if len(names) > 1:
+                    out |= {(name, i): why for name, why in self._each(names, i, level).items() if (name, i) not in out}
+        return out
+
+    def _own_of(self, name: str) -> tuple[str, ...]:
+        """Transducers that have an effect of a searched constant each for itself, which no common cause gives to all.
+
+        All of one make may be bent or stick alike; that all have the same corner at one pressure is the line's doing.
+        """
+        mine = [c for j in self.chosen if (c := self.problem.candidates[j]).effect.name == name]
+        if mine[0].effect.source != "sensor" or not mine[0].effect.searched:
+            return ()
+        return tuple(dict.fromkeys(c.sensor for c in mine if c.sensor is not None))
+
+    def _only_warm(self, name: str, i: int) -> bool:
+        """Whether of an effect that follows the temperature only that was found in transducer `i`."""
+        every = (self.problem.candidates[j] for j in self.chosen)
+        mine = [c.term.name for c in every if c.effect.name == name and c.sensor in (None, self.problem.sensors[i])]
+        return all(text.endswith(TIMES_WARM) for text in mine)
+
+    def _each(self, names: Sequence[str], i: int, level: Level) -> dict[str, str]:
+        """Why single names of several should not be believed: beside the others, each by itself."""
+        out: dict[str, str] = {}
+        evidence_of = {name: self.earned([name], i, level) for name in names}
+        strongest = max(names, key=lambda name: evidence_of[name][0])
+        for name, (named, nameless, where) in evidence_of.items():
+            if named - nameless < EARNED:
+                out[name] = no_better([name], where)
+            elif name != strongest and self._overlap(name, strongest, i, level) > ALIKE:
+                if named < SMALL * evidence_of[strongest][0]:
+                    out[name] = small_beside(strongest)
+                elif where == evidence_of[strongest][2]:
+                    out[name] = bundle([strongest, name])
+        return out
+
+    def _overlap(self, name: str, other: str, i: int, level: Level) -> float:
+        """Part of an effect in transducer `i` that lies along another, of its length beside the declared model."""
+        problem, columns = self.problem, self.problem.at[level].columns[i]
+        one, along = (
+            columns[:, [j for j in self.chosen if problem.candidates[j].effect.name == text]] for text in (name, other)
+        )
+        one, along = (some[:, np.any(some != 0.0, axis=0)] for some in (one, along))
+        basis = orthonormal(along)
+        return float(np.linalg.norm(basis.T @ one) / max(float(np.linalg.norm(one)), TINY))
+
+    def _own_constant(self, left: Left, names: Sequence[str]) -> bool:
+        """Whether other values of the constants searched for these names leave nothing there."""
+        beside = (
+            *self.chosen,
+            *(j for j in self._values(names, left.sensor, left.place.level) if j not in self.chosen),
+        )
+        if len(beside) == len(self.chosen):
+            return False
+        i, view = left.sensor, _View(self.problem, left.place.level, beside, self._view(left.place.level).sigma)
+        rest = remainders(view.outputs[i], int(view.df[i]), [left.place.block], partial(view.project, i=i))
+        count = tried(place.block for place in self.places) * len(self.problem.sensors)
+        return not rest or rest[0].p * count >= DOUBT
+
+    def _values(self, names: Sequence[str], i: int, level: Level) -> tuple[int, ...]:
+        """Candidates for every value of the constants searched for these names, in transducer `i`."""
+        problem = self.problem
+        own = {(problem.candidates[j].effect.name, problem.candidates[j].sensor) for j in self.chosen}
+        return tuple(
+            j
+            for j, c in enumerate(problem.candidates)
+            if c.effect.searched
+            and c.effect.name in names
+            and (c.effect.name, c.sensor) in own
+            and c.sensor in (None, problem.sensors[i])
+            and problem.judged_at[j] == level
+        )
+
+    def names_in(self, i: int, level: Level) -> tuple[str, ...]:
+        """Effects found that are judged at a level and show in transducer `i`, those about the noise apart."""
+        problem, sensor = self.problem, self.problem.sensors[i]
+        mine = [
+            j
+            for j in self.chosen
+            if problem.judged_at[j] == level
+            and problem.candidates[j].sensor in (None, sensor)
+            and not problem.candidates[j].effect.of_noise
+        ]
+        return tuple(names_of(problem.candidates, tuple(mine)))
+
+    def earned(self, names: Sequence[str], i: int, level: Level) -> tuple[float, float, str]:
+        """Evidence for effects in transducer `i`, in nats; the best for one shape without a name; where that lives.
+
+        An effect of the line is judged in all transducers.
+        """
+        problem = self.problem
+        mine = [j for j in self.chosen if problem.candidates[j].effect.name in names and problem.judged_at[j] == level]
+        mine = [j for j in mine if problem.candidates[j].sensor in (None, problem.sensors[i])]
+        rest = tuple(j for j in self.chosen if j not in mine)
+        of_line = any(problem.candidates[j].sensor is None for j in mine)
+        sensors = list(range(len(problem.sensors))) if of_line else [i]
+        view = _View(problem, level, rest, self._view(level).sigma)
+        y = view.outputs[sensors].reshape(-1)
+        left, taken, named = y, np.empty((y.size, 0)), 0.0
+        for name in names:
+            raw = view.of([j for j in mine if problem.candidates[j].effect.name == name], sensors)
+            own = raw - taken @ (taken.T @ raw)
+            alone = evidence(left, own) - self._price(name, level)
+            values = self._values([name], i, level)
+            if values:  # a constant between those tried shows in several
+                every = view.of(values, sensors)
+                both = evidence(left, every - taken @ (taken.T @ every)) - self._price(name, level, searched=False)
+                alone = max(alone, both)
+            named += alone
+            basis = orthonormal(own, np.linalg.norm(raw, axis=0), 1e-4)
+            left, taken = left - basis @ (basis.T @ left), np.column_stack([taken, basis])
+        best, where = -np.inf, ""
+        at = [place for place in self.places if place.level == level]
+        for place in at:
+            total = -float(np.log(len(at)))
+            for k in sensors:
+                total += evidence(view.outputs[k], view.project(place.block.columns, k), place.block.roughness)
+            if total > best:
+                best, where = total, place.block.place
+        return float(named), float(best), where
+
+    def _price(self, name: str, level: Level, *, searched: bool = True) -> float:
+        """What it costs in nats to have chosen this name, and its constant where that was searched."""
+        problem = self.problem
+        at = problem.within(level)
+        names = {problem.candidates[j].effect.name for j in at}
+        effect = next(c.effect for c in problem.candidates if c.effect.name == name)
+        terms = {problem.candidates[j].term.name for j in at if problem.candidates[j].effect.name == name}
+        return float(np.log(len(names)) + (0.5 * np.log(max(len(terms), 1)) if searched and effect.searched else 0.0))
+
+    def _held_against(self, place: Place, i: int, one: Remainder, view: _View) -> float:
+        """P by chance beside whole plots that are like their neighbours, or sensitivities drawn again in each."""
+        if place.level == "whole-plot":
+            return self._alike.p_of_block(i, one.basis, view.outputs[i])
+        return self._among_slopes(i, one.basis, view) if place.slopes else 0.0
+
+    @cached_property
+    def _alike(self) -> Neighbours:
+        return neighbours(self.problem, self.chosen)
+
+    def _among_slopes(self, i: int, basis: FloatArray, view: _View) -> float:
+        """P of a basis (n, q) from the scatter of whole plots' slopes, where that is more than readings explain."""
+        problem = self.problem
+        if "P" not in problem.names:
+            return 0.0
+        z = view.pressure[i]
+        index, count = problem.whole_plot, int(problem.whole_plot.max()) + 1
+        length = np.sqrt(np.maximum(np.bincount(index, z * z, count), TINY))
+        slopes = np.bincount(index, z * view.outputs[i], count) / length
+        own = np.column_stack([np.bincount(index, z * b, count) / length for b in basis.T])
+        own = orthonormal(own, np.ones(own.shape[1]), 0.05)
+        gain, q = float(np.sum((own.T @ slopes) ** 2)), own.shape[1]
+        below = count - SLOPES - q
+        if below < 1 or q < 1:
+            return 1.0
+        rest = max(float(slopes @ slopes) - gain, TINY) / below
+        if special.fdtrc(below, view.df[i], rest) >= CHANCE:
+            return 0.0
+        return float(special.fdtrc(q, below, gain / q / rest))
+
+    def _view(self, level: Level) -> _View:
+        return self._views[level]
+
+    @cached_property
+    def _views(self) -> dict[Level, _View]:
+        return {level: _View(self.problem, level, self.chosen, None) for level in LEVELS}
+
+
+class _View:
+    """What a level leaves of outputs and columns over the transducers' errors, beside some candidates."""
+
+    def __init__(self, problem: Problem, level: Level, rest: Sequence[int], sigma: FloatArray | None) -> None:
+        self.problem, self.level = problem, level
+        stratum = beside(problem, level, rest)
+        self.sigma = stratum.sigma if sigma is None else sigma
+        self.df = stratum.df
+        self._scale = stratum.sigma / self.sigma
+        self.outputs = stratum.white.outputs * self._scale[:, None]
+        self._columns = stratum.white.columns
+        self._taken = problem.within(level, rest)
+
+    def of(self, picked: Sequence[int], sensors: Sequence[int]) -> FloatArray:
+        """(s m, q) of candidates in some transducers."""
+        some = self._columns[:, :, list(picked)][list(sensors)] * self._scale[list(sensors)][:, None, None]
+        return np.asarray(some.reshape(-1, len(picked)))
+
+    def project(self, columns: FloatArray, i: int) -> FloatArray:
+        """(m, q) what is left of columns (n, q) in transducer `i`."""
+        left = self.problem.strata[i].leave(columns, self.level) / self.sigma[i]
+        taken = self.problem.at[self.level].columns[i][:, self._taken]
+        basis = orthonormal(taken, self.problem.length_at[self.level][i, self._taken], 1e-3)
+        return np.asarray(left - basis @ (basis.T @ left))
+
+    @cached_property
+    def pressure(self) -> FloatArray:
+        """(S, n) pressure within whole plots, over the errors."""
+        p = self.problem.declared[:, [self.problem.names.index("P")]]
+        index = self.problem.whole_plot
+        p = p - (np.bincount(index, p[:, 0]) / np.bincount(index))[index][:, None]
+        every = [strata.whiten(p)[:, 0] for strata in self.problem.strata]
+        return np.stack(every) / self.sigma[:, None]
