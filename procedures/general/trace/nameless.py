@@ -10,6 +10,7 @@ import numpy as np
 
 from fitter.arrays import FloatArray, IntArray
 from fitter.linear import orthonormal
+from fitter.trace.aliases import DELTA
 from fitter.trace.doubts import BUNDLE, DOUBT, EARNED, bundle, no_better, something_left
 from fitter.trace.flexible import Remainder, evidence, remainders, tried
 from fitter.trace.lines import Line, line
@@ -17,6 +18,7 @@ from fitter.trace.search import names_of
 from fitter.trace.two_levels import TwoLevels, two_levels
 from procedures.general.trace.both import Both
 from procedures.general.trace.judge import TableJudge
+from procedures.general.trace.likelihood import Grid
 from procedures.general.trace.noise import Noise, Wandering
 from procedures.general.trace.places import Place, places_of
 from procedures.general.trace.run import TableData, times_of
@@ -29,7 +31,7 @@ PLAIN = 0.0
 """The same for a name without a searched constant: a line or a square is what a smooth curve begins with."""
 RARE = ("fourth-order", "fifth-order", "logarithm", "reciprocal", "square-root", "ageing", "drift-second-order")
 """Kinds that have to be ahead like those with a searched constant: there are many functions of the like."""
-JUMPS = 6.0
+JUMPS = 3.0
 """Nats by which two levels must be likelier than any noise that remembers."""
 
 
@@ -135,23 +137,29 @@ class Nameless:
         when = times_of(self.data)
         if when is None or self.data.scene.time is None or not self.able:
             return None
-        left = self.left_under(0)
-        n = left.size
-        alike = float(left[1:] @ left[:-1]) / float(left @ left)
-        if alike * np.sqrt(n) < ALIKE:
+        return self._jumps_beside(self.chosen, JUMPS)
+
+    def _jumps_beside(self, chosen: tuple[int, ...], ahead: float) -> TwoLevels | None:
+        """Two levels beside some of the effects, if so many nats likelier than noise that remembers beside all."""
+        judge, problem, when = self.judge, self.judge.problem, times_of(self.data)
+        taken = judge.view(0).taken(chosen)
+        y = judge.held(chosen) / problem.sd
+        left, n = y - taken @ (taken.T @ y), problem.n
+        alike = float(left[1:] @ left[:-1]) / max(float(left @ left), np.finfo(float).tiny)
+        if when is None or alike * np.sqrt(n) < ALIKE:
             return None
         noise: Noise = Wandering(when) if self.data.shared is None else Both(self.data.shared, when=when)
-        white = noise.whiten(np.arange(len(noise.prior)), left[:, None])[:, :, 0]
-        usual = float(np.max(-0.5 * n * np.log(np.mean(white**2, axis=1)) - 0.5 * noise.log_det))
-        found = two_levels(left)
-        return found if found is not None and found.log_likelihood - usual > JUMPS else None
+        every = Grid.of(noise, judge.held(self.chosen) / problem.sd, problem.model(self.chosen) / problem.sd[:, None])
+        usual = float(every.beside().ml.max()) + 0.5 * n * float(np.log(n))
+        found = two_levels(left, taken)
+        return found if found is not None and found.log_likelihood - usual > ahead else None
 
     @cached_property
     def doubts(self) -> dict[str, str]:
         """Why a name found should not be believed yet, by name."""
         if not self.able:
             return {}
-        candidates = self.judge.candidates
+        judge, candidates = self.judge, self.judge.candidates
         names = tuple(names_of(candidates, self.chosen))
         out: dict[str, str] = {}
         for name in names:
@@ -160,8 +168,19 @@ class Nameless:
             found = self._left_over(own)
             if found is not None:
                 out[name] = something_left(found[0].place.block.place, found[1])
+        jumping = self._timed(names)
+        if jumping and self._jumps_beside(self._without(jumping), -EARNED) is not None:
+            out |= {name: no_better(jumping, "jumps between two levels along the run") for name in jumping}
+        for name in names:
+            ahead = judge.beats_wander(self.chosen, name) if name in jumping else None
+            if ahead is not None and ahead <= DELTA and name not in out:
+                out[name] = no_better((name,), "a slow wander along the run")
         if len(names) >= BUNDLE:
             out |= {name: bundle(names) for name in names if name not in out}
+        if len(names) > 1:
+            named, nameless, where = self.earned(names)
+            if named - nameless < EARNED:
+                out |= {name: no_better(names, where) for name in names if name not in out}
         for name in names:
             named, nameless, where = self.earned((name,))
             if named - nameless < (PLAIN if self._plain(name) else EARNED) and name not in out:
@@ -177,6 +196,14 @@ class Nameless:
 
     def _tests(self, places: Iterable[Place]) -> int:
         return tried(place.block for place in places)
+
+    def _timed(self, names: Sequence[str]) -> tuple[str, ...]:
+        """Those of the effects that follow the time or a covariate: what jumps by chance may look like them."""
+        sources = {self.judge.candidates[j].effect.name: self.judge.candidates[j].effect.source for j in self.chosen}
+        return tuple(name for name in names if sources[name] in ("time", "covariate"))
+
+    def _without(self, names: Sequence[str]) -> tuple[int, ...]:
+        return tuple(j for j in self.chosen if self.judge.candidates[j].effect.name not in names)
 
     def _plain(self, name: str) -> bool:
         """Whether it is a line, a square, a cube or levels: no constant was searched and no rare function is meant."""
