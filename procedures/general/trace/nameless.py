@@ -31,7 +31,7 @@ PLAIN = 0.0
 """The same for a name without a searched constant: a line or a square is what a smooth curve begins with."""
 RARE = ("fourth-order", "fifth-order", "logarithm", "reciprocal", "square-root", "ageing", "drift-second-order")
 """Kinds that have to be ahead like those with a searched constant: there are many functions of the like."""
-JUMPS = 3.0
+JUMPS = 7.0
 """Nats by which two levels must be likelier than any noise that remembers."""
 
 
