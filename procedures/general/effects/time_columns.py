@@ -23,6 +23,8 @@ from procedures.general.effects.scene import CYCLES, Profile, TableScene, TableT
 
 STEPS, LAGS, SETTLINGS = 60, 10, 12
 FEWEST_BESIDE_STEP = 5
+CYCLES_TIMES = 40
+"""A third of what is looked for by itself: every period costs two columns for each setting."""
 
 
 def cycle(which: str) -> Callable[[TableScene, str], Terms]:
@@ -104,8 +106,9 @@ def step_times(scene: TableScene, name: str, variable: str) -> Terms:
 
 
 def wave_times(scene: TableScene, name: str, variable: str) -> Terms:
-    """A setting times sine and cosine of a searched period in time."""
-    return _times(scene, wave(scene, name), variable)
+    """A setting times sine and cosine of a searched period in time, of which the table has `CYCLES_TIMES` at most."""
+    kept = [term for term in wave(scene, name) if term.profile is not None and term.profile.value <= CYCLES_TIMES]
+    return _times(scene, kept, variable)
 
 
 def _times(scene: TableScene, terms: Terms, variable: str) -> Terms:
