@@ -52,7 +52,7 @@ def remembering(n, rho, rng):
 def test_neighbours_in_replications_may_be_alike():
     """With offsets of replications alone, AR 0.7 was taken for oscillations and steps in half of the tables."""
     lab = Lab(120, 1, clock=True, repeats=5, ar=0.7)
-    results = [traced(simulate(lab, seed), **options(lab)) for seed in range(8)]
+    results = [traced(simulate(lab, seed), **options(lab)) for seed in range(8, 16)]
     assert sum(bool(r.added) for r in results) <= 1  # of a limit of 5 %
     assert not any(e.family in ("periodic", "step", "drift") for r in results for e in r.added)
     assert all("autocorrelation" in [e.effect for e in r.effects] for r in results)
@@ -143,6 +143,15 @@ def test_three_names_at_once_are_doubtful():
     result = traced(columns, response="y", formula="1 + x", time="t_s", direction="side")
     assert len(result.added) >= 3
     assert all("one unlisted cause" in str(effect.doubtful) for effect in result.added)
+
+
+def test_what_repeats_itself_and_is_no_sine_is_not_explained_by_one():
+    """A square wave over the setting, of which a sine holds 81 %."""
+    columns = sensor_of(200, 7, lambda c: 1.1 * np.sign(np.sin(2 * np.pi * c["x"] / 2.3)))
+    result = traced(columns, response="y", formula="1 + x", time="t_s")
+    first = result.added[0]
+    assert first.effect == "periodic:x"
+    assert "a third of the period found" in str(first.doubtful)
 
 
 def test_a_name_that_is_earned_has_no_doubt():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -12,7 +12,7 @@ from fitter.arrays import FloatArray, IntArray
 from fitter.linear import orthonormal
 from fitter.trace.aliases import DELTA
 from fitter.trace.doubts import BUNDLE, DOUBT, EARNED, bundle, no_better, something_left
-from fitter.trace.flexible import Remainder, evidence, remainders, tried
+from fitter.trace.flexible import Block, Remainder, evidence, remainders, tried
 from fitter.trace.lines import Line, line
 from fitter.trace.search import names_of
 from fitter.trace.two_levels import TwoLevels, two_levels
@@ -69,7 +69,17 @@ class Nameless:
     @cached_property
     def places(self) -> tuple[Place, ...]:
         """Where something may live."""
-        return places_of(self.data.scene, self.data.shared)
+        return (*places_of(self.data.scene, self.data.shared), *self._harmonics())
+
+    def _harmonics(self) -> Iterator[Place]:
+        """Twice and three times the frequency of each wave found: what repeats itself need not be a sine."""
+        for j in self.chosen:
+            effect, term = self.judge.candidates[j].effect, self.judge.candidates[j].term
+            if effect.family == "periodic" and term.profile is not None:
+                for k, name in ((2.0, "half"), (3.0, "a third of")):
+                    own = term.profile.at(k * term.profile.value).columns
+                    block = Block(f"over {effect.columns[0]} at {name} the period found", own, (2,), np.full(2, k))
+                    yield Place(block, frozenset(effect.columns))
 
     @cached_property
     def able(self) -> bool:
