@@ -261,17 +261,3 @@ def _less_means(values: FloatArray, group: IntArray) -> FloatArray:
     """(n,) less the mean of each group."""
     count = np.maximum(np.bincount(group), 1)
     return np.asarray(values - (np.bincount(group, values) / count)[group])
-
-
-def report(one: Nameless) -> list[str]:
-    """Lines for whoever tunes it: what is left, and how far each name is ahead."""
-    judge = one.judge
-    lines = [f"LEFT {x.place.block.place} p={x.p:.1e} share={x.remainder.share:.3f}" for x in one.left[:3] if x.p < 0.1]
-    if one.line is not None and one.line.p < 0.1:
-        lines.append(f"LINE {one.line.where} p={one.line.p:.1e}")
-    if one.jumps:
-        lines.append(f"JUMPS {one.jumps}")
-    for name in names_of(judge.candidates, one.chosen):
-        a, b, w = one.earned((name,))
-        lines.append(f"{name}: named {a:.1f} nameless {b:.1f} diff {a - b:.1f} {w}")
-    return lines

@@ -20,6 +20,8 @@ from procedures.general.trace.smooth import Smooth, curve, offered
 
 UNEXPLAINED = 1e-3
 """What is left counts as left below this probability, over all places looked at."""
+CLEAR_LINE = 1e-4
+"""The same of a period: a few dozen rows do not tell the usual power at its frequency well."""
 SUSPECTS = 2
 BINS, FEWEST_IN_BIN = 8, 4
 
@@ -54,7 +56,7 @@ def unnamed(nameless: Nameless, variables: Mapping[str, FloatArray]) -> tuple[Un
     rest = list[Unnamed](_slow(judge, chosen))
     clearest = next(iter(nameless.left), None)
     line, jumps = nameless.line, nameless.jumps
-    if line is not None and line.p < UNEXPLAINED:
+    if line is not None and line.p < CLEAR_LINE:
         rest.append(Unnamed(line.where, line.share))
     if jumps is not None:
         levels = f"along the run: jumps between two levels {jumps.apart:.3g} apart, {jumps.stay:.3g} rows at the rarer"
