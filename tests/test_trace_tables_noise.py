@@ -8,7 +8,8 @@ from scipy.special import fdtrc
 
 from procedures.general.column_roles import Roles, roles_of
 from procedures.general.effects.scene import TableScene
-from procedures.general.trace import search_table
+from procedures.general.trace import both, search_table
+from procedures.general.trace.both import STEPS, WANDERS, Both
 from procedures.general.trace.family import family_of
 from procedures.general.trace.likelihood import Grid
 from procedures.general.trace.noise import Wandering
@@ -37,10 +38,22 @@ def shared_covariances():
     return [np.eye(N) + ratio * together for ratio in (0.0, *RATIOS)]
 
 
+def both_covariances():
+    noise = Both(GROUP, when=WHEN)
+    wander, together = list(wandering_covariances()), (GROUP[:, None] == GROUP).astype(float)
+    grid = [0, *(noise.wander.nearest(c, share) for c, share in WANDERS), *map(noise.wander.walk, STEPS)]
+    assert len(set(grid)) == len(grid)
+    return [wander[w] + ratio * together for w in grid for ratio in both.RATIOS]
+
+
 @pytest.mark.parametrize(
     ("noise", "covariances"),
-    [(Wandering(WHEN), list(wandering_covariances())), (Shared(GROUP), shared_covariances())],
-    ids=["wandering", "shared"],
+    [
+        (Wandering(WHEN), list(wandering_covariances())),
+        (Shared(GROUP), shared_covariances()),
+        (Both(GROUP, when=WHEN), both_covariances()),
+    ],
+    ids=["wandering", "shared", "both"],
 )
 def test_whitening_and_colouring_are_those_of_the_matrices(noise, covariances):
     every = np.arange(len(covariances))

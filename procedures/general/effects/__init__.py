@@ -32,7 +32,7 @@ def _effect(kind: TableKind, names: tuple[str, ...], response: str) -> TableEffe
         stratum=kind.stratum,
         unit=kind.unit.format(*names, **words),
         size=lambda _values, _scale: "",
-        against=names[-1] if kind.of == "direction of setting" else names[0],
+        against=names[-1] if kind.of in ("direction of setting", "direction by covariate") else names[0],
         separate_by=kind.separate_by.format(*names, **words),
         usual_size=kind.usual_size,
         known_aliases={},
@@ -67,6 +67,7 @@ def _columns_for(of: Of, scene: TableScene) -> Iterator[tuple[str, ...]]:
         "direction": ((d,) for d in side),
         "speed": ((v,) for v in speed),
         "direction of setting": ((d, s) for d in side for s in settings),
+        "direction by covariate": ((d, c) for d in side for c in covariates),
         "bits": ((b,) for b in bits),
         "bits of group": ((b, g) for b in bits for g in groups),
     }
@@ -89,6 +90,7 @@ _SOURCES: dict[Of, Source] = {
     "direction": "direction",
     "speed": "direction",
     "direction of setting": "direction",
+    "direction by covariate": "direction",
     "bits": "setting",
     "bits of group": "group",
 }

@@ -119,6 +119,25 @@ def kink(scene: TableScene, name: str) -> Terms:
     return searched(knots, at)
 
 
+def dead_zone(scene: TableScene, name: str) -> Terms:
+    """v/w held between -1 and 1, for a few half-widths w, with at least three rows on either side of zero and beyond w.
+
+    Beside a slope that is what is missing where the response stays behind by w.
+    """
+    v = scene.of(name)
+    sizes = np.unique(np.abs(v[v != 0.0]))
+    if len(sizes) < 3 or len(v) < FEWEST_FOR_KNOT or not _both_sides(v, 0.0):
+        return ()
+    beyond = min(float(np.sort(v)[-3]), float(-np.sort(v)[2]))
+    widths = np.geomspace(0.5 * sizes[0], 0.3 * sizes[-1], DECAYS) if 0.5 * sizes[0] < 0.3 * sizes[-1] else np.zeros(0)
+
+    def at(w: float) -> TableTerm:
+        w = rounded(w, w)
+        return TableTerm((f"min(max({whole(name)}/{w:.15g}, -1), 1)",), np.clip(v / w, -1.0, 1.0)[:, None])
+
+    return searched(widths[widths < beyond], at, log=True)
+
+
 def wave(scene: TableScene, name: str) -> Terms:
     """Sine and cosine of a searched period; not for an angle, which has `harmonic`."""
     v = scene.of(name)

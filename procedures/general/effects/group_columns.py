@@ -15,7 +15,7 @@ def offsets(scene: TableScene, group: str) -> Terms:
     g = scene.groups[group]
     if g.declared or not 1 < len(g.levels) <= len(g.index) // 2:
         return ()
-    return (TableTerm(tuple(f"C({group})[{level}]" for level in g.levels[1:]), g.indicators[:, 1:]),)
+    return (TableTerm(tuple(f"C({group})[{level}]" for level in g.levels[1:]), g.indicators[:, 1:], of_levels=True),)
 
 
 def gains(scene: TableScene, group: str, variable: str) -> Terms:
@@ -25,7 +25,7 @@ def gains(scene: TableScene, group: str, variable: str) -> Terms:
         return ()
     over = power_text(variable, origin(v), 1)
     labels = tuple(f"C({group})[{level}]:{over}" for level in g.levels[1:])
-    return (TableTerm(labels, g.indicators[:, 1:] * (v - origin(v))[:, None]),)
+    return (TableTerm(labels, g.indicators[:, 1:] * (v - origin(v))[:, None], of_levels=True),)
 
 
 def combined(scene: TableScene, first: str, second: str) -> Terms:

@@ -25,6 +25,7 @@ Of = Literal[
     "direction",
     "speed",
     "direction of setting",
+    "direction by covariate",
     "bits",
     "bits of group",
 ]

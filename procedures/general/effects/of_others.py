@@ -83,6 +83,18 @@ DIRECTION_GAIN = TableKind(
     columns.side_times,
 )
 
+DIRECTION_BY_COVARIATE = TableKind(
+    "direction-by-covariate",
+    "direction",
+    "direction by covariate",
+    "what depends on the side a setting is approached from follows {1}: friction or a clamp that changes with it",
+    "point-by-replication",
+    "{y} per unit of {1}",
+    "visit some settings from both sides at two values of {1}",
+    "a part of the backlash",
+    columns.side_times,
+)
+
 HYSTERESIS = TableKind(
     "hysteresis",
     "direction",

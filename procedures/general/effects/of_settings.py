@@ -127,6 +127,18 @@ KINK = TableKind(
     columns.kink,
 )
 
+DEAD_ZONE = TableKind(
+    "dead-zone",
+    "nonlinearity",
+    "setting",
+    "the response does not follow {0} about zero: a dead zone, stiction, a crossover",
+    "between-point",
+    "{y}",
+    "add points close to zero on both sides",
+    "a few times the resolution",
+    columns.dead_zone,
+)
+
 SATURATION = TableKind(
     "saturation",
     "nonlinearity",

@@ -153,3 +153,27 @@ OSCILLATION = TableKind(
     "the repeatability",
     columns.wave,
 )
+
+SENSITIVITY_STEP = TableKind(
+    "sensitivity-step",
+    "step",
+    "clock of setting",
+    "the sensitivity to {1} jumps at a certain {0}: a range was switched, an excitation, a part was exchanged",
+    "point-by-replication",
+    "{y} per unit of {1}",
+    "look in the log for what was done at that time; measure the whole range of {1} once more",
+    "several times the repeatability at full range",
+    in_time.step_times,
+)
+
+SENSITIVITY_OSCILLATION = TableKind(
+    "sensitivity-oscillation",
+    "periodic",
+    "clock of setting",
+    "the sensitivity to {1} goes up and down with {0}: a controller that cycles, an air conditioner, a supply",
+    "point-by-replication",
+    "{y} per unit of {1}",
+    "read one large {1} faster for some periods and record what is near",
+    "the repeatability at full range",
+    in_time.wave_times,
+)

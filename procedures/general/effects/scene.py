@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from math import ceil, log
 
 import numpy as np
 
@@ -153,12 +154,15 @@ class TableTerm:
     Attributes:
         labels: a formula for each column.
         columns: (n, d).
-        profile: its searched constant; None without.
+        profile: the constant it was searched over; None where it has none.
+        of_levels: each column is of one level of a group, and only rows of that level tell its coefficient.
+
     """
 
     labels: tuple[str, ...]
     columns: FloatArray
     profile: Profile | None = None
+    of_levels: bool = False
 
     @property
     def name(self) -> str:
@@ -167,9 +171,17 @@ class TableTerm:
 
     def rows(self, kept: IntArray) -> TableTerm:
         """The same for some of the rows."""
-        return TableTerm(self.labels, self.columns[kept], self.profile and self.profile.rows(kept))
+        return replace(self, columns=self.columns[kept], profile=self.profile and self.profile.rows(kept))
 
     @property
     def price(self) -> int:
-        """Number of its columns, with a searched constant counted as one."""
-        return int(self.columns.shape[1]) + (self.profile is not None)
+        """Columns it spends, a searched constant counted as one.
+
+        Schwarz' price of a column is the logarithm of the rows that tell its coefficient. Of a level these are its own
+        and not all: as random effects levels cost no more (Pauler, Biometrika 85 (1998) 13).
+        """
+        n, width = (int(size) for size in self.columns.shape)
+        if self.of_levels and width > 0 and n > 1:
+            own = max(n / (width + 1), 2.0)
+            return max(ceil(width * log(own) / log(n)), 1)
+        return width + (self.profile is not None)

@@ -7,11 +7,24 @@ from collections.abc import Callable
 import numpy as np
 
 from fitter.arrays import FloatArray
-from procedures.general.effects.columns import FEWEST_FOR_KNOT, Terms, less, middle, rounded, searched, whole
-from procedures.general.effects.scene import CYCLES, TableScene, TableTerm
+from procedures.general.effects.columns import (
+    FEWEST_FOR_KNOT,
+    Terms,
+    less,
+    middle,
+    origin,
+    power_text,
+    rounded,
+    searched,
+    wave,
+    whole,
+)
+from procedures.general.effects.scene import CYCLES, Profile, TableScene, TableTerm
 
 STEPS, LAGS, SETTLINGS = 60, 10, 12
 FEWEST_BESIDE_STEP = 5
+CYCLES_TIMES = 40
+"""A third of what is looked for by itself: every period costs two columns for each setting."""
 
 
 def cycle(which: str) -> Callable[[TableScene, str], Terms]:
@@ -85,6 +98,32 @@ def step(scene: TableScene, name: str) -> Terms:
         return TableTerm((f"({name} > {date:.15g})",), np.asarray(v > date, np.float64)[:, None])
 
     return searched(dates, at)
+
+
+def step_times(scene: TableScene, name: str, variable: str) -> Terms:
+    """A setting from a searched time on."""
+    return _times(scene, step(scene, name), variable)
+
+
+def wave_times(scene: TableScene, name: str, variable: str) -> Terms:
+    """A setting times sine and cosine of a searched period in time, of which the table has `CYCLES_TIMES` at most."""
+    kept = [term for term in wave(scene, name) if term.profile is not None and term.profile.value <= CYCLES_TIMES]
+    return _times(scene, kept, variable)
+
+
+def _times(scene: TableScene, terms: Terms, variable: str) -> Terms:
+    """Terms of a searched constant, each times a setting from its origin."""
+    v = scene.of(variable)
+    if np.ptp(v) == 0.0:
+        return ()
+    text, factor = power_text(variable, origin(v), 1), (v - origin(v))[:, None]
+
+    def times(term: TableTerm) -> TableTerm:
+        profile = term.profile
+        own = profile and Profile(profile.value, profile.low, profile.high, lambda value: times(profile.at(value)))
+        return TableTerm(tuple(f"{label} * {text}" for label in term.labels), term.columns * factor, own)
+
+    return [times(term) for term in terms]
 
 
 def lag(scene: TableScene, name: str) -> Terms:

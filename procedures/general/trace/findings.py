@@ -11,6 +11,7 @@ from fitter.arrays import FloatArray
 from fitter.effects.noise import AUTOCORRELATION, NOISE_GROWS, OUTLIERS
 from fitter.trace.chance import ALPHA
 from fitter.trace.growing_noise import Growth
+from procedures.general.trace.both import Both
 from procedures.general.trace.intervals import in_words, moved, understated
 from procedures.general.trace.judge import TableJudge
 from procedures.general.trace.noise import Wandering
@@ -44,9 +45,10 @@ def noise_findings(
 
 def _wander(judge: TableJudge, chosen: tuple[int, ...], data: TableData) -> FoundTableEffect | None:
     noise, beside = judge.problem.noise, judge.beside(chosen)
-    if not isinstance(noise, Wandering) or beside.best == 0:
+    if not isinstance(noise, Wandering | Both) or noise.correlation[beside.best] == 0:
         return None
-    p = float(special.chdtrc(2, 2.0 * max(float(beside.reml.max() - beside.reml[0]), 0.0)))
+    still = float(beside.reml[noise.correlation == 0].max())
+    p = float(special.chdtrc(2, 2.0 * max(float(beside.reml.max()) - still, 0.0)))
     if p > CLEAR:
         return None
     correlation = float(noise.correlation[beside.best])

@@ -185,6 +185,15 @@ class Wandering:
         """See `Noise`."""
         return np.asarray(self._grid[0] > SLOW)
 
+    def nearest(self, correlation: float, share: float) -> int:
+        """The covariance of such a wander, by what wanders' correlation between neighbours and its share."""
+        own, part, step, _ = self._grid
+        return int(np.argmin(np.where(step > 0, np.inf, np.abs(own - correlation) + 0.1 * np.abs(part - share))))
+
+    def walk(self, step: float) -> int:
+        """The covariance of a random walk of such steps."""
+        return int(np.argmin(np.abs(self._grid[2] - step)))
+
     @cached_property
     def memory(self) -> FloatArray:
         """See `Noise`."""

@@ -10,17 +10,19 @@ from scipy import special
 
 from fitter.arrays import FloatArray, IntArray
 from fitter.linear import orthonormal
-from fitter.quantiles import f_tail
+from fitter.trace.found import Unnamed
+from procedures.general.trace.both import Both
 from procedures.general.trace.judge import TableJudge
+from procedures.general.trace.nameless import Left, Nameless
 from procedures.general.trace.noise import Wandering
-from procedures.general.trace.score import NOTHING_LEFT, blocks
+from procedures.general.trace.score import NOTHING_LEFT
 from procedures.general.trace.smooth import Smooth, curve, offered
 
 UNEXPLAINED = 1e-3
-"""Probability below which there is a remainder, over all tested places."""
+"""What is left counts as left below this probability, over all places looked at."""
+CLEAR_LINE = 1e-4
+"""The same of a period: a few dozen rows do not tell the usual power at its frequency well."""
 SUSPECTS = 2
-ORDERS = (3, 6, 12)
-"""Maximum order of curves tested over each variable."""
 BINS, FEWEST_IN_BIN = 8, 4
 
 
@@ -47,48 +49,40 @@ def pure_error(y: FloatArray, points: IntArray | None, effects: FloatArray) -> f
     return float(np.sqrt(left @ left / df))
 
 
-def unnamed(judge: TableJudge, chosen: tuple[int, ...], variables: Mapping[str, FloatArray]) -> tuple[Smooth, ...]:
-    """The variable over which the residual most clearly follows a smooth curve, and a slow walk if any.
+def unnamed(nameless: Nameless, variables: Mapping[str, FloatArray]) -> tuple[Unnamed, ...]:
+    """What the residual still follows: a slow wander, a period, jumps between two levels, or the clearest place."""
+    judge, chosen = nameless.judge, nameless.chosen
+    rest = list[Unnamed](_slow(judge, chosen))
+    clearest = next(iter(nameless.left), None)
+    line, jumps = nameless.line, nameless.jumps
+    if line is not None and line.p < CLEAR_LINE:
+        rest.append(Unnamed(line.where, line.share))
+    if jumps is not None:
+        levels = f"along the run: jumps between two levels {jumps.apart:.3g} apart, {jumps.stay:.3g} rows at the rarer"
+        rest.append(Unnamed(levels, jumps.share))
+    elif clearest is not None and clearest.p < UNEXPLAINED and not (clearest.place.timed and len(rest) > 0):
+        rest.append(_at(nameless, clearest, variables))
+    return tuple(rest)
 
-    Curves of a few orders are tested over each variable; the residual's noise is that estimated with the effects.
-    """
-    at = judge.beside(chosen).best
-    view, white = judge.view(at), judge.white(at, chosen)
-    problem, taken = judge.problem, view.taken(chosen)
-    left = white - taken @ (taken.T @ white)
-    df = problem.n - taken.shape[1]
-    rss = float(left @ left)
-    if rss <= view.rounding:
-        return ()
-    found: list[tuple[float, str, float]] = []
-    tried = 0
-    for name, v in variables.items():
-        waves = curve(v)
-        for order in dict.fromkeys(min(order, waves.shape[1]) for order in ORDERS if waves.shape[1]):
-            whitened = problem.noise.whiten(np.array([at]), waves[:, :order] / problem.sd[:, None])[0]
-            own = blocks(whitened, np.array([0, order]), np.linalg.norm(whitened, axis=0), taken)
-            gain, rank = float(own.gains(left)[0]), int(own.rank[0])
-            if rank < 1 or df - rank < 2 or gain <= NOTHING_LEFT * rss:
-                continue
-            tried += 1
-            found.append((f_tail(gain / rank / ((rss - gain) / (df - rank)), rank, df - rank), name, gain / rss))
-    slow = _slow(judge, chosen)
-    if not found:
-        return slow
-    p, name, share = min(found)
-    if p * tried >= UNEXPLAINED:
-        return slow
-    where = f"over {name}{_most(variables[name], left)}"
-    return (*slow, _told(offered(judge, chosen, name, variables[name], share, where=where)))
+
+def _at(nameless: Nameless, left: Left, variables: Mapping[str, FloatArray]) -> Unnamed:
+    """What lives at a place, with a curve on offer where it is one over a variable."""
+    place, share, name = left.place, left.remainder.share, left.place.curve
+    if name is None or not curve(variables[name]).shape[1]:
+        return Unnamed(place.block.place, share)
+    residual = nameless.left_under(0)
+    where = f"{place.block.place}{_most(variables[name], residual)}"
+    return _told(offered(nameless.judge, nameless.chosen, name, variables[name], share, where=where))
 
 
 def _slow(judge: TableJudge, chosen: tuple[int, ...]) -> tuple[Smooth, ...]:
     """A walk so slow that it is as likely an effect in time as noise, with the effects nearest to it."""
     noise, beside = judge.problem.noise, judge.beside(chosen)
     at = beside.best
-    if not isinstance(noise, Wandering) or not noise.slow[at]:
+    if not isinstance(noise, Wandering | Both) or not noise.slow[at]:
         return ()
-    if special.chdtrc(2, 2.0 * max(float(beside.reml[at] - beside.reml[0]), 0.0)) > UNEXPLAINED:
+    still = float(beside.reml[noise.correlation == 0].max())
+    if special.chdtrc(2, 2.0 * max(float(beside.reml[at]) - still, 0.0)) > UNEXPLAINED:
         return ()
     names = [f"{name} (p {p:.2g})" for name, p in judge.suspects(chosen)[:SUSPECTS] if p < 0.5]
     near = f"; nearest to it come {' and '.join(names)}" if names else ""

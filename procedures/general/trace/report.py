@@ -17,10 +17,12 @@ from fitter.trace.search import names_of
 from fitter.trace.shares import of_rest, shares, unnamed_part
 from procedures.general.effects import TableEffect
 from procedures.general.effects.of_others import GROUP_GAIN, GROUP_OFFSET
+from procedures.general.trace.both import Both
 from procedures.general.trace.cross import left_out
 from procedures.general.trace.estimate import Estimate, estimate
 from procedures.general.trace.findings import noise_findings
 from procedures.general.trace.judge import TableJudge
+from procedures.general.trace.nameless import Nameless
 from procedures.general.trace.noise import Wandering
 from procedures.general.trace.remainder import pure_error, unnamed
 from procedures.general.trace.result import FoundTableEffect, TableSide, TableTrace
@@ -40,10 +42,14 @@ def trace_general(data: TableData) -> TableTrace:
     before, after = estimate(judge, (), data.tails), estimate(judge, chosen, data.tails)
     crossed = left_out(problem_of(data), judge, chosen)
     pure = [pure_error(data.y, data.points, judge.problem.of(terms)) for terms in ((), chosen)]
-    left = unnamed(judge, chosen, _variables(data))
+    nameless = Nameless(judge, chosen, data)
+    left = unnamed(nameless, _variables(data))
     shown = [_effect(judge, after, name, data) for name in names_of(judge.candidates, chosen)]
     divided = _shares(judge, chosen, shown, unnamed_part(left))
-    effects = [replace(effect, share=float(share)) for effect, share in zip(shown, divided, strict=True)]
+    effects = [
+        replace(effect, share=float(share), doubtful=nameless.doubts.get(effect.effect))
+        for effect, share in zip(shown, divided, strict=True)
+    ]
     effects.sort(key=lambda effect: -effect.share)
     rest = of_rest(divided, left)
     cv = (None, None) if crossed is None else crossed[0]
@@ -52,7 +58,12 @@ def trace_general(data: TableData) -> TableTrace:
         response=data.response,
         declared=data.formula,
         names=data.names,
-        verdict=verdict(found=bool(effects), fell=after.sigma_E < before.sigma_E, rest=rest),
+        verdict=verdict(
+            found=bool(effects),
+            fell=after.sigma_E < before.sigma_E,
+            rest=rest,
+            doubtful=any(effect.doubtful for effect in effects),
+        ),
         before=TableSide(before, cv[0], pure[0], _shared(data, judge, ())),
         after=TableSide(after, cv[1], pure[1], _shared(data, judge, chosen)),
         effects=(*effects, *noise),
@@ -195,7 +206,7 @@ def _remarks(found: Found) -> tuple[str, ...]:
     noise, at = judge.problem.noise, judge.beside(found.chosen).best
     if found.growth is not None:
         remarks.append("rows were weighted by the scatter found; sigma_E counts them alike")
-    if isinstance(noise, Wandering) and at > 0:
+    if isinstance(noise, Wandering | Both) and noise.correlation[at] > 0:
         kind = "a random walk" if noise.correlation[at] == 1.0 else f"a correlation of {noise.correlation[at]:.2f}"
         remarks.append(f"neighbouring rows are not independent: effects were judged against {kind}")
     return tuple(remarks)

@@ -9,10 +9,9 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.json_values import JsonValue
-from fitter.trace.found import CONFIRMED, Found
+from fitter.trace.found import CONFIRMED, Found, Unnamed
 from fitter.trace.outcome import OF_REPLICATIONS, Outcome, Parameter, Row, WithError, absent
 from procedures.general.trace.estimate import Estimate
-from procedures.general.trace.smooth import Smooth
 
 UNBOUNDED = (
     "no sign and no largest size is asked of an effect in tables of any kind: whether the named cause can be as large, "
@@ -112,7 +111,7 @@ class TableTrace:
     before: TableSide
     after: TableSide
     effects: tuple[FoundTableEffect, ...]
-    unnamed: tuple[Smooth, ...]
+    unnamed: tuple[Unnamed, ...]
     remarks: tuple[str, ...]
     y: FloatArray
     variables: Mapping[str, FloatArray]

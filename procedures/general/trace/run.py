@@ -14,8 +14,10 @@ from fitter.trace.keep import kept
 from fitter.trace.not_kept import NotKept
 from fitter.trace.search import names_of, prune, search_and_name
 from procedures.general.effects.scene import TableScene
+from procedures.general.trace.both import Both
 from procedures.general.trace.estimate import error_of
 from procedures.general.trace.judge import TableJudge
+from procedures.general.trace.likelihood import Grid
 from procedures.general.trace.noise import Independent, Noise, Wandering
 from procedures.general.trace.problem import Problem, candidates_of
 from procedures.general.trace.refine import refined
@@ -27,6 +29,10 @@ ORDERS = ("second-order", "third-order", "fourth-order", "fifth-order")
 LEVEL = 0.05
 """Largest such probability, for the whole run; another member of the class is below `ALPHA`."""
 FEWEST_FOR_WANDER = 6
+FEWEST_TO_A_GROUP = 3
+"""Rows in a whole plot or replication, on average, from which on neighbours in it are asked whether they are alike."""
+ALIKE = 1.35
+"""Restricted log-likelihood by which they are to be likelier alike than not: one table in ten of rows that are not."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,8 +101,10 @@ def problem_of(data: TableData) -> Problem:
 
 
 def search_table(data: TableData) -> Found:
-    """Find effects missing in the declared model of a table."""
-    return look(TableJudge(problem_of(data)), data)
+    """All that the declared model of a table lacks."""
+    found = look(TableJudge(problem_of(data)), data)
+    noise = _alike(data, found)
+    return found if noise is None else look(TableJudge(replace(problem_of(data), noise=noise)), data)
 
 
 def drivers(data: TableData, fitted: FloatArray) -> dict[str, FloatArray]:
@@ -192,15 +200,36 @@ def _left(judge: TableJudge, chosen: tuple[int, ...]) -> tuple[FloatArray, Float
 
 
 def _noise(data: TableData) -> Noise:
-    n, time = len(data.y), data.scene.time
     if data.shared is not None:
         return Shared(data.shared)
+    when = times_of(data)
+    return Independent(len(data.y)) if when is None else Wandering(when)
+
+
+def times_of(data: TableData) -> FloatArray | None:
+    """(n,) times of the rows in units of the usual gap; None where neighbours cannot be told."""
+    n, time = len(data.y), data.scene.time
     if n < FEWEST_FOR_WANDER or (time is None and not data.order_unknown):
-        return Independent(n)
+        return None
     if time is None:
-        return Wandering(np.arange(n, dtype=np.float64))
+        return np.arange(n, dtype=np.float64)
     gaps = np.diff(time.values)
     usual = float(np.median(gaps[gaps > 0])) if np.any(gaps > 0) else 0.0
     if usual == 0.0 or np.mean(gaps > 0) < 0.5:
-        return Wandering(np.arange(n, dtype=np.float64))
-    return Wandering(np.concatenate([[0.0], np.cumsum(np.clip(gaps / usual, 0.1, 50.0))]))
+        return np.arange(n, dtype=np.float64)
+    return np.concatenate([[0.0], np.cumsum(np.clip(gaps / usual, 0.1, 50.0))])
+
+
+def _alike(data: TableData, found: Found) -> Both | None:
+    """Noise with a wander besides what groups share, where neighbours are alike within groups; None elsewhere.
+
+    Asked beside what was found but for effects in time: those may be what a wander looks like.
+    """
+    judge, when = found.judge, times_of(data)
+    if data.shared is None or when is None or int(data.shared.max()) + 1 >= len(data.y) // FEWEST_TO_A_GROUP:
+        return None
+    beside = tuple(j for j in found.chosen if judge.candidates[j].effect.source != "time")
+    noise, sd = Both(data.shared, when=when), judge.problem.sd
+    model = judge.problem.model(beside) / sd[:, None]
+    reml = Grid.of(noise, judge.held(beside) / sd, model).beside().reml
+    return noise if reml.max() - reml[noise.alone].max() > ALIKE else None

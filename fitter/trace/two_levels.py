@@ -1,0 +1,130 @@
+"""Does a residual jump between two levels, staying some rows at each: popcorn noise, a loose contact, a sticking part?
+
+A hidden chain of two states with normal errors about each (Hamilton, Econometrica 57 (1989) 357), its likelihood on a
+grid of distances, shares and stays. It has to be held against noise that remembers, whose correlation is the same.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+
+FEWEST = 24
+APART = (0.9, 1.15, 1.4, 1.6, 1.75, 1.85, 1.93, 1.98)
+"""Distances of the levels that are tried, by the share of the variance: d^2 w (1 - w) over all of it, root, twice."""
+SHARES = (0.15, 0.25, 0.35, 0.5, 0.65, 0.75, 0.85)
+"""Of the rows at the upper level."""
+STAYS = (3.0, 5.0, 8.0, 14.0, 25.0, 45.0)
+"""Rows that a stay at the rarer level lasts on average."""
+MIDDLES = (-0.3, 0.0, 0.3)
+"""Of the series' mean in the run, by its standard deviation: a run is too short to have its shares exactly."""
+ROUNDS = 5
+"""Of fitting levels and model in turn."""
+NEAR = 12.0
+"""Nats: what is farther behind the best of the grid is not tried again."""
+
+
+@dataclass(frozen=True)
+class TwoLevels:
+    """Two levels, as likely as they can be made.
+
+    Attributes:
+        log_likelihood: of the series with unit sum of squares over n; compare with -n/2 log(rss/n).
+        apart: distance of the levels, unit of the series.
+        upper: share of rows at the upper.
+        stay: rows that a stay at the rarer lasts on average.
+        share: of the sum of squares that lies between the levels.
+
+    """
+
+    log_likelihood: float
+    apart: float
+    upper: float
+    stay: float
+    share: float
+
+
+def two_levels(left: FloatArray, basis: FloatArray) -> TwoLevels | None:
+    """The likeliest two levels of a residual (n,) in the order of taking; None where there are too few rows.
+
+    What the model took up of the levels is given back: model and levels are fitted in turn.
+
+    Args:
+        left: (n,) residual.
+        basis: (n, q) orthonormal, of the model.
+
+    Returns:
+        Its logarithm of the likelihood leaves out n/2 (1 + log 2 pi), as -n/2 log(rss/n) does for independent errors.
+
+    """
+    if left.size < FEWEST or not np.any(left):
+        return None
+    grid, series, best = np.array(list(product(APART, SHARES, STAYS, MIDDLES))), left, None
+    for _ in range(ROUNDS):
+        total = _likelihoods(series, grid)
+        at = int(np.argmax(total))
+        found = _found(series, grid[at], float(total[at]))
+        if best is not None and found.log_likelihood <= best.log_likelihood:
+            break
+        best, upper, grid = found, _posterior(series, grid[at]), grid[total > total[at] - NEAR]
+        taken = basis @ (basis.T @ upper)
+        own = upper - taken
+        if float(own @ own) <= 0:
+            break
+        series = left + float(own @ left) / float(own @ own) * (taken - taken.mean())
+    return best
+
+
+def _parts(grid: FloatArray) -> tuple[FloatArray, ...]:
+    """Levels, scatter about them, and chances at each row to go up and down, of each line of a grid (m, 4)."""
+    between, upper, stay, middle = grid.T
+    spread = 0.5 * between  # root of the share of the variance between the levels
+    apart, rest = spread / np.sqrt(upper * (1 - upper)), np.sqrt(1.0 - spread**2)
+    low, high = middle - upper * apart, middle + (1 - upper) * apart
+    odds = np.minimum(upper, 1 - upper) / np.maximum(upper, 1 - upper)
+    up, down = np.where(upper <= 0.5, odds, 1.0) / stay, np.where(upper <= 0.5, 1.0, odds) / stay
+    return low, high, rest, up, down
+
+
+def _likelihoods(series: FloatArray, grid: FloatArray) -> FloatArray:
+    """(m,) of a series (n,) for each line of the grid, by the filter of the chain."""
+    sd = float(np.sqrt(np.mean(series**2)))
+    low, high, rest, up, down = _parts(grid)
+    total, p = np.zeros(len(grid)), grid[:, 1].copy()  # p: of being at the upper level
+    for value in (series / sd).tolist():
+        a, b = np.exp(-0.5 * ((value - high) / rest) ** 2), np.exp(-0.5 * ((value - low) / rest) ** 2)
+        both = np.maximum(p * a + (1 - p) * b, 1e-300)
+        total += np.log(both)
+        p = p * a / both
+        p = p * (1 - down) + (1 - p) * up
+    return np.asarray(total + series.size * (0.5 - np.log(rest) - np.log(sd)))
+
+
+def _found(series: FloatArray, line: FloatArray, log_likelihood: float) -> TwoLevels:
+    sd, (between, upper, stay, _) = float(np.sqrt(np.mean(series**2))), line.tolist()
+    apart = 0.5 * between / np.sqrt(upper * (1 - upper)) * sd
+    return TwoLevels(log_likelihood, float(apart), upper, stay, 0.25 * between**2)
+
+
+def _posterior(series: FloatArray, line: FloatArray) -> FloatArray:
+    """(n,) probability of the upper level at each row, all rows known."""
+    sd = float(np.sqrt(np.mean(series**2)))
+    low, high, rest, up, down = (float(part[0]) for part in _parts(line[None]))
+    fit = np.exp(-0.5 * ((series[:, None] / sd - np.array([low, high])) / rest) ** 2)
+    move = np.array([[1 - up, up], [down, 1 - down]])
+    forward, back = np.empty_like(fit), np.ones_like(fit)
+    state = np.array([1 - line[1], line[1]])
+    for t in range(len(fit)):
+        state = state * fit[t]
+        state = state / max(float(state.sum()), 1e-300)
+        forward[t] = state
+        state = state @ move
+    for t in range(len(fit) - 2, -1, -1):
+        back[t] = move @ (fit[t + 1] * back[t + 1])
+        back[t] /= max(float(back[t].sum()), 1e-300)
+    both = forward * back
+    return np.asarray(both[:, 1] / np.maximum(both.sum(axis=1), 1e-300))

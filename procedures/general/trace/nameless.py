@@ -1,0 +1,263 @@
+"""What is left of a table over shapes without a name, and whether each name found is better than they are."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from fitter.arrays import FloatArray, IntArray
+from fitter.linear import orthonormal
+from fitter.trace.aliases import DELTA
+from fitter.trace.doubts import BUNDLE, DOUBT, EARNED, bundle, no_better, something_left
+from fitter.trace.flexible import Block, Remainder, evidence, remainders, tried
+from fitter.trace.lines import Line, line
+from fitter.trace.search import names_of
+from fitter.trace.two_levels import TwoLevels, two_levels
+from procedures.general.trace.both import Both
+from procedures.general.trace.judge import TableJudge
+from procedures.general.trace.likelihood import Grid
+from procedures.general.trace.noise import Noise, Wandering
+from procedures.general.trace.places import Place, places_of
+from procedures.general.trace.run import TableData, times_of
+
+ASKED_AGAIN = 0.05
+"""What is less clear than this is not held against slower noise too."""
+ALIKE = 2.0
+"""Standard errors by which neighbours are alike, from which on two levels are looked for."""
+PLAIN = 0.0
+"""The same for a name without a searched constant: a line or a square is what a smooth curve begins with."""
+RARE = ("fourth-order", "fifth-order", "logarithm", "reciprocal", "square-root", "ageing", "drift-second-order")
+"""Kinds that have to be ahead like those with a searched constant: there are many functions of the like."""
+JUMPS = 7.0
+"""Nats by which two levels must be likelier than any noise that remembers."""
+
+
+@dataclass(frozen=True, eq=False)
+class Left:
+    """What a residual still follows.
+
+    Attributes:
+        place: where.
+        remainder: how clearly.
+        p: over all places and orders.
+
+    """
+
+    place: Place
+    remainder: Remainder
+    p: float
+
+
+@dataclass(frozen=True, eq=False)
+class Nameless:
+    """A table beside what was found in it.
+
+    Attributes:
+        judge: that ended the search.
+        chosen: candidates in the model.
+        data: the table.
+
+    """
+
+    judge: TableJudge
+    chosen: tuple[int, ...]
+    data: TableData
+
+    @cached_property
+    def places(self) -> tuple[Place, ...]:
+        """Where something may live."""
+        return (*places_of(self.data.scene, self.data.shared), *self._harmonics())
+
+    def _harmonics(self) -> Iterator[Place]:
+        """Twice and three times the frequency of each wave found: what repeats itself need not be a sine."""
+        for j in self.chosen:
+            effect, term = self.judge.candidates[j].effect, self.judge.candidates[j].term
+            if effect.family == "periodic" and term.profile is not None:
+                for k, name in ((2.0, "half"), (3.0, "a third of")):
+                    own = term.profile.at(k * term.profile.value).columns
+                    block = Block(f"over {effect.columns[0]} at {name} the period found", own, (2,), np.full(2, k))
+                    yield Place(block, frozenset(effect.columns))
+
+    @cached_property
+    def able(self) -> bool:
+        """Whether what is left is more than rounding."""
+        view = self.judge.view(0)
+        left = self.left_under(0)
+        return float(left @ left) > view.rounding
+
+    @cached_property
+    def left(self) -> tuple[Left, ...]:
+        """Places that the residual follows, the clearest first."""
+        judge = self.judge
+        if not self.able:
+            return ()
+        beside = judge.beside(self.chosen)
+        at, slow = beside.best, beside.slowest_of(np.ones(len(beside.reml), np.bool_))
+        count = self._tests(self.places)
+        found = []
+        for place in self.places:
+            for one in self._remainders(place, at):
+                p = one.p
+                if p * count < ASKED_AGAIN and slow != at:
+                    again = self._remainders(place, slow)
+                    p = max([p, *(other.p for other in again)])
+                found.append(Left(place, one, min(p * count, 1.0)))
+        return tuple(sorted(found, key=lambda one: one.p))
+
+    def _remainders(self, place: Place, at: int) -> list[Remainder]:
+        problem = self.judge.problem
+        taken = self.judge.view(at).taken(self.chosen)
+        df = problem.n - taken.shape[1]
+
+        def project(columns: FloatArray) -> FloatArray:
+            white = self._white(columns, at)
+            return np.asarray(white - taken @ (taken.T @ white))
+
+        return remainders(self.left_under(at), df, [place.block], project) if df > 2 else []
+
+    def left_under(self, at: int) -> FloatArray:
+        """(n,) what the model leaves, whitened by covariance `at`."""
+        white, taken = self.judge.white(at, self.chosen), self.judge.view(at).taken(self.chosen)
+        return np.asarray(white - taken @ (taken.T @ white))
+
+    def _white(self, columns: FloatArray, at: int) -> FloatArray:
+        problem = self.judge.problem
+        return np.asarray(problem.noise.whiten(np.array([at]), columns / problem.sd[:, None])[0])
+
+    @cached_property
+    def line(self) -> Line | None:
+        """The clearest period of the residual in order or in time, by itself or times a setting."""
+        scene, group = self.data.scene, self.data.shared
+        if scene.time is None or scene.time.presumed or not self.able:
+            return None
+        left = self.left_under(0)
+        stretch = np.zeros(left.size, np.int64) if group is None else group
+        unit = scene.time.unit_s or 1.0
+        series = [left] + [left * v / np.sqrt(np.mean(v**2)) for v in scene.settings.values() if np.any(v)]
+        found = [line(_less_means(one, stretch), scene.time.values * unit, stretch) for one in series]
+        best = min((one for one in found if one is not None), key=lambda one: one.p, default=None)
+        return None if best is None else Line(best.period, best.unit, min(best.p * len(series), 1.0), best.share)
+
+    @cached_property
+    def jumps(self) -> TwoLevels | None:
+        """Two levels that the residual jumps between, if they are likelier than all noise that remembers."""
+        when = times_of(self.data)
+        if when is None or self.data.scene.time is None or not self.able:
+            return None
+        return self._jumps_beside(self.chosen, JUMPS)
+
+    def _jumps_beside(self, chosen: tuple[int, ...], ahead: float) -> TwoLevels | None:
+        """Two levels beside some of the effects, if so many nats likelier than noise that remembers beside all."""
+        judge, problem, when = self.judge, self.judge.problem, times_of(self.data)
+        taken = judge.view(0).taken(chosen)
+        y = judge.held(chosen) / problem.sd
+        left, n = y - taken @ (taken.T @ y), problem.n
+        alike = float(left[1:] @ left[:-1]) / max(float(left @ left), np.finfo(float).tiny)
+        if when is None or alike * np.sqrt(n) < ALIKE:
+            return None
+        noise: Noise = Wandering(when) if self.data.shared is None else Both(self.data.shared, when=when)
+        every = Grid.of(noise, judge.held(self.chosen) / problem.sd, problem.model(self.chosen) / problem.sd[:, None])
+        usual = float(every.beside().ml.max()) + 0.5 * n * float(np.log(n))
+        found = two_levels(left, taken)
+        return found if found is not None and found.log_likelihood - usual > ahead else None
+
+    @cached_property
+    def doubts(self) -> dict[str, str]:
+        """Why a name found should not be believed yet, by name."""
+        if not self.able:
+            return {}
+        judge, candidates = self.judge, self.judge.candidates
+        names = tuple(names_of(candidates, self.chosen))
+        out: dict[str, str] = {}
+        for name in names:
+            effect = next(candidates[j].effect for j in self.chosen if candidates[j].effect.name == name)
+            own = set(effect.columns)
+            found = self._left_over(own)
+            if found is not None:
+                out[name] = something_left(found[0].place.block.place, found[1])
+        jumping = self._timed(names)
+        if jumping and self._jumps_beside(self._without(jumping), -EARNED) is not None:
+            out |= {name: no_better(jumping, "jumps between two levels along the run") for name in jumping}
+        for name in names:
+            ahead = judge.beats_wander(self.chosen, name) if name in jumping else None
+            if ahead is not None and ahead <= DELTA and name not in out:
+                out[name] = no_better((name,), "a slow wander along the run")
+        if len(names) >= BUNDLE:
+            out |= {name: bundle(names) for name in names if name not in out}
+        if len(names) > 1:
+            named, nameless, where = self.earned(names)
+            if named - nameless < EARNED:
+                out |= {name: no_better(names, where) for name in names if name not in out}
+        for name in names:
+            named, nameless, where = self.earned((name,))
+            if named - nameless < (PLAIN if self._plain(name) else EARNED) and name not in out:
+                out[name] = no_better((name,), where)
+        return out
+
+    def _left_over(self, variables: set[str]) -> tuple[Left, float] | None:
+        """What is left most clearly over variables of an effect, with its p over such places, if it is a doubt."""
+        every, own = self._tests(self.places), self._tests(p for p in self.places if p.variables & variables)
+        found = next((x for x in self.left if x.place.variables & variables), None)
+        p = 1.0 if found is None else found.p * own / max(every, 1)
+        return (found, p) if found is not None and found.p < 1.0 and p < DOUBT else None
+
+    def _tests(self, places: Iterable[Place]) -> int:
+        return tried(place.block for place in places)
+
+    def _timed(self, names: Sequence[str]) -> tuple[str, ...]:
+        """Those of the effects that follow the time or a covariate: what jumps by chance may look like them."""
+        sources = {self.judge.candidates[j].effect.name: self.judge.candidates[j].effect.source for j in self.chosen}
+        return tuple(name for name in names if sources[name] in ("time", "covariate"))
+
+    def _without(self, names: Sequence[str]) -> tuple[int, ...]:
+        return tuple(j for j in self.chosen if self.judge.candidates[j].effect.name not in names)
+
+    def _plain(self, name: str) -> bool:
+        """Whether it is a line, a square, a cube or levels: no constant was searched and no rare function is meant."""
+        own = [c for c in self.judge.candidates if c.effect.name == name]
+        return own[0].effect.kind.name not in RARE and all(c.term.profile is None for c in own)
+
+    def earned(self, names: Sequence[str]) -> tuple[float, float, str]:
+        """Evidence for effects found, in nats; the best for one shape without a name; and where that lives."""
+        judge, candidates = self.judge, self.judge.candidates
+        mine = [j for j in self.chosen if candidates[j].effect.name in names]
+        rest = tuple(j for j in self.chosen if j not in mine)
+        at = judge.beside(self.chosen).best
+        view, taken = judge.view(at), judge.view(at).taken(rest)
+        left = self.left_under(at)
+        df = max(left.size - view.taken(self.chosen).shape[1], 1)
+        sigma = float(np.sqrt(left @ left / df))
+        y = judge.white(at, self.chosen)
+        y = (y - taken @ (taken.T @ y)) / sigma
+        named, beside, own = 0.0, y, np.empty((y.size, 0))
+        for name in names:
+            columns = view.columns[:, view.picked([j for j in mine if candidates[j].effect.name == name])]
+            columns = columns - taken @ (taken.T @ columns)
+            columns = columns - own @ (own.T @ columns)
+            named += evidence(beside, columns) - self._price(name)
+            basis = orthonormal(columns, None, 1e-6)
+            beside, own = beside - basis @ (basis.T @ beside), np.column_stack([own, basis])
+        best, where = -np.inf, ""
+        for place in self.places:
+            columns = self._white(place.block.columns, at)
+            columns = columns - taken @ (taken.T @ columns)
+            total = evidence(y, columns, place.block.roughness) - float(np.log(len(self.places)))
+            if total > best:
+                best, where = total, place.block.place
+        return float(named), float(best), where
+
+    def _price(self, name: str) -> float:
+        """What it costs in nats to have chosen this name, and its constant where that was searched."""
+        candidates = self.judge.candidates
+        own = [c for c in candidates if c.effect.name == name]
+        names = len({c.effect.name for c in candidates})
+        return float(np.log(names) + np.log(len(own)))
+
+
+def _less_means(values: FloatArray, group: IntArray) -> FloatArray:
+    """(n,) less the mean of each group."""
+    count = np.maximum(np.bincount(group), 1)
+    return np.asarray(values - (np.bincount(group, values) / count)[group])

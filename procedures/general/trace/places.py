@@ -1,0 +1,166 @@
+"""Where something without a name may live in a table: blocks of smooth columns over what was recorded."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from fitter.arrays import FloatArray, IntArray
+from fitter.trace.flexible import Block, orders_of, turns, waves
+from procedures.general.effects.scene import TableScene, is_angle
+from procedures.general.effects.time_columns import lagging
+
+OVER, TIME, BESIDE = 12, 12, 6
+"""Waves at most over a setting or covariate, over the time, and in products."""
+BOTH = 4
+"""Of each of two variables in their products."""
+MEMORIES = 5
+"""Time constants with which an earlier setting is remembered."""
+PAIRS = 8
+"""Pairs of variables at most."""
+PER_COLUMN = 4
+"""Rows there are to be for each column of a block."""
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """A block of columns over what was recorded.
+
+    Attributes:
+        block: of columns (n, m).
+        variables: of the table, that it is over.
+        curve: the variable it is a curve over; None for other shapes.
+        timed: whether it takes the order of rows.
+
+    """
+
+    block: Block
+    variables: frozenset[str]
+    curve: str | None = None
+    timed: bool = False
+
+
+def places_of(scene: TableScene, group: IntArray | None) -> tuple[Place, ...]:
+    """All places of a table.
+
+    Args:
+        scene: the table.
+        group: (n,) whole plot or replication of each row.
+
+    """
+    every = (*_over(scene), *_in_time(scene, group), *_of_sides(scene), *_of_groups(scene), *_of_pairs(scene))
+    return tuple(place for place in every if place.block.columns.shape[1])
+
+
+def _over(scene: TableScene) -> Iterator[Place]:
+    for name, v in scene.variables.items():
+        if is_angle(name, v):
+            columns, rough = _angular(v, OVER // 2)
+        else:
+            columns = waves(v, _most(v, OVER))
+            rough = _rough(columns)
+        yield _place(f"over {name}", columns, rough, {name}, curve=name)
+        levels, index = np.unique(v, return_inverse=True)
+        if 2 < len(levels) <= len(v) // 2 and name in scene.settings:
+            own = (index[:, None] == np.arange(1, len(levels))).astype(np.float64)
+            block = Block(f"over {name}, each value by itself", own, (own.shape[1],), np.ones(own.shape[1]))
+            yield Place(block, frozenset({name}))
+
+
+def _in_time(scene: TableScene, group: IntArray | None) -> Iterator[Place]:
+    time = scene.time
+    if time is None:
+        return
+    t = time.values
+    along = waves(t, _most(t, TIME))
+    yield _place(f"over {time.name}", along, _rough(along), {time.name}, curve=time.name, timed=True)
+    if time.presumed:
+        return
+    for name, v in scene.settings.items():
+        own = _centred(v)[:, None] * along[:, :BESIDE]
+        yield _place(f"over {time.name}, times {name}", own, _rough(own), {time.name, name}, timed=True)
+    if group is not None and np.any(np.diff(t) > 0):
+        since = waves(_since(group, t), _most(t, BESIDE)) if np.ptp(_since(group, t)) > 0 else np.empty((len(t), 0))
+        yield _place(f"over {time.name} since each group's first row", since, _rough(since), {time.name}, timed=True)
+    gap = np.diff(t)
+    for name, v in scene.settings.items():
+        if np.ptp(v) == 0 or not np.any(gap > 0):
+            continue
+        move = np.diff(v, prepend=v[:1])
+        scale = float(np.median(np.abs(move[move != 0]))) if np.any(move != 0) else 1.0
+        moved = waves(np.arcsinh(move / scale), BESIDE) if np.ptp(move) > 0 else np.empty((len(v), 0))
+        yield _place(f"over the step of {name} before", moved, _rough(moved), {name}, timed=True)
+        if len(v) >= 20:
+            usual = float(np.median(gap[gap > 0]))
+            constants = np.geomspace(0.5 * usual, float(np.ptp(t)) / 3.0, MEMORIES)
+            own = np.column_stack([lagging(_centred(v), gap, tau) - _centred(v) for tau in constants])
+            block = Block(f"over earlier {name}", own, orders_of(own, (1, 2, MEMORIES)), np.ones(MEMORIES))
+            yield Place(block, frozenset({name}), timed=True)
+
+
+def _of_sides(scene: TableScene) -> Iterator[Place]:
+    if scene.direction is None:
+        return
+    side, sign = scene.direction
+    for name, v in scene.variables.items():
+        columns = sign[:, None] * np.column_stack([np.ones(len(v)), waves(v, _most(v, BESIDE))])
+        yield _place(f"over {side} and {name}", columns, _rough(columns), {side, name})
+
+
+def _of_groups(scene: TableScene) -> Iterator[Place]:
+    for name, g in scene.groups.items():
+        if g.declared or not 1 < len(g.levels) <= len(g.index) // 3:
+            continue
+        own = g.indicators[:, 1:]
+        yield Place(Block(f"over {name}", own, (own.shape[1],), np.ones(own.shape[1])), frozenset({name}))
+        for setting, v in scene.settings.items():
+            both = own * _centred(v)[:, None]
+            place = Block(f"over {name} and {setting}", both, (both.shape[1],), np.ones(both.shape[1]))
+            yield Place(place, frozenset({name, setting}))
+
+
+def _of_pairs(scene: TableScene) -> Iterator[Place]:
+    names = [*scene.settings, *scene.covariates]
+    pairs = [pair for pair in combinations(names, 2) if pair[0] in scene.settings]
+    for a, b in pairs[:PAIRS]:
+        one, other = (waves(scene.of(name), min(_most(scene.of(name), BESIDE), BOTH)) for name in (a, b))
+        steps = sorted((i + j + 1, i, j) for i in range(one.shape[1]) for j in range(other.shape[1]))
+        if steps and len(steps) * PER_COLUMN <= len(one):
+            columns = np.column_stack([one[:, i] * other[:, j] for _, i, j in steps])
+            rough = np.array([float(r) for r, _, _ in steps])
+            yield _place(f"over {a} and {b}", columns, rough, {a, b})
+
+
+def _place(
+    text: str, columns: FloatArray, rough: FloatArray, names: set[str], *, curve: str | None = None, timed: bool = False
+) -> Place:
+    return Place(Block(text, columns, orders_of(columns), rough), frozenset(names), curve, timed)
+
+
+def _most(v: FloatArray, wanted: int) -> int:
+    """Waves over a variable: no more than a quarter of its rows."""
+    return min(wanted, len(v) // PER_COLUMN)
+
+
+def _angular(v: FloatArray, most: int) -> tuple[FloatArray, FloatArray]:
+    columns = turns(v, min(most, len(v) // (2 * PER_COLUMN)))
+    return columns, np.repeat(np.arange(1.0, columns.shape[1] // 2 + 1), 2)
+
+
+def _rough(columns: FloatArray) -> FloatArray:
+    return np.arange(1.0, columns.shape[1] + 1)
+
+
+def _centred(v: FloatArray) -> FloatArray:
+    half = 0.5 * float(np.ptp(v))
+    return np.asarray((v - 0.5 * (v.min() + v.max())) / half if half > 0 else np.zeros_like(v))
+
+
+def _since(group: IntArray, t: FloatArray) -> FloatArray:
+    """(n,) time since the first row of each group."""
+    first = np.full(int(group.max()) + 1, np.inf)
+    np.minimum.at(first, group, t)
+    return np.asarray(t - first[group])
