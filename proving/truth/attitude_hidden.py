@@ -22,7 +22,7 @@ PADS_AND_TEMPERATURE = Bench(
 """At the sizes of NASA/TP-1999-209835: pads 4e-4 deg on x; temperature as row 28(a) to (b) of its Table 2."""
 
 
-def on_x(**errors: float) -> Bench:
+def on_x(**errors: Any) -> Bench:
     """The bench with errors of the x sensor."""
     return Bench(sensors=(Sensor("x", **errors), Sensor("y"), Sensor("z")))
 
