@@ -126,6 +126,10 @@ def test_effect_of_one_standard_deviation_is_named_and_predicted(name):
     assert wrong < 1.6 * least
 
 
+AS_GOOD = {"offset and temperature", "offset and time", "cube", "roll scale, once", "roll scale, once, cosine"}
+"""Small or of the lowest order over their variable: a smooth shape over it is as likely, and the name is doubtful."""
+
+
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_effect_is_named(name):
     scenario = SCENARIOS[name]
@@ -136,7 +140,11 @@ def test_effect_is_named(name):
     }
     first = found.sensors[scenario.sensors[0]]
     effect = first.effects[0]
-    assert first.verdict == "explained"
+    if name in AS_GOOD:
+        assert first.verdict == "partly explained"
+        assert "smooth shape without a name" in (effect.doubtful or "")
+    else:
+        assert (first.verdict, effect.doubtful) == ("explained", None)
     assert effect.p_adjusted < 0.035
     assert effect.share > 0.85
     assert np.std(first.residual_after_V) < np.std(first.residual_before_V)

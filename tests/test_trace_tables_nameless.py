@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from table_truth import Lab, options, simulate
 
 from fitter.trace.two_levels import two_levels
 from procedures.general.column_roles import Roles, roles_of
 from procedures.general.trace import family, trace_general
 from procedures.table import Table
+from proving.truth.table import Lab, options, simulate
 
 
 @pytest.fixture(autouse=True)

@@ -4,8 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from whole_plot_hidden import hide
-from whole_plot_truth import SUBPLOT, WHOLE_PLOT, Bench, Run, simulate
 
 from fitter.trace.chance import ALPHA
 from procedures.pressure.effects import PRESSURE_CATALOGUE
@@ -15,6 +13,8 @@ from procedures.pressure.trace.null import family_of
 from procedures.pressure.trace.problem import pose
 from procedures.pressure.trace.run import scene_of
 from procedures.pressure.trace.score import score
+from proving.truth.whole_plot import SUBPLOT, WHOLE_PLOT, Bench, Run, simulate
+from proving.truth.whole_plot_hidden import hide
 
 ONE = "bridge_1_mV"
 

@@ -22,6 +22,10 @@ NOTHING_LEFT = 1e-2
 """A column of which no larger share than this is left beside the model says nothing of its own."""
 
 
+LEAST_DF = 8
+"""Degrees of freedom beside a block: with fewer the error is not known well enough for small probabilities."""
+
+
 @dataclass(frozen=True, eq=False)
 class Block:
     """Columns over one place.
@@ -42,7 +46,7 @@ class Block:
 
 @dataclass(frozen=True, eq=False)
 class Remainder:
-    """What a block takes up of what is left.
+    """The part of a residual that a block takes up.
 
     Attributes:
         place: of the block.
@@ -115,7 +119,7 @@ def remainders(
         for order in block.orders:
             own = basis[:, kept < order]
             rank = own.shape[1]
-            if rank < 1 or df - rank < 2:
+            if rank < 1 or df - rank < LEAST_DF:
                 continue
             along = own.T @ left
             gain = float(along @ along)

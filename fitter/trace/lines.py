@@ -19,7 +19,9 @@ ABOUT = 20
 """Frequencies to each side that the power at one is compared with."""
 SLOWEST = 8
 """Periods over the series, at least: what is slower is a course along the run and no line."""
-FEWEST = 48
+LEAST_KEPT = 0.3
+"""Of the power of white noise, relative to the usual share: where less is left, no line is looked for."""
+FEWEST = 96
 """Readings in which a period can be looked for."""
 IN_TIME = 600
 """Frequencies in time that are tried, at most."""
@@ -50,61 +52,79 @@ class Line:
         return f"along the run: periodic, one period in {self.period / 60.0:.4g} min"
 
 
-def line(left: FloatArray, elapsed_s: FloatArray, stretch: IntArray) -> Line | None:
+def line(left: FloatArray, elapsed_s: FloatArray, stretch: IntArray, white: FloatArray | None = None) -> Line | None:
     """The clearest period of a residual, in order or in time; None where there are too few readings.
 
     Args:
         left: (n,) residual in the order of running.
         elapsed_s: (n,) time of each.
         stretch: (n,) readings without a pause between them have the same number.
+        white: (n, m) draws of white noise after the projection of the residual, in its order: a projection that takes
+            much at some frequencies would make the others stand out. None if it takes next to nothing.
 
     """
     if left.size < FEWEST or not np.any(left):
         return None
-    found = [_in_order(left, stretch)]
+    white = np.ones((left.size, 0)) if white is None else white
+    found = [_in_order(left, stretch, white)]
     if np.ptp(elapsed_s) > 0:
-        found.append(_in_time(left, elapsed_s))
+        found.append(_in_time(left, elapsed_s, white))
     best = min(found, key=lambda one: one.p)
     return Line(best.period, best.unit, min(len(found) * best.p, 1.0), best.share)
 
 
-def _in_order(left: FloatArray, stretch: IntArray) -> Line:
+def _in_order(left: FloatArray, stretch: IntArray, white: FloatArray) -> Line:
     n, total = left.size, float(left @ left)
     power = np.abs(np.fft.rfft(left)) ** 2
-    whole = _clearest(power[1:], 1)
+    whole = _clearest(power[1:], 1, _kept(np.abs(np.fft.rfft(white, axis=0)[1:]) ** 2))
     out = Line(n / (whole[0] + 1.0), "readings", 3 * whole[1], min(2 * whole[2] / (n * total), 1.0))
     parts = [left[stretch == one] for one in np.unique(stretch)]
     parts = [part for part in parts if part.size >= FEWEST]
     if len(parts) > 1:
         length = max(part.size for part in parts)
         summed = sum((np.abs(np.fft.rfft(part, length)) ** 2 for part in parts), np.zeros(length // 2 + 1))
-        each = _clearest(summed[1:], len(parts))
+        drawn = [white[stretch == one] for one in np.unique(stretch)]
+        known = sum((np.abs(np.fft.rfft(one, length, axis=0)[1:]) ** 2 for one in drawn if len(one) >= FEWEST), 0.0)
+        each = _clearest(summed[1:], len(parts), _kept(np.asarray(known)))
         if 3 * each[1] < out.p:
             out = Line(length / (each[0] + 1.0), "readings", 3 * each[1], min(2 * each[2] / (length * total), 1.0))
     return out
 
 
-def _in_time(left: FloatArray, elapsed_s: FloatArray) -> Line:
+def _in_time(left: FloatArray, elapsed_s: FloatArray, white: FloatArray) -> Line:
     n, length = left.size, float(np.ptp(elapsed_s)) * left.size / (left.size - 1)
     cycles = np.arange(1, min(n // 2, IN_TIME) + 1)
     turns = (elapsed_s - elapsed_s[0]) / length
-    power = np.empty(cycles.size)
+    power, known = np.empty(cycles.size), np.empty((cycles.size, white.shape[1]))
     for first in range(0, cycles.size, 64):
         angle = 2 * np.pi * np.outer(cycles[first : first + 64], turns)
-        power[first : first + 64] = (np.cos(angle) @ left) ** 2 + (np.sin(angle) @ left) ** 2
-    at, p, value = _clearest(power, 1)
+        cos, sin = np.cos(angle), np.sin(angle)
+        power[first : first + 64] = (cos @ left) ** 2 + (sin @ left) ** 2
+        known[first : first + 64] = (cos @ white) ** 2 + (sin @ white) ** 2
+    at, p, value = _clearest(power, 1, _kept(known))
     return Line(length / (at + 1.0), "s", p, min(2 * value / (n * float(left @ left)), 1.0))
 
 
-def _clearest(power: FloatArray, summed: int) -> tuple[float, float, float]:
+def _kept(known: FloatArray) -> FloatArray | None:
+    """(m,) share of the power at each frequency that a projection leaves, from draws (m, k); None without draws."""
+    if not known.shape[1]:
+        return None
+    mean = known.mean(axis=1)
+    return np.asarray(mean / max(float(np.median(mean)), np.finfo(float).tiny))
+
+
+def _clearest(power: FloatArray, summed: int, kept: FloatArray | None = None) -> tuple[float, float, float]:
     """Index of the clearest line, p over all frequencies, and its power.
 
     Args:
         power: (m,) of each frequency.
         summed: how many independent series it is the sum of.
+        kept: (m,) share of white noise's power that is left at each; None for all of it at all.
 
     """
     best = (0.0, 1.0, 0.0)
+    if kept is not None:
+        power = np.where(kept > LEAST_KEPT, power / np.maximum(kept, LEAST_KEPT), 0.0)
     for width in (1, 3):
         if power.size < 3 * width + ABOUT:
             continue

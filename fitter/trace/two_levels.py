@@ -17,11 +17,11 @@ FEWEST = 24
 APART = (0.9, 1.15, 1.4, 1.6, 1.75, 1.85, 1.93, 1.98)
 """Distances of the levels that are tried, by the share of the variance: d^2 w (1 - w) over all of it, root, twice."""
 SHARES = (0.15, 0.25, 0.35, 0.5, 0.65, 0.75, 0.85)
-"""Of the rows at the upper level."""
+"""Share of the rows at the upper level."""
 STAYS = (3.0, 5.0, 8.0, 14.0, 25.0, 45.0)
 """Rows that a stay at the rarer level lasts on average."""
 MIDDLES = (-0.3, 0.0, 0.3)
-"""Of the series' mean in the run, by its standard deviation: a run is too short to have its shares exactly."""
+"""Offset of the series' mean in the run, in its standard deviations: a run is too short to have its shares exactly."""
 ROUNDS = 5
 """Of fitting levels and model in turn."""
 NEAR = 12.0

@@ -147,7 +147,8 @@ class ConfirmedFit:
 def _terms(questions: Sequence[Question], answer: Confirmation) -> list[str]:
     """Formulas of the confirmed cause, for `rig fit --add`; [] if it has none."""
     question = next(q for q in questions if q.effect == answer.effect)
-    terms = answer.holder or question.members[0].terms
+    members = {member.effect: member.terms for member in question.members}
+    terms = members.get(answer.holding[0], answer.holder)
     formulas = [str(getattr(candidate.term, "formula", "")) for candidate in terms]
     return list(dict.fromkeys(formulas)) if all(formulas) else []
 

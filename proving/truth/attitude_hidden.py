@@ -88,7 +88,9 @@ HIDDEN = {
     "backlash, warm": Hidden("backlash-temperature", lambda c: Bench(backlash_deg_per_degC=(c, 0.5 * c)), 1e-3),
     "tilt, time": Hidden("tilt-drift", lambda c: Bench(tilt_deg_per_h=(c, 0.5 * c)), 1e-4),
     "tilt, day": Hidden("tilt-daily", lambda c: Bench(tilt_daily_deg=(c, 0.5 * c)), 1e-3),
-    "sensitivity step, unrecorded": Hidden("sensitivity-step-unrecorded", lambda c: on_x(S_since=c), 1e-5),
+    "sensitivity step, unrecorded": Hidden(
+        "sensitivity-step-unrecorded", lambda c: replace(on_x(S_since=c), since=3), 1e-5
+    ),
     "slip, unrecorded": Hidden(
         "mounting-slip-unrecorded", lambda c: Bench(slip_unrecorded_deg=(0.5 * c, c, 0.3 * c)), 1e-3
     ),

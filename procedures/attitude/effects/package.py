@@ -185,6 +185,10 @@ SCALE_ATTITUDE = Effect(
     separate_by="read the common supply or reference at several attitudes",
     usual_size="1e-5 per g",
     known_aliases={
+        "isolation-pad-deflection": Alias(
+            "with several of their compliances",
+            "lock the pads and repeat a few points: a deflection of the pads disappears, a change of the scale stays",
+        ),
         "sensor-second-order": Alias("for a sensor by itself", "read the common supply at several attitudes"),
         "cross-axis": Alias("for a sensor by itself", "read the common supply at several attitudes"),
     },

@@ -193,7 +193,7 @@ ASYMMETRY = Effect(
 
 
 def _beyond(share: float) -> Term:
-    """What is beyond a share of 1 g, on either side."""
+    """The part beyond a share of 1 g, on either side."""
 
     def column(scene: Scene, sensor: str) -> FloatArray:
         along = scene.along(sensor)

@@ -1,4 +1,4 @@
-"""What is left of a run over smooth shapes without a name, and whether each name found is better than they are."""
+"""Smooth shapes without a name in a run, and whether each name found is better than they are."""
 
 from __future__ import annotations
 
@@ -24,13 +24,15 @@ from procedures.attitude.trace.walks import SPREAD, likelihood_ratio
 
 SEEN = 6.0
 """Nats of evidence within replications below which an effect was rather seen between them."""
+DRAWS, SEED = 24, 1
+"""Of white noise, to know what the projection leaves of it at each frequency."""
 WALKED = 0.05
-"""What is less clear than this is not held against a random walk too."""
+"""Probability above which a shape is not tested against a random walk too."""
 
 
 @dataclass(frozen=True, eq=False)
 class Left:
-    """What a residual still follows.
+    """A shape that a residual still follows.
 
     Attributes:
         place: where.
@@ -126,7 +128,11 @@ class Nameless:
             return (None,) * len(problem.sensors)
         left = _View(problem, level, self.chosen, self.sigma).outputs
         rows = problem.levels.executed
-        found = (line(one[rows], data.elapsed_s[rows], problem.levels.replicate[rows]) for one in left)
+        drawn = np.random.default_rng(SEED).standard_normal((len(data), DRAWS))
+        found = (
+            line(one[rows], data.elapsed_s[rows], problem.levels.replicate[rows], problem.left(i, drawn, level)[rows])
+            for i, one in enumerate(left)
+        )
         return tuple(None if x is None else replace(x, p=min(len(left) * x.p, 1.0)) for x in found)
 
     @cached_property
@@ -242,7 +248,7 @@ class Nameless:
         return best, where
 
     def _without(self, names: Sequence[str], level: Level) -> tuple[_View, list[int]]:
-        """What is left beside all but some effects, and their candidates."""
+        """The residual beside all but some effects, and their candidates."""
         mine = [j for j in self.chosen if self.problem.candidates[j].effect.name in names]
         return _View(self.problem, level, tuple(j for j in self.chosen if j not in mine), self.sigma), mine
 
@@ -266,7 +272,7 @@ class Nameless:
 
 
 class _View:
-    """What a level leaves of outputs and columns over the sensors' errors, beside some candidates."""
+    """Outputs and columns at a level, over the sensors' errors, beside some candidates."""
 
     def __init__(self, problem: Problem, level: Level, rest: Sequence[int], sigma: FloatArray) -> None:
         self.problem, self.level, self.sigma = problem, level, sigma
@@ -283,7 +289,7 @@ class _View:
         return np.asarray(flat - self.basis @ (self.basis.T @ flat))
 
     def project(self, columns: FloatArray, sensor: int | None) -> FloatArray:
-        """What is left of (n, m) of one sensor, or (S n, m) of all."""
+        """The rest of (n, m) columns of one sensor, or (S n, m) of all."""
         n = len(self.problem.scene.data)
         if sensor is not None:
             left = self.problem.left(sensor, columns, self.level) / self.sigma[sensor]
@@ -300,7 +306,7 @@ class _View:
         return np.asarray(left - self.basis @ (self.basis.T @ left))
 
     def whitened(self, columns: FloatArray, *, sensor: int | None, rho: FloatArray) -> FloatArray:
-        """What is left of (n, m) of one sensor, or (S n, m) of all, less what the row before predicts."""
+        """The rest of (n, m) columns of one sensor, or (S n, m) of all, less the prediction by the row before."""
         return self.white(self.project(columns, sensor), sensor, rho)
 
     def white(self, columns: FloatArray, sensor: int | None, rho: FloatArray) -> FloatArray:
@@ -337,7 +343,7 @@ def _memory(problem: Problem, left: FloatArray) -> FloatArray:
 
 
 def report(problem: Problem, chosen: tuple[int, ...]) -> list[str]:
-    """What is left, and the evidence for each group of names, one line each: for trials of limits."""
+    """The remainder, and the evidence for each group of names, one line each: for trials of limits."""
     one = Nameless(problem, chosen)
     lines = []
     for left in one.left[:3]:

@@ -36,6 +36,11 @@ class Place:
     sensor: int | None
     count: int
 
+    @property
+    def in_time(self) -> bool:
+        """Whether it is a course along the run, as a random walk takes one."""
+        return self.block.place.startswith("along")
+
 
 def places_of(scene: Scene) -> tuple[Place, ...]:
     """All places of a run."""

@@ -1,4 +1,4 @@
-"""One cause in the place of two: names that arrive one after the other may be the parts of a third.
+"""One cause instead of two: names that arrive one after the other may be the parts of a third.
 
 A search adds what explains most at each step. Where that is part of the true cause only, the rest of it is added under
 another name. Two names that one effect explains as well, all of its terms taken together, are that one.
@@ -15,7 +15,7 @@ ROUNDS = 4
 
 
 def simplified(judge: AttitudeJudge, chosen: tuple[int, ...]) -> tuple[int, ...]:
-    """The `chosen` candidates with one effect in the place of two, wherever it explains as much within `DELTA`."""
+    """The `chosen` candidates with one effect instead of two, wherever it explains as much within `DELTA`."""
     for _ in range(ROUNDS):
         simpler = _one_for_two(judge, chosen)
         if simpler is None:

@@ -1,4 +1,4 @@
-"""What is left of a table over shapes without a name, and whether each name found is better than they are."""
+"""Shapes without a name in a table, and whether each name found is better than they are."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from procedures.general.trace.places import Place, places_of
 from procedures.general.trace.run import TableData, times_of
 
 ASKED_AGAIN = 0.05
-"""What is less clear than this is not held against slower noise too."""
+"""Probability above which a shape is not tested against slower noise too."""
 ALIKE = 2.0
 """Standard errors by which neighbours are alike, from which on two levels are looked for."""
 PLAIN = 0.0
@@ -37,7 +37,7 @@ JUMPS = 7.0
 
 @dataclass(frozen=True, eq=False)
 class Left:
-    """What a residual still follows.
+    """A shape that a residual still follows.
 
     Attributes:
         place: where.
@@ -198,7 +198,7 @@ class Nameless:
         return out
 
     def _left_over(self, variables: set[str]) -> tuple[Left, float] | None:
-        """What is left most clearly over variables of an effect, with its p over such places, if it is a doubt."""
+        """The clearest remainder over variables of an effect, with its p over such places, if it is a doubt."""
         every, own = self._tests(self.places), self._tests(p for p in self.places if p.variables & variables)
         found = next((x for x in self.left if x.place.variables & variables), None)
         p = 1.0 if found is None else found.p * own / max(every, 1)

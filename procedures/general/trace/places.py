@@ -16,7 +16,7 @@ from procedures.general.effects.time_columns import lagging
 OVER, TIME, BESIDE = 12, 12, 6
 """Waves at most over a setting or covariate, over the time, and in products."""
 BOTH = 4
-"""Of each of two variables in their products."""
+"""Waves of each of two variables in their products."""
 MEMORIES = 5
 """Time constants with which an earlier setting is remembered."""
 PAIRS = 8

@@ -19,7 +19,7 @@ from procedures.general.trace.score import NOTHING_LEFT
 from procedures.general.trace.smooth import Smooth, curve, offered
 
 UNEXPLAINED = 1e-3
-"""What is left counts as left below this probability, over all places looked at."""
+"""Probability below which there is a remainder, over all tested places."""
 CLEAR_LINE = 1e-4
 """The same of a period: a few dozen rows do not tell the usual power at its frequency well."""
 SUSPECTS = 2
@@ -50,7 +50,7 @@ def pure_error(y: FloatArray, points: IntArray | None, effects: FloatArray) -> f
 
 
 def unnamed(nameless: Nameless, variables: Mapping[str, FloatArray]) -> tuple[Unnamed, ...]:
-    """What the residual still follows: a slow wander, a period, jumps between two levels, or the clearest place."""
+    """The shapes that the residual still follows: a slow wander, a period, jumps between two levels, or the clearest place."""
     judge, chosen = nameless.judge, nameless.chosen
     rest = list[Unnamed](_slow(judge, chosen))
     clearest = next(iter(nameless.left), None)

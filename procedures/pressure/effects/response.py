@@ -135,13 +135,13 @@ SSE_BY_SENSOR_SQUARED = _cubic(
 
 
 BENDS = (0.08, 0.16, 0.3)
-"""Of the highest pressure, searched: where a bend of low pressures is half over."""
+"""Searched shares of the highest pressure: where a bend of low pressures is half over."""
 BANDS = (0.02, 0.05, 0.1, 0.2)
-"""Of the highest pressure, searched: where a transducer begins to answer."""
+"""Searched shares of the highest pressure: where a transducer begins to answer."""
 ENDS = (0.5, 0.7, 0.85)
-"""Of the highest pressure, searched: from where on the sensitivity is smaller."""
+"""Searched shares of the highest pressure: from where on the sensitivity is smaller."""
 KNEES = (0.2, 0.35, 0.5, 0.65, 0.8)
-"""Of the range of a temperature, searched: where the offset turns."""
+"""Searched shares of the range of a temperature: where the offset turns."""
 
 _LOW = "read more pressures at the low end of the range, at two temperatures"
 
@@ -238,7 +238,7 @@ SATURATION = PressureEffect(
 
 
 def _knee(name: str, share: float, temperature: FloatArray) -> PressureTerm:
-    """What a change of slope is beside a straight line: where none is declared, it is no part of a knee."""
+    """A change of slope beside a straight line: where none is declared, it is no part of a knee."""
     low, high = float(np.min(temperature)), float(np.max(temperature))
     at, middle = low + share * (high - low), float(np.mean(temperature))
     off = temperature - middle

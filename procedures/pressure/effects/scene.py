@@ -161,7 +161,7 @@ class PressureScene:
         return np.diff(mean[first], prepend=mean[first[0]])[in_time]
 
     def displaced(self, temperature: FloatArray, side: float, tau_h: float) -> FloatArray:
-        """(n,) what is left of visits to one end of a temperature's range in the whole plots before, 0 to 1.
+        """(n,) remaining effect of visits to one end of a temperature's range in the whole plots before, 0 to 1.
 
         Whatever is further than a half of the way from the middle to that end counts fully.
 

@@ -1,4 +1,4 @@
-"""What is left of a whole-plot run over smooth shapes without a name, and whether each name found beats them."""
+"""Smooth shapes without a name in a whole-plot run, and whether each name found beats them."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ SMALL, ALIKE = 0.05, 0.3
 of its size; and the part of its length that then lies along the stronger one."""
 ONLY_WARM = "only its change with the temperature was found, and nothing of it that every temperature has"
 LOOKED_AT = 0.05
-"""What is less clear than this is not held against noise that is alike from one whole plot to the next."""
+"""Probability above which a shape is not tested against noise that is alike from one whole plot to the next."""
 _SEEN: dict[Level, str] = {"subplot": "within whole plots", "whole-plot": "between whole plots"}
 
 
 @dataclass(frozen=True, eq=False)
 class Left:
-    """What a residual still follows.
+    """A shape that a residual still follows.
 
     Attributes:
         place: where.
@@ -316,7 +316,7 @@ class Nameless:
 
 
 class _View:
-    """What a level leaves of outputs and columns over the transducers' errors, beside some candidates."""
+    """Outputs and columns at a level, over the transducers' errors, beside some candidates."""
 
     def __init__(self, problem: Problem, level: Level, rest: Sequence[int], sigma: FloatArray | None) -> None:
         self.problem, self.level = problem, level
@@ -334,7 +334,7 @@ class _View:
         return np.asarray(some.reshape(-1, len(picked)))
 
     def project(self, columns: FloatArray, i: int) -> FloatArray:
-        """(m, q) what is left of columns (n, q) in transducer `i`."""
+        """(m, q) rest of columns (n, q) in transducer `i`."""
         left = self.problem.strata[i].leave(columns, self.level) / self.sigma[i]
         taken = self.problem.at[self.level].columns[i][:, self._taken]
         basis = orthonormal(taken, self.problem.length_at[self.level][i, self._taken], 1e-3)

@@ -24,7 +24,7 @@ PRIOR = np.array([0.2, 0.15, 0.2, 0.25, 0.2])
 """How likely each is before the run: what leaves 5 % of false alarms at a correlation of 0.7 too."""
 
 REMARKABLE = 0.05
-"""What is less is not looked at again."""
+"""Smaller ones are not looked at again."""
 TINY = np.finfo(float).tiny
 
 
@@ -187,6 +187,6 @@ _KNOWN: WeakKeyDictionary[Problem, dict[tuple[int, ...], Neighbours]] = WeakKeyD
 
 
 def neighbours(problem: Problem, chosen: Sequence[int]) -> Neighbours:
-    """Of a run beside the `chosen` candidates."""
+    """Restricted likelihood of a run beside the `chosen` candidates."""
     known, here = _KNOWN.setdefault(problem, {}), problem.within("whole-plot", chosen)
     return known.setdefault(tuple(sorted(here.tolist())), Neighbours(ref(problem), here))

@@ -15,7 +15,7 @@ from procedures.pressure.trace.strata import Level
 PRESSURE, TEMPERATURE, TIME = 10, 5, 8
 """Waves at most over each."""
 REMEMBERED_H = (0.03, 0.3)
-"""Of elements that are behind the pressure: what is left of the last step, and of several."""
+"""Elements that lag behind the pressure: the rest of the last step, and of several."""
 WITHIN = (2, 4, 8, 12)
 BETWEEN = (1, 2, 4)
 """Orders in which blocks are tried."""
