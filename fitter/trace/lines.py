@@ -20,7 +20,7 @@ ABOUT = 20
 SLOWEST = 8
 """Periods over the series, at least: what is slower is a course along the run and no line."""
 LEAST_KEPT = 0.3
-"""Of the power of white noise, relative to the usual share: where less is left, no line is looked for."""
+"""Least share of the power of white noise, relative to the usual one, at which a line is looked for."""
 FEWEST = 96
 """Readings in which a period can be looked for."""
 IN_TIME = 600

@@ -50,7 +50,7 @@ def pure_error(y: FloatArray, points: IntArray | None, effects: FloatArray) -> f
 
 
 def unnamed(nameless: Nameless, variables: Mapping[str, FloatArray]) -> tuple[Unnamed, ...]:
-    """The shapes that the residual still follows: a slow wander, a period, jumps between two levels, or the clearest place."""
+    """Shapes that the residual follows: a slow wander, a period, jumps between two levels, or the clearest place."""
     judge, chosen = nameless.judge, nameless.chosen
     rest = list[Unnamed](_slow(judge, chosen))
     clearest = next(iter(nameless.left), None)

@@ -187,6 +187,6 @@ _KNOWN: WeakKeyDictionary[Problem, dict[tuple[int, ...], Neighbours]] = WeakKeyD
 
 
 def neighbours(problem: Problem, chosen: Sequence[int]) -> Neighbours:
-    """Restricted likelihood of a run beside the `chosen` candidates."""
+    """Neighbours of a run beside the `chosen` candidates."""
     known, here = _KNOWN.setdefault(problem, {}), problem.within("whole-plot", chosen)
     return known.setdefault(tuple(sorted(here.tolist())), Neighbours(ref(problem), here))
