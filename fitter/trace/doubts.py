@@ -42,3 +42,8 @@ def in_several(sensors: Sequence[str]) -> str:
 def beside(stronger: str) -> str:
     """A stronger effect of much the same shape is there."""
     return f"it is small beside {stronger}, and a law of {stronger} that is not quite right would look like this"
+
+
+def several_values(count: int) -> str:
+    """An effect with one searched constant takes several values of it at once."""
+    return f"it takes {count} values of a constant that has one: together they can take almost any shape"

@@ -11,7 +11,7 @@ from scipy import special
 
 from fitter.arrays import FloatArray
 from fitter.linear import orthonormal
-from fitter.trace.doubts import BUNDLE, DOUBT, EARNED, bundle, in_several, no_better, something_left
+from fitter.trace.doubts import BUNDLE, DOUBT, EARNED, bundle, in_several, no_better, several_values, something_left
 from fitter.trace.flexible import Remainder, evidence, remainders, tried
 from fitter.trace.lines import Line, line
 from fitter.trace.search import names_of
@@ -149,6 +149,9 @@ class Nameless:
             if len(names) >= BUNDLE:
                 out |= {name: bundle(names) for name in names if name not in out}
             for name in names:
+                values = self._values_of(name)
+                if values and name not in out:
+                    out[name] = several_values(values)
                 sensors = self._own_of(name)
                 if len(sensors) > 1 and name not in out:
                     out[name] = in_several(sensors)
@@ -156,6 +159,14 @@ class Nameless:
             if named - nameless < EARNED:
                 out |= {name: no_better(names, where) for name in names if name not in out}
         return out
+
+    def _values_of(self, name: str) -> int:
+        """Number of values of its searched constant on one sensor, if it is too many for one cause; else 0."""
+        mine = [j for j in self.chosen if self.problem.candidates[j].effect.name == name]
+        effect = self.problem.candidates[mine[0]].effect
+        units = {(self.problem.candidates[j].sensor, self.problem.unit_of[j]) for j in mine}
+        most = max(sum(one == sensor for one, _ in units) for sensor, _ in units)
+        return most if effect.searched and most >= (2 if effect.source == "sensor" else 3) else 0
 
     def _own_of(self, name: str) -> tuple[str, ...]:
         """Sensors that have an effect each for itself which no common cause, time or temperature, gives to all."""

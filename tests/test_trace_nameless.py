@@ -1,0 +1,123 @@
+"""Attitude runs with something that no catalogue lists: it is told without a name, or the name is doubtful."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fitter.trace.flexible import Block, evidence, orders_of, remainders, turns, waves
+from fitter.trace.lines import line
+from procedures.attitude.trace import trace
+from proving.truth.attitude import D1, simulate
+from proving.truth.attitude_hidden import CLEAN
+
+PLAN = D1(180, 13, 13, replications=4)
+X = "x_V"
+
+
+def with_error(error, seed, sensors=(X,), plan=PLAN):
+    """A clean run with `error(data, scene angle)` in readings' standard deviations added to some sensors."""
+    data, truth = simulate(CLEAN, plan, seed)
+    outputs = dict(data.outputs)
+    for sensor in sensors:
+        sd = float(np.std(data.outputs[sensor] - truth[sensor]))
+        outputs[sensor] = data.outputs[sensor] + sd * error(data)
+    return replace(data, outputs=outputs)
+
+
+def test_a_wave_over_an_angle_is_seen_and_noise_is_not():
+    rng = np.random.default_rng(3)
+    angle = np.tile(np.linspace(-180, 180, 13), 20)
+    columns = turns(angle, 6)
+    block = Block("over roll", columns, orders_of(columns), np.repeat(np.arange(1.0, 7.0), 2))
+    noise = rng.standard_normal(angle.size)
+
+    def centred(given):
+        return given - given.mean(axis=0)
+
+    (quiet,) = remainders(noise - noise.mean(), angle.size - 1, [block], centred)
+    loud = noise + np.sin(3 * np.radians(angle))
+    (seen,) = remainders(loud - loud.mean(), angle.size - 1, [block], centred)
+    assert quiet.p > 1e-3
+    assert seen.p < 1e-9
+    assert seen.share == pytest.approx(1 / 3, abs=0.1)
+
+
+def test_evidence_pays_for_what_is_free_to_fit():
+    """A straight line is likelier as one column than as a smooth curve; a curve is likelier as that."""
+    rng = np.random.default_rng(4)
+    x = np.linspace(-1, 1, 200)
+    smooth, rough = waves(x, 8), np.arange(1.0, 9.0)
+    straight, bent = (rng.standard_normal(200) + 2 * shape for shape in (x, np.sin(5 * x)))
+    assert evidence(straight, x[:, None]) > evidence(straight, smooth, rough) + 1
+    assert evidence(bent, smooth, rough) > evidence(bent, x[:, None]) + 20
+
+
+@pytest.mark.parametrize("kind", ["white", "remembers", "walks"])
+def test_noise_of_any_colour_has_no_period(kind):
+    n, found = 400, 0
+    for seed in range(20):
+        white = np.random.default_rng(seed).standard_normal(n)
+        series = white
+        if kind == "walks":
+            series = np.cumsum(white)
+        if kind == "remembers":
+            series = np.convolve(white, 0.7 ** np.arange(30))[:n]
+        told = line(series - series.mean(), np.arange(n) * 60.0, np.zeros(n, np.int64))
+        found += told is not None and told.p < 1e-3
+    assert found == 0
+
+
+def test_a_period_is_found_with_its_length():
+    n = 400
+    series = np.random.default_rng(1).standard_normal(n) + np.sin(2 * np.pi * np.arange(n) / 6.43)
+    told = line(series, np.cumsum(np.full(n, 60.0)), np.zeros(n, np.int64))
+    assert told is not None
+    assert told.p < 1e-6
+    period = told.period if told.unit == "readings" else told.period / 60.0
+    assert period == pytest.approx(6.43, rel=0.02)
+
+
+def test_mains_that_beat_with_the_readings_are_left_without_a_name():
+    found = trace(with_error(lambda d: 1.5 * np.sin(2 * np.pi * d.order / 6.43), seed=2), validate=False)
+    sensor = found.sensors[X]
+    assert sensor.verdict == "unexplained"
+    assert not sensor.effects
+    assert any("periodic" in rest.where for rest in sensor.unnamed)
+    assert all(other.verdict == "nothing to add" for name, other in found.sensors.items() if name != X)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_shape_of_no_catalogue_is_not_explained(seed):
+    """A ripple of nine periods over the range of the sensor: a converter's, say."""
+    found = trace(with_error(lambda d: 1.4 * np.sin(9 * np.pi * np.sin(np.radians(d.pitch_deg))), seed), validate=False)
+    sensor = found.sensors[X]
+    assert sensor.verdict != "explained"
+    assert sensor.unnamed or all(effect.doubtful for effect in sensor.effects)
+
+
+SIX = D1(180, 13, 13, replications=6)
+
+
+@pytest.mark.parametrize(("first", "seed"), [(3, 5), (4, 6)])
+def test_a_step_between_replications_is_named_at_its_boundary_and_taken_out_whole(first, seed):
+    data = with_error(lambda d: 2.0 * (d.replicate >= first), seed=seed, plan=SIX)
+    found = trace(data, validate=False)
+    (effect,) = found.sensors[X].effects
+    assert effect.effect == "offset-step-unrecorded"
+    assert effect.terms == (f"from replication {first}",)
+    clean = trace(simulate(CLEAN, SIX, seed)[0], validate=False).sensors[X]
+    assert found.sensors[X].after.sigma_E == pytest.approx(clean.after.sigma_E, rel=0.02)
+    assert all(not other.effects for name, other in found.sensors.items() if name != X)
+
+
+@pytest.mark.parametrize("seed", [5, 6])
+@pytest.mark.parametrize("first", [3, 4])
+def test_a_step_between_replications_is_never_silent_and_never_made_worse(first, seed):
+    """Six numbers do not always name it: then replications are said to differ."""
+    sensor = trace(with_error(lambda d: 2.0 * (d.replicate >= first), seed=seed, plan=SIX), validate=False).sensors[X]
+    assert sensor.verdict != "nothing to add"
+    assert sensor.after.sigma_E <= sensor.before.sigma_E
+    assert sensor.effects or any("between replications" in rest.where for rest in sensor.unnamed)
