@@ -27,6 +27,7 @@ from matplotlib.figure import Figure
 import rig
 from rig.cli.show import out
 from rig.engine.session import Progress
+from rig.results.data import first_endless
 
 ROOT = Path(__file__).parent.parent
 ATTITUDE = Path(__file__).parent / "data" / "attitude-20261121.sqlite"
@@ -430,3 +431,10 @@ def test_the_document_names_all_that_is_public():
     assert [
         name for name in rig.__all__ if not re.search(rf"\b{name}\b", text) and name not in ("Plots", "Result")
     ] == []
+
+
+def test_a_number_too_large_for_a_double_is_named_and_no_calibration_file_is_written():
+    """Found by the fuzz of CSV files: a spread that overflows was written half and ended in a traceback."""
+    told = {"sensors": {"y": {"coefficients": [1.0, float("inf")], "df": None}}, "unused": "nothing"}
+    assert first_endless(told) == "sensors.y.coefficients.1"
+    assert first_endless({"sensors": {"y": {"coefficients": [1.0]}}}) is None

@@ -5,10 +5,13 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from fitter.json_values import JsonValue
 from procedures.blocks import Block
+from procedures.errors import DataError
 from procedures.kind import Kind
 from procedures.results import Fitted, Page, Traced
 from procedures.unused import sentences, unit_of
@@ -61,6 +64,15 @@ class Evaluated(Reported):
         return sentences(self._told["unused"])
 
 
+def first_endless(told: JsonValue, key: str = "") -> str | None:
+    """Key, with points between its parts, of the first number that is not finite; None if all are."""
+    if isinstance(told, float):
+        return None if isfinite(told) else key
+    parts = told.items() if isinstance(told, dict) else enumerate(told) if isinstance(told, list) else ()
+    found = (first_endless(value, f"{key}.{name}".lstrip(".")) for name, value in parts)
+    return next((one for one in found if one is not None), None)
+
+
 class Calibration(Evaluated):
     """A fit of the declared model to every sensor.
 
@@ -89,7 +101,17 @@ class Calibration(Evaluated):
         return of_rows(rows, *_ESTIMATES, {"source": self.source, "kind": self.kind.name})
 
     def save(self, path: str | Path) -> None:
-        """Write the calibration file of `rig fit --out`. Raises `UsageError` if the disk refuses."""
+        """Write the calibration file of `rig fit --out`. Raises `UsageError` if the disk refuses.
+
+        Raises:
+            DataError: a number of the fit is too large for a double.
+        """
+        endless = first_endless(self._told)
+        if endless is not None:
+            raise DataError(
+                f"{self.source}: {endless} is too large for a double, and no calibration file can hold it; "
+                "correct the column that is so large, or give it in a larger unit"
+            )
         write_whole(Path(path), lambda file: json.dump(self._told, file, indent=2, allow_nan=False))
 
     def infer(self, readings: Readings, *, out: str | Path | None = None, **options: Any) -> Inferred:
