@@ -163,8 +163,9 @@ def _lacking(effect: Mapping[str, Any]) -> str:
     alike = f", or what these data cannot tell from it: {', '.join(others[:_NAMED])}{more}" if others else ""
     interval = f" (95 % interval {effect['size_95']})" if effect["size_95"] else ""
     its = "If it is the former, its" if others else "Its"
+    doubt = f"The name is doubtful: {effect['doubtful']}. " if effect["doubtful"] else ""
     return (
-        f"{effect['effect']} ({cause}){alike}. {its} size is {effect['size']}{interval}; "
+        f"{effect['effect']} ({cause}){alike}. {doubt}{its} size is {effect['size']}{interval}; "
         f"it explains {part(effect['share'])} of the error beyond scatter; {_chance(effect)}"
     )
 
@@ -202,8 +203,8 @@ def _grew(left_out: Change) -> str:
 def _supported(left_out: Change, it: str) -> str:
     """Words for a left-out error that decreased."""
     if left_out.after > CONFIRMED * left_out.before:
-        return f"which bears {it} out, but weakly: it falls by less than {1 - CONFIRMED:.0%}".replace("%", " %")
-    return f"which bears {it} out"
+        return f"which supports {it}, but weakly: it falls by less than {1 - CONFIRMED:.0%}".replace("%", " %")
+    return f"which supports {it}"
 
 
 def _chance(effect: Mapping[str, Any]) -> str:

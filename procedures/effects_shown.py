@@ -24,7 +24,7 @@ def show_effect(effect: Mapping[str, Any]) -> Iterator[Block]:
     if formulas := effect.get("formulas"):
         options = " ".join(f"--add '{text}'" for text in formulas)
         yield Paragraph(f"to calibrate with it: rig fit ... {escape(options)}", 4)
-    if effect.get("doubtful"):
+    if effect["doubtful"]:
         yield Paragraph(f"doubtful: {escape(effect['doubtful'])}", 4)
     if effect["aliases"]:
         yield Paragraph(f"these data cannot tell it from: {escape(', '.join(effect['aliases']))}", 4)

@@ -83,6 +83,16 @@ def verdict(word: str, causes: Sequence[str]) -> str:
     return f"{word}{to_model}{noise_of(causes)}"
 
 
+def doubts_of(doubts: Mapping[str, str | None]) -> str:
+    """Names that are doubtful, with the reasons, as the end of a sentence; "" if there are none.
+
+    Args:
+        doubts: reason by name of the effect; None for a name without doubt.
+    """
+    told = [f"{name} ({why})" for name, why in doubts.items() if why]
+    return f"; doubtful: {'; '.join(told)}" if told else ""
+
+
 def noise_of(causes: Sequence[str]) -> str:
     """Findings about noise, after those for the model; "" if there are none."""
     return f"; the noise is not what the model assumes: {'; '.join(causes)}" if causes else ""

@@ -89,6 +89,11 @@ def test_a_sentence_names_what_looks_alike():
     assert "is below 0.003" in said
 
 
+def test_a_doubtful_name_is_said_to_be_so_before_its_size():
+    said = worded(replace(EFFECT, doubtful="a shape without a name explains as much as it does"), size="").sentence
+    assert "(it gives way). The name is doubtful: a shape without a name explains as much as it does. Its size" in said
+
+
 def test_a_finding_about_the_noise_adds_nothing():
     said = worded(replace(EFFECT, kind="noise", stratum="noise"), size="").sentence
     assert said.startswith("x_V: it gives way (2 ppm); ")
@@ -110,7 +115,7 @@ def test_a_certificate_says_once_what_all_effects_share():
         "it explains all of the error beyond scatter; the probability of anything so clear by chance is 0.003.",
         "The scatter grows (2 ppm); the probability of anything so clear by chance is 0.003; nothing is added to the",
         "With all that was found, the error goes from 0.0003 to 0.0002 deg and that between them from 1 to 0.5. ",
-        "The error left out goes from 0.0003 to 0.0002 deg, which bears them out. Nothing else",
+        "The error left out goes from 0.0003 to 0.0002 deg, which supports them. Nothing else",
         " stands out from the noise. ",
         " Readings that repeat one setting scatter by 1e-4 deg. ",
         "Found and sized on the same data; not confirmed by a measurement of its own.",
@@ -124,7 +129,7 @@ def test_a_certificate_says_once_what_all_effects_share():
 def test_a_certificate_says_what_speaks_against_it():
     grew = "to 0.00031 deg, this grew: the data left out do not confirm what was found"
     assert f"{grew}." in paragraph(EFFECT, left_out=HARMS)
-    assert "to 0.00029 deg, which bears it out, but weakly: it falls by less than 20 %." in paragraph(
+    assert "to 0.00029 deg, which supports it, but weakly: it falls by less than 20 %." in paragraph(
         EFFECT, left_out=LITTLE
     )
     assert f"{grew} (which cannot tell). " in paragraph(EFFECT, left_out=HARMS, hides="which cannot tell")

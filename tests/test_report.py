@@ -16,6 +16,7 @@ from fitter.trace.outcome import Parameter
 from procedures.attitude.evaluate import AttitudeTraced
 from procedures.attitude.trace import trace
 from procedures.attitude.words import little_help
+from procedures.effects_shown import show_effect
 from procedures.numbers import with_error
 from procedures.table import Table
 from procedures.words import chance, incomplete, unnamed
@@ -83,6 +84,24 @@ def test_every_effect_has_interval_and_figure(traced, html):
             assert f"<td>{effect['size_95']} (conditional on the selection)</td>" in html
         for low, high in filter(None, effect["interval_95"]):
             assert f">{low:.4g} to {high:.4g}</td>" in html
+
+
+def test_a_doubtful_name_is_said_to_be_so_wherever_it_stands(traced):
+    """On the page, in the certificate's paragraph, in the summary and on the terminal."""
+    why = "something is left over the roll angle"
+    found = only_x(traced).trace
+    sensor = found.sensors["x_V"]
+    doubted = replace(sensor, effects=tuple(replace(effect, doubtful=why) for effect in sensor.effects))
+    told = replace(only_x(traced), trace=replace(found, sensors={"x_V": doubted}))
+    page = rendered(told.page())
+    assert f'<tr><th>doubtful</th><td class="warning">{why}</td></tr>' in page
+    assert f"The name is doubtful: {why}." in page
+    name = doubted.effects[0].effect
+    assert f"doubtful: {name} ({why})" in told.to_json()["sensors"]["x_V"]["sentence"]
+    effect = told.to_json()["sensors"]["x_V"]["effects"][0]
+    assert [block.text for block in show_effect(effect) if "doubtful" in getattr(block, "text", "")] == [
+        f"doubtful: {why}"
+    ]
 
 
 def test_every_sensor_has_one_paragraph_for_the_certificate(traced, html):

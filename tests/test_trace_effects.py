@@ -11,6 +11,7 @@ import pytest
 
 from procedures.attitude.effects import CATALOGUE, separate
 from procedures.attitude.effects.effect import PREREQUISITES
+from procedures.attitude.evaluate import attitude_sentence
 from procedures.attitude.trace import trace
 from proving.truth.attitude import D1, Bench, Plan, Sensor, simulate, told_the_truth
 from proving.truth.attitude_hidden import CLEAN, HIDDEN, sized
@@ -142,7 +143,8 @@ def test_effect_is_named(name):
     effect = first.effects[0]
     if name in AS_GOOD:
         assert first.verdict == "partly explained"
-        assert "smooth shape without a name" in (effect.doubtful or "")
+        assert "shape without a name" in (effect.doubtful or "")
+        assert f"doubtful: {effect.effect} (" in attitude_sentence(scenario.sensors[0], first)
     else:
         assert (first.verdict, effect.doubtful) == ("explained", None)
     assert effect.p_adjusted < 0.035

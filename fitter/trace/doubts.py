@@ -28,7 +28,7 @@ def bundle(names: Sequence[str]) -> str:
 def no_better(names: Sequence[str], place: str) -> str:
     """One shape without a name explains as much."""
     one = "it does" if len(names) == 1 else f"{' and '.join(names)} do together"
-    return f"a smooth shape without a name, {place}, explains as much as {one}"
+    return f"a shape without a name, {place}, explains as much as {one}"
 
 
 def in_several(sensors: Sequence[str]) -> str:

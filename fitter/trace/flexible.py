@@ -17,11 +17,12 @@ import numpy as np
 from scipy import special
 
 from fitter.arrays import FloatArray
+from fitter.linear import orthonormal
 
 NOTHING_LEFT = 1e-2
 """A column of which no larger share than this is left beside the model says nothing of its own."""
-
-
+ROUNDING = 1e-9
+"""Range of a variable over its largest value, below which it is constant."""
 LEAST_DF = 8
 """Degrees of freedom beside a block: with fewer the error is not known well enough for small probabilities."""
 
@@ -71,13 +72,13 @@ class Remainder:
 def waves(values: FloatArray, most: int) -> FloatArray:
     """(n, m) half waves over the range of a variable (n,); at most one fewer than its distinct values.
 
-    The ranks of the values count half: a variable that is dense in one part of its range is resolved there.
+    None over a variable that is constant but for rounding.
     """
-    distinct = np.unique(np.round((values - values.min()) / max(float(np.ptp(values)), np.finfo(float).tiny), 6))
-    count = min(most, distinct.size - 1)
-    if count < 1:
+    span = float(np.ptp(values))
+    if span <= ROUNDING * float(np.max(np.abs(values))):
         return np.empty((values.size, 0))
-    u = (values - values.min()) / np.ptp(values)
+    u = (values - values.min()) / span
+    count = min(most, np.unique(np.round(u, 6)).size - 1)
     return np.asarray(np.cos(np.pi * np.arange(1, count + 1) * u[:, None]))
 
 
@@ -163,6 +164,17 @@ def evidence(y: FloatArray, columns: FloatArray, roughness: FloatArray | None = 
         one = 1.0 + SIZES[:, None] * values
         best = max(best, float(np.max(0.5 * np.sum(SIZES[:, None] * square / one - np.log(one), axis=1))))
     return best - (0.0 if roughness is None else HYPER)
+
+
+def evidence_of(y: FloatArray, effects: Iterable[FloatArray]) -> float:
+    """Evidence for effects (n, m) each, one after the other, each beside those before it; see `evidence`."""
+    left, taken, total = y, np.empty((y.size, 0)), 0.0
+    for columns in effects:
+        own = columns - taken @ (taken.T @ columns)
+        total += evidence(left, own)
+        basis = orthonormal(own, None, 1e-6)
+        left, taken = left - basis @ (basis.T @ left), np.column_stack([taken, basis])
+    return total
 
 
 def tried(blocks: Iterable[Block]) -> int:

@@ -23,6 +23,8 @@ LEAST_KEPT = 0.3
 """Least share of the power of white noise, relative to the usual one, at which a line is looked for."""
 FEWEST = 96
 """Readings in which a period can be looked for."""
+CLEAR = 1e-4
+"""Probability below which there is a period: the usual power about its frequency is known from a few dozen numbers."""
 IN_TIME = 600
 """Frequencies in time that are tried, at most."""
 
@@ -128,12 +130,11 @@ def _clearest(power: FloatArray, summed: int, kept: FloatArray | None = None) ->
     for width in (1, 3):
         if power.size < 3 * width + ABOUT:
             continue
-        kernel = np.ones(width)
-        sums = np.convolve(power, kernel, "valid")
+        sums = np.convolve(power, np.ones(width), "valid")
         typical = _typical(power, summed) * width
         typical = typical[width // 2 : power.size - width // 2]
         nu, below = 2.0 * summed * width, float(ABOUT * summed)
-        p = _f_tail(sums / typical, nu, below) * power.size * 2
+        p = special.fdtrc(nu, below, sums / typical) * power.size * 2
         at = int(np.argmin(p))
         if p[at] < best[1]:
             best = (at + width // 2, float(p[at]), float(sums[at]))
@@ -151,7 +152,3 @@ def _typical(power: FloatArray, summed: int) -> FloatArray:
     above = np.where(at + ABOUT < m, medians[np.minimum(at + 1, medians.size - 1)], 0.0)
     out[at] = np.maximum(np.maximum(below, above) / over, np.finfo(float).tiny)
     return out
-
-
-def _f_tail(ratio: FloatArray, above: float, below: float) -> FloatArray:
-    return np.asarray(special.fdtrc(above, below, ratio))

@@ -35,7 +35,7 @@ from procedures.left_out import FitSummary, LeaveOut, Searched, kept_with, searc
 from procedures.results import Page, PlainFitted
 from procedures.table import Table
 from procedures.unused import unused_in_fit
-from procedures.words import noise_of, part, verdict
+from procedures.words import doubts_of, noise_of, part, verdict
 
 ABSOLUTE_ZERO_DEGC = -273.15
 
@@ -359,6 +359,7 @@ def attitude_sentence(name: str, found: SensorTrace) -> str:
     effects = " and ".join(f"{e.effect} ({part(e.share)} of the error beyond scatter)" for e in found.effects)
     alike = "; ".join(f"{e.effect} from {', '.join(e.aliases)}" for e in found.effects if e.aliases)
     told = f"; these data cannot tell {alike}" if alike else ""
+    told += doubts_of({e.effect: e.doubtful for e in found.effects})
     text = (
         f"{name}: the declared model ({found.declared}) leaves a standard error of {before}; it lacks {effects}{told}. "
         f"With that the standard error is {after}"

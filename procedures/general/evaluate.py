@@ -21,7 +21,7 @@ from procedures.general.trace import FoundTableEffect, TableTrace, trace_general
 from procedures.results import Page
 from procedures.table import Reader, Table
 from procedures.unused import TEXT, unused_columns
-from procedures.words import noise_of, part, verdict
+from procedures.words import doubts_of, noise_of, part, verdict
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,9 +148,8 @@ def general_sentence(found: TableTrace) -> str:
             f", and the error on {found.left_out} left out goes from {found.before.cv_rms:.4g} to "
             f"{found.after.cv_rms:.4g}"
         )
-    doubtful = [e for e in found.added if e.aliases]
-    if doubtful:
-        text += "; these data cannot tell " + ", nor ".join(
-            f"{e.effect} from {' or '.join(e.aliases[:3])}" for e in doubtful
-        )
+    alike = [f"{e.effect} from {' or '.join(e.aliases[:3])}" for e in found.added if e.aliases]
+    if alike:
+        text += f"; these data cannot tell {', nor '.join(alike)}"
+    text += doubts_of({e.effect: e.doubtful for e in found.added})
     return f"{text}{noise_of(noise)}.{more}"

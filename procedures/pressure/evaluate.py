@@ -35,7 +35,7 @@ from procedures.pressure.trace import FoundPressureEffect, TransducerTrace, Whol
 from procedures.results import Page
 from procedures.table import Table
 from procedures.unused import unused_in_fit
-from procedures.words import noise_of, verdict
+from procedures.words import doubts_of, noise_of, verdict
 
 METHOD = "GLS"
 """Default method of a calibration: it does not prefer any pressure."""
@@ -407,4 +407,4 @@ def whole_plot_sentence(name: str, found: TransducerTrace) -> str:
     rms = found.before.cv_rms, found.after.cv_rms
     if rms[0] is not None and rms[1] is not None:
         text += f", and the error at whole plots that were left out goes from {rms[0]:.3g} to {rms[1]:.3g} mV"
-    return text + noise_of(noise) + "."
+    return text + doubts_of({e.effect: e.doubtful for e in found.added}) + noise_of(noise) + "."

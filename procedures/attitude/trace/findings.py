@@ -12,6 +12,7 @@ from fitter.linear import orthonormal
 from fitter.replication import Replication
 from fitter.trace.aliases import Rival, separation
 from fitter.trace.found import Found, Unnamed, verdict
+from fitter.trace.lines import CLEAR
 from fitter.trace.not_kept import NotKept, for_others
 from fitter.trace.shares import of_rest, shares, unnamed_part
 from procedures.attitude.data import AttitudeData
@@ -32,8 +33,6 @@ from procedures.attitude.trace.score import RESOLVED
 
 UNEXPLAINED = 1e-3
 """Probability of lack of fit or drift below which a remainder is reported."""
-CLEAR_LINE = 1e-4
-"""Limit of this probability for a period: the usual power about its frequency is known from a few dozen numbers."""
 SHOWS = 3.0
 """Minimum size of an effect on the package, in standard errors, for a report in a sensor; it is always reported in the
 sensor with the largest size.
@@ -242,7 +241,7 @@ def _unnamed(problem: Problem, after: Estimate, nameless: Nameless, i: int) -> t
     elif between is not None and between.p < UNEXPLAINED:
         rest.append(Unnamed(between.where, _part(table, between.remainder.share)))
     line = nameless.lines[i]
-    if line is not None and line.p < CLEAR_LINE:
+    if line is not None and line.p < CLEAR:
         rest.append(Unnamed(line.where, _part(table, line.share)))
     elif within is not None and within.p < UNEXPLAINED and not (problem.wander[i] > 0 and within.place.in_time):
         rest.append(Unnamed(within.where, _part(table, within.remainder.share)))

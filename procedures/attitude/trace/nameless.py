@@ -12,7 +12,7 @@ from scipy import special
 from fitter.arrays import FloatArray
 from fitter.linear import orthonormal
 from fitter.trace.doubts import BUNDLE, DOUBT, EARNED, bundle, in_several, no_better, several_values, something_left
-from fitter.trace.flexible import Remainder, evidence, remainders, tried
+from fitter.trace.flexible import Remainder, evidence, evidence_of, remainders, tried
 from fitter.trace.lines import Line, line
 from fitter.trace.search import names_of
 from procedures.attitude.trace.estimate import concerns
@@ -221,14 +221,8 @@ class Nameless:
     def _named(self, names: Sequence[str], level: Level) -> float:
         """Evidence in nats for effects found, one after the other, less their prices."""
         view, every = self._without(names, level)
-        left, taken, total = view.outputs.reshape(-1), np.empty((view.outputs.size, 0)), 0.0
-        for name in names:
-            own = view.of([j for j in every if self.problem.candidates[j].effect.name == name])
-            own = own - taken @ (taken.T @ own)
-            total += evidence(left, own) - self._price(name)
-            basis = orthonormal(own, None, 1e-6)
-            left, taken = left - basis @ (basis.T @ left), np.column_stack([taken, basis])
-        return total
+        own = (view.of([j for j in every if self.problem.candidates[j].effect.name == name]) for name in names)
+        return evidence_of(view.outputs.reshape(-1), own) - sum(map(self._price, names))
 
     def _nameless(self, names: Sequence[str], of: Level, level: Level) -> tuple[float, str]:
         """The best evidence in nats for one shape without a name in their place, and where that lives.
@@ -351,18 +345,3 @@ def _memory(problem: Problem, left: FloatArray) -> FloatArray:
         if r * np.sqrt(same.sum()) > 3.0:
             out[i] = min(r, 0.95)
     return out
-
-
-def report(problem: Problem, chosen: tuple[int, ...]) -> list[str]:
-    """The remainder, and the evidence for each group of names, one line each: for trials of limits."""
-    one = Nameless(problem, chosen)
-    lines = []
-    for left in one.left[:3]:
-        if left.p < 0.05:
-            share = left.remainder.share
-            lines.append(f"LEFT {left.place.block.place} {left.place.sensor} p={left.p:.1e} share={share:.3f}")
-    lines += [f"LINE {x.where} p={x.p:.1e}" for x in one.lines if x is not None and x.p < 0.05]
-    for _, names in one._groups:
-        a, b, w = one.earned(names)
-        lines.append(f"{names}: named {a:.1f} nameless {b:.1f} diff {a - b:.1f} {w}")
-    return lines

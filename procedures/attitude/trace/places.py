@@ -17,6 +17,7 @@ PITCH, ROLL, TIME, TEMPERATURE, GRAVITY = 8, 6, 12, 5, 12
 """Waves at most over each."""
 BOTH = 4
 """Of pitch and of roll in their products."""
+ALONG_RUN, ALONG_REPLICATION = "along the run", "along each replication"
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,8 +39,8 @@ class Place:
 
     @property
     def in_time(self) -> bool:
-        """Whether it is a course along the run, as a random walk takes one."""
-        return self.block.place.startswith("along")
+        """Whether it is a course of the offset, as a random walk takes one."""
+        return self.block.place in (ALONG_RUN, ALONG_REPLICATION)
 
 
 def places_of(scene: Scene) -> tuple[Place, ...]:
@@ -51,13 +52,13 @@ def places_of(scene: Scene) -> tuple[Place, ...]:
     )
     for level, make in makers:
         for place, columns, rough in make(scene):
-            orders = orders_of(columns(0), (3, 6, 12, 40) if level == "replications" else (3, 6, 12))
             each = [columns(i) for i in range(len(scene.data.sensors))]
+            at: list[tuple[int | None, FloatArray]] = list(enumerate(each))
             if place.startswith("package"):
-                found.append(Place(Block(place, np.concatenate(each), orders, rough), level, None, len(each)))
-                continue
-            for i, own in enumerate(each):
-                found.append(Place(Block(place, own, orders, rough), level, i, len(each)))
+                at = [(None, np.concatenate(each))]
+            for i, own in at:
+                orders = orders_of(own, (3, 6, 12, 40) if level == "replications" else (3, 6, 12))
+                found.append(Place(Block(place, own, orders, rough[: own.shape[1]]), level, i, len(each)))
     return tuple(found)
 
 
@@ -83,7 +84,7 @@ def _between_points(scene: Scene) -> list[_Made]:
     along = [waves(scene.along(s), GRAVITY) for s in sensors]
     found: list[_Made] = [
         ("over the pitch angle", lambda _i: pitch, _rough(pitch)),
-        ("over gravity along the sensor", lambda i: along[i], _rough(along[0])),
+        ("over gravity along the sensor", lambda i: along[i], _rough(max(along, key=np.size))),
         (
             "package: an error of pitch over the pitch angle",
             lambda i: _times(scene.per_pitch(sensors[i]), with_one),
@@ -116,9 +117,9 @@ def _within_points(scene: Scene) -> list[_Made]:
     time, ones = waves(data.elapsed_s, TIME), np.ones((len(data), 1))
     since = waves(_since(data.replicate_index, data.elapsed_s), 6)
     found: list[_Made] = [
-        ("along the run", lambda _i: time, _rough(time)),
+        (ALONG_RUN, lambda _i: time, _rough(time)),
         ("along the run, times gravity", lambda _i: _times3(g, time[:, :6]), np.repeat(_rough(time[:, :6]), 3)),
-        ("along each replication", lambda _i: since, _rough(since)),
+        (ALONG_REPLICATION, lambda _i: since, _rough(since)),
         ("package: an error of pitch along the run", lambda i: _times(scene.per_pitch(sensors[i]), time), _rough(time)),
     ]
     if scene.roll:
@@ -139,10 +140,10 @@ def _within_points(scene: Scene) -> list[_Made]:
                 np.repeat(_rough(warm[:, :3]), 3),
             ),
         ]
-    sides = [("pitch", data.pitch_side, waves(data.pitch_deg, 6), 1.0)]
+    sides = [("pitch", data.pitch_side, waves(data.pitch_deg, 6))]
     if scene.roll:
-        sides.append(("roll", data.roll_side, turns(data.roll_deg, 4), 2.0))
-    for axis, side, smooth, _ in sides:
+        sides.append(("roll", data.roll_side, turns(data.roll_deg, 4)))
+    for axis, side, smooth in sides:
         if np.ptp(side) > 0:
             by = [ones, smooth, g]
             rough = [np.ones(1), _rough(smooth), np.ones(3)]
@@ -192,7 +193,7 @@ def _times3(g: FloatArray, columns: FloatArray) -> FloatArray:
 
 def _products(one: FloatArray, other: FloatArray) -> tuple[FloatArray, FloatArray]:
     """(n, p q) products of columns, the slowest first, and their roughness."""
-    pairs = sorted((i + 1 + j // 2 + 1 - 1, i, j) for i in range(one.shape[1]) for j in range(other.shape[1]))
+    pairs = sorted((i + j // 2 + 1, i, j) for i in range(one.shape[1]) for j in range(other.shape[1]))
     if not pairs:
         return np.empty((one.shape[0], 0)), np.empty(0)
     return (

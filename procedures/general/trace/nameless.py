@@ -9,10 +9,9 @@ from functools import cached_property
 import numpy as np
 
 from fitter.arrays import FloatArray, IntArray
-from fitter.linear import orthonormal
 from fitter.trace.aliases import DELTA
 from fitter.trace.doubts import BUNDLE, DOUBT, EARNED, bundle, no_better, something_left
-from fitter.trace.flexible import Block, Remainder, evidence, remainders, tried
+from fitter.trace.flexible import Block, Remainder, evidence, evidence_of, remainders, tried
 from fitter.trace.lines import Line, line
 from fitter.trace.search import names_of
 from fitter.trace.two_levels import TwoLevels, two_levels
@@ -232,14 +231,9 @@ class Nameless:
         sigma = float(np.sqrt(left @ left / df))
         y = judge.white(at, self.chosen)
         y = (y - taken @ (taken.T @ y)) / sigma
-        named, beside, own = 0.0, y, np.empty((y.size, 0))
-        for name in names:
-            columns = view.columns[:, view.picked([j for j in mine if candidates[j].effect.name == name])]
-            columns = columns - taken @ (taken.T @ columns)
-            columns = columns - own @ (own.T @ columns)
-            named += evidence(beside, columns) - self._price(name)
-            basis = orthonormal(columns, None, 1e-6)
-            beside, own = beside - basis @ (basis.T @ beside), np.column_stack([own, basis])
+        picked = (view.picked([j for j in mine if candidates[j].effect.name == name]) for name in names)
+        own = (view.columns[:, some] for some in picked)
+        named = evidence_of(y, (some - taken @ (taken.T @ some) for some in own)) - sum(map(self._price, names))
         best, where = -np.inf, ""
         for place in self.places:
             columns = self._white(place.block.columns, at)

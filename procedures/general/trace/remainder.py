@@ -11,6 +11,7 @@ from scipy import special
 from fitter.arrays import FloatArray, IntArray
 from fitter.linear import orthonormal
 from fitter.trace.found import Unnamed
+from fitter.trace.lines import CLEAR
 from procedures.general.trace.both import Both
 from procedures.general.trace.judge import TableJudge
 from procedures.general.trace.nameless import Left, Nameless
@@ -20,8 +21,6 @@ from procedures.general.trace.smooth import Smooth, curve, offered
 
 UNEXPLAINED = 1e-3
 """Probability below which there is a remainder, over all tested places."""
-CLEAR_LINE = 1e-4
-"""The same of a period: a few dozen rows do not tell the usual power at its frequency well."""
 SUSPECTS = 2
 BINS, FEWEST_IN_BIN = 8, 4
 
@@ -55,7 +54,7 @@ def unnamed(nameless: Nameless, variables: Mapping[str, FloatArray]) -> tuple[Un
     rest = list[Unnamed](_slow(judge, chosen))
     clearest = next(iter(nameless.left), None)
     line, jumps = nameless.line, nameless.jumps
-    if line is not None and line.p < CLEAR_LINE:
+    if line is not None and line.p < CLEAR:
         rest.append(Unnamed(line.where, line.share))
     if jumps is not None:
         levels = f"along the run: jumps between two levels {jumps.apart:.3g} apart, {jumps.stay:.3g} rows at the rarer"

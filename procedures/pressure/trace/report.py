@@ -15,6 +15,7 @@ from fitter.formula import Formula
 from fitter.linear import orthonormal
 from fitter.trace.aliases import Rival, separation
 from fitter.trace.found import Unnamed, verdict
+from fitter.trace.lines import CLEAR
 from fitter.trace.not_kept import NotKept, for_others
 from fitter.trace.shares import of_rest, shares, unnamed_part
 from procedures.pressure.data import WholePlotData
@@ -288,6 +289,6 @@ def _unnamed(finding: Finding, i: int) -> tuple[Unnamed, ...]:
         if not rest and left is not None and left.p < UNEXPLAINED:
             rest.append(left.unnamed())
     line = finding.nameless.lines[i]
-    if line is not None and line.p < UNEXPLAINED:
+    if line is not None and line.p < CLEAR:
         rest.append(Unnamed(line.where, line.share))
     return tuple(rest)
