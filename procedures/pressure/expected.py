@@ -7,12 +7,15 @@ from collections.abc import Mapping
 import numpy as np
 
 from fitter.arrays import FloatArray
+from fitter.formula import Formula
 from procedures.expected import Columns, Expected
 from procedures.pressure.fit import PressureCalibration, named_formula
 from procedures.pressure.fit.models import FULL
 
 PRESSURE = "pressure_psia"
 _VARIABLES = {"P": PRESSURE, "T_sensor": "sensor_temperature_degC", "T_SSE": "sse_temperature_degC"}
+_LARGEST = 1e60
+"""Of a number in a run file; its fifth power is still a double."""
 
 
 def expected(
@@ -25,7 +28,7 @@ def expected(
 
 
 def _expected(one: PressureCalibration, columns: Columns) -> Expected:
-    rows = one.formula.columns({name: columns[column] for name, column in _VARIABLES.items()})[1]
+    rows = _rows(one.formula, columns)
     own = np.einsum("nk,kl,nl->n", rows, one.covariance, rows)
     between, spread = one.errors.between_variance, float(one.errors.spread[2, 2])
     df = 2.0 * one.errors.wholeplot_variance**2 / spread if spread > 0.0 else 1e3
@@ -34,7 +37,16 @@ def _expected(one: PressureCalibration, columns: Columns) -> Expected:
 
 
 def model_columns(columns: Columns) -> FloatArray | None:
-    """(n, k) columns of the full second order; None if pressure or a temperature is unknown."""
+    """(n, k) columns of the full second order; NaN as in `_rows`; None if pressure or a temperature is unknown."""
     if any(name not in columns for name in _VARIABLES.values()):
         return None
-    return named_formula(FULL).columns({name: columns[column] for name, column in _VARIABLES.items()})[1]
+    return _rows(named_formula(FULL), columns)
+
+
+def _rows(formula: Formula, columns: Columns) -> FloatArray:
+    """(n, k) columns of a formula; a row is NaN if a quantity was not read, or is too large to be one."""
+    given = {name: np.asarray(columns[column], np.float64) for name, column in _VARIABLES.items()}
+    usable = np.all([np.abs(values) < _LARGEST for values in given.values()], axis=0)
+    made = formula.columns({name: np.where(usable, values, 1.0) for name, values in given.items()})[1]
+    made[~usable] = np.nan
+    return made

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from fitter.arrays import FloatArray
+from fitter.errors import FitError
 from procedures.expected import Previous
 from rig.quantities import PER_VOLT
 from rig.watch.against import columns_of, model_columns
@@ -55,11 +56,14 @@ def residuals(
 def _fitted(
     seen: Sequence[Seen], outputs: Mapping[str, FloatArray], kind: str, declared: Mapping[str, Any]
 ) -> tuple[dict[str, FloatArray], str]:
-    columns = model_columns(seen, kind, declared) if seen else None
+    try:
+        columns = model_columns(seen, kind, declared) if seen else None
+    except FitError as error:
+        return {}, str(error)
     if columns is None:
         return {}, "" if seen else "nothing has been observed yet"
-    columns = columns / np.maximum(np.abs(columns).max(axis=0), 1e-300)
     usable = np.all(np.isfinite(columns), axis=1)
+    columns = columns / np.abs(columns[usable]).max(axis=0, initial=1e-300)
     rank = int(np.linalg.matrix_rank(columns[usable])) if usable.any() else 0
     if usable.sum() < rank + _SPARE or rank < 2:
         return {}, f"{int(usable.sum())} points are not enough for the model yet"
