@@ -121,7 +121,9 @@ def _wander(left: FloatArray, within: FloatArray, point: IntArray, replicate: In
     """
     n, size = len(left), np.bincount(point)
     joined = np.where(replicate[1:] == replicate[:-1], 0.5, 0.0)
-    lag = sparse.diags_array([joined, joined], offsets=[-1, 1], format="csr")
+    here, next_ = np.arange(n - 1), np.arange(1, n)
+    pairs = np.concatenate([here, next_]), np.concatenate([next_, here])
+    lag = sparse.csr_array((np.tile(joined, 2), pairs), shape=(n, n))
     # A row is at one point, so most of the projection is sparse: n numbers, not n times the number of points.
     points = sparse.csr_array((1.0 / np.sqrt(size[point]), point, np.arange(n + 1)), shape=(n, len(size)))
     lagged_points, lagged_within = lag @ points, lag @ within
