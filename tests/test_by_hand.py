@@ -19,16 +19,20 @@ from pydantic import ValidationError
 from procedures.by_hand import HandStep
 from procedures.fault_policies import ABORT
 from rig.controller import resume_run, start_run
+from rig.engine.by_hand import ByHand
 from rig.engine.session import Outcome, Progress, Signals
 from rig.plans import load_plan
 from rig.run_file.events.by_hand import AskedByHand, DoneByHand
 from rig.run_file.live import live_path, read_json, request_path
 from rig.run_file.reader import RunReader
+from rig.run_file.sense import judged
 from rig.run_file.state import read_state
 from rig.tables import run_table
 from rig.unattended.happenings import Kind, RunFacts, from_record
 from rig.unattended.notify.message import compose
 from rig.watch.words import state_now
+from sims.physics import Plant
+from sims.world import World
 
 PADS = {"say": "lock the pads.", "change": "pads-locked"}
 FORCE = {"say": "hang the 5 kN weight", "change": "weight", "value": "force_kN"}
@@ -453,3 +457,94 @@ def test_events_say_who_did_what_when():
     assert question.sentence(None) == (  # type: ignore[arg-type]
         "a person is asked for step 2, before point 7: lock the pads; force_kN is asked for"
     )
+
+
+def test_an_observation_without_its_step_is_found_by_verification(tmp_path, monkeypatch):
+    monkeypatch.setattr(ByHand, "due", lambda _self, _following: False)
+    path = dry(tmp_path, text=SHORT + BY_HAND, world=world(tmp_path, PADS_WORLD))
+    with RunReader.open(path) as reader:
+        found = [str(finding) for finding in judged(reader, 100).findings]
+    assert len(found) == 30
+    assert "nothing says that step 1 by hand was done, which comes before its point" in found[0]
+
+
+def test_a_sound_run_with_steps_is_verified_without_findings(tmp_path):
+    path = dry(tmp_path, text=SHORT + BY_HAND, world=world(tmp_path, PADS_WORLD))
+    with RunReader.open(path) as reader:
+        assert judged(reader, 100).findings == ()
+
+
+# --- the simulated bench -----------------------------------------------------------------------------------------
+
+
+def _attitude_plant(values):
+    sensors = {"x": {"axis": "x", "reader": "dvm", "channel": "1"}}
+    return Plant(World(), {"seed": 3, **values}, {"sensors": sensors})
+
+
+def test_locked_pads_do_not_deflect():
+    effects = {"effects": {"isolation_pad": {"pitch_compliance_deg_per_g": 0.5}}}
+    soft, stiff = _attitude_plant(effects), _attitude_plant({})
+    assert soft.clean_V("dvm", "1", 1.0, 2.0) != stiff.clean_V("dvm", "1", 1.0, 2.0)
+    soft.by_hand("pads-locked")
+    assert soft.clean_V("dvm", "1", 1.0, 2.0) == stiff.clean_V("dvm", "1", 1.0, 2.0)
+
+
+def test_every_mounting_has_its_own_small_error():
+    plant = _attitude_plant({"mounting": {"error_deg": 0.1}})
+    seen = [plant.clean_V("dvm", "1", 1.0, 2.0)]
+    for _ in range(3):
+        plant.by_hand("remount")
+        seen.append(plant.clean_V("dvm", "1", 1.0, 2.0))
+    assert len(set(seen)) == 4
+    assert np.ptp(seen) < 5.0 * np.radians(0.1) * 8
+    again = _attitude_plant({"mounting": {"error_deg": 0.1}})
+    for _ in range(3):
+        again.by_hand("remount")
+    assert again.clean_V("dvm", "1", 1.0, 2.0) == seen[3]
+
+
+def test_another_voltmeter_has_another_error():
+    bent, fine = _attitude_plant({"voltmeter": {"square_ppm_per_V": 500.0}}), _attitude_plant({})
+    true_V = fine.clean_V("dvm", "1", 1.0, 2.0)
+    assert bent.clean_V("dvm", "1", 1.0, 2.0) == pytest.approx(true_V * (1 + 500e-6 * true_V), rel=1e-12)
+    bent.by_hand("voltmeter-swapped")
+    assert abs(bent.clean_V("dvm", "1", 1.0, 2.0) - true_V) < abs(500e-6 * true_V**2) + 60e-6 * abs(true_V)
+    fine.by_hand("voltmeter-swapped")
+    assert 0 < abs(fine.clean_V("dvm", "1", 1.0, 2.0) / true_V - 1) < 60e-6
+
+
+@pytest.mark.parametrize(
+    ("change", "effects"),
+    [
+        ("gauge-swapped", {"reference_nonlinearity": {"upsi_per_psi3": 5000.0}}),
+        ("line-swapped", {"thermal_transpiration": {"bore_mm": 0.02}}),
+        ("voltmeter-swapped", {"excitation_temperature": {"ppm_per_sse_degC": 500.0}}),
+    ],
+)
+def test_changes_of_a_pressure_bench(change, effects):
+    """The effect is less than before, and no other bench is changed as much."""
+    bench = {
+        "sensors": {"b": {"reader": "dvm", "channel": "1"}},
+        "factors": {
+            "pressure_psia": "supply",
+            "sensor_temperature_degC": "cold_box",
+            "sse_temperature_degC": "hot_box",
+        },
+    }
+    boxes = {
+        "sensor_chamber": {"start_setpoint_degC": -90.0, "start_controlled": True},
+        "sse_chamber": {"start_setpoint_degC": 40.0, "start_controlled": True},
+        "pressure_line": {"start_psia": 0.5 if change == "line-swapped" else 14.7},
+    }
+
+    def output(changes, **more):
+        plant = Plant(World(), {"seed": 3, **boxes, **more}, bench)
+        for one in changes:
+            plant.by_hand(one)
+        return plant.clean_V("dvm", "1", 1.0, 2.0)
+
+    effect = output([], effects=effects) - output([])
+    left = output([change], effects=effects) - output([change])
+    assert abs(left) < 0.9 * abs(effect)
+    assert output(["something-else"], effects=effects) == output([], effects=effects)
