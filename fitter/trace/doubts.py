@@ -14,7 +14,7 @@ EARNED = 3.0
 
 def something_left(place: str, p: float) -> str:
     """Something is left beside it."""
-    return f"something is left {place} that it does not explain (p = {p:.1g})"
+    return f"the residual still follows a shape {place} that it does not explain (p = {p:.1g})"
 
 
 def bundle(names: Sequence[str]) -> str:
@@ -33,17 +33,14 @@ def no_better(names: Sequence[str], place: str) -> str:
 
 def in_several(sensors: Sequence[str]) -> str:
     """An effect of single sensors arrives in several at once."""
-    return (
-        f"{', '.join(sensors)} show it at once, each with a coefficient of its own: a cause that they share would "
-        "look like this"
-    )
+    return f"{', '.join(sensors)} show it at once, each with its own coefficient: a common cause would look like this"
 
 
 def beside(stronger: str) -> str:
     """A stronger effect of much the same shape is there."""
-    return f"it is small beside {stronger}, and a law of {stronger} that is not quite right would look like this"
+    return f"it is small compared with {stronger}, and a small error in the law of {stronger} would look like this"
 
 
 def several_values(count: int) -> str:
     """An effect with one searched constant takes several values of it at once."""
-    return f"it takes {count} values of a constant that has one: together they can take almost any shape"
+    return f"it takes {count} values of a constant that has one true value: together they can have almost any shape"

@@ -49,7 +49,7 @@ class TwoLevels:
 
 
 def two_levels(left: FloatArray, basis: FloatArray) -> TwoLevels | None:
-    """The likeliest two levels of a residual (n,) in the order of taking; None where there are too few rows.
+    """The likeliest two levels of a residual (n,) in the order of measurement; None where there are too few rows.
 
     What the model took up of the levels is given back: model and levels are fitted in turn.
 

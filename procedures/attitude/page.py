@@ -116,7 +116,7 @@ _ROWS = (
     ("T_b", "T_b", 1.0, "offset between replications"),
     ("T_S", "T_S", 1.0, "sensitivity between replications"),
     ("F_bS_95", "their 95 % limit", 1.0, ""),
-    ("cv_rms_deg", "left-out error / 1e-4 deg", 1e4, "rms error at replications the fit has not seen"),
+    ("cv_rms_deg", "left-out error / 1e-4 deg", 1e4, "rms error at replications that were left out of the fit"),
 )
 
 

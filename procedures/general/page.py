@@ -78,7 +78,7 @@ def _means(values: Array, residual: Array, *, each: bool = False) -> tuple[Array
 
 
 _ROWS = (
-    ("sigma_E", "standard error of one row", "of least squares, every row counted alike"),
+    ("sigma_E", "standard error of one row", "of least squares, with equal weights of all rows"),
     (
         "sigma_pure",
         "of rows that repeat one setting",
@@ -86,7 +86,7 @@ _ROWS = (
     ),
     ("sigma_subplot", "within whole plots", "by restricted maximum likelihood"),
     ("sigma_wholeplot", "between whole plots", "of the error that rows of a whole plot share"),
-    ("cv_rms", "left-out error", "rms error at rows that neither search nor fit have seen"),
+    ("cv_rms", "left-out error", "rms error at rows that were left out of search and fit"),
 )
 _PLOTS = 6
 

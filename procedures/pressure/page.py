@@ -99,8 +99,12 @@ def _less_means(data: WholePlotData, side: Array) -> Array:
 
 _ROWS = (
     ("sigma_subplot", "within whole plots / mV", "standard deviation of one reading at constant temperature"),
-    ("sigma_wholeplot", "between whole plots / mV", "of the error that every temperature change draws again"),
-    ("cv_rms", "left-out error / mV", "rms error at whole plots the fit has not seen, their own error included"),
+    ("sigma_wholeplot", "between whole plots / mV", "of the error that is new at every change of temperature"),
+    (
+        "cv_rms",
+        "left-out error / mV",
+        "rms error at whole plots that were left out of the fit, including their own error",
+    ),
 )
 
 
