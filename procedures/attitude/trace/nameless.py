@@ -1,4 +1,4 @@
-"""Smooth shapes without a name in a run, and whether each name found is better than they are."""
+"""Smooth shapes without a name in a run, and a comparison of each name found with them."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ from procedures.attitude.trace.score import errors, rounding
 from procedures.attitude.trace.walks import SPREAD, likelihood_ratio
 
 SEEN = 6.0
-"""Nats of evidence within replications below which an effect was rather seen between them."""
+"""Nats of evidence within replications, below which the evidence for an effect is mainly between them."""
 DRAWS, SEED = 24, 1
-"""Of white noise, to know what the projection leaves of it at each frequency."""
+"""Number of draws of white noise, for the share that the projection leaves at each frequency."""
 WALKED = 0.05
 """Probability above which a shape is not tested against a random walk too."""
 
@@ -35,8 +35,8 @@ class Left:
     """A shape that a residual still follows.
 
     Attributes:
-        place: where.
-        remainder: how clearly.
+        place: its place.
+        remainder: its part of the residual.
         p: over all places, orders and sensors.
 
     """

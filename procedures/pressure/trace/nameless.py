@@ -25,14 +25,14 @@ from procedures.pressure.trace.score import CHANCE, RESOLVED, SLOPES, TINY, besi
 from procedures.pressure.trace.strata import LEVELS, Level
 
 EARNED = -1.0
-"""Nats by which names must be likelier than the likeliest shape without one, or may be less likely.
+"""Minimum lead in nats of names over the most probable shape without a name; negative if they may be behind.
 
-Most causes here are one column that is also the slowest wave of its place (a drift, a square of a temperature): no data
-make such a name likelier by much more than its price and a shape's are apart.
+Most causes here are one column that is also the slowest wave of its place (a drift, a square of a temperature). For any
+data, the lead of such a name is hardly more than the difference between its price and the price of a shape.
 """
 SMALL, ALIKE = 0.05, 0.3
-"""Evidence of an effect over that of a stronger one, below which it may be what the stronger one's law lacks: a fifth
-of its size; and the part of its length that then lies along the stronger one."""
+"""Ratio of the evidence of an effect to the evidence of a stronger one, below which it may be an error in the law of
+the stronger one: a fifth of its size; and the minimum part of its length along the stronger one."""
 ONLY_WARM = "only its change with the temperature was found, and nothing of it that every temperature has"
 LOOKED_AT = 0.05
 """Probability above which a shape is not tested against noise that is alike from one whole plot to the next."""
@@ -44,8 +44,8 @@ class Left:
     """A shape that a residual still follows.
 
     Attributes:
-        place: where.
-        remainder: how clearly.
+        place: its place.
+        remainder: its part of the residual.
         sensor: index of the transducer.
         p: over all places, orders and transducers.
 
