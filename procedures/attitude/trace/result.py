@@ -168,7 +168,7 @@ _SHOWN = {
     "T_b": ("T_b", "offset between replications"),
     "T_S": ("T_S", "sensitivity between replications"),
     "F_bS_95": ("their 95 % limit", ""),
-    "cv_rms_deg": ("left-out error / 1e-4 deg", "rms error at replications the fit has not seen"),
+    "cv_rms_deg": ("left-out error / 1e-4 deg", "rms error at replications that were left out of the fit"),
 }
 """Label and meaning of the values for people."""
 

@@ -77,7 +77,7 @@ class TableSide:
                 "sigma_E",
                 self.fit.sigma_E,
                 "standard error of one row",
-                "of least squares, every row counted alike",
+                "of least squares, with equal weights of all rows",
             ),
             *absent(OF_REPLICATIONS[1:]),
             Row("df_E", self.fit.df),
@@ -90,7 +90,7 @@ class TableSide:
             _row("sigma_subplot", within, "within whole plots", "by restricted maximum likelihood"),
             _row("sigma_wholeplot", between, "between whole plots", "of the error that rows of a whole plot share"),
             *absent(("sigma_replicate", "reading_error_pct")),
-            _row("cv_rms", self.cv_rms, "left-out error", "rms error at rows that neither search nor fit have seen"),
+            _row("cv_rms", self.cv_rms, "left-out error", "rms error at rows that were left out of search and fit"),
         )
 
 

@@ -106,7 +106,7 @@ class Side:
                 self.fit.sigma_wholeplot,
                 "mV",
                 label="between whole plots / mV",
-                meaning="of the error that every temperature change draws again",
+                meaning="of the error that is new at every change of temperature",
             ),
             Row("sigma_replicate", self.fit.sigma_replicate, "mV"),
             Row(
@@ -120,7 +120,7 @@ class Side:
                 self.cv_rms,
                 "mV",
                 label="left-out error / mV",
-                meaning="rms error at whole plots the fit has not seen, their own error included",
+                meaning="rms error at whole plots that were left out of the fit, including their own error",
             ),
         )
 
