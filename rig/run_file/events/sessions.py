@@ -65,7 +65,7 @@ class RunCreated(Event, kind="run", says="run created, {points} points, run list
 
     @property
     def steps(self) -> tuple[HandStep, ...]:
-        """What a person does in it, in the order of the points."""
+        """Steps that a person does in it, in the order of the points."""
         names = HandStep.__dataclass_fields__.keys()
         given = () if self.by_hand is EMPTY else self.by_hand
         return tuple(HandStep(**{name: value for name, value in step.items() if name in names}) for step in given)
