@@ -607,3 +607,19 @@ def test_the_time_of_a_change_is_given_to_the_trace(tmp_path):
     path = dry(tmp_path, text=text, world=world(tmp_path, "seed = 3\n[voltmeter]\nspread_ppm = 300\n"))
     sensors = rig.open(path).trace().to_json()["sensors"]
     assert all("sensitivity-step" in {e["effect"] for e in one["effects"]} for one in sensors.values())
+
+
+@pytest.mark.parametrize(("max_gap_s", "settled"), [(300, 2), (1800, 1)])
+def test_the_wait_is_a_gap_like_others(tmp_path, max_gap_s, settled):
+    """The simulated person needs ten minutes. The first step comes before the environment is settled."""
+    text = f"{SHORT}[recovery]\nmax_gap_s = {max_gap_s}\n{BY_HAND}"
+    path = dry(tmp_path, text=text, world=world(tmp_path, PADS_WORLD))
+    assert len(records(path, "event", "prepared")) == settled
+
+
+def test_early_warnings_do_not_hold_a_change_by_hand_against_the_sensors(tmp_path):
+    text = SHORT.replace("replications = 2", "replications = 4")
+    step = '[[by_hand]]\nbefore = 31\nsay = "use another voltmeter"\nchange = "voltmeter-swapped"\n'
+    other = world(tmp_path, "seed = 3\n[voltmeter]\nspread_ppm = 3000\n")
+    told = dry(tmp_path / "told", text=text + step, world=other)
+    assert not records(told, "event", "warning")
