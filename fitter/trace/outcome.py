@@ -13,6 +13,7 @@ from typing import Any, Literal, Self
 
 from fitter.arrays import FloatArray
 from fitter.json_values import JsonValue
+from fitter.trace.shape import Shape
 
 Kind = Literal["effect", "noise", "unnamed"]
 
@@ -155,6 +156,7 @@ class Finding:
         interval_95: of each coefficient, None for one without; None before they are computed.
         size_95: 95 % interval of the size in words; None if there is none.
         sentence: a self-contained sentence about it; "" before it is written.
+        shape: of a remainder without a name, as a curve or a surface; None for others, and where it has none.
         more: keys of JSON of one kind of run only.
     """
 
@@ -178,13 +180,14 @@ class Finding:
     interval_95: tuple[tuple[float, float] | None, ...] | None = None
     size_95: str | None = None
     sentence: str = ""
+    shape: Shape | None = None
     more: Mapping[str, JsonValue] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:
         """JSON values for `rig trace --json`."""
         if self.kind == "unnamed":
             told = {"where": self.cause, "share": self.share, "added": self.added, "stratum": self.stratum}
-            return {**told, **self.more}
+            return {**told, **self.more, "shape": None if self.shape is None else self.shape.to_json()}
         table: dict[str, Any] = {
             "effect": self.effect,
             "cause": self.cause,

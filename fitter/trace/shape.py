@@ -199,7 +199,7 @@ def shape_of(
     cell, x, other, rows = _cells(over, beside)
     columns = np.column_stack([np.bincount(cell, one, rows.size) / rows for one in seen.plain_columns.T])
     residual = seen.plain - seen.plain_columns @ coefficients
-    scatter = float(np.sqrt(residual @ residual / max(seen.df - basis.shape[1], 1)))
+    scatter = float(np.sqrt(np.mean(residual**2) * seen.white.size / df))
     whole = seen.plain_columns @ coefficients
     form = seen.white_columns @ coefficients
     told = measure_more(Added(columns, spread, scatter, rows, x, other), over, beside)
