@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from procedures.words import capitalised, chance, share, units, unnamed, with_error
+from procedures.words import capitalised, chance, percent, share, size_of, units, unnamed, with_error
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -25,6 +25,7 @@ def effects_part(found: Mapping[str, Any], plots: Mapping[str, Figure]) -> dict[
         "heading": capitalised(", and ".join(kinds)),
         "effects": [effect_rows(effect, plots.get(effect["effect"])) for effect in found["effects"]],
         "unnamed": unnamed(found),
+        "shapes": [_shape_rows(rest["shape"]) if rest.get("shape") else None for rest in found["unnamed"]],
         "certificate": found["certificate"],
     }
 
@@ -54,6 +55,29 @@ def effect_rows(effect: dict[str, Any], plot: Figure | None = None) -> dict[str,
             )
             for term, value, error, pair, unit in zip(*columns, strict=True)
         ],
+    }
+
+
+def _shape_rows(shape: Mapping[str, Any]) -> dict[str, Any]:
+    """A shape's JSON with its numbers as text, and its plot."""
+    from procedures.shape_plots import draw_shape  # noqa: PLC0415 - matplotlib takes a second to import
+
+    return {
+        "stratum": shape["stratum"],
+        "over": " and ".join(axis["label"] for axis in (shape["over"], shape["beside"]) if axis is not None),
+        "size": size_of(shape),
+        "p": chance({"p_adjusted": shape["p"], "p_adjusted_is_bound": False}),
+        "nearest": [
+            {
+                "effect": one["effect"],
+                "explains": percent(one["explains"]),
+                "behind": f"{one['behind_sigmas']:.1f} standard errors",
+            }
+            for one in shape["nearest"]
+        ],
+        "none": shape["nearest_sentence"].partition("; ")[2],
+        "measure": shape["measure"],
+        "plot": draw_shape(shape),
     }
 
 

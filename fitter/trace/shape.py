@@ -159,8 +159,8 @@ class Seen:
 
 
 Name = tuple[str, FloatArray, FloatArray]
-"""Name of an effect; (m, d) its columns for one value of its constant, in the metric, beside the model; (d,) their lengths
-before the model was taken out."""
+"""Name of an effect; (m, d) its columns for one value of its constant, in the metric, beside the model; (d,) their
+lengths before the model was taken out."""
 
 
 def shape_of(
@@ -289,20 +289,20 @@ def _behind(own: FloatArray, y: FloatArray, basis: FloatArray) -> float:
 
 def _cells(over: Axis, beside: Axis | None) -> tuple[IntArray, FloatArray, FloatArray, IntArray]:
     """(n,) cell of each row; (m,) its value of the variable, of the second one, and its rows."""
-    index = _binned(over.values, OWN_CELLS if beside is None else OWN_LINES * 2, CELLS)
-    if beside is not None:
-        second = _binned(beside.values, OWN_LINES, LINES)
-        index = second * (1 + int(index.max())) + index
+    first = _binned(over.values, OWN_CELLS, CELLS)
+    second = np.zeros_like(first) if beside is None else _binned(beside.values, OWN_LINES, LINES)
+    index = second * (1 + int(first.max())) + first
     cell = np.asarray(np.unique(index, return_inverse=True)[1], np.int64)
     rows = np.bincount(cell)
-    x = np.bincount(cell, over.values) / rows
-    y = np.empty(0) if beside is None else np.bincount(cell, _typical(beside.values)) / rows
+    if beside is None:
+        return cell, np.bincount(cell, over.values) / rows, np.empty(0), rows
+    at = (_typical(over.values, first), _typical(beside.values, second))
+    x, y = (np.bincount(cell, values) / rows for values in at)
     return cell, np.asarray(x), np.asarray(y), rows
 
 
-def _typical(values: FloatArray) -> FloatArray:
-    """(n,) mean of the second variable over the rows of its own bin, the same all along a line."""
-    index = _binned(values, OWN_LINES, LINES)
+def _typical(values: FloatArray, index: IntArray) -> FloatArray:
+    """(n,) mean of the rows of each row's bin."""
     return np.asarray((np.bincount(index, values) / np.bincount(index))[index])
 
 

@@ -12,13 +12,13 @@ from fitter.trace.flexible import Block, turns, waves
 from fitter.trace.lines import Line
 from fitter.trace.shape import Axis, Name, Seen, Shape, shape_of
 from procedures.attitude.effects import Scene
-from procedures.attitude.parameters import SCALE, UNIT
 from procedures.attitude.trace.levels import Level
 from procedures.attitude.trace.nameless import Left, Nameless
 from procedures.attitude.trace.places import ALONG_REPLICATION, ALONG_RUN, Place, between_replications
 from procedures.attitude.trace.problem import AT_ONCE, raw_columns
 
 STRATA: dict[Level, str] = {"declared": "replication", "replications": "between-point", "points": "within-point"}
+UNIT, PER_DEG = "mdeg", 1e3
 HARMONICS = 3
 """Of a period, that its shape may have."""
 FINE = 24
@@ -68,7 +68,7 @@ def _drawn(nameless: Nameless, place: Place, i: int, p: float, axes: tuple[Axis,
     at = slice(None) if place.sensor is None else slice(place.sensor * n, (place.sensor + 1) * n)
     own = slice(i * n, (i + 1) * n) if place.sensor is None else slice(None)
     y, columns = view.outputs.reshape(-1)[at], view.project(place.block.columns, place.sensor)
-    scale = float(view.sigma[i] * np.degrees(1.0 / problem.fits[problem.sensors[i]].parameters.S_V) * SCALE)
+    scale = float(view.sigma[i] * np.degrees(1.0 / problem.fits[problem.sensors[i]].parameters.S_V) * PER_DEG)
     seen = Seen(
         plain=y[own] * scale,
         plain_columns=columns[own] * scale,
