@@ -132,6 +132,15 @@ def unnamed(sensor: Mapping[str, Any]) -> list[str]:
     ]
 
 
+def instead(sensor: Mapping[str, Any]) -> str:
+    """What one shape without a name would be in place of the doubtful effects, a sentence; "" if none is doubtful."""
+    one = sensor.get("instead")
+    if not one:
+        return ""
+    names = " and ".join(one["effects"])
+    return f"In place of {names} may stand one shape without a name: {one['where']}{_shape(one['shape'])}."
+
+
 def _shape(shape: Mapping[str, Any] | None) -> str:
     """Size and nearest names of a shape, as the end of a sentence."""
     if shape is None:

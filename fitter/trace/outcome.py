@@ -214,6 +214,25 @@ class Finding:
 
 
 @dataclass(frozen=True, eq=False)
+class Instead:
+    """One shape without a name in place of all effects whose names are doubtful.
+
+    Attributes:
+        effects: their names.
+        where: its place, in words.
+        shape: it, beside the effects that are not doubtful.
+    """
+
+    effects: tuple[str, ...]
+    where: str
+    shape: Shape
+
+    def to_json(self) -> dict[str, Any]:
+        """JSON values for `rig trace --json`."""
+        return {"effects": list(self.effects), "where": self.where, "shape": self.shape.to_json()}
+
+
+@dataclass(frozen=True, eq=False)
 class Outcome:
     """Result of a trace for one sensor.
 
@@ -231,6 +250,7 @@ class Outcome:
         sentence: summary of the findings; "" before it is written.
         certificate: the paragraph for a certificate; "" before it is written.
         figures: plot data of each effect and finding about the noise, by its name.
+        instead: one shape without a name in place of the doubtful effects; None where none is.
         more: keys of JSON of one kind of run only.
     """
 
@@ -247,6 +267,7 @@ class Outcome:
     sentence: str = ""
     certificate: str = ""
     figures: Mapping[str, Figure] = field(default_factory=dict)
+    instead: Instead | None = None
     more: Mapping[str, Any] = field(default_factory=dict)
 
     @property
@@ -268,6 +289,7 @@ class Outcome:
             "effects": [one.to_json() for one in self.named],
             "after": {row.name: row.value for row in self.after},
             "unnamed": [one.to_json() for one in self.unnamed],
+            "instead": None if self.instead is None else self.instead.to_json(),
             "notes": list(self.notes),
         }
         if self.refused is not None:

@@ -8,8 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from fitter.arrays import FloatArray
+from fitter.trace.doubts import DOUBT
 from fitter.trace.flexible import Block, turns, waves
 from fitter.trace.lines import Line
+from fitter.trace.outcome import Instead
 from fitter.trace.shape import Axis, Name, Seen, Shape, shape_of
 from procedures.attitude.effects import Scene
 from procedures.attitude.trace.levels import Level
@@ -33,6 +35,16 @@ def drawn(nameless: Nameless, left: Left, i: int) -> Shape | None:
         fine = Block(place.block.place, columns, place.block.orders, np.arange(1.0, columns.shape[1] + 1))
         place = replace(place, block=fine)
     return _drawn(nameless, place, i, left.p, axes)
+
+
+def drawn_instead(nameless: Nameless, names: tuple[str, ...], i: int) -> Instead | None:
+    """One shape of sensor `i` in place of all effects of some names; None without names, or where there is none."""
+    if not names:
+        return None
+    rest = nameless.without(names)
+    left = rest.left_in(i)
+    shape = drawn(rest, left, i) if left is not None and left.p < DOUBT else None
+    return None if left is None or shape is None else Instead(names, left.where, shape)
 
 
 def drawn_period(nameless: Nameless, found: Line, i: int) -> Shape | None:

@@ -20,7 +20,7 @@ from procedures.attitude.effects import Effect, separate
 from procedures.attitude.effects.unnamed import NAMELESS
 from procedures.attitude.fit import AttitudeFit
 from procedures.attitude.model import attitude_columns
-from procedures.attitude.trace.drawn import drawn, drawn_drift, drawn_period
+from procedures.attitude.trace.drawn import drawn, drawn_drift, drawn_instead, drawn_period
 from procedures.attitude.trace.estimate import Estimate, concerns, predict
 from procedures.attitude.trace.judge import AttitudeJudge
 from procedures.attitude.trace.levels import LEVELS
@@ -94,6 +94,7 @@ def sensor_trace(
         cv_rms_after=None if cv is None else float(cv[1]),
         effects=effects,
         unnamed=unnamed,
+        instead=drawn_instead(nameless, tuple(e.effect for e in effects if e.doubtful), i),
         shared_attitude_before=shared_attitude(problem, before.corrected[i]),
         shared_attitude_after=shared_attitude(problem, after.corrected[i]),
         fit=after.fits[i],

@@ -73,6 +73,7 @@ class Nameless:
     problem: Problem
     chosen: tuple[int, ...]
     _views: dict[Level, View] = field(default_factory=dict)
+    _without_names: dict[tuple[str, ...], Nameless] = field(default_factory=dict)
 
     @cached_property
     def places(self) -> tuple[Place, ...]:
@@ -88,6 +89,13 @@ class Nameless:
     def able(self) -> bool:
         """Whether the residual is more than rounding."""
         return bool(np.all(self.sigma > 10 * rounding(self.problem)))
+
+    def without(self, names: tuple[str, ...]) -> Nameless:
+        """The same run beside all effects found but those of some names."""
+        if names not in self._without_names:
+            kept = tuple(j for j in self.chosen if self.problem.candidates[j].effect.name not in names)
+            self._without_names[names] = Nameless(self.problem, kept)
+        return self._without_names[names]
 
     def view(self, level: Level) -> View:
         """Residuals at a level, beside all that was found."""

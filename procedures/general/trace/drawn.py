@@ -8,8 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from fitter.arrays import FloatArray
+from fitter.trace.doubts import DOUBT
 from fitter.trace.flexible import Block, turns, waves
 from fitter.trace.lines import Line
+from fitter.trace.outcome import Instead
 from fitter.trace.shape import Axis, Name, Seen, Shape, shape_of
 from procedures.general.effects.scene import TableScene, is_angle
 from procedures.general.trace.nameless import Left, Nameless
@@ -30,6 +32,17 @@ def drawn(nameless: Nameless, left: Left) -> Shape | None:
         fine = Block(place.block.place, columns, place.block.orders, np.arange(1.0, columns.shape[1] + 1))
         place = replace(place, block=fine)
     return _drawn(nameless, place, left.p, axes_of(nameless, place))
+
+
+def drawn_instead(nameless: Nameless, names: tuple[str, ...]) -> Instead | None:
+    """One shape in place of all effects of some names; None without names, or where there is none."""
+    if not names:
+        return None
+    candidates = nameless.judge.candidates
+    rest = replace(nameless, chosen=tuple(j for j in nameless.chosen if candidates[j].effect.name not in names))
+    left = next((one for one in rest.left if one.p < DOUBT), None)
+    shape = None if left is None else drawn(rest, left)
+    return None if left is None or shape is None else Instead(names, left.place.block.place, shape)
 
 
 def drawn_period(nameless: Nameless, found: Line) -> Shape | None:

@@ -22,7 +22,7 @@ from procedures.pressure.data import WholePlotData
 from procedures.pressure.effects.scene import PressureEffect, PressureScene, PressureTerm
 from procedures.pressure.effects.separation import separate_pressure
 from procedures.pressure.trace.agreement import classes
-from procedures.pressure.trace.drawn import drawn, drawn_period
+from procedures.pressure.trace.drawn import drawn, drawn_instead, drawn_period
 from procedures.pressure.trace.estimate import Estimate, error_of, residual_of
 from procedures.pressure.trace.judge import WholePlotJudge
 from procedures.pressure.trace.nameless import Nameless
@@ -120,6 +120,7 @@ def transducer(finding: Finding, i: int) -> TransducerTrace:
         after=_side(finding, finding.after, i, 1),
         effects=tuple(effects),
         unnamed=rest,
+        instead=drawn_instead(finding.nameless, tuple(effect.effect for effect in effects if effect.doubtful), i),
         alike=tuple(
             text for name in finding.classes for text in (_alike(finding, name), _mixed(finding, name)) if text
         ),
