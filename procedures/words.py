@@ -137,7 +137,8 @@ def instead(sensor: Mapping[str, Any]) -> str:
     one = sensor.get("instead")
     if not one:
         return ""
-    names = " and ".join(one["effects"])
+    first, last = one["effects"][:-1], one["effects"][-1]
+    names = f"{', '.join(first)} and {last}" if first else last
     return f"In place of {names} may stand one shape without a name: {one['where']}{_shape(one['shape'])}."
 
 

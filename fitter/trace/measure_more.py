@@ -11,7 +11,7 @@ from fitter.arrays import FloatArray, IntArray
 
 PLACES = 3
 """Places that are proposed."""
-WORTH = 0.03
+WORTH = 0.05
 """Least part by which the band must become narrower to be worth saying."""
 ANOTHER_ORDER = (
     "another run with its points in another order: what comes back at the same {label} is of it, and what comes back "
@@ -76,14 +76,21 @@ def measure_more(shape: Added, over: Settable, beside: Settable | None) -> str:
     narrower = 1.0 - _width(shape.columns, spread) / before if before > 0 else 0.0
     if narrower < WORTH:
         return ""
-    at = ", ".join(_place(shape, k, over, beside) for k in sorted(set(picked)))
-    many = f"{each} more observations" if each > 1 else "one more observation"
-    return f"{many} at each of {at} would make its band about {100 * narrower:.0f} % narrower"
+    at = _places(shape, sorted(set(picked)), over, beside)
+    many = f"{each} more observations each" if each > 1 else "one more observation"
+    return f"{many} at {at} would make its band about {100 * narrower:.0f} % narrower"
 
 
-def _place(shape: Added, k: int, over: Settable, beside: Settable | None) -> str:
-    first = f"{over.label} {shape.x[k]:.4g} {over.unit}".rstrip()
-    return first if beside is None else f"{first} with {beside.label} {shape.y[k]:.4g} {beside.unit}".rstrip()
+def _places(shape: Added, cells: list[int], over: Settable, beside: Settable | None) -> str:
+    if beside is None:
+        return f"{over.label} {_listed([f'{shape.x[k]:.4g}' for k in cells])} {over.unit}".rstrip()
+    unit = f" {beside.unit}" if beside.unit else ""
+    own = [f"{shape.x[k]:.4g} {over.unit}".rstrip() + f" with {beside.label} {shape.y[k]:.4g}{unit}" for k in cells]
+    return f"{over.label} {_listed(own)}"
+
+
+def _listed(texts: list[str]) -> str:
+    return " and ".join([", ".join(texts[:-1]), texts[-1]] if len(texts) > 1 else texts)
 
 
 def _width(columns: FloatArray, spread: FloatArray) -> float:

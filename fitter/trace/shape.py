@@ -15,7 +15,7 @@ import numpy as np
 
 from fitter.arrays import FloatArray, IntArray
 from fitter.linear import orthonormal
-from fitter.trace.flexible import DECAYS, SIZES
+from fitter.trace.flexible import DECAYS, HYPER, SIZES
 from fitter.trace.measure_more import Added, measure_more
 
 OWN_CELLS, CELLS = 40, 24
@@ -231,7 +231,7 @@ def smoothed(y: FloatArray, columns: FloatArray, roughness: FloatArray) -> tuple
     if typical <= 0:
         return None
     gram, along = columns.T @ columns / typical**2, columns.T @ y / typical
-    best, found = 0.0, None
+    best, found = HYPER, None
     for decay in DECAYS if np.ptp(roughness) > 0 else (0.0,):
         falls = roughness**-decay
         values, vectors = np.linalg.eigh(gram * np.outer(falls, falls))

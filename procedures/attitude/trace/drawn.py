@@ -23,6 +23,8 @@ STRATA: dict[Level, str] = {"declared": "replication", "replications": "between-
 UNIT, PER_DEG = "mdeg", 1e3
 HARMONICS = 3
 """Of a period, that its shape may have."""
+WAVES = 4
+"""A turn of pitch and of roll, of a lack of fit that no place shows clearly."""
 FINE = 24
 """Waves of a curve that is drawn over one variable: more than are tested, and as smooth as is likeliest."""
 
@@ -63,6 +65,38 @@ def drawn_period(nameless: Nameless, found: Line, i: int) -> Shape | None:
     level: Level = "points" if problem.levels.df("points") > 0 else "declared"
     place = Place(block, level, i, len(problem.sensors))
     return _drawn(nameless, place, i, found.p, (Axis("phase", "time within a period", unit, phase), None))
+
+
+def drawn_points(nameless: Nameless, left: Left | None, p: float, i: int) -> Shape | None:
+    """A lack of fit of sensor `i`: the clearest shape between points, else waves of pitch and roll.
+
+    Args:
+        nameless: the run beside what was found.
+        left: the clearest shape.
+        p: of the lack of fit.
+        i: the sensor.
+
+    """
+    shape = drawn(nameless, left, i) if left is not None and left.p < DOUBT else None
+    scene = nameless.problem.scene
+    text = "over pitch and roll" if scene.roll else "over the pitch angle"
+    axes = axes_of(scene, text, i)
+    if shape is not None or axes is None:
+        return shape
+    each = [(np.ones((len(scene.data), 1)), np.zeros(1))]
+    for angle in (scene.data.pitch_deg, *([scene.data.roll_deg] if scene.roll else [])):
+        own = turns(angle, WAVES)
+        rough = np.repeat(np.arange(1.0, own.shape[1] // 2 + 1), 2)
+        each = [
+            (
+                np.column_stack([one, *(one * own[:, [k]] for k in range(own.shape[1]))]),
+                np.append(r, np.add.outer(rough, r)),
+            )
+            for one, r in each
+        ]
+    columns, rough = each[0][0][:, 1:], each[0][1][1:]
+    place = Place(Block(text, columns, (columns.shape[1],), rough), "replications", i, len(nameless.problem.sensors))
+    return _drawn(nameless, place, i, p, axes)
 
 
 def drawn_drift(nameless: Nameless, p: float, i: int) -> Shape | None:

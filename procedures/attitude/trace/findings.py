@@ -20,7 +20,7 @@ from procedures.attitude.effects import Effect, separate
 from procedures.attitude.effects.unnamed import NAMELESS
 from procedures.attitude.fit import AttitudeFit
 from procedures.attitude.model import attitude_columns
-from procedures.attitude.trace.drawn import drawn, drawn_drift, drawn_instead, drawn_period
+from procedures.attitude.trace.drawn import drawn, drawn_drift, drawn_instead, drawn_period, drawn_points
 from procedures.attitude.trace.estimate import Estimate, concerns, predict
 from procedures.attitude.trace.judge import AttitudeJudge
 from procedures.attitude.trace.levels import LEVELS
@@ -239,7 +239,7 @@ def _unnamed(problem: Problem, after: Estimate, nameless: Nameless, i: int) -> t
         return ()
     between, within = (nameless.left_in(i, level) for level in LEVELS[1:])
     if table.bias.p < UNEXPLAINED:
-        shape = None if between is None else drawn(nameless, between, i)
+        shape = drawn_points(nameless, between, table.bias.p, i)
         rest.append(replace(strongest_wave(problem, after.corrected[i]), shape=shape))
     elif between is not None and between.p < UNEXPLAINED:
         part = _part(table, between.remainder.share)
