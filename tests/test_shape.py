@@ -1,4 +1,4 @@
-"""A shape without a name as an answer: its curve lies in its band, and the nearest names are told with their distance."""
+"""A shape without a name as an answer: its curve in its band, the nearest names with their distance."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def test_nearest_names_are_told_by_what_they_explain_and_by_how_far_they_are_beh
         name("half of it", np.column_stack([np.where(x < 0.3, bump(x), 0.0)])),
     ]
     near = shape_in(x, y, names).nearest
-    assert [one.effect for one in near][0] == "the bump itself"
+    assert near[0].effect == "the bump itself"
     assert len(near) == 3
     assert "a line" not in [one.effect for one in near]
     assert near[0].explains > 0.9

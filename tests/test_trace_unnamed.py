@@ -128,13 +128,21 @@ def test_a_bump_over_a_setting_stands_in_place_of_the_bundle_of_names():
     assert shape["nearest_sentence"] in told["certificate"]
 
 
-def test_a_seasonal_sawtooth_in_order_is_drawn_over_its_phase():
-    """It climbs for 37 minutes and falls back at once."""
-    columns = bent(lambda c: 2.0 * (2.0 * np.mod(c["t_s"] / 60.0, 37.0) / 37.0 - 1.0), n=400)
-    told = told_of(traced_table(columns, time="t_s"))
-    shapes = shapes_of(told)
-    assert shapes
-    assert all(shape["over"]["variable"] in ("phase", "t_s") for shape in shapes)
+def test_a_sawtooth_in_the_order_of_readings_is_drawn_over_its_period():
+    """It climbs for 9.6 readings and falls back at once."""
+
+    def sawtooth(data):
+        return 1.3 * (2.0 * np.mod(np.argsort(np.argsort(data.elapsed_s)), 9.6) / 9.6 - 1.0)
+
+    data = with_error(sawtooth, 3)
+    found = trace(data, validate=False).sensors[X]
+    (shape,) = (rest.shape for rest in found.unnamed if rest.shape is not None)
+    assert shape.over.variable == "phase"
+    assert shape.over.label.startswith("place in a period of 9.6")
+    steps = np.diff(np.append(shape.estimate, shape.estimate[0]))
+    fall = np.sort(steps)
+    assert np.sum(steps > 0) > 0.7 * steps.size
+    assert -fall[0] > 2.0 * fall[-1]
 
 
 def test_a_bump_at_one_pressure_is_drawn_there():

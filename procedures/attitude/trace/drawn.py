@@ -10,7 +10,7 @@ import numpy as np
 from fitter.arrays import FloatArray
 from fitter.trace.doubts import DOUBT
 from fitter.trace.flexible import Block, turns, waves
-from fitter.trace.lines import Line
+from fitter.trace.lines import Line, folded
 from fitter.trace.outcome import Instead
 from fitter.trace.shape import Axis, Name, Seen, Shape, shape_of
 from procedures.attitude.effects import Scene
@@ -59,12 +59,14 @@ def drawn_period(nameless: Nameless, found: Line, i: int) -> Shape | None:
         at, period, unit = count, found.period, "readings"
     else:
         at, period, unit = data.elapsed_s / 60.0, found.period / 60.0, "min"
-    phase = np.mod(at, period)
+    level: Level = "points" if problem.levels.df("points") > 0 else "declared"
+    period, phase = folded(nameless.view(level).outputs[i], at, period)
     columns = turns(360.0 * phase / period, HARMONICS)
     block = Block(found.where, columns, (columns.shape[1],), np.repeat(np.arange(1.0, columns.shape[1] // 2 + 1), 2))
-    level: Level = "points" if problem.levels.df("points") > 0 else "declared"
     place = Place(block, level, i, len(problem.sensors))
-    return _drawn(nameless, place, i, found.p, (Axis("phase", "time within a period", unit, phase), None))
+    return _drawn(
+        nameless, place, i, found.p, (Axis("phase", f"place in a period of {period:.4g} {unit}", unit, phase), None)
+    )
 
 
 def drawn_points(nameless: Nameless, left: Left | None, p: float, i: int) -> Shape | None:

@@ -10,7 +10,7 @@ import numpy as np
 from fitter.arrays import FloatArray
 from fitter.trace.doubts import DOUBT
 from fitter.trace.flexible import Block, turns, waves
-from fitter.trace.lines import Line
+from fitter.trace.lines import Line, folded
 from fitter.trace.outcome import Instead
 from fitter.trace.shape import Axis, Name, Seen, Shape, shape_of
 from procedures.general.effects.scene import TableScene, is_angle
@@ -55,11 +55,11 @@ def drawn_period(nameless: Nameless, found: Line) -> Shape | None:
         at, period, unit = np.argsort(np.argsort(time.values, kind="stable")).astype(np.float64), found.period, "rows"
     else:
         at, period, unit = time.values * (time.unit_s or 1.0), found.period, "s"
-    phase = np.mod(at, period)
+    period, phase = folded(nameless.left_under(0), at, period)
     columns = turns(360.0 * phase / period, min(HARMONICS, n // (2 * PER_COLUMN)))
     rough = np.repeat(np.arange(1.0, columns.shape[1] // 2 + 1), 2)
     block = Block(found.where, columns, (columns.shape[1],), rough)
-    axis = Axis("phase", "time within a period", unit, phase)
+    axis = Axis("phase", f"place in a period of {period:.4g} {unit}", unit, phase)
     return _drawn(nameless, Place(block, frozenset({time.name}), timed=True), found.p, (axis, None))
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from fitter.arrays import FloatArray
 from fitter.trace.doubts import DOUBT
 from fitter.trace.flexible import Block, turns, waves
-from fitter.trace.lines import Line
+from fitter.trace.lines import Line, folded
 from fitter.trace.outcome import Instead
 from fitter.trace.shape import Axis, Name, Seen, Shape, shape_of
 from procedures.pressure.effects.scene import PressureScene
@@ -51,11 +51,13 @@ def drawn_period(nameless: Nameless, found: Line, i: int) -> Shape | None:
         at, period, unit = np.argsort(np.argsort(problem.order)).astype(np.float64), found.period, "readings"
     else:
         at, period, unit = data.elapsed_s / 60.0, found.period / 60.0, "min"
-    phase = np.mod(at, period)
+    period, phase = folded(nameless.view("subplot").outputs[i], at, period)
     columns = turns(360.0 * phase / period, HARMONICS)
     rough = np.repeat(np.arange(1.0, columns.shape[1] // 2 + 1), 2)
     place = Place(Block(found.where, columns, (columns.shape[1],), rough), "subplot")
-    return _drawn(nameless, place, i, found.p, (Axis("phase", "time within a period", unit, phase), None))
+    return _drawn(
+        nameless, place, i, found.p, (Axis("phase", f"place in a period of {period:.4g} {unit}", unit, phase), None)
+    )
 
 
 def _drawn(nameless: Nameless, place: Place, i: int, p: float, axes: tuple[Axis, Axis | None] | None) -> Shape | None:
