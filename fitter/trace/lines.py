@@ -157,9 +157,9 @@ def _typical(power: FloatArray, summed: int) -> FloatArray:
 
 
 def folded(left: FloatArray, at: FloatArray, period: float) -> tuple[float, FloatArray]:
-    """The period near a found one that a residual repeats itself best with, and (n,) each row's place in it.
+    """The period near a found one that fits a residual best, and (n,) each row's place in it.
 
-    A line is found among frequencies a whole number of which fit into the series: over all of it, phases would run away.
+    A line is found among whole numbers of periods over the series: folded at such a one, phases would run away.
 
     Args:
         left: (n,) residual.
