@@ -140,3 +140,16 @@ def test_smoothing_takes_no_waves_that_are_not_there():
     assert coefficients[1] == pytest.approx(3.0, rel=0.02)
     assert np.all(np.abs(np.delete(coefficients, 1)) < 0.1)
     assert np.all(np.linalg.eigvalsh(spread) > 0)
+
+
+def test_cells_of_a_surface_stand_in_rows_and_columns_whatever_the_rounding():
+    """Means of three and of seven values of 0.1 are not the same double."""
+    rng = np.random.default_rng(6)
+    x, y = (rng.choice([0.1, 0.2, 0.3, 0.7, 1.1], N) for _ in range(2))
+    columns = waves(x, 3)[:, :, None] * waves(y, 3)[:, None, :]
+    columns = columns.reshape(N, -1)
+    left = 2.0 * columns[:, 0] + rng.standard_normal(N)
+    seen = Seen(left, columns, left, columns, np.arange(1.0, columns.shape[1] + 1), N)
+    shape = shape_of(seen, Axis("x", "x", "", x), Axis("y", "y", "", y), (), unit="", p=0.0, stratum="row")
+    assert len(set(shape.x.tolist())) == len(set(shape.y.tolist())) == 5
+    assert shape.estimate.size == 25

@@ -296,9 +296,8 @@ def _cells(over: Axis, beside: Axis | None) -> tuple[IntArray, FloatArray, Float
     rows = np.bincount(cell)
     if beside is None:
         return cell, np.bincount(cell, over.values) / rows, np.empty(0), rows
-    at = (_typical(over.values, first), _typical(beside.values, second))
-    x, y = (np.bincount(cell, values) / rows for values in at)
-    return cell, np.asarray(x), np.asarray(y), rows
+    one = np.unique(cell, return_index=True)[1]
+    return cell, _typical(over.values, first)[one], _typical(beside.values, second)[one], rows
 
 
 def _typical(values: FloatArray, index: IntArray) -> FloatArray:
