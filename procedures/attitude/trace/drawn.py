@@ -129,15 +129,16 @@ def _drawn(nameless: Nameless, place: Place, i: int, p: float, axes: tuple[Axis,
 
 
 def _names(nameless: Nameless, place: Place, i: int) -> Iterator[Name]:
-    """Every cause that is judged where the shape is seen, beside what was found."""
+    """Every cause of which something is left where the shape is seen, beside what was found.
+
+    A cause that this order of running judges at another level is asked too: a side of approach may be of the point.
+    """
     problem, view, rho = nameless.problem, nameless.view(place.level), nameless.memory
-    here = {place.level, "declared"} if place.level == "points" else {place.level}
     mine = set(problem.concerned[i].tolist()) - set(nameless.chosen)
     units = [
         unit
         for unit in problem.units
-        if all(j in mine and problem.judged_at[j] in here for j in unit)
-        and (place.sensor is not None or problem.candidates[unit[0]].sensor is None)
+        if mine.issuperset(unit) and (place.sensor is not None or problem.candidates[unit[0]].sensor is None)
     ]
     n = len(problem.scene.data)
     for start in range(0, len(units), AT_ONCE):
