@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fitter.trace.flexible import waves
-from fitter.trace.shape import Axis, Seen, nearest_sentence, shape_of, smoothed
+from fitter.trace.shape import Axis, Seen, nearest_sentence, shape_of, smoothed, standing_for
 
 N, LEVELS = 300, 15
 
@@ -153,3 +153,15 @@ def test_cells_of_a_surface_stand_in_rows_and_columns_whatever_the_rounding():
     shape = shape_of(seen, Axis("x", "x", "", x), Axis("y", "y", "", y), (), unit="", p=0.0, stratum="row")
     assert len(set(shape.x.tolist())) == len(set(shape.y.tolist())) == 5
     assert shape.estimate.size == 25
+
+
+def test_a_shape_stands_for_a_name_that_is_near_it_and_for_no_other():
+    x = settings()
+    y = bump(x) + np.random.default_rng(7).standard_normal(N)
+    column = bump(x - 0.1)[:, None]
+    hum = np.sin(40.0 * np.arange(N))[:, None]
+    names = [(t, left_by_line(x, c), np.linalg.norm(c, axis=0)) for t, c in (("bump", column), ("hum", hum))]
+    shape = shape_in(x, y, names)
+    places = [("nothing", None), ("over x", shape)]
+    assert standing_for(("bump", "another"), places) == ("over x", shape)
+    assert standing_for(("hum",), places) is None

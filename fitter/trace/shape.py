@@ -8,7 +8,7 @@ Stat. Assoc. 83 (1988) 1134). It is drawn as the model leaves it, beside the res
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -95,6 +95,7 @@ class Shape:
         stratum: where it was seen.
         nearest: names, the nearest first; at most three.
         more: what measurement would show more.
+        near: all names that are near it.
 
     """
 
@@ -112,7 +113,8 @@ class Shape:
     p: float
     stratum: str
     nearest: tuple[Near, ...] = ()
-    more: str = field(default="")
+    more: str = ""
+    near: frozenset[str] = frozenset()
 
     def to_json(self) -> dict[str, Any]:
         """JSON values; arrays have one number for each cell."""
@@ -202,6 +204,7 @@ def shape_of(
     scatter = float(np.sqrt(np.mean(residual**2) * seen.white.size / df))
     whole = seen.plain_columns @ coefficients
     form = seen.white_columns @ coefficients
+    near = explained(form, names)
     told = measure_more(Added(columns, spread, scatter, rows, x, other), over, beside)
     return Shape(
         over=over,
@@ -217,7 +220,8 @@ def shape_of(
         rms=float(np.sqrt(np.mean(whole**2))),
         p=p,
         stratum=stratum,
-        nearest=nearest(form, y, basis, names),
+        nearest=nearest(near, y, basis),
+        near=frozenset(near),
         more=told,
     )
 
@@ -245,27 +249,42 @@ def smoothed(y: FloatArray, columns: FloatArray, roughness: FloatArray) -> tuple
     return found
 
 
-def nearest(form: FloatArray, y: FloatArray, basis: FloatArray, names: Iterable[Name]) -> tuple[Near, ...]:
-    """The names that explain most of a shape, at most three.
+def explained(form: FloatArray, names: Iterable[Name]) -> dict[str, tuple[float, FloatArray]]:
+    """Names near a shape: the share of its square that each explains, and (m, d) its basis at its best constant.
 
     Args:
         form: (m,) the shape in the metric.
-        y: (m,) residual in the metric, of unit error.
-        basis: (m, r) orthonormal, of the shape's waves.
         names: of the catalogue.
 
     """
     square = float(form @ form)
     best: dict[str, tuple[float, FloatArray]] = {}
     if square <= 0:
-        return ()
+        return best
     for name, columns, length in names:
         own = orthonormal(columns, length, LEFT)
         explains = float(np.sum((own.T @ form) ** 2)) / square
         if explains > max(best[name][0] if name in best else 0.0, LEAST):
             best[name] = explains, own
-    ranked = sorted(best.items(), key=lambda item: -item[1][0])[:NAMES]
+    return best
+
+
+def nearest(near: dict[str, tuple[float, FloatArray]], y: FloatArray, basis: FloatArray) -> tuple[Near, ...]:
+    """The names that explain most of a shape, at most three.
+
+    Args:
+        near: from `explained`.
+        y: (m,) residual in the metric, of unit error.
+        basis: (m, r) orthonormal, of the shape's waves.
+
+    """
+    ranked = sorted(near.items(), key=lambda item: -item[1][0])[:NAMES]
     return tuple(Near(name, min(explains, 1.0), _behind(own, y, basis)) for name, (explains, own) in ranked)
+
+
+def standing_for(names: tuple[str, ...], lefts: Iterable[tuple[str, Shape | None]]) -> tuple[str, Shape] | None:
+    """The first of some places, in words, whose shape may stand for effects: one of them at least is near it."""
+    return next(((text, shape) for text, shape in lefts if shape is not None and shape.near & set(names)), None)
 
 
 def nearest_sentence(found: tuple[Near, ...]) -> str:

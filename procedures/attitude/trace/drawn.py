@@ -12,7 +12,7 @@ from fitter.trace.doubts import DOUBT
 from fitter.trace.flexible import Block, turns, waves
 from fitter.trace.lines import Line, folded
 from fitter.trace.outcome import Instead
-from fitter.trace.shape import Axis, Name, Seen, Shape, shape_of
+from fitter.trace.shape import Axis, Name, Seen, Shape, shape_of, standing_for
 from procedures.attitude.effects import Scene
 from procedures.attitude.trace.levels import Level
 from procedures.attitude.trace.nameless import Left, Nameless
@@ -23,6 +23,8 @@ STRATA: dict[Level, str] = {"declared": "replication", "replications": "between-
 UNIT, PER_DEG = "mdeg", 1e3
 HARMONICS = 3
 """Of a period, that its shape may have."""
+PLACES = 3
+"""Clearest places at which a shape in place of doubtful names is looked for."""
 WAVES = 4
 """A turn of pitch and of roll, of a lack of fit that no place shows clearly."""
 FINE = 24
@@ -44,9 +46,9 @@ def drawn_instead(nameless: Nameless, names: tuple[str, ...], i: int) -> Instead
     if not names:
         return None
     rest = nameless.without(names)
-    left = rest.left_in(i)
-    shape = drawn(rest, left, i) if left is not None and left.p < DOUBT else None
-    return None if left is None or shape is None else Instead(names, left.where, shape)
+    own = [one for one in rest.left if one.place.sensor in (None, i) and one.p < DOUBT and one.shows_in(i)]
+    found = standing_for(names, ((one.where, drawn(rest, one, i)) for one in own[:PLACES]))
+    return None if found is None else Instead(names, *found)
 
 
 def drawn_period(nameless: Nameless, found: Line, i: int) -> Shape | None:

@@ -12,13 +12,15 @@ from fitter.trace.doubts import DOUBT
 from fitter.trace.flexible import Block, turns, waves
 from fitter.trace.lines import Line, folded
 from fitter.trace.outcome import Instead
-from fitter.trace.shape import Axis, Name, Seen, Shape, shape_of
+from fitter.trace.shape import Axis, Name, Seen, Shape, shape_of, standing_for
 from procedures.general.effects.scene import TableScene, is_angle
 from procedures.general.trace.nameless import Left, Nameless
 from procedures.general.trace.places import PER_COLUMN, Place
 
 HARMONICS, FINE = 3, 24
 """Of a period, that its shape may have; waves of a curve that is drawn over one variable."""
+PLACES = 3
+"""Clearest places at which a shape in place of doubtful names is looked for."""
 STEP, SINCE = "over the step of ", " since each group's first row"
 """Beginning and end of the words for two places."""
 
@@ -40,9 +42,9 @@ def drawn_instead(nameless: Nameless, names: tuple[str, ...]) -> Instead | None:
         return None
     candidates = nameless.judge.candidates
     rest = replace(nameless, chosen=tuple(j for j in nameless.chosen if candidates[j].effect.name not in names))
-    left = next((one for one in rest.left if one.p < DOUBT), None)
-    shape = None if left is None else drawn(rest, left)
-    return None if left is None or shape is None else Instead(names, left.place.block.place, shape)
+    own = [one for one in rest.left if one.p < DOUBT]
+    found = standing_for(names, ((one.place.block.place, drawn(rest, one)) for one in own[:PLACES]))
+    return None if found is None else Instead(names, *found)
 
 
 def drawn_period(nameless: Nameless, found: Line) -> Shape | None:

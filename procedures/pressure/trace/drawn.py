@@ -12,13 +12,15 @@ from fitter.trace.doubts import DOUBT
 from fitter.trace.flexible import Block, turns, waves
 from fitter.trace.lines import Line, folded
 from fitter.trace.outcome import Instead
-from fitter.trace.shape import Axis, Name, Seen, Shape, shape_of
+from fitter.trace.shape import Axis, Name, Seen, Shape, shape_of, standing_for
 from procedures.pressure.effects.scene import PressureScene
 from procedures.pressure.trace.nameless import Left, Nameless
 from procedures.pressure.trace.places import Place
 from procedures.pressure.trace.strata import Level
 
 UNIT = "mV"
+PLACES = 3
+"""Clearest places at which a shape in place of doubtful names is looked for."""
 HARMONICS, FINE = 3, 24
 """Of a period, that its shape may have; waves of a curve that is drawn over the pressure."""
 
@@ -39,9 +41,9 @@ def drawn_instead(nameless: Nameless, names: tuple[str, ...], i: int) -> Instead
         return None
     candidates = nameless.problem.candidates
     rest = replace(nameless, chosen=tuple(j for j in nameless.chosen if candidates[j].effect.name not in names))
-    left = next((one for one in rest.left if one.sensor == i and one.p < DOUBT), None)
-    shape = None if left is None else drawn(rest, left)
-    return None if left is None or shape is None else Instead(names, left.unnamed().where, shape)
+    own = [one for one in rest.left if one.sensor == i and one.p < DOUBT]
+    found = standing_for(names, ((one.unnamed().where, drawn(rest, one)) for one in own[:PLACES]))
+    return None if found is None else Instead(names, *found)
 
 
 def drawn_period(nameless: Nameless, found: Line, i: int) -> Shape | None:
