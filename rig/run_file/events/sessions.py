@@ -250,7 +250,10 @@ class ClockSet(Event, status="clock-set", exported=True, says="{message}"):
 
 @dataclass(frozen=True, kw_only=True)
 class NotNotified(
-    Event, status="not-notified", matters=Importance("step", ""), says="{channel} was not told of {about}: {why}"
+    Event,
+    status="not-notified",
+    matters=Importance("step", ""),
+    says="{channel} did not receive the message about {about}: {why}",
 ):
     """A message could not be sent; the log has it from the time of its event."""
 
