@@ -133,14 +133,16 @@ def _drawn(nameless: Nameless, place: Place, i: int, p: float, axes: tuple[Axis,
 def _names(nameless: Nameless, place: Place, i: int) -> Iterator[Name]:
     """Every cause of which something is left where the shape is seen, beside what was found.
 
-    A cause that this order of running judges at another level is asked too: a side of approach may be of the point.
+    Of a shape between points only what is judged there: pitch may go with the time of day by the order of running.
     """
     problem, view, rho = nameless.problem, nameless.view(place.level), nameless.memory
     mine = set(problem.concerned[i].tolist()) - set(nameless.chosen)
     units = [
         unit
         for unit in problem.units
-        if mine.issuperset(unit) and (place.sensor is not None or problem.candidates[unit[0]].sensor is None)
+        if mine.issuperset(unit)
+        and (place.level != "replications" or problem.judged_at[unit[0]] == place.level)
+        and (place.sensor is not None or problem.candidates[unit[0]].sensor is None)
     ]
     n = len(problem.scene.data)
     for start in range(0, len(units), AT_ONCE):
