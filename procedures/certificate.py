@@ -13,7 +13,7 @@ from typing import Any
 
 from fitter.trace.found import CONFIRMED
 from fitter.trace.outcome import Finding, Outcome
-from procedures.words import SMALLEST, TESTS, capitalised, chance, part, significant, unnamed
+from procedures.words import SMALLEST, TESTS, capitalised, chance, instead, part, significant, unnamed
 
 Interval = tuple[float, float] | None
 _NAMED = 3
@@ -126,6 +126,8 @@ def certificate(outcome: Outcome, errors: Errors) -> str:
     count = len(added) + sum(left.get("added", False) for left in found["unnamed"])
     texts += _change(errors, count)
     texts += rest or [*(["Nothing else stands out from the noise"] if found["effects"] else []), *_still(found)]
+    if one := instead(found):
+        texts += [one.removesuffix(".")]
     if errors.floor:
         texts += [f"Readings that repeat one setting scatter by {errors.floor}"]
     if count:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from procedures.words import capitalised, chance, share, units, unnamed, with_error
+from procedures.words import capitalised, chance, instead, percent, share, size_of, units, unnamed, with_error
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -18,13 +18,18 @@ def effects_part(found: Mapping[str, Any], plots: Mapping[str, Figure]) -> dict[
         found: its JSON from `rig trace --json`.
         plots: before and after, by effect; without those that the report shows elsewhere.
     """
+    texts = unnamed(found)
     strata = [effect["stratum"] for effect in found["effects"]]
     kinds = ["Effects the declared model lacks"] if set(strata) - {"noise"} else []
     kinds += ["findings about the noise"] if "noise" in strata else []
     return {
         "heading": capitalised(", and ".join(kinds)),
         "effects": [effect_rows(effect, plots.get(effect["effect"])) for effect in found["effects"]],
-        "unnamed": unnamed(found),
+        "unnamed": texts,
+        "left": [
+            *({"text": text, "shape": _shape_of(rest)} for text, rest in zip(texts, found["unnamed"], strict=True)),
+            *([{"text": instead(found), "shape": _shape_of(found["instead"])}] if instead(found) else []),
+        ],
         "certificate": found["certificate"],
     }
 
@@ -54,6 +59,31 @@ def effect_rows(effect: dict[str, Any], plot: Figure | None = None) -> dict[str,
             )
             for term, value, error, pair, unit in zip(*columns, strict=True)
         ],
+    }
+
+
+def _shape_of(rest: Mapping[str, Any]) -> dict[str, Any] | None:
+    """The JSON of its shape with numbers as text, and the plot; None without a shape."""
+    if (shape := rest.get("shape")) is None:
+        return None
+    from procedures.shape_plots import draw_shape  # noqa: PLC0415 - matplotlib takes a second to import
+
+    return {
+        "stratum": shape["stratum"],
+        "over": " and ".join(axis["label"] for axis in (shape["over"], shape["beside"]) if axis is not None),
+        "size": size_of(shape),
+        "p": chance({"p_adjusted": shape["p"], "p_adjusted_is_bound": False}),
+        "nearest": [
+            {
+                "effect": one["effect"],
+                "explains": percent(one["explains"]),
+                "behind": f"{one['behind_sigmas']:.1f} standard errors",
+            }
+            for one in shape["nearest"]
+        ],
+        "none": shape["nearest_sentence"].partition("; ")[2],
+        "measure": shape["measure"],
+        "plot": draw_shape(shape),
     }
 
 

@@ -8,7 +8,8 @@ from typing import Any
 from rich.markup import escape
 
 from procedures.blocks import Block, Line, Paragraph
-from procedures.words import chance, share, units, with_error
+from procedures.text_picture import picture
+from procedures.words import chance, instead, share, units, unnamed, with_error
 
 _SHOWN = 6
 """Maximum number of displayed coefficients of an effect; the others are in the JSON and the report."""
@@ -31,6 +32,23 @@ def show_effect(effect: Mapping[str, Any]) -> Iterator[Block]:
         yield Paragraph(f"would separate them: {escape(effect['separate_by'])}", 4)
     elif effect["stratum"] != "noise":
         yield Paragraph(f"would confirm it: {escape(effect['separate_by'])}", 4)
+
+
+def show_unnamed(found: Mapping[str, Any]) -> Iterator[Block]:
+    """What is left without a name: where, how much, a picture, the nearest names, and what would show more."""
+    for rest, text in zip(found["unnamed"], unnamed(found), strict=True):
+        yield Paragraph(f"[yellow]{escape(text)}[/]", 2)
+        if (shape := rest.get("shape")) is not None:
+            yield from _show_shape(shape)
+    if text := instead(found):
+        yield Paragraph(f"[yellow]{escape(text)}[/]", 2)
+        yield from _show_shape(found["instead"]["shape"])
+
+
+def _show_shape(shape: Mapping[str, Any]) -> Iterator[Block]:
+    yield from (Line(f"    {escape(line)}") for line in picture(shape))
+    if shape["measure"]:
+        yield Paragraph(f"would show more: {escape(shape['measure'])}", 4)
 
 
 def show_certificate(found: Mapping[str, Any]) -> Iterator[Block]:

@@ -127,9 +127,31 @@ def unnamed(sensor: Mapping[str, Any]) -> list[str]:
     """The remainder that no effect of the catalogue explains, one sentence each."""
     return [
         f"{'Without a name' if rest.get('added') else 'Unexplained'}: {part(rest['share'])} of the error beyond "
-        f"scatter, {rest['where']}."
+        f"scatter, {rest['where']}{_shape(rest.get('shape'))}."
         for rest in sensor["unnamed"]
     ]
+
+
+def instead(sensor: Mapping[str, Any]) -> str:
+    """What one shape without a name would be in place of the doubtful effects, a sentence; "" if none is doubtful."""
+    one = sensor.get("instead")
+    if not one:
+        return ""
+    first, last = one["effects"][:-1], one["effects"][-1]
+    names = f"{', '.join(first)} and {last}" if first else last
+    return f"In place of {names} may stand one shape without a name: {one['where']}{_shape(one['shape'])}."
+
+
+def _shape(shape: Mapping[str, Any] | None) -> str:
+    """Size and nearest names of a shape, as the end of a sentence."""
+    if shape is None:
+        return ""
+    return f"; its shape has {size_of(shape)} rms; {shape['nearest_sentence']}"
+
+
+def size_of(shape: Mapping[str, Any]) -> str:
+    """Size of a shape without a name."""
+    return f"{shape['rms']:.3g} {shape['unit']}".rstrip()
 
 
 def with_error(value: float, error: float | None) -> tuple[str, str]:

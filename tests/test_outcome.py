@@ -41,7 +41,7 @@ def test_json_has_a_key_a_row_and_every_finding_where_its_kind_stands():
     assert told["after"] == {"T_S": None, "sigma_E": 1.0, "pct": {"5": 1.0}}
     assert [one["effect"] for one in told["effects"]] == ["creep", "noise-grows"]
     assert told["unnamed"] == [
-        {"where": "between points", "share": 0.2, "added": False, "stratum": "unnamed", "order": 3}
+        {"where": "between points", "share": 0.2, "added": False, "stratum": "unnamed", "order": 3, "shape": None}
     ]
     assert told["fitted"]["coefficients"] == {
         "1": {"estimate": 3.0, "stderr": 0.5, "df": 17, "interval95": [2.0, 4.0]},

@@ -9,6 +9,7 @@ from typing import Any, Self
 from fitter.json_values import JsonValue
 from fitter.trace.aliases import Rival
 from fitter.trace.outcome import Finding, Parameter, WithError
+from fitter.trace.shape import Shape
 
 CONFIRMED = 0.8
 """Left-out error after over before, above which the effects do not generalise to left-out data."""
@@ -140,12 +141,14 @@ class Unnamed:
         share: see above.
         added: whether a smooth term without a cause was added for it.
         stratum: "noise" if it is a random walk; otherwise "unnamed".
+        shape: it as a curve or a surface, with the nearest names; None where it has none.
     """
 
     where: str
     share: float
     added: bool = field(default=False, kw_only=True)
     stratum: str = field(default="unnamed", kw_only=True)
+    shape: Shape | None = field(default=None, kw_only=True, compare=False)
 
     @property
     def own_keys(self) -> dict[str, JsonValue]:
@@ -154,8 +157,15 @@ class Unnamed:
 
     def finding(self) -> Finding:
         """The same in the form of every kind of run."""
-        more = self.own_keys
-        return Finding("unnamed", self.where, self.stratum, self.share, added=self.added, more=more)
+        return Finding(
+            "unnamed",
+            self.where,
+            self.stratum,
+            self.share,
+            added=self.added,
+            shape=self.shape,
+            more=self.own_keys,
+        )
 
 
 def verdict(*, found: bool, fell: bool, rest: Iterable[Unnamed], doubtful: bool = False) -> str:

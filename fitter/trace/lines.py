@@ -25,6 +25,8 @@ FEWEST = 96
 """Minimum number of readings for a search."""
 CLEAR = 1e-4
 """Probability below which there is a period: the usual power about its frequency is known from a few dozen numbers."""
+NEAR, TRIED = 3.0, 61
+"""Periods over the series about a line within which its period is placed, and how many are tried."""
 IN_TIME = 600
 """Maximum number of tried frequencies in time."""
 
@@ -152,3 +154,21 @@ def _typical(power: FloatArray, summed: int) -> FloatArray:
     above = np.where(at + ABOUT < m, medians[np.minimum(at + 1, medians.size - 1)], 0.0)
     out[at] = np.maximum(np.maximum(below, above) / over, np.finfo(float).tiny)
     return out
+
+
+def folded(left: FloatArray, at: FloatArray, period: float) -> tuple[float, FloatArray]:
+    """The period near a found one that fits a residual best, and (n,) each row's place in it.
+
+    A line is found among whole numbers of periods over the series: folded at such a one, phases would run away.
+
+    Args:
+        left: (n,) residual.
+        at: (n,) time or number of each row.
+        period: found, in the unit of `at`.
+
+    """
+    tried = 1.0 / period + np.linspace(-NEAR, NEAR, TRIED) / max(float(np.ptp(at)), period)
+    angle = 2.0 * np.pi * np.outer(tried[tried > 0], at)
+    power = sum(np.abs(np.exp(1j * k * angle) @ left) ** 2 for k in (1, 2, 3))
+    best = float(1.0 / tried[tried > 0][int(np.argmax(power))])
+    return best, np.asarray(np.mod(at, best))

@@ -13,6 +13,7 @@ from typing import Any, Literal, Self
 
 from fitter.arrays import FloatArray
 from fitter.json_values import JsonValue
+from fitter.trace.shape import Shape
 
 Kind = Literal["effect", "noise", "unnamed"]
 
@@ -157,6 +158,7 @@ class Finding:
         interval_95: of each coefficient, None for one without; None before they are computed.
         size_95: 95 % interval of the size in words; None if there is none.
         sentence: a self-contained sentence about it; "" before it is written.
+        shape: of a remainder without a name, as a curve or a surface; None for others, and where it has none.
         more: keys of JSON of one kind of run only.
     """
 
@@ -180,13 +182,14 @@ class Finding:
     interval_95: tuple[tuple[float, float] | None, ...] | None = None
     size_95: str | None = None
     sentence: str = ""
+    shape: Shape | None = None
     more: Mapping[str, JsonValue] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:
         """JSON values for `rig trace --json`."""
         if self.kind == "unnamed":
             told = {"where": self.cause, "share": self.share, "added": self.added, "stratum": self.stratum}
-            return {**told, **self.more}
+            return {**told, **self.more, "shape": None if self.shape is None else self.shape.to_json()}
         table: dict[str, Any] = {
             "effect": self.effect,
             "cause": self.cause,
@@ -213,6 +216,25 @@ class Finding:
 
 
 @dataclass(frozen=True, eq=False)
+class Instead:
+    """One shape without a name in place of all effects whose names are doubtful.
+
+    Attributes:
+        effects: their names.
+        where: its place, in words.
+        shape: it, beside the effects that are not doubtful.
+    """
+
+    effects: tuple[str, ...]
+    where: str
+    shape: Shape
+
+    def to_json(self) -> dict[str, Any]:
+        """JSON values for `rig trace --json`."""
+        return {"effects": list(self.effects), "where": self.where, "shape": self.shape.to_json()}
+
+
+@dataclass(frozen=True, eq=False)
 class Outcome:
     """Result of a trace for one sensor.
 
@@ -230,6 +252,7 @@ class Outcome:
         sentence: summary of the findings; "" before it is written.
         certificate: the paragraph for a certificate; "" before it is written.
         figures: plot data of each effect and finding about the noise, by its name.
+        instead: one shape without a name in place of the doubtful effects; None where none is.
         more: keys of JSON of one kind of run only.
     """
 
@@ -246,6 +269,7 @@ class Outcome:
     sentence: str = ""
     certificate: str = ""
     figures: Mapping[str, Figure] = field(default_factory=dict)
+    instead: Instead | None = None
     more: Mapping[str, Any] = field(default_factory=dict)
 
     @property
@@ -267,6 +291,7 @@ class Outcome:
             "effects": [one.to_json() for one in self.named],
             "after": {row.name: row.value for row in self.after},
             "unnamed": [one.to_json() for one in self.unnamed],
+            "instead": None if self.instead is None else self.instead.to_json(),
             "notes": list(self.notes),
         }
         if self.refused is not None:

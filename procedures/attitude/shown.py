@@ -13,10 +13,10 @@ from procedures.attitude.parameters import LABELS, NO_DIRECTION, shown
 from procedures.attitude.words import little_help, misfit_in_words
 from procedures.before_after import compared
 from procedures.blocks import Block, Grid, Line, Paragraph, headline
-from procedures.effects_shown import show_certificate, show_effect
+from procedures.effects_shown import show_certificate, show_effect, show_unnamed
 from procedures.gross_shown import show_gross, show_left_out
 from procedures.numbers import with_error, with_interval
-from procedures.words import TESTS, significant, unnamed, verdict_of
+from procedures.words import TESTS, significant, verdict_of
 
 
 def show_attitude_fit(result: Mapping[str, Any]) -> Iterator[Block]:
@@ -113,7 +113,8 @@ def show_attitude_trace(traced: AttitudeTraced) -> Iterator[Block]:
         yield from _say(sensor["depends_on"])
         for effect in sensor["effects"]:
             yield from show_effect(effect)
-        for line in (*(one["sentence"] for one in sensor["refused"]), *unnamed(sensor), little_help(sensor)):
+        yield from show_unnamed(sensor)
+        for line in (*(one["sentence"] for one in sensor["refused"]), little_help(sensor)):
             if line:
                 yield Paragraph(f"[yellow]{escape(line)}[/]", 2)
         yield from show_certificate(sensor)

@@ -9,11 +9,11 @@ from rich.markup import escape
 
 from procedures.before_after import compared
 from procedures.blocks import Block, Grid, Line, Paragraph
-from procedures.effects_shown import show_certificate, show_effect
+from procedures.effects_shown import show_certificate, show_effect, show_unnamed
 from procedures.general.evaluate import GeneralTraced
 from procedures.gross_shown import show_gross, show_left_out
 from procedures.numbers import number
-from procedures.words import unnamed, verdict_of
+from procedures.words import verdict_of
 
 
 def show_general_trace(traced: GeneralTraced) -> Iterator[Block]:
@@ -31,8 +31,7 @@ def show_general_trace(traced: GeneralTraced) -> Iterator[Block]:
         yield table
         for effect in found["effects"]:
             yield from show_effect(effect)
-        for line in unnamed(found):
-            yield Paragraph(f"[yellow]{escape(line)}[/]", 2)
+        yield from show_unnamed(found)
         for note in found["notes"]:
             yield Paragraph(f"[dim]{escape(note)}[/]", 2)
         yield from show_certificate(found)

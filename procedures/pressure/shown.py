@@ -9,12 +9,12 @@ from rich.markup import escape
 
 from fitter.trace.outcome import Outcome
 from procedures.before_after import compared
-from procedures.blocks import Block, Grid, Line, Paragraph, headline
-from procedures.effects_shown import show_certificate, show_effect
+from procedures.blocks import Block, Grid, Line, headline
+from procedures.effects_shown import show_certificate, show_effect, show_unnamed
 from procedures.gross_shown import show_gross, show_left_out
 from procedures.numbers import number
 from procedures.pressure.evaluate import IN_USE, WholePlotTraced, errors_in_words, in_use_words, low_pressure
-from procedures.words import unnamed, verdict_of
+from procedures.words import verdict_of
 
 _MEASURES = (
     ("in_use", "max_pct", "largest reading error in use / %"),
@@ -138,8 +138,7 @@ def show_whole_plot_trace(traced: WholePlotTraced) -> Iterator[Block]:
         yield _before_after(outcomes[name])
         for effect in sensor["effects"]:
             yield from show_effect(effect)
-        for line in unnamed(sensor):
-            yield Paragraph(f"[yellow]{escape(line)}[/]", 2)
+        yield from show_unnamed(sensor)
         yield from show_certificate(sensor)
 
 

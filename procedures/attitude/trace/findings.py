@@ -20,6 +20,7 @@ from procedures.attitude.effects import Effect, separate
 from procedures.attitude.effects.unnamed import NAMELESS
 from procedures.attitude.fit import AttitudeFit
 from procedures.attitude.model import attitude_columns
+from procedures.attitude.trace.drawn import drawn, drawn_drift, drawn_instead, drawn_period, drawn_points
 from procedures.attitude.trace.estimate import Estimate, concerns, predict
 from procedures.attitude.trace.judge import AttitudeJudge
 from procedures.attitude.trace.levels import LEVELS
@@ -93,6 +94,7 @@ def sensor_trace(
         cv_rms_after=None if cv is None else float(cv[1]),
         effects=effects,
         unnamed=unnamed,
+        instead=drawn_instead(nameless, tuple(e.effect for e in effects if e.doubtful), i),
         shared_attitude_before=shared_attitude(problem, before.corrected[i]),
         shared_attitude_after=shared_attitude(problem, after.corrected[i]),
         fit=after.fits[i],
@@ -237,20 +239,24 @@ def _unnamed(problem: Problem, after: Estimate, nameless: Nameless, i: int) -> t
         return ()
     between, within = (nameless.left_in(i, level) for level in LEVELS[1:])
     if table.bias.p < UNEXPLAINED:
-        rest.append(strongest_wave(problem, after.corrected[i]))
+        shape = drawn_points(nameless, between, table.bias.p, i)
+        rest.append(replace(strongest_wave(problem, after.corrected[i]), shape=shape))
     elif between is not None and between.p < UNEXPLAINED:
-        rest.append(Unnamed(between.where, _part(table, between.remainder.share)))
+        part = _part(table, between.remainder.share)
+        rest.append(Unnamed(between.where, part, shape=drawn(nameless, between, i)))
     line = nameless.lines[i]
     if line is not None and line.p < CLEAR:
-        rest.append(Unnamed(line.where, _part(table, line.share)))
+        rest.append(Unnamed(line.where, _part(table, line.share), shape=drawn_period(nameless, line, i)))
     elif within is not None and within.p < UNEXPLAINED and not (problem.wander[i] > 0 and within.place.in_time):
-        rest.append(Unnamed(within.where, _part(table, within.remainder.share)))
+        part = _part(table, within.remainder.share)
+        rest.append(Unnamed(within.where, part, shape=drawn(nameless, within, i)))
     if problem.wander[i] > 0:
         walk = "along the run: the offset takes a random walk"
         rest.append(Unnamed(walk, _walk_share(problem, i), stratum="noise"))
     elif table.drift.p < UNEXPLAINED:
         share = 1.0 - _pure_variance(table) / table.sigma_E**2
-        rest.append(Unnamed("between replications: the parameters drift", float(np.clip(share, 0.0, 1.0))))
+        drift = drawn_drift(nameless, table.drift.p, i)
+        rest.append(Unnamed("between replications: the parameters drift", float(np.clip(share, 0.0, 1.0)), shape=drift))
     return tuple(rest)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 
 import numpy as np
@@ -72,6 +72,8 @@ class Nameless:
 
     problem: Problem
     chosen: tuple[int, ...]
+    _views: dict[Level, View] = field(default_factory=dict)
+    _without_names: dict[tuple[str, ...], Nameless] = field(default_factory=dict)
 
     @cached_property
     def places(self) -> tuple[Place, ...]:
@@ -88,6 +90,24 @@ class Nameless:
         """Whether the residual is more than rounding."""
         return bool(np.all(self.sigma > 10 * rounding(self.problem)))
 
+    def without(self, names: tuple[str, ...]) -> Nameless:
+        """The same run beside all effects found but those of some names."""
+        if names not in self._without_names:
+            kept = tuple(j for j in self.chosen if self.problem.candidates[j].effect.name not in names)
+            self._without_names[names] = Nameless(self.problem, kept)
+        return self._without_names[names]
+
+    def view(self, level: Level) -> View:
+        """Residuals at a level, beside all that was found."""
+        if level not in self._views:
+            self._views[level] = View(self.problem, level, self.chosen, self.sigma)
+        return self._views[level]
+
+    @cached_property
+    def memory(self) -> FloatArray:
+        """(S,) correlation of neighbouring rows where it is clear, else zero."""
+        return _memory(self.problem, self.view("points").outputs)
+
     @cached_property
     def left(self) -> tuple[Left, ...]:
         """Places that the residual follows, the most significant first."""
@@ -96,10 +116,9 @@ class Nameless:
         problem, n = self.problem, len(self.problem.scene.data)
         count = tried(place.block for place in self.places)
         found = []
-        views = {level: _View(problem, level, self.chosen, self.sigma) for level in LEVELS[1:]}
-        rho = _memory(problem, views["points"].outputs)
+        rho = self.memory
         for place in self.places:
-            view = views[place.level]
+            view = self.view(place.level)
             at = slice(None) if place.sensor is None else slice(place.sensor * n, (place.sensor + 1) * n)
             y = view.outputs.reshape(-1)[at]
             df = y.size // n * problem.levels.df(place.level) - len(self.chosen)
@@ -126,7 +145,7 @@ class Nameless:
         level: Level = "points" if problem.levels.df("points") > 0 else "declared"
         if not self.able:
             return (None,) * len(problem.sensors)
-        left = _View(problem, level, self.chosen, self.sigma).outputs
+        left = self.view(level).outputs
         rows = problem.levels.executed
         drawn = np.random.default_rng(SEED).standard_normal((len(data), DRAWS))
         found = (
@@ -252,10 +271,10 @@ class Nameless:
                 best, where = total, text
         return best, where
 
-    def _without(self, names: Sequence[str], level: Level) -> tuple[_View, list[int]]:
+    def _without(self, names: Sequence[str], level: Level) -> tuple[View, list[int]]:
         """The residual beside all but some effects, and their candidates."""
         mine = [j for j in self.chosen if self.problem.candidates[j].effect.name in names]
-        return _View(self.problem, level, tuple(j for j in self.chosen if j not in mine), self.sigma), mine
+        return View(self.problem, level, tuple(j for j in self.chosen if j not in mine), self.sigma), mine
 
     def _price(self, name: str) -> float:
         """Price in nats of the selection of this name, and of its searched constant."""
@@ -276,7 +295,7 @@ class Nameless:
         return float(special.chdtrc(columns.shape[1], max(ratio, 0.0)))
 
 
-class _View:
+class View:
     """Outputs and columns at a level, over the sensors' errors, beside some candidates."""
 
     def __init__(self, problem: Problem, level: Level, rest: Sequence[int], sigma: FloatArray) -> None:
@@ -289,6 +308,7 @@ class _View:
         self.outputs = (y - self.basis @ (self.basis.T @ y)).reshape(len(sigma), -1)
 
     def of(self, picked: Sequence[int]) -> FloatArray:
+        """(S n, q) of candidates."""
         columns = self.problem.columns_at(self.level, list(picked)) / self.sigma[:, None, None]
         flat = columns.reshape(columns.shape[0] * columns.shape[1], len(picked))
         return np.asarray(flat - self.basis @ (self.basis.T @ flat))

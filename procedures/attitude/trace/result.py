@@ -13,7 +13,7 @@ from fitter.json_values import JsonValue
 from fitter.replication import Replication
 from fitter.sums_of_squares import FTest
 from fitter.trace.found import CONFIRMED, Explanation, Found, Unnamed
-from fitter.trace.outcome import Outcome, Parameter, Row, WithError, run_json
+from fitter.trace.outcome import Instead, Outcome, Parameter, Row, WithError, run_json
 from fitter.trace.signs import Refused
 from procedures.attitude.data import AttitudeData
 from procedures.attitude.effects import Scene
@@ -74,6 +74,7 @@ class SensorTrace:
         smooth: terms without a cause that were added.
         refused: causes that would fit, except for their required sign.
         keeping: sentences about effects that were not kept, or kept because of other sensors.
+        instead: one shape without a name in place of the doubtful effects.
     """
 
     sensor: str
@@ -97,6 +98,7 @@ class SensorTrace:
     smooth: tuple[FoundEffect, ...] = ()
     refused: tuple[Refused, ...] = ()
     keeping: tuple[str, ...] = ()
+    instead: Instead | None = None
 
     def outcome(self) -> Outcome:
         """The same in the form of every kind of run."""
@@ -112,6 +114,7 @@ class SensorTrace:
             after=self._side(self.after, self.cv_rms_after, self.shared_attitude_after),
             fitted=self._fitted(),
             notes=self.notes,
+            instead=self.instead,
             refused=tuple(one.to_json() for one in self.refused),
         )
 

@@ -112,7 +112,7 @@ class Nameless:
         df = problem.n - taken.shape[1]
 
         def project(columns: FloatArray) -> FloatArray:
-            white = self._white(columns, at)
+            white = self.white(columns, at)
             return np.asarray(white - taken @ (taken.T @ white))
 
         return remainders(self.left_under(at), df, [place.block], project) if df > 2 else []
@@ -122,7 +122,13 @@ class Nameless:
         white, taken = self.judge.white(at, self.chosen), self.judge.view(at).taken(self.chosen)
         return np.asarray(white - taken @ (taken.T @ white))
 
-    def _white(self, columns: FloatArray, at: int) -> FloatArray:
+    def leave(self, columns: FloatArray, at: int) -> FloatArray:
+        """(n, m) what the model leaves of columns, whitened by covariance `at`."""
+        white, taken = self.white(columns, at), self.judge.view(at).taken(self.chosen)
+        return np.asarray(white - taken @ (taken.T @ white))
+
+    def white(self, columns: FloatArray, at: int) -> FloatArray:
+        """(n, m) columns whitened by covariance `at`."""
         problem = self.judge.problem
         return np.asarray(problem.noise.whiten(np.array([at]), columns / problem.sd[:, None])[0])
 
@@ -236,7 +242,7 @@ class Nameless:
         named = evidence_of(y, (some - taken @ (taken.T @ some) for some in own)) - sum(map(self._price, names))
         best, where = -np.inf, ""
         for place in self.places:
-            columns = self._white(place.block.columns, at)
+            columns = self.white(place.block.columns, at)
             columns = columns - taken @ (taken.T @ columns)
             total = evidence(y, columns, place.block.roughness) - float(np.log(len(self.places)))
             if total > best:

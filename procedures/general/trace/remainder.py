@@ -12,7 +12,9 @@ from fitter.arrays import FloatArray, IntArray
 from fitter.linear import orthonormal
 from fitter.trace.found import Unnamed
 from fitter.trace.lines import CLEAR
+from fitter.trace.shape import Shape
 from procedures.general.trace.both import Both
+from procedures.general.trace.drawn import drawn, drawn_period
 from procedures.general.trace.judge import TableJudge
 from procedures.general.trace.nameless import Left, Nameless
 from procedures.general.trace.noise import Wandering
@@ -55,10 +57,10 @@ def unnamed(nameless: Nameless, variables: Mapping[str, FloatArray]) -> tuple[Un
     clearest = next(iter(nameless.left), None)
     line, jumps = nameless.line, nameless.jumps
     if line is not None and line.p < CLEAR:
-        rest.append(Unnamed(line.where, line.share))
+        rest.append(Unnamed(line.where, line.share, shape=drawn_period(nameless, line)))
     if jumps is not None:
         levels = f"along the run: jumps between two levels {jumps.apart:.3g} apart, {jumps.stay:.3g} rows at the rarer"
-        rest.append(Unnamed(levels, jumps.share))
+        rest.append(Unnamed(levels, jumps.share, shape=_along_the_run(nameless)))
     elif clearest is not None and clearest.p < UNEXPLAINED and not (clearest.place.timed and len(rest) > 0):
         rest.append(_at(nameless, clearest, variables))
     return tuple(rest)
@@ -68,10 +70,17 @@ def _at(nameless: Nameless, left: Left, variables: Mapping[str, FloatArray]) -> 
     """The remainder at a place, with an available curve if it is over one variable."""
     place, share, name = left.place, left.remainder.share, left.place.curve
     if name is None or not curve(variables[name]).shape[1]:
-        return Unnamed(place.block.place, share)
+        return Unnamed(place.block.place, share, shape=drawn(nameless, left))
     residual = nameless.left_under(0)
     where = f"{place.block.place}{_most(variables[name], residual)}"
-    return _told(offered(nameless.judge, nameless.chosen, name, variables[name], share, where=where))
+    smooth = _told(offered(nameless.judge, nameless.chosen, name, variables[name], share, where=where))
+    return replace(smooth, shape=drawn(nameless, left))
+
+
+def _along_the_run(nameless: Nameless) -> Shape | None:
+    """The course along the run, where one is seen."""
+    course = next((one for one in nameless.left if one.place.curve is not None and one.place.timed), None)
+    return None if course is None else drawn(nameless, course)
 
 
 def _slow(judge: TableJudge, chosen: tuple[int, ...]) -> tuple[Smooth, ...]:

@@ -19,6 +19,7 @@ from procedures.general.effects import TableEffect
 from procedures.general.effects.of_others import GROUP_GAIN, GROUP_OFFSET
 from procedures.general.trace.both import Both
 from procedures.general.trace.cross import left_out
+from procedures.general.trace.drawn import drawn_instead
 from procedures.general.trace.estimate import Estimate, estimate
 from procedures.general.trace.findings import noise_findings
 from procedures.general.trace.judge import TableJudge
@@ -68,6 +69,7 @@ def trace_general(data: TableData) -> TableTrace:
         after=TableSide(after, cv[1], pure[1], _shared(data, judge, chosen)),
         effects=(*effects, *noise),
         unnamed=rest,
+        instead=drawn_instead(nameless, tuple(effect.effect for effect in effects if effect.doubtful)),
         remarks=_remarks(found),
         y=data.y,
         variables=_variables(data) | _others(data),

@@ -10,7 +10,7 @@ import numpy as np
 from fitter.arrays import FloatArray
 from fitter.json_values import JsonValue
 from fitter.trace.found import CONFIRMED, Found, Unnamed
-from fitter.trace.outcome import OF_REPLICATIONS, Outcome, Parameter, Row, WithError, absent
+from fitter.trace.outcome import OF_REPLICATIONS, Instead, Outcome, Parameter, Row, WithError, absent
 from procedures.general.trace.estimate import Estimate
 
 UNBOUNDED = (
@@ -116,6 +116,7 @@ class TableTrace:
         variables: (n,) columns for plots of residuals, by name.
         levels: names of the levels of groups among them, whose values are indices from zero.
         left_out: groups of rows left out for `cv_rms`.
+        instead: one shape without a name in place of the doubtful effects.
     """
 
     response: str
@@ -131,6 +132,7 @@ class TableTrace:
     variables: Mapping[str, FloatArray]
     levels: Mapping[str, tuple[str, ...]]
     left_out: str | None
+    instead: Instead | None = None
 
     @property
     def added(self) -> tuple[FoundTableEffect, ...]:
@@ -165,6 +167,7 @@ class TableTrace:
             after=self.after.rows(),
             fitted=self._fitted(),
             notes=self.notes,
+            instead=self.instead,
         )
 
     def _fitted(self) -> tuple[Parameter, ...]:

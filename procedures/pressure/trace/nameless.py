@@ -85,7 +85,7 @@ class Nameless:
     def able(self) -> bool:
         """Whether there is noise for a comparison with shapes."""
         swing = np.ptp(self.problem.outputs, axis=1)
-        return all(bool(np.all(self._view(level).sigma > 10 * RESOLVED * swing)) for level in LEVELS)
+        return all(bool(np.all(self.view(level).sigma > 10 * RESOLVED * swing)) for level in LEVELS)
 
     @cached_property
     def left(self) -> tuple[Left, ...]:
@@ -96,7 +96,7 @@ class Nameless:
         count = tried(place.block for place in self.places) * len(problem.sensors)
         found = []
         for place in self.places:
-            view = self._view(place.level)
+            view = self.view(place.level)
             for i in range(len(problem.sensors)):
                 df = int(view.df[i])
                 if df < 3:
@@ -120,7 +120,7 @@ class Nameless:
         if not self.able:
             return (None,) * len(problem.sensors)
         rows = np.argsort(problem.order)
-        every = self._view("subplot").outputs
+        every = self.view("subplot").outputs
         found = (line(one[rows], data.elapsed_s[rows], problem.whole_plot[rows]) for one in every)
         return tuple(None if one is None else replace(one, p=min(len(every) * one.p, 1.0)) for one in found)
 
@@ -201,7 +201,7 @@ class Nameless:
         )
         if len(beside) == len(self.chosen):
             return False
-        i, view = left.sensor, _View(self.problem, left.place.level, beside, self._view(left.place.level).sigma)
+        i, view = left.sensor, View(self.problem, left.place.level, beside, self.view(left.place.level).sigma)
         rest = remainders(view.outputs[i], int(view.df[i]), [left.place.block], partial(view.project, i=i))
         count = tried(place.block for place in self.places) * len(self.problem.sensors)
         return not rest or rest[0].p * count >= DOUBT
@@ -243,7 +243,7 @@ class Nameless:
         rest = tuple(j for j in self.chosen if j not in mine)
         of_line = any(problem.candidates[j].sensor is None for j in mine)
         sensors = list(range(len(problem.sensors))) if of_line else [i]
-        view = _View(problem, level, rest, self._view(level).sigma)
+        view = View(problem, level, rest, self.view(level).sigma)
         y = view.outputs[sensors].reshape(-1)
         left, taken, named = y, np.empty((y.size, 0)), 0.0
         for name in names:
@@ -277,7 +277,7 @@ class Nameless:
         terms = {problem.candidates[j].term.name for j in at if problem.candidates[j].effect.name == name}
         return float(np.log(len(names)) + (0.5 * np.log(max(len(terms), 1)) if searched and effect.searched else 0.0))
 
-    def _held_against(self, place: Place, i: int, one: Remainder, view: _View) -> float:
+    def _held_against(self, place: Place, i: int, one: Remainder, view: View) -> float:
         """P by chance with correlated neighbouring whole plots, or with a new sensitivity in each whole plot."""
         if place.level == "whole-plot":
             return self._alike.p_of_block(i, one.basis, view.outputs[i])
@@ -287,7 +287,7 @@ class Nameless:
     def _alike(self) -> Neighbours:
         return neighbours(self.problem, self.chosen)
 
-    def _among_slopes(self, i: int, basis: FloatArray, view: _View) -> float:
+    def _among_slopes(self, i: int, basis: FloatArray, view: View) -> float:
         """P of a basis (n, q) from the scatter of whole plots' slopes, where that is more than readings explain."""
         problem = self.problem
         if "P" not in problem.names:
@@ -307,15 +307,16 @@ class Nameless:
             return 0.0
         return float(special.fdtrc(q, below, gain / q / rest))
 
-    def _view(self, level: Level) -> _View:
+    def view(self, level: Level) -> View:
+        """Residuals at a level, beside all that was found."""
         return self._views[level]
 
     @cached_property
-    def _views(self) -> dict[Level, _View]:
-        return {level: _View(self.problem, level, self.chosen, None) for level in LEVELS}
+    def _views(self) -> dict[Level, View]:
+        return {level: View(self.problem, level, self.chosen, None) for level in LEVELS}
 
 
-class _View:
+class View:
     """Outputs and columns at a level, over the transducers' errors, beside some candidates."""
 
     def __init__(self, problem: Problem, level: Level, rest: Sequence[int], sigma: FloatArray | None) -> None:

@@ -22,6 +22,7 @@ from procedures.pressure.data import WholePlotData
 from procedures.pressure.effects.scene import PressureEffect, PressureScene, PressureTerm
 from procedures.pressure.effects.separation import separate_pressure
 from procedures.pressure.trace.agreement import classes
+from procedures.pressure.trace.drawn import drawn, drawn_instead, drawn_period
 from procedures.pressure.trace.estimate import Estimate, error_of, residual_of
 from procedures.pressure.trace.judge import WholePlotJudge
 from procedures.pressure.trace.nameless import Nameless
@@ -119,6 +120,7 @@ def transducer(finding: Finding, i: int) -> TransducerTrace:
         after=_side(finding, finding.after, i, 1),
         effects=tuple(effects),
         unnamed=rest,
+        instead=drawn_instead(finding.nameless, tuple(effect.effect for effect in effects if effect.doubtful), i),
         alike=tuple(
             text for name in finding.classes for text in (_alike(finding, name), _mixed(finding, name)) if text
         ),
@@ -281,14 +283,18 @@ def _unnamed(finding: Finding, i: int) -> tuple[Unnamed, ...]:
     }
     for level, (repeats, strongest) in by_level.items():
         smooth, p = smoothest(whitened, chosen, data, i, level)
+        here: list[Unnamed] = []
         if p * len(whitened.sensors) < UNEXPLAINED:
-            rest.append(smooth)
+            here.append(smooth)
         if lack_of_fit(plain, level, chosen, repeats, i).p < UNEXPLAINED:
-            rest.append(strongest(plain, chosen, data, i))
+            here.append(strongest(plain, chosen, data, i))
         left = finding.nameless.left_in(i, level)
-        if not rest and left is not None and left.p < UNEXPLAINED:
-            rest.append(left.unnamed())
+        if not rest and not here and left is not None and left.p < UNEXPLAINED:
+            here.append(left.unnamed())
+        if here and left is not None:
+            here[0] = replace(here[0], shape=drawn(finding.nameless, left))
+        rest += here
     line = finding.nameless.lines[i]
     if line is not None and line.p < CLEAR:
-        rest.append(Unnamed(line.where, line.share))
+        rest.append(Unnamed(line.where, line.share, shape=drawn_period(finding.nameless, line, i)))
     return tuple(rest)

@@ -14,7 +14,7 @@ from fitter.json_values import JsonValue
 from fitter.split_plot import SplitPlotFit
 from fitter.trace.found import CONFIRMED, Explanation, Found, Unnamed
 from fitter.trace.growing_noise import Noise
-from fitter.trace.outcome import OF_REPLICATIONS, Outcome, Parameter, Row, WithError, absent, run_json
+from fitter.trace.outcome import OF_REPLICATIONS, Instead, Outcome, Parameter, Row, WithError, absent, run_json
 from fitter.trace.signs import Refused
 from procedures.pressure.data import WholePlotData
 from procedures.pressure.effects.scene import PressureScene
@@ -142,6 +142,7 @@ class TransducerTrace:
         sensitivity: mV/psi.
         refused: causes that would fit, except for their required sign.
         keeping: sentences about effects that were not kept, or kept because of other sensors.
+        instead: one shape without a name in place of the doubtful effects.
     """
 
     sensor: str
@@ -156,6 +157,7 @@ class TransducerTrace:
     sensitivity: float
     refused: tuple[Refused, ...] = ()
     keeping: tuple[str, ...] = ()
+    instead: Instead | None = None
 
     def outcome(self) -> Outcome:
         """The same in the form of every kind of run."""
@@ -168,6 +170,7 @@ class TransducerTrace:
             after=self.after.rows(),
             fitted=self._fitted(),
             notes=self.notes,
+            instead=self.instead,
             refused=tuple(one.to_json() for one in self.refused),
         )
 

@@ -1,0 +1,138 @@
+"""A shape without a name in a table, drawn over what it follows, with the names nearest to it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from fitter.trace.doubts import DOUBT
+from fitter.trace.flexible import Block, turns, waves
+from fitter.trace.lines import Line, folded
+from fitter.trace.outcome import Instead
+from fitter.trace.shape import Axis, Name, Seen, Shape, shape_of, standing_for
+from procedures.general.effects.scene import TableScene, is_angle
+from procedures.general.trace.nameless import Left, Nameless
+from procedures.general.trace.places import PER_COLUMN, Place
+
+HARMONICS, FINE = 3, 24
+"""Of a period, that its shape may have; waves of a curve that is drawn over one variable."""
+PLACES = 3
+"""Clearest places at which a shape in place of doubtful names is looked for."""
+STEP, SINCE = "over the step of ", " since each group's first row"
+"""Beginning and end of the words for two places."""
+
+
+def drawn(nameless: Nameless, left: Left) -> Shape | None:
+    """The shape at a place; None where the likeliest is nothing."""
+    place, scene = left.place, nameless.data.scene
+    if place.curve is not None and not is_angle(place.curve, _values(scene, place.curve)):
+        values = _values(scene, place.curve)
+        columns = waves(values, max(min(FINE, values.size // PER_COLUMN), place.block.columns.shape[1]))
+        fine = Block(place.block.place, columns, place.block.orders, np.arange(1.0, columns.shape[1] + 1))
+        place = replace(place, block=fine)
+    return _drawn(nameless, place, left.p, axes_of(nameless, place))
+
+
+def drawn_instead(nameless: Nameless, names: tuple[str, ...]) -> Instead | None:
+    """One shape in place of all effects of some names; None without names, or where there is none."""
+    if not names:
+        return None
+    candidates = nameless.judge.candidates
+    rest = replace(nameless, chosen=tuple(j for j in nameless.chosen if candidates[j].effect.name not in names))
+    own = [one for one in rest.left if one.p < DOUBT]
+    found = standing_for(names, ((one.place.block.place, drawn(rest, one)) for one in own[:PLACES]))
+    return None if found is None else Instead(names, *found)
+
+
+def drawn_period(nameless: Nameless, found: Line) -> Shape | None:
+    """A period, over its phase; None without a time."""
+    time = nameless.data.scene.time
+    if time is None:
+        return None
+    n = nameless.judge.problem.n
+    if found.unit == "readings":
+        at, period, unit = np.argsort(np.argsort(time.values, kind="stable")).astype(np.float64), found.period, "rows"
+    else:
+        at, period, unit = time.values * (time.unit_s or 1.0), found.period, "s"
+    period, phase = folded(nameless.left_under(0), at, period)
+    columns = turns(360.0 * phase / period, min(HARMONICS, n // (2 * PER_COLUMN)))
+    rough = np.repeat(np.arange(1.0, columns.shape[1] // 2 + 1), 2)
+    block = Block(found.where, columns, (columns.shape[1],), rough)
+    axis = Axis("phase", f"place in a period of {period:.4g} {unit}", unit, phase)
+    return _drawn(nameless, Place(block, frozenset({time.name}), timed=True), found.p, (axis, None))
+
+
+def _drawn(nameless: Nameless, place: Place, p: float, axes: tuple[Axis, Axis | None] | None) -> Shape | None:
+    if axes is None:
+        return None
+    judge, sd = nameless.judge, nameless.judge.problem.sd
+    at = judge.beside(nameless.chosen).best
+    taken = judge.view(0).taken(nameless.chosen)
+    plain = nameless.white(place.block.columns, 0)
+    plain = plain - taken @ (taken.T @ plain)
+    seen = Seen(
+        plain=nameless.left_under(0) * sd,
+        plain_columns=plain * sd[:, None],
+        white=nameless.left_under(at),
+        white_columns=nameless.leave(place.block.columns, at),
+        roughness=place.block.roughness,
+        df=sd.size - taken.shape[1],
+    )
+    return shape_of(seen, *axes, _names(nameless, at), unit="", p=p, stratum="row")
+
+
+def _names(nameless: Nameless, at: int) -> Iterator[Name]:
+    """Every candidate beside what was found."""
+    view, candidates = nameless.judge.view(at), nameless.judge.candidates
+    taken = view.taken(nameless.chosen)
+    columns = view.columns - taken @ (taken.T @ view.columns)
+    for j, one in enumerate(candidates):
+        if j not in nameless.chosen:
+            own = slice(int(view.start[j]), int(view.start[j + 1]))
+            yield one.effect.name, columns[:, own], view.length[own]
+
+
+def axes_of(nameless: Nameless, place: Place) -> tuple[Axis, Axis | None] | None:
+    """The variable, and the second one, over which a place is drawn; None for a place that is not known."""
+    scene, text = nameless.data.scene, place.block.place
+    at = {name: text.find(name) for name in place.variables}
+    names = sorted(place.variables, key=lambda name: (at[name], -len(name)))
+    if not names:
+        return None
+    axes = [_axis(scene, name) for name in names[:2]]
+    first = axes[0]
+    if text.startswith(STEP):
+        moved = np.diff(first.values, prepend=first.values[:1])
+        first = Axis(f"{first.variable}_step", f"step of {first.label} before", "", moved, settable=True)
+    if text.startswith("over earlier "):
+        before = np.concatenate([first.values[:1], first.values[:-1]])
+        first = Axis(f"{first.variable}_before", f"{first.label} of the row before", "", before, settable=True)
+    if text.endswith(SINCE) and nameless.data.shared is not None:
+        group = nameless.data.shared
+        start = np.full(int(group.max()) + 1, np.inf)
+        np.minimum.at(start, group, first.values)
+        first = replace(first, label=f"{first.label} since the group's first row", values=first.values - start[group])
+    second = axes[1] if len(axes) > 1 else None
+    if second is not None and scene.direction is not None and first.variable == scene.direction[0]:
+        return second, first
+    if second is not None and first.variable in scene.groups:
+        return second, first
+    return first, second
+
+
+def _axis(scene: TableScene, name: str) -> Axis:
+    return Axis(name, name, "", _values(scene, name), settable=name in scene.settings)
+
+
+def _values(scene: TableScene, name: str) -> FloatArray:
+    """(n,) of a setting, a covariate, the time, the direction, or the number of a group's level."""
+    if scene.time is not None and name == scene.time.name:
+        return scene.time.values
+    if scene.direction is not None and name == scene.direction[0]:
+        return scene.direction[1]
+    if name in scene.groups:
+        return scene.groups[name].index.astype(np.float64)
+    return scene.of(name)

@@ -1,0 +1,143 @@
+"""A shape without a name in a whole-plot run, drawn over what it follows, with the names nearest to it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from fitter.trace.doubts import DOUBT
+from fitter.trace.flexible import Block, turns, waves
+from fitter.trace.lines import Line, folded
+from fitter.trace.outcome import Instead
+from fitter.trace.shape import Axis, Name, Seen, Shape, shape_of, standing_for
+from procedures.pressure.effects.scene import PressureScene
+from procedures.pressure.trace.nameless import Left, Nameless
+from procedures.pressure.trace.places import Place
+from procedures.pressure.trace.strata import Level
+
+UNIT = "mV"
+PLACES = 3
+"""Clearest places at which a shape in place of doubtful names is looked for."""
+HARMONICS, FINE = 3, 24
+"""Of a period, that its shape may have; waves of a curve that is drawn over the pressure."""
+
+
+def drawn(nameless: Nameless, left: Left) -> Shape | None:
+    """The shape that a transducer follows; None where the likeliest is nothing."""
+    place, scene = left.place, nameless.scene
+    if place.block.place == "over the pressure":
+        columns = waves(np.sqrt(np.maximum(scene.p, 0.0)), FINE)
+        fine = Block(place.block.place, columns, place.block.orders, np.arange(1.0, columns.shape[1] + 1))
+        place = replace(place, block=fine)
+    return _drawn(nameless, place, left.sensor, left.p, axes_of(scene, place.block.place))
+
+
+def drawn_instead(nameless: Nameless, names: tuple[str, ...], i: int) -> Instead | None:
+    """One shape of transducer `i` in place of all effects of some names; None without names, or where there is none."""
+    if not names:
+        return None
+    candidates = nameless.problem.candidates
+    rest = replace(nameless, chosen=tuple(j for j in nameless.chosen if candidates[j].effect.name not in names))
+    own = [one for one in rest.left if one.sensor == i and one.p < DOUBT]
+    found = standing_for(names, ((one.unnamed().where, drawn(rest, one)) for one in own[:PLACES]))
+    return None if found is None else Instead(names, *found)
+
+
+def drawn_period(nameless: Nameless, found: Line, i: int) -> Shape | None:
+    """A period of transducer `i` within whole plots, over its phase."""
+    problem, data = nameless.problem, nameless.scene.data
+    if found.unit == "readings":
+        at, period, unit = np.argsort(np.argsort(problem.order)).astype(np.float64), found.period, "readings"
+    else:
+        at, period, unit = data.elapsed_s / 60.0, found.period / 60.0, "min"
+    period, phase = folded(nameless.view("subplot").outputs[i], at, period)
+    columns = turns(360.0 * phase / period, HARMONICS)
+    rough = np.repeat(np.arange(1.0, columns.shape[1] // 2 + 1), 2)
+    place = Place(Block(found.where, columns, (columns.shape[1],), rough), "subplot")
+    return _drawn(
+        nameless, place, i, found.p, (Axis("phase", f"place in a period of {period:.4g} {unit}", unit, phase), None)
+    )
+
+
+def _drawn(nameless: Nameless, place: Place, i: int, p: float, axes: tuple[Axis, Axis | None] | None) -> Shape | None:
+    if axes is None:
+        return None
+    problem, view = nameless.problem, nameless.view(place.level)
+    y, columns = view.outputs[i], view.project(place.block.columns, i)
+    weight = np.sqrt(problem.weight[i]) if place.level == "subplot" else problem.strata[i].precision
+    scale = view.sigma[i] / weight
+    over, beside = (None if one is None else _at(one, nameless, place.level) for one in axes)
+    if over is None:
+        return None
+    seen = Seen(y * scale, columns * scale[:, None], y, columns, place.block.roughness, int(view.df[i]))
+    return shape_of(seen, over, beside, _names(nameless, place.level, i), unit=UNIT, p=p, stratum=place.level)
+
+
+def _at(axis: Axis, nameless: Nameless, level: Level) -> Axis:
+    """The same with one value a row of the stratum: of readings, or of whole plots."""
+    if level == "subplot":
+        return axis
+    index = nameless.problem.whole_plot
+    return replace(axis, values=np.round(np.bincount(index, axis.values) / np.bincount(index), 1))
+
+
+def _names(nameless: Nameless, level: Level, i: int) -> Iterator[Name]:
+    """Every cause that is judged in the stratum, beside what was found; each value of a constant by itself."""
+    problem, view, sensor = nameless.problem, nameless.view(level), nameless.problem.sensors[i]
+    length = problem.length_at[level][i] / view.sigma[i]
+    every = [
+        j
+        for j in problem.within(level)
+        if j not in nameless.chosen
+        and problem.candidates[j].sensor in (None, sensor)
+        and not problem.candidates[j].effect.of_noise
+    ]
+    columns = view.of(every, [i])
+    for k, j in enumerate(every):
+        yield problem.candidates[j].effect.name, columns[:, [k]], length[[j]]
+
+
+def axes_of(scene: PressureScene, place: str) -> tuple[Axis, Axis | None] | None:
+    """The variable, and the second one, over which a place is drawn; None for a place that is not known."""
+    data = scene.data
+    pressure = Axis("pressure_psia", "pressure", "psia", data.pressure_psia, settable=True)
+    sensor = Axis(
+        "sensor_temperature_degC", "transducer's temperature", "degC", data.sensor_temperature_degC, settable=True
+    )
+    sse = Axis("sse_temperature_degC", "electronics' temperature", "degC", data.sse_temperature_degC, settable=True)
+    side = Axis("pressure_side", "side of approach", "", data.pressure_side.astype(np.float64), settable=True)
+    change = Axis("pressure_change_psia", "change of the pressure", "psi", scene.change_psia, settable=True)
+    since = Axis("since_s", "time in the whole plot", "h", scene.since_h)
+    hours = Axis("elapsed_s", "bench time", "h", scene.hours)
+    steps = {
+        "sensor": Axis("sensor_step_degC", "step of the transducer's temperature", "degC", _step(scene, sensor), True),
+        "sse": Axis("sse_step_degC", "step of the electronics' temperature", "degC", _step(scene, sse), True),
+    }
+    known: dict[str, tuple[Axis, Axis | None]] = {
+        "over the pressure": (pressure, None),
+        "over the pressure, times the transducer's temperature": (pressure, sensor),
+        "over the pressure, times the electronics' temperature": (pressure, sse),
+        "with the sensitivity, over the transducer's temperature": (pressure, sensor),
+        "with the sensitivity, over the electronics' temperature": (pressure, sse),
+        "over the side from which a pressure was reached": (pressure, side),
+        "after the pressures before": (change, None),
+        "along each whole plot": (since, None),
+        "along each whole plot, times the pressure": (since, pressure),
+        "along each whole plot, times the step of the transducer's temperature before it": (since, steps["sensor"]),
+        "along each whole plot, times the step of the electronics' temperature before it": (since, steps["sse"]),
+        "with the sensitivity, along the run": (hours, pressure),
+        "over the transducer's temperature": (sensor, None),
+        "over the electronics' temperature": (sse, None),
+        "over both temperatures": (sensor, sse),
+        "along the run": (hours, None),
+        "after the transducer's temperatures before": (steps["sensor"], None),
+        "after the electronics' temperatures before": (steps["sse"], None),
+    }
+    return known.get(place)
+
+
+def _step(scene: PressureScene, of: Axis) -> FloatArray:
+    return scene.step(of.values)
