@@ -234,3 +234,15 @@ def test_periods_of_the_head_over_a_small_range_are_told_apart_by_a_larger_one()
     for alias in effect.aliases:
         by_name = {entry.name: entry for entry in CATALOGUE}
         assert separate(by_name[effect.effect], by_name[alias]) in effect.separate_by
+
+
+def test_a_slip_within_a_replication_is_placed_for_a_sensor_that_does_not_show_every_turn():
+    """An x sensor does not see a turn about its own axis, so that only two of the three columns are left."""
+    plan = D1(90, 13, 5)
+    data, _ = simulate(CLEAN, plan, 5)
+    x = replace(data, outputs={"x_V": data.outputs["x_V"]}, axes={"x_V": "x"})
+    half = x.elapsed_s >= np.median(x.elapsed_s[x.replicate == 2])
+    tilt = np.cos(np.radians(x.pitch_deg)) * np.cos(np.radians(x.roll_deg)) * 5.0 * np.radians(0.004)
+    slipped = replace(x, outputs={"x_V": x.outputs["x_V"] + tilt * half})
+    found = [e for e in trace(slipped, validate=False).sensors["x_V"].effects if e.effect == "mounting-slip-unrecorded"]
+    assert found

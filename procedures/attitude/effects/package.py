@@ -116,7 +116,7 @@ def _turn(axis: int, since: Moment) -> Term:
     def column(scene: Scene, sensor: str) -> FloatArray:
         return np.asarray(-_DEGREE * (np.cross(np.eye(3)[axis], scene.g) @ scene.axes[sensor]) * since.passed(scene))
 
-    return Term(f"about {'xyz'[axis]} {since.name}", column, group=since.name)
+    return Term(f"about {'xyz'[axis]} {since.name}", column, group=since.name, part=axis)
 
 
 MOUNTING_SLIP = Effect(

@@ -22,7 +22,9 @@ def _placed(problem: Problem, others: tuple[int, ...], u: int) -> Problem:
     unit = problem.units[u]
     first, level = problem.candidates[unit[0]], problem.judged_at[unit[0]]
     assert first.term.finer is not None
-    tries = first.term.finer(problem.scene.data)
+    # a unit may lack a part that these sensors do not show: an x sensor does not turn about its own axis
+    parts = {problem.candidates[j].term.part for j in unit}
+    tries = [[term for term in terms if term.part in parts] for terms in first.term.finer(problem.scene.data)]
     sigma = errors(problem, (*others, *unit))
     left = whiten(problem, level, others, sigma).outputs
     taken = whiten(problem, level, (), sigma, others).columns
