@@ -64,6 +64,7 @@ class Transducer:
     boss: float = 0.0  # mV that a boss adds once it has touched down
     stop: float = 0.0  # mV/psi that are missing beyond `STOP_PSIA`
     glass: float = 0.0  # mV/degC of slope that is gone above `GLASS_DEGC`
+    softens: float = 0.0  # of the sensitivity, for each degC above `GLASS_DEGC`
     remembers_cold: float = 0.0  # mV right after cold whole plots
     day: float = 0.0  # mV up and down
     warming: float = 0.0  # mV at the beginning of the run
@@ -195,6 +196,7 @@ def simulate(bench: Bench = Bench(), run: Run = Run(), seed: int = 0) -> WholePl
         mV = mV + truth.silent * (1.0 - np.minimum(p, SILENT_PSIA) / SILENT_PSIA)
         mV = mV + truth.boss * p**2 / (p**2 + BOSS_PSIA**2) - truth.stop * np.maximum(p - STOP_PSIA, 0.0)
         mV = mV + truth.glass * np.minimum(at[:, 0] - GLASS_DEGC, 0.0)
+        mV = mV * (1.0 - truth.softens * np.maximum(at[:, 0] - GLASS_DEGC, 0.0))
         mV = mV + truth.remembers_cold * _cold_before(of_plot[:, 0], hours[first])[plot]
         mV = mV + truth.day * np.sin(2 * np.pi * (hours + 5.0) / 24.0) + truth.warming * np.exp(-hours / WARMS_H)
         mV = mV * (1.0 + bench.supply_per_h * (hours - hours.mean()) + bench.supply_per_degC * b)

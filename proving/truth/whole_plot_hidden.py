@@ -81,6 +81,7 @@ HIDDEN: Mapping[str, Hidden] = {
     "boss touches down": Hidden("touch-down", {"boss": 2e-2}),
     "stop is near": Hidden("saturation", {"stop": 2e-2}),
     "glass transition": Hidden("offset-knee", {"glass": 5e-3}, run={"pairs": NINE}, between=True),
+    "adhesive softens": Hidden("sensitivity-knee", {"softens": 3e-5}, run={"pairs": NINE}),
     "remembers the cold": Hidden("thermal-hysteresis", {"remembers_cold": 0.1}, between=True),
     "follows the day": Hidden("daily-course", {"day": 0.05}, between=True),
     "warms up": Hidden("warm-up", {"warming": 0.1}, between=True),

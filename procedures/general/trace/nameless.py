@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import combinations
 
 import numpy as np
 
@@ -190,6 +191,9 @@ class Nameless:
             ahead = judge.beats_wander(self.chosen, name) if name in jumping else None
             if ahead is not None and ahead <= DELTA and name not in out:
                 out[name] = no_better((name,), "a slow wander along the run")
+        for name, other in self._over_one_variable(names):
+            out.setdefault(name, bundle([name, other]))
+            out.setdefault(other, bundle([name, other]))
         if len(names) >= BUNDLE:
             out |= {name: bundle(names) for name in names if name not in out}
         if len(names) > 1:
@@ -201,6 +205,13 @@ class Nameless:
             if named - nameless < (PLAIN if self._plain(name) else EARNED) and name not in out:
                 out[name] = no_better((name,), where)
         return out
+
+    def _over_one_variable(self, names: Sequence[str]) -> Iterator[tuple[str, str]]:
+        """Pairs of effects of the same columns, unless both are plain: with a searched constant they take any shape."""
+        columns = {self.judge.candidates[j].effect.name: self.judge.candidates[j].effect.columns for j in self.chosen}
+        for one, other in combinations(names, 2):
+            if set(columns[one]) == set(columns[other]) and not (self._plain(one) and self._plain(other)):
+                yield one, other
 
     def _left_over(self, variables: set[str]) -> tuple[Left, float] | None:
         """The most significant remainder over variables of an effect, with its p over such places, if it is a doubt."""

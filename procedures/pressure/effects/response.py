@@ -141,7 +141,7 @@ BANDS = (0.02, 0.05, 0.1, 0.2)
 ENDS = (0.5, 0.7, 0.85)
 """Searched shares of the highest pressure: from where on the sensitivity is smaller."""
 KNEES = (0.2, 0.35, 0.5, 0.65, 0.8)
-"""Searched shares of the range of a temperature: where the offset turns."""
+"""Searched shares of the range of a temperature: where the offset or the sensitivity turns."""
 
 _LOW = "read more pressures at the low end of the range, at two temperatures"
 
@@ -237,8 +237,15 @@ SATURATION = PressureEffect(
 )
 
 
-def _knee(name: str, share: float, temperature: FloatArray) -> PressureTerm:
-    """A change of slope beside a straight line: where none is declared, it is no part of a knee."""
+def _knee(name: str, share: float, temperature: FloatArray, *, of_slope: bool = False) -> PressureTerm:
+    """A change of slope beside a straight line: where none is declared, it is no part of a knee.
+
+    Args:
+        name: of the temperature.
+        share: of its range, where the knee is.
+        temperature: (n,) degrees Celsius.
+        of_slope: whether the sensitivity turns there, and not the offset.
+    """
     low, high = float(np.min(temperature)), float(np.max(temperature))
     at, middle = low + share * (high - low), float(np.mean(temperature))
     off = temperature - middle
@@ -247,9 +254,20 @@ def _knee(name: str, share: float, temperature: FloatArray) -> PressureTerm:
     def column(scene: PressureScene) -> FloatArray:
         data = scene.data
         now = data.sensor_temperature_degC if name == "T_sensor" else data.sse_temperature_degC
-        return np.asarray(np.maximum(now - at, 0.0) - slope * (now - middle))
+        turned = np.asarray(np.maximum(now - at, 0.0) - slope * (now - middle))
+        return scene.p * turned if of_slope else turned
 
-    return PressureTerm(f"{name} above {at:.3g} degC", column)
+    text = f"{name} above {at:.3g} degC"
+    return PressureTerm(f"P*({text})" if of_slope else text, column)
+
+
+def _knees(*, of_slope: bool = False) -> Callable[[WholePlotData], tuple[PressureTerm, ...]]:
+    return lambda data: tuple(
+        _knee(name, share, of, of_slope=of_slope)
+        for name, of in (("T_sensor", data.sensor_temperature_degC), ("T_SSE", data.sse_temperature_degC))
+        for share in KNEES
+        if np.ptp(of) > 0
+    )
 
 
 OFFSET_KNEE = PressureEffect(
@@ -269,11 +287,26 @@ OFFSET_KNEE = PressureEffect(
             "with five temperatures or fewer", "add whole plots at temperatures about the knee"
         )
     },
-    terms=lambda data: tuple(
-        _knee(name, share, of)
-        for name, of in (("T_sensor", data.sensor_temperature_degC), ("T_SSE", data.sse_temperature_degC))
-        for share in KNEES
-        if np.ptp(of) > 0
-    ),
+    terms=_knees(),
+    searched=True,
+)
+SENSITIVITY_KNEE = PressureEffect(
+    name="sensitivity-knee",
+    cause="the sensitivity follows a temperature by one slope below a knee and by another above: an excitation "
+    "regulator that falls out of regulation, an adhesive that softens",
+    source="temperature",
+    scope="sensor",
+    stratum="subplot",
+    unit="mV/psi/degC",
+    size=each("mV/psi/degC of change of the slope"),
+    against="sse_temperature_degC",
+    separate_by="add whole plots at temperatures about the knee",
+    usual_size="1e-4 of the sensitivity per degC",
+    known_aliases={
+        "pressure-temperature-squared": Alias(
+            "with five temperatures or fewer", "add whole plots at temperatures about the knee"
+        )
+    },
+    terms=_knees(of_slope=True),
     searched=True,
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
@@ -181,7 +182,13 @@ class Nameless:
                     out[name] = small_beside(strongest)
                 elif where == evidence_of[strongest][2]:
                     out[name] = bundle([strongest, name])
+            elif name != strongest and where == evidence_of[strongest][2] and self._searched({name, strongest}):
+                out[strongest] = out[name] = bundle([strongest, name])
         return out
+
+    def _searched(self, names: AbstractSet[str]) -> bool:
+        """Whether a constant is searched for one of these effects: with another effect they can take any shape."""
+        return any(c.effect.searched for c in self.problem.candidates if c.effect.name in names)
 
     def _overlap(self, name: str, other: str, i: int, level: Level) -> float:
         """Part of an effect in transducer `i` that lies along another, of its length beside the declared model."""
