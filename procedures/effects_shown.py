@@ -35,7 +35,7 @@ def show_effect(effect: Mapping[str, Any]) -> Iterator[Block]:
 
 
 def show_unnamed(found: Mapping[str, Any]) -> Iterator[Block]:
-    """What is left without a name: where, how much, a picture, the nearest names, and what would show more."""
+    """The remainder without a name: where, how much, a picture, the nearest names, and what would show more."""
     for rest, text in zip(found["unnamed"], unnamed(found), strict=True):
         yield Paragraph(f"[yellow]{escape(text)}[/]", 2)
         if (shape := rest.get("shape")) is not None:

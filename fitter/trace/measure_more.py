@@ -20,7 +20,7 @@ ANOTHER_ORDER = (
 
 
 class Settable(Protocol):
-    """What is needed of an axis."""
+    """The used part of an axis."""
 
     @property
     def label(self) -> str:
@@ -28,7 +28,7 @@ class Settable(Protocol):
 
     @property
     def unit(self) -> str:
-        """Of its values."""
+        """Its values."""
 
     @property
     def settable(self) -> bool:

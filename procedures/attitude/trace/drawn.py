@@ -22,7 +22,7 @@ from procedures.attitude.trace.problem import AT_ONCE, raw_columns
 STRATA: dict[Level, str] = {"declared": "replication", "replications": "between-point", "points": "within-point"}
 UNIT, PER_DEG = "mdeg", 1e3
 HARMONICS = 3
-"""Of a period, that its shape may have."""
+"""Harmonics of a period that its shape may have."""
 PLACES = 3
 """Clearest places at which a shape in place of doubtful names is looked for."""
 WAVES = 4

@@ -18,7 +18,7 @@ from procedures.general.trace.nameless import Left, Nameless
 from procedures.general.trace.places import PER_COLUMN, Place
 
 HARMONICS, FINE = 3, 24
-"""Of a period, that its shape may have; waves of a curve that is drawn over one variable."""
+"""Harmonics of a period that its shape may have; waves of a curve that is drawn over one variable."""
 PLACES = 3
 """Clearest places at which a shape in place of doubtful names is looked for."""
 STEP, SINCE = "over the step of ", " since each group's first row"

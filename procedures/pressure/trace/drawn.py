@@ -22,7 +22,7 @@ UNIT = "mV"
 PLACES = 3
 """Clearest places at which a shape in place of doubtful names is looked for."""
 HARMONICS, FINE = 3, 24
-"""Of a period, that its shape may have; waves of a curve that is drawn over the pressure."""
+"""Harmonics of a period that its shape may have; waves of a curve that is drawn over the pressure."""
 
 
 def drawn(nameless: Nameless, left: Left) -> Shape | None:
