@@ -22,6 +22,7 @@ from procedures.pressure.data import WholePlotData
 from procedures.pressure.effects.scene import PressureEffect, PressureScene, PressureTerm
 from procedures.pressure.effects.separation import separate_pressure
 from procedures.pressure.trace.agreement import classes
+from procedures.pressure.trace.courses import Course, courses
 from procedures.pressure.trace.estimate import Estimate, error_of, residual_of
 from procedures.pressure.trace.judge import WholePlotJudge
 from procedures.pressure.trace.nameless import Nameless
@@ -44,6 +45,8 @@ UNEXPLAINED = 1e-3
 """Probability of lack of fit below which a remainder is reported."""
 DIFFERENT = 0.01
 """Coefficients of all transducers that agree with more than this probability are called equal."""
+
+_BETWEEN = "between whole plots"
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,6 +90,12 @@ class Finding:
     def nameless(self) -> Nameless:
         """Shapes without a name beside what was found."""
         return Nameless(self.judge.problem, replace(self.scene, data=self.data), self.after.chosen)
+
+    @cached_property
+    def courses(self) -> dict[int, Course]:
+        """What whole plots follow beside what was found, by transducer."""
+        nameless = self.nameless
+        return courses(nameless.problem, nameless.scene, nameless.chosen) if nameless.able else {}
 
 
 def transducer(finding: Finding, i: int) -> TransducerTrace:
@@ -288,6 +297,8 @@ def _unnamed(finding: Finding, i: int) -> tuple[Unnamed, ...]:
         left = finding.nameless.left_in(i, level)
         if not rest and left is not None and left.p < UNEXPLAINED:
             rest.append(left.unnamed())
+        if level == "whole-plot" and i in finding.courses and not any(_BETWEEN in one.where for one in rest):
+            rest.append(finding.courses[i].unnamed())
     line = finding.nameless.lines[i]
     if line is not None and line.p < CLEAR:
         rest.append(Unnamed(line.where, line.share))
