@@ -21,6 +21,8 @@ SIZES = 4.0 ** np.arange(-1, 5)
 DRAWS = 4000
 SCREEN = 1.0
 """Nats: below, chance does as well about every fifth time, and nothing is simulated."""
+FIRST, COMMON = 200, 0.06
+"""Draws that are looked at first; where chance does as well so often, no more are made."""
 FEWEST = 3
 """Degrees of freedom."""
 
@@ -124,6 +126,9 @@ class Shapes:
             return None
         rng, p = np.random.default_rng(seed), []
         noise = rng.standard_normal((DRAWS, series.size))
+        drawn, remembered = self.evidence(noise[:FIRST])
+        if min(_rare(_any(drawn), total), _rare(_either(drawn, remembered), either)) > COMMON:
+            return None
         for k in (0, *correlated):
             drawn, remembered = self.evidence(noise @ self.alike[k].root.T)
             p.append(_rare(_any(drawn), total))

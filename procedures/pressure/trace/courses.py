@@ -118,15 +118,19 @@ def _places(scene: PressureScene) -> Iterator[tuple[str, FloatArray]]:
     if one.shape[1] and other.shape[1]:
         pairs = [(i, j) for i in range(one.shape[1]) for j in range(other.shape[1])]
         rough = np.array([i + j + 2.0 for i, j in pairs])
-        yield "over both temperatures", _falling(np.column_stack([one[:, i] * other[:, j] for i, j in pairs]), 1.0, rough)
+        yield (
+            "over both temperatures",
+            _falling(np.column_stack([one[:, i] * other[:, j] for i, j in pairs]), 1.0, rough),
+        )
     for text, mean in means.items():
         span = float(np.ptp(mean))
         if span <= 1e-6:
             continue
         step = scene.step(degC[text])
         u = step / span
-        yield f"after the step of {text} before", _falling(
-            np.column_stack([u, np.abs(u), np.tanh(4.0 * u), u**2]), 1.0, np.array([1.0, 1.0, 1.5, 1.5])
+        yield (
+            f"after the step of {text} before",
+            _falling(np.column_stack([u, np.abs(u), np.tanh(4.0 * u), u**2]), 1.0, np.array([1.0, 1.0, 1.5, 1.5])),
         )
         yield f"over {text} of the whole plot before", _falling(waves(np.round(mean - step), BEFORE), 1.0)
         middle, half = float(mean.max() + mean.min()) / 2.0, span / 2.0
