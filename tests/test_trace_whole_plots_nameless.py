@@ -18,6 +18,7 @@ from proving.truth.whole_plot import SUBPLOT, WHOLE_PLOT, Bench, Run, Transducer
 from proving.truth.whole_plot_hidden import hide
 
 ONE = "bridge_1_mV"
+SEEDS = (9101, 9104, 9106, 9107)
 TWO = Bench((Transducer(), Transducer(sensitivity=1.9)))
 
 
@@ -166,3 +167,14 @@ def test_shapes_between_whole_plots_are_rare_by_chance(rho):
         found = courses(replace(problem, outputs=noise[None]), scene, ())
         false += any(not course.slow for course in found.values())
     assert false <= 3
+
+
+@pytest.mark.parametrize(
+    ("bench", "run"),
+    [(Bench(remembered=0.8), Run(pressures="ascending")), (Bench(sensitivity_sd=1e-3), Run())],
+    ids=["readings remember one another", "sensitivities are drawn again"],
+)
+def test_noise_within_whole_plots_leaves_nothing(bench, run):
+    """All were unexplained: repeats were compared as if independent, and so were slopes."""
+    verdicts = [trace_whole_plots(simulate(bench, run, seed), validate=False).sensors[ONE].verdict for seed in SEEDS]
+    assert verdicts.count("unexplained") <= 1

@@ -9,7 +9,7 @@ from functools import cached_property, partial
 import numpy as np
 from scipy import special
 
-from fitter.arrays import FloatArray
+from fitter.arrays import FloatArray, IntArray
 from fitter.linear import orthonormal
 from fitter.trace.doubts import BUNDLE, DOUBT, bundle, in_several, no_better, something_left
 from fitter.trace.doubts import beside as small_beside
@@ -286,6 +286,32 @@ class Nameless:
     @cached_property
     def _alike(self) -> Neighbours:
         return neighbours(self.problem, self.chosen)
+
+    def of_repeats(self, repeats: IntArray, i: int) -> float:
+        """P by chance of what groups of readings in transducer `i` differ by within whole plots, as their errors are.
+
+        Readings that remember one another differ by less than they scatter, where repeats follow at once; and where
+        each whole plot draws its own sensitivity, readings of different ones differ by more.
+
+        Args:
+            repeats: (n,) group number of each reading.
+            i: the transducer.
+
+        """
+        view = self._view("subplot")
+        groups = (np.arange(int(repeats.max()) + 1) == repeats[:, None]).astype(np.float64)
+        basis = orthonormal(view.project(groups, i), np.linalg.norm(groups, axis=0), 1e-3)
+        q, left = basis.shape[1], view.outputs[i]
+        below = view.df[i] - q
+        if q < 1 or below < 1:
+            return 1.0
+        gain = float(np.sum((basis.T @ left) ** 2))
+        p = float(special.fdtrc(q, below, gain / q / max((float(left @ left) - gain) / below, TINY)))
+        return max(p, self.among_slopes(i, basis))
+
+    def among_slopes(self, i: int, basis: FloatArray) -> float:
+        """P by chance of a basis (n, q) within whole plots beside the scatter of their slopes; zero without any."""
+        return self._among_slopes(i, basis, self._view("subplot"))
 
     def _among_slopes(self, i: int, basis: FloatArray, view: _View) -> float:
         """P of a basis (n, q) from the scatter of whole plots' slopes, where that is more than readings explain."""

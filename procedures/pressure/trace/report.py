@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from scipy.special import chdtrc
@@ -289,10 +289,14 @@ def _unnamed(finding: Finding, i: int) -> tuple[Unnamed, ...]:
         "whole-plot": (repeated_whole_plots(data), strongest_whole_plot),
     }
     for level, (repeats, strongest) in by_level.items():
-        smooth, p = smoothest(whitened, chosen, data, i, level)
+        slopes = partial(finding.nameless.among_slopes, i)
+        smooth, p = smoothest(whitened, chosen, data, i, level, slopes)
         if p * len(whitened.sensors) < UNEXPLAINED:
             rest.append(smooth)
-        if lack_of_fit(plain, level, chosen, repeats, i).p < UNEXPLAINED:
+        lacking = lack_of_fit(plain, level, chosen, repeats, i).p
+        if lacking < UNEXPLAINED and level == "subplot":
+            lacking = max(lacking, finding.nameless.of_repeats(repeats, i))
+        if lacking < UNEXPLAINED:
             rest.append(strongest(plain, chosen, data, i))
         left = finding.nameless.left_in(i, level)
         if not rest and left is not None and left.p < UNEXPLAINED:
