@@ -9,7 +9,10 @@ import pytest
 
 from fitter.trace.flexible import Block, evidence, orders_of, remainders, turns, waves
 from fitter.trace.lines import line
+from procedures.attitude.effects.steps import OFFSET_STEP_UNRECORDED
 from procedures.attitude.trace import trace
+from procedures.attitude.trace.pose import pose
+from procedures.attitude.trace.refine import refined
 from proving.truth.attitude import D1, simulate
 from proving.truth.attitude_hidden import CLEAN
 
@@ -121,3 +124,32 @@ def test_a_step_between_replications_is_never_silent_and_never_made_worse(first,
     assert sensor.verdict != "nothing to add"
     assert sensor.after.sigma_E <= sensor.before.sigma_E
     assert sensor.effects or any("between replications" in rest.where for rest in sensor.unnamed)
+
+
+def placed(since, seed=5):
+    """Where a step of the x sensor's offset, 1 sd high, is placed that was found near 3/6 of the run."""
+    data = with_error(lambda d: 1.0 * since(d), seed=seed, plan=SIX)
+    problem = pose(data, [OFFSET_STEP_UNRECORDED])
+    begins = float(np.min(data.elapsed_s[data.replicate == 4])) / 3600.0
+    sought = [
+        (abs(float(c.term.name.split()[1]) - begins), j)
+        for j, c in enumerate(problem.candidates)
+        if c.sensor == X and c.term.name.endswith(" h")
+    ]
+    (_, near) = min(sought)
+    return refined(problem, (near,)).candidates[near].term.name, begins
+
+
+def test_a_step_that_replications_do_not_place_is_placed_between_two_of_them():
+    """Each replication has parameters of its own, so what is seen within them does not place it: it was some rows off."""
+    name, _ = placed(lambda d: d.replicate >= 4)
+    assert name == "from replication 4"
+
+
+def test_a_step_within_a_replication_stays_there():
+    def since(d):
+        return d.elapsed_s >= np.sort(d.elapsed_s[d.replicate == 4])[10]
+
+    name, begins = placed(lambda d: 2.5 * since(d))
+    assert name.endswith(" h")
+    assert float(name.split()[1]) > begins

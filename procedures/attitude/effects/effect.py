@@ -28,6 +28,7 @@ class Term:
             term without one is judged separately.
         finer: for a column with a searched constant: groups of terms with values near this one, closer than in the
             catalogue.
+        likelier: whether its constant is likelier beforehand than its neighbours: a boundary between replications.
     """
 
     name: str
@@ -35,6 +36,7 @@ class Term:
     shown: Callable[[Scene, str], tuple[str, float]] | None = None
     group: str = ""
     finer: Callable[[AttitudeData], tuple[tuple[Term, ...], ...]] | None = None
+    likelier: bool = False
 
     def as_formula(self, scene: Scene, sensor: str) -> tuple[str, float]:
         """Formula and factor for one sensor; for a turned package the name, since formulas are in angles of
