@@ -73,14 +73,10 @@ def courses(problem: Problem, scene: PressureScene, chosen: tuple[int, ...]) -> 
 
     def shapes_of(i: int) -> Shapes:
         made = [problem.strata[i].leave(of, "whole-plot") / np.median(problem.strata[i].precision) for of in columns]
+        roots = [np.asarray(np.linalg.cholesky(one.covariance), np.float64) for one in around.of(i)]
         alike = tuple(
-            Alike(
-                one.white,
-                one.log_determinant,
-                np.asarray(np.linalg.cholesky(one.covariance), np.float64),
-                float(np.log(prior)),
-            )
-            for one, prior in zip(around.of(i), PRIOR, strict=True)
+            Alike(one.white, one.log_determinant, root, float(np.log(prior)))
+            for one, root, prior in zip(around.of(i), roots, PRIOR, strict=True)
         )
         return Shapes(alike, tuple(made))
 

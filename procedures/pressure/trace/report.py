@@ -14,6 +14,7 @@ from fitter.effects.entry import Entry
 from fitter.formula import Formula
 from fitter.linear import orthonormal
 from fitter.trace.aliases import Rival, separation
+from fitter.trace.doubts import something_left
 from fitter.trace.found import Unnamed, verdict
 from fitter.trace.lines import CLEAR
 from fitter.trace.not_kept import NotKept, for_others
@@ -104,9 +105,8 @@ def transducer(finding: Finding, i: int) -> TransducerTrace:
     left = _unnamed(finding, i)
     shown = [e for name in finding.classes if (e := _found(finding, name, i)) is not None]
     divided = _shares(finding, [effect.effect for effect in shown], unnamed_part(left), i)
-    doubts = finding.nameless.doubts
     effects = [
-        replace(effect, share=float(share), doubtful=doubts.get((effect.effect, i)))
+        replace(effect, share=float(share), doubtful=_doubt(finding, effect, i))
         for effect, share in zip(shown, divided, strict=True)
     ]
     effects.sort(key=lambda effect: -effect.share)
@@ -138,6 +138,15 @@ def transducer(finding: Finding, i: int) -> TransducerTrace:
             *map(for_others, idle),
         ),
     )
+
+
+def _doubt(finding: Finding, effect: FoundPressureEffect, i: int) -> str | None:
+    """Why a name found in transducer `i` should not be believed yet; None where nothing is against it."""
+    course = finding.courses.get(i)
+    said = finding.nameless.doubts.get((effect.effect, i))
+    if said is None and effect.stratum == "whole-plot" and course is not None and not course.slow:
+        return something_left(course.where, course.shape.p)
+    return said
 
 
 def _side(finding: Finding, fitted: Estimate, i: int, when: int) -> Side:
