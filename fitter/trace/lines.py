@@ -78,7 +78,7 @@ def line(left: FloatArray, elapsed_s: FloatArray, stretch: IntArray, white: Floa
         found.append(_in_time(left, elapsed_s, white))
         fastest = _fastest(elapsed_s)
         if fastest > PAUSED * left.size / 2 and not white.shape[1]:
-            found.append(_between_pauses(left, elapsed_s, fastest))
+            found.append(_between_pauses(left, elapsed_s, range(_slowest(elapsed_s, stretch), fastest + 1)))
     best = min(found, key=lambda one: one.p)
     return Line(best.period, best.unit, min(len(found) * best.p, 1.0), best.share)
 
@@ -121,14 +121,22 @@ def _fastest(elapsed_s: FloatArray) -> int:
     return int(np.ptp(elapsed_s) / (2.0 * wait)) if wait > 0 else 0
 
 
-def _between_pauses(left: FloatArray, elapsed_s: FloatArray, fastest: int) -> Line:
+def _slowest(elapsed_s: FloatArray, stretch: IntArray) -> int:
+    """Cycles over the series of two periods in a usual stretch: what is slower is a course along each."""
+    lasts = float(np.median([np.ptp(elapsed_s[stretch == one]) for one in np.unique(stretch)]))
+    return max(int(np.ceil(2.0 * np.ptp(elapsed_s) / lasts)) if lasts > 0 else SLOWEST, SLOWEST)
+
+
+def _between_pauses(left: FloatArray, elapsed_s: FloatArray, tried: range) -> Line:
     """The clearest period in time where pauses spread each over many frequencies.
 
     It is compared with the power about it of what is left without it.
     """
     length = float(np.ptp(elapsed_s))
     turns = (elapsed_s - elapsed_s[0]) / length
-    cycles = np.arange(SLOWEST, min(fastest, IN_PAUSES) + 1)
+    cycles = np.array(tried[: IN_PAUSES + 1])
+    if cycles.size < 2 * ABOUT_PAUSES:
+        return Line(length, "s", 1.0, 0.0)
 
     def waves_of(some: IntArray) -> FloatArray:
         angle = 2 * np.pi * np.outer(some, turns)
