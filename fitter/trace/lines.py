@@ -30,6 +30,8 @@ IN_TIME = 600
 PAUSED = 1.5
 """Frequencies up to one period in two usual waits, over those of half as many as readings, from which readings have
 pauses between them that hide what is faster than these."""
+PERIODS = 1.25
+"""In a stretch between two pauses, at least."""
 IN_PAUSES, ABOUT_PAUSES = 2400, 40
 """The same as `IN_TIME`, and as `ABOUT`, of readings with pauses."""
 
@@ -122,9 +124,9 @@ def _fastest(elapsed_s: FloatArray) -> int:
 
 
 def _slowest(elapsed_s: FloatArray, stretch: IntArray) -> int:
-    """Cycles over the series of two periods in a usual stretch: what is slower is a course along each."""
+    """Cycles over the series of `PERIODS` in a usual stretch: what is slower is a course along it."""
     lasts = float(np.median([np.ptp(elapsed_s[stretch == one]) for one in np.unique(stretch)]))
-    return max(int(np.ceil(2.0 * np.ptp(elapsed_s) / lasts)) if lasts > 0 else SLOWEST, SLOWEST)
+    return max(int(np.ceil(PERIODS * np.ptp(elapsed_s) / lasts)) if lasts > 0 else SLOWEST, SLOWEST)
 
 
 def _between_pauses(left: FloatArray, elapsed_s: FloatArray, tried: range) -> Line:

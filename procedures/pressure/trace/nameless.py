@@ -300,14 +300,10 @@ class Nameless:
         """
         view = self._view("subplot")
         groups = (np.arange(int(repeats.max()) + 1) == repeats[:, None]).astype(np.float64)
-        basis = orthonormal(view.project(groups, i), np.linalg.norm(groups, axis=0), 1e-3)
-        q, left = basis.shape[1], view.outputs[i]
-        below = view.df[i] - q
-        if q < 1 or below < 1:
-            return 1.0
-        gain = float(np.sum((basis.T @ left) ** 2))
-        p = float(special.fdtrc(q, below, gain / q / max((float(left @ left) - gain) / below, TINY)))
-        return max(p, self.among_slopes(i, basis))
+        length, groups = np.linalg.norm(groups, axis=0), view.project(groups, i)
+        plots = np.arange(int(self.problem.whole_plot.max()) + 1) == self.problem.whole_plot[:, None]
+        slopes = view.pressure[i][:, None] * plots if "P" in self.problem.names else np.empty((len(groups), 0))
+        return max(_p_of(groups, length, own, view.outputs[i], view.df[i]) for own in (slopes[:, :0], slopes))
 
     def among_slopes(self, i: int, basis: FloatArray) -> float:
         """P by chance of a basis (n, q) within whole plots beside the scatter of their slopes; zero without any."""
@@ -339,6 +335,19 @@ class Nameless:
     @cached_property
     def _views(self) -> dict[Level, _View]:
         return {level: _View(self.problem, level, self.chosen, None) for level in LEVELS}
+
+
+def _p_of(groups: FloatArray, length: FloatArray, own: FloatArray, left: FloatArray, df: float) -> float:
+    """P by chance of what columns (n, m), once this long, take up of a residual (n,) beside others (n, r)."""
+    beside = orthonormal(own)
+    left, groups = left - beside @ (beside.T @ left), groups - beside @ (beside.T @ groups)
+    basis = orthonormal(groups, length, 1e-3)
+    q = basis.shape[1]
+    below = df - beside.shape[1] - q
+    if q < 1 or below < 1:
+        return 1.0
+    gain = float(np.sum((basis.T @ left) ** 2))
+    return float(special.fdtrc(q, below, gain / q / max((float(left @ left) - gain) / below, TINY)))
 
 
 class _View:
