@@ -8,8 +8,11 @@ import numpy as np
 import pytest
 
 from fitter.trace.flexible import Block, evidence, orders_of, remainders, turns, waves
-from fitter.trace.lines import line
+from fitter.trace.lines import CLEAR, line
+from procedures.attitude.effects.steps import OFFSET_STEP_UNRECORDED
 from procedures.attitude.trace import trace
+from procedures.attitude.trace.pose import pose
+from procedures.attitude.trace.refine import refined
 from proving.truth.attitude import D1, simulate
 from proving.truth.attitude_hidden import CLEAN
 
@@ -121,3 +124,61 @@ def test_a_step_between_replications_is_never_silent_and_never_made_worse(first,
     assert sensor.verdict != "nothing to add"
     assert sensor.after.sigma_E <= sensor.before.sigma_E
     assert sensor.effects or any("between replications" in rest.where for rest in sensor.unnamed)
+
+
+def placed(since, seed=5):
+    """Where a step of the x sensor's offset, 1 sd high, is placed that was found near 3/6 of the run."""
+    data = with_error(lambda d: 1.0 * since(d), seed=seed, plan=SIX)
+    problem = pose(data, [OFFSET_STEP_UNRECORDED])
+    begins = float(np.min(data.elapsed_s[data.replicate == 4])) / 3600.0
+    sought = [
+        (abs(float(c.term.name.split()[1]) - begins), j)
+        for j, c in enumerate(problem.candidates)
+        if c.sensor == X and c.term.name.endswith(" h")
+    ]
+    (_, near) = min(sought)
+    return refined(problem, (near,)).candidates[near].term.name, begins
+
+
+def test_a_step_that_replications_do_not_place_is_placed_between_two_of_them():
+    """Each replication has parameters of its own, and what is seen within them does not place it: some rows off."""
+    name, _ = placed(lambda d: d.replicate >= 4)
+    assert name == "from replication 4"
+
+
+def test_a_step_within_a_replication_stays_there():
+    def since(d):
+        return d.elapsed_s >= np.sort(d.elapsed_s[d.replicate == 4])[10]
+
+    name, begins = placed(lambda d: 2.5 * since(d))
+    assert name.endswith(" h")
+    assert float(name.split()[1]) > begins
+
+
+def in_whole_plots(rng, plots=20, readings=11):
+    """Times of readings every four minutes with two hours between whole plots, and which whole plot each is in."""
+    waits = rng.uniform(150.0, 330.0, plots * readings) + 7200.0 * (np.arange(plots * readings) % readings == 0)
+    return np.cumsum(waits), np.repeat(np.arange(plots), readings)
+
+
+def test_a_period_faster_than_the_pauses_is_found():
+    """A compressor of 18 minutes, seen eleven times in an hour and then not for two: was never tried."""
+    rng = np.random.default_rng(61)
+    elapsed_s, plot = in_whole_plots(rng)
+    runs = ((elapsed_s / 1084.0 + 0.3) % 1.0 < 0.5) - 0.5
+    found = line(rng.standard_normal(plot.size) + 2.0 * runs, elapsed_s, plot)
+    assert found.p < CLEAR
+    assert found.unit == "s"
+    assert found.period == pytest.approx(1084.0, rel=1e-3)
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.6])
+def test_noise_with_pauses_has_no_period(rho):
+    rng = np.random.default_rng(62)
+    for _ in range(60):
+        elapsed_s, plot = in_whole_plots(rng)
+        noise = rng.standard_normal(plot.size)
+        for k in range(1, plot.size):
+            if plot[k] == plot[k - 1]:
+                noise[k] = rho * noise[k - 1] + np.sqrt(1.0 - rho**2) * noise[k]
+        assert line(noise, elapsed_s, plot).p >= CLEAR

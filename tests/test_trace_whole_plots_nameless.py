@@ -9,14 +9,17 @@ from fitter.trace.chance import ALPHA
 from procedures.pressure.effects import PRESSURE_CATALOGUE
 from procedures.pressure.fit import named_formula
 from procedures.pressure.trace import null, trace_whole_plots
+from procedures.pressure.trace.courses import courses
 from procedures.pressure.trace.null import family_of
 from procedures.pressure.trace.problem import pose
 from procedures.pressure.trace.run import scene_of
 from procedures.pressure.trace.score import score
-from proving.truth.whole_plot import SUBPLOT, WHOLE_PLOT, Bench, Run, simulate
+from proving.truth.whole_plot import SUBPLOT, WHOLE_PLOT, Bench, Run, Transducer, simulate
 from proving.truth.whole_plot_hidden import hide
 
 ONE = "bridge_1_mV"
+SEEDS = (9101, 9104, 9106, 9107)
+TWO = Bench((Transducer(), Transducer(sensitivity=1.9)))
 
 
 @pytest.fixture(autouse=True)
@@ -106,3 +109,72 @@ def test_a_second_name_of_the_same_shape_is_doubtful():
     assert by_name
     assert all(effect.doubtful for effect in by_name.values())
     assert trace.verdict == "partly explained"
+
+
+def of_plots(data, sizes):
+    """The run with `sizes` (one of each whole plot in time, any unit) beside the declared model, 2 sd of one."""
+    declared = named_formula("full").columns(data.table)[1]
+    column = np.asarray(sizes)[data.whole_plot_index]
+    basis = np.linalg.qr(declared)[0]
+    left = column - basis @ (basis.T @ column)
+    column = column / np.sqrt(np.mean(left**2))
+    return replace(data, outputs={s: y + 2.0 * WHOLE_PLOT * column for s, y in data.outputs.items()})
+
+
+def steps_before(data):
+    index = data.whole_plot_index
+    degC = np.bincount(index, data.sensor_temperature_degC) / np.bincount(index)
+    return np.diff(degC, prepend=degC[0])
+
+
+@pytest.mark.parametrize("seed", [41, 43])
+def test_what_whole_plots_remember_in_a_way_of_no_catalogue_is_said(seed):
+    """A shock of the temperature, whichever way it goes: was nothing to add."""
+    data = simulate(TWO, seed=seed)
+    traces = trace_whole_plots(of_plots(data, np.abs(steps_before(data))), validate=False).sensors
+    said = [one.where for trace in traces.values() for one in trace.unnamed]
+    assert all("after the step of the transducer's temperature before" in where for where in said)
+    assert {trace.verdict for trace in traces.values()} == {"unexplained"}
+    assert len(said) == 2
+
+
+def test_whole_plots_that_wander_are_said_to_be_alike_and_add_nothing():
+    """As far as twenty numbers tell, a wander and a slow cause are the same: it is said, as a finding of the noise."""
+    rng = np.random.default_rng(47)
+    data = simulate(replace(TWO, whole_plot=0.3 * WHOLE_PLOT), seed=47)
+    wander = rng.standard_normal(20)
+    for k in range(1, 20):
+        wander[k] = 0.8 * wander[k - 1] + 0.6 * wander[k]
+    traces = trace_whole_plots(of_plots(data, wander), validate=False).sensors
+    (said,) = {one.where for trace in traces.values() for one in trace.unnamed}
+    assert said.startswith("between whole plots: errors of neighbours in time are alike")
+    assert {trace.verdict for trace in traces.values()} == {"nothing to add"}
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.5])
+def test_shapes_between_whole_plots_are_rare_by_chance(rho):
+    """Of 40 runs without any effect 1.5 % at most have one; more than 3 of 40 would be once in 300."""
+    data = simulate(Bench(), seed=45)
+    names, columns = named_formula("full").columns(data.table)
+    scene = scene_of(data)
+    problem = pose(data, names, columns, scene, PRESSURE_CATALOGUE[:3])
+    rng, false = np.random.default_rng(45), 0
+    for _ in range(40):
+        error = rng.standard_normal(20)
+        for k in range(1, 20):
+            error[k] = rho * error[k - 1] + np.sqrt(1.0 - rho**2) * error[k]
+        noise = SUBPLOT * rng.standard_normal(len(data)) + WHOLE_PLOT * error[problem.whole_plot]
+        found = courses(replace(problem, outputs=noise[None]), scene, ())
+        false += any(not course.slow for course in found.values())
+    assert false <= 3
+
+
+@pytest.mark.parametrize(
+    ("bench", "run"),
+    [(Bench(remembered=0.8), Run(pressures="ascending")), (Bench(sensitivity_sd=1e-3), Run())],
+    ids=["readings remember one another", "sensitivities are drawn again"],
+)
+def test_noise_within_whole_plots_leaves_nothing(bench, run):
+    """All were unexplained: repeats were compared as if independent, and so were slopes."""
+    verdicts = [trace_whole_plots(simulate(bench, run, seed), validate=False).sensors[ONE].verdict for seed in SEEDS]
+    assert verdicts.count("unexplained") <= 1

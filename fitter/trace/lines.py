@@ -29,6 +29,13 @@ NEAR, TRIED = 3.0, 61
 """Periods over the series about a line within which its period is placed, and how many are tried."""
 IN_TIME = 600
 """Maximum number of tried frequencies in time."""
+PAUSED = 1.5
+"""Frequencies up to one period in two usual waits, over those of half as many as readings, from which readings have
+pauses between them that hide what is faster than these."""
+PERIODS = 1.25
+"""In a stretch between two pauses, at least."""
+IN_PAUSES, ABOUT_PAUSES = 2400, 40
+"""The same as `IN_TIME`, and as `ABOUT`, of readings with pauses."""
 
 
 @dataclass(frozen=True)
@@ -73,6 +80,9 @@ def line(left: FloatArray, elapsed_s: FloatArray, stretch: IntArray, white: Floa
     found = [_in_order(left, stretch, white)]
     if np.ptp(elapsed_s) > 0:
         found.append(_in_time(left, elapsed_s, white))
+        fastest = _fastest(elapsed_s)
+        if fastest > PAUSED * left.size / 2 and not white.shape[1]:
+            found.append(_between_pauses(left, elapsed_s, range(_slowest(elapsed_s, stretch), fastest + 1)))
     best = min(found, key=lambda one: one.p)
     return Line(best.period, best.unit, min(len(found) * best.p, 1.0), best.share)
 
@@ -107,6 +117,50 @@ def _in_time(left: FloatArray, elapsed_s: FloatArray, white: FloatArray) -> Line
         known[first : first + 64] = (cos @ white) ** 2 + (sin @ white) ** 2
     at, p, value = _clearest(power, 1, _kept(known))
     return Line(length / (at + 1.0), "s", p, min(2 * value / (n * float(left @ left)), 1.0))
+
+
+def _fastest(elapsed_s: FloatArray) -> int:
+    """Cycles over the series of one period in two usual waits."""
+    wait = float(np.median(np.diff(np.sort(elapsed_s))))
+    return int(np.ptp(elapsed_s) / (2.0 * wait)) if wait > 0 else 0
+
+
+def _slowest(elapsed_s: FloatArray, stretch: IntArray) -> int:
+    """Cycles over the series of `PERIODS` in a usual stretch: what is slower is a course along it."""
+    lasts = float(np.median([np.ptp(elapsed_s[stretch == one]) for one in np.unique(stretch)]))
+    return max(int(np.ceil(PERIODS * np.ptp(elapsed_s) / lasts)) if lasts > 0 else SLOWEST, SLOWEST)
+
+
+def _between_pauses(left: FloatArray, elapsed_s: FloatArray, tried: range) -> Line:
+    """The clearest period in time where pauses spread each over many frequencies.
+
+    It is compared with the power about it of what is left without it.
+    """
+    length = float(np.ptp(elapsed_s))
+    turns = (elapsed_s - elapsed_s[0]) / length
+    cycles = np.array(tried[: IN_PAUSES + 1])
+    if cycles.size < 2 * ABOUT_PAUSES:
+        return Line(length, "s", 1.0, 0.0)
+
+    def waves_of(some: IntArray) -> FloatArray:
+        angle = 2 * np.pi * np.outer(some, turns)
+        return np.stack([np.cos(angle), np.sin(angle)])
+
+    def power_of(series: FloatArray, some: IntArray) -> FloatArray:
+        parts = [waves_of(some[k : k + 64]) @ series for k in range(0, some.size, 64)]
+        return np.asarray(np.sum(np.concatenate(parts, axis=1) ** 2, axis=0))
+
+    power = power_of(left, cycles)
+    at = int(np.argmax(power))
+    own = waves_of(cycles[at : at + 1])[:, 0].T
+    held = own @ np.linalg.lstsq(own, left, rcond=None)[0]
+    about = cycles[max(at - ABOUT_PAUSES, 0) : at + ABOUT_PAUSES + 1]
+    noise = power_of(left - held, about[np.abs(about - cycles[at]) > 1])
+    typical = float(np.median(noise)) / np.log(2.0)
+    middle = max(typical, float(np.mean(noise)), np.finfo(float).tiny)
+    p = float(special.fdtrc(2.0, float(noise.size), float(power[at]) / middle)) * 2.0 * cycles.size
+    share = float(held @ held) / float(left @ left)
+    return Line(length / float(cycles[at]), "s", min(p, 1.0), share)
 
 
 def _kept(known: FloatArray) -> FloatArray | None:

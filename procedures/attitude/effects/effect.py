@@ -29,6 +29,7 @@ class Term:
         finer: for a column with a searched constant: groups of terms with values near this one, closer than in the
             catalogue.
         part: ordinal in its group; terms of several values of one constant correspond by it.
+        likelier: whether its constant is likelier beforehand than its neighbours: a boundary between replications.
     """
 
     name: str
@@ -37,6 +38,7 @@ class Term:
     group: str = ""
     finer: Callable[[AttitudeData], tuple[tuple[Term, ...], ...]] | None = None
     part: int = 0
+    likelier: bool = False
 
     def as_formula(self, scene: Scene, sensor: str) -> tuple[str, float]:
         """Formula and factor for one sensor; for a turned package the name, since formulas are in angles of

@@ -62,6 +62,18 @@ def near(data: AttitudeData, moment: Moment, count: int = SEARCHED) -> tuple[Mom
     return tuple(_at(t) for t in between[max(middle - reach, 0) : middle + reach + 1].tolist())
 
 
+def at_boundary(data: AttitudeData, moment: Moment) -> Moment | None:
+    """The start of the replication that begins at a moment between two observations; None within a replication.
+
+    None too where replications do not follow one another in time.
+    """
+    before = data.elapsed_s < moment.value
+    if moment.field != "elapsed_s" or np.all(before) or not np.any(before):
+        return None
+    last, first = float(np.max(data.replicate[before])), float(np.min(data.replicate[~before]))
+    return Moment(f"from replication {first:g}", "replicate", first) if last < first else None
+
+
 def _between(data: AttitudeData) -> FloatArray:
     at = np.unique(data.elapsed_s)
     return np.asarray((at[1:] + at[:-1]) / 2)

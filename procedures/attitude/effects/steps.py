@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from fitter.arrays import FloatArray
 from fitter.effects.entry import Alias
 from fitter.effects.sizes import arcsec, micro, relative
 from procedures.attitude.data import AttitudeData
 from procedures.attitude.effects.effect import Effect, Term
 from procedures.attitude.effects.head import pitch_error
-from procedures.attitude.effects.moments import Moment, blocks, boundaries, evenly, near, starts
+from procedures.attitude.effects.moments import Moment, at_boundary, blocks, boundaries, evenly, near, starts
 from procedures.attitude.effects.scene import Scene
 
 _EARLIER = "repeat a few points of the earlier block"
@@ -27,7 +29,12 @@ def _gain(since: Moment) -> Term:
 
 def _sought(since: Moment) -> Term:
     def finer(data: AttitudeData) -> tuple[tuple[Term, ...], ...]:
-        return tuple((_sought(moment),) for moment in near(data, since))
+        tried = near(data, since)
+        starting = (at_boundary(data, moment) for moment in tried)
+        return (
+            *((_sought(moment),) for moment in tried),
+            *((replace(_step(start), likelier=True),) for start in starting if start is not None),
+        )
 
     return Term(since.name, lambda scene, _sensor: since.passed(scene), finer=finer)
 

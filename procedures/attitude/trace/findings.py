@@ -22,6 +22,7 @@ from procedures.attitude.fit import AttitudeFit
 from procedures.attitude.model import attitude_columns
 from procedures.attitude.trace.drawn import drawn, drawn_drift, drawn_instead, drawn_period, drawn_points
 from procedures.attitude.trace.estimate import Estimate, concerns, predict
+from procedures.attitude.trace.grid import same_on_grid
 from procedures.attitude.trace.judge import AttitudeJudge
 from procedures.attitude.trace.levels import LEVELS
 from procedures.attitude.trace.nameless import Nameless
@@ -159,6 +160,8 @@ def _found(
     p = min(judge.p_adjusted(after.chosen, picked[k]) for k in shown)
     alike = [problem.candidates[r.terms[0]].effect for r in explanations if r.alias and r.effect != name]
     peak = float(np.max(np.abs(contribution)))
+    gear = same_on_grid(name, problem.scene.data)
+    experiments = _experiments(effect, alike) if gear is None else f"{_experiments(effect, alike)}; {gear.separate_by}"
     return FoundEffect(
         effect=name,
         cause=effect.cause,
@@ -171,9 +174,9 @@ def _found(
         p_adjusted=p,
         p_adjusted_is_bound=p == judge.family.least,
         share=0.0,  # together for all effects: `_shares`
-        aliases=tuple(other.name for other in alike),
+        aliases=tuple(dict.fromkeys([*(other.name for other in alike), *([gear.effect] if gear else [])])),
         separation=separation(explanations, name),
-        separate_by=f"{_experiments(effect, alike)}; it reaches {peak:.2g} V "
+        separate_by=f"{experiments}; it reaches {peak:.2g} V "
         f"({np.degrees(peak / problem.fits[sensor].parameters.S_V):.2g} deg) here",
         columns_V=raw_columns(problem.scene.on(whole), shape)[i] * after.gamma[mine],
         against=effect.against,

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from procedures.attitude.trace.problem import Candidate, Problem, columns_of
 from procedures.attitude.trace.score import errors, inverse, whiten
+
+FORBIDS = 2.0
+"""Units of log likelihood by which the best value of a constant forbids one that is likelier beforehand."""
 
 
 def refined(problem: Problem, chosen: tuple[int, ...]) -> Problem:
@@ -46,4 +51,10 @@ def _placed(problem: Problem, others: tuple[int, ...], u: int) -> Problem:
     gain = np.einsum("tj,tjk,tk->t", dot, inverse(gram, length2), dot)
     if not np.any(gain):
         return problem
-    return problem.with_terms(u, tries[int(np.argmax(gain))])
+    best = int(np.argmax(gain))
+    likelier = [t for t, terms in enumerate(tries) if terms[0].likelier and gain[t] >= gain[best] - 2.0 * FORBIDS]
+    if not likelier:
+        return problem.with_terms(u, tries[best])
+    # every replication has parameters of its own: what begins with one is not seen within it
+    levels = tuple("replications" if j in unit else level for j, level in enumerate(problem.judged_at))
+    return replace(problem.with_terms(u, tries[max(likelier, key=lambda t: float(gain[t]))]), judged_at=levels)

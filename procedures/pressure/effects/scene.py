@@ -27,6 +27,8 @@ _NITROGEN = 12e5, 10e2, 14.0
 _WEIGHT_K_PER_M = 0.02896 * 9.80665 / 8.314463
 """Of air: molar mass times gravity over the gas constant."""
 
+REACHES = 0.7
+"""Part of the way to a whole plot's temperature that something slow goes in it."""
 TIMES_WARM = ", times T_sensor"
 """Ends the name of a term that is another one's change with the temperature."""
 
@@ -181,6 +183,28 @@ class PressureScene:
         left, state = np.zeros(count), 0.0
         for last, plot in pairwise(np.argsort(begun, kind="stable").tolist()):
             state = max(state, float(own[last])) * float(np.exp(-(begun[plot] - begun[last]) / tau_h))
+            left[plot] = state
+        return left[index]
+
+    def followed(self, value: FloatArray, tau_h: float) -> FloatArray:
+        """(n,) what something has of a whole plot's value that goes most of the way to it while a whole plot lasts.
+
+        The first whole plot has zero; from the end of one to the beginning of the next it fades.
+
+        Args:
+            value: (n,) one of each whole plot.
+            tau_h: with which it fades, h.
+
+        """
+        mean, index = self._mean(value), self.data.whole_plot_index
+        count = int(index.max()) + 1
+        begun, own = np.full(count, np.inf), np.zeros(count)
+        np.minimum.at(begun, index, self.hours)
+        own[index] = mean
+        left, state = np.zeros(count), 0.0
+        for last, plot in pairwise(np.argsort(begun, kind="stable").tolist()):
+            state += REACHES * (float(own[last]) - state)
+            state *= float(np.exp(-(begun[plot] - begun[last]) / tau_h))
             left[plot] = state
         return left[index]
 

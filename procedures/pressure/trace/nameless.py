@@ -10,7 +10,7 @@ from functools import cached_property, partial
 import numpy as np
 from scipy import special
 
-from fitter.arrays import FloatArray
+from fitter.arrays import FloatArray, IntArray
 from fitter.linear import orthonormal
 from fitter.trace.doubts import BUNDLE, DOUBT, bundle, in_several, no_better, something_left
 from fitter.trace.doubts import beside as small_beside
@@ -294,6 +294,28 @@ class Nameless:
     def _alike(self) -> Neighbours:
         return neighbours(self.problem, self.chosen)
 
+    def of_repeats(self, repeats: IntArray, i: int) -> float:
+        """P by chance of what groups of readings in transducer `i` differ by within whole plots, as their errors are.
+
+        Readings that remember one another differ by less than they scatter, where repeats follow at once; and where
+        each whole plot draws its own sensitivity, readings of different ones differ by more.
+
+        Args:
+            repeats: (n,) group number of each reading.
+            i: the transducer.
+
+        """
+        view = self.view("subplot")
+        groups = (np.arange(int(repeats.max()) + 1) == repeats[:, None]).astype(np.float64)
+        length, groups = np.linalg.norm(groups, axis=0), view.project(groups, i)
+        plots = np.arange(int(self.problem.whole_plot.max()) + 1) == self.problem.whole_plot[:, None]
+        slopes = view.pressure[i][:, None] * plots if "P" in self.problem.names else np.empty((len(groups), 0))
+        return max(_p_of(groups, length, own, view.outputs[i], view.df[i]) for own in (slopes[:, :0], slopes))
+
+    def among_slopes(self, i: int, basis: FloatArray) -> float:
+        """P by chance of a basis (n, q) within whole plots beside the scatter of their slopes; zero without any."""
+        return self._among_slopes(i, basis, self.view("subplot"))
+
     def _among_slopes(self, i: int, basis: FloatArray, view: View) -> float:
         """P of a basis (n, q) from the scatter of whole plots' slopes, where that is more than readings explain."""
         problem = self.problem
@@ -321,6 +343,19 @@ class Nameless:
     @cached_property
     def _views(self) -> dict[Level, View]:
         return {level: View(self.problem, level, self.chosen, None) for level in LEVELS}
+
+
+def _p_of(groups: FloatArray, length: FloatArray, own: FloatArray, left: FloatArray, df: float) -> float:
+    """P by chance of what columns (n, m), once this long, take up of a residual (n,) beside others (n, r)."""
+    beside = orthonormal(own)
+    left, groups = left - beside @ (beside.T @ left), groups - beside @ (beside.T @ groups)
+    basis = orthonormal(groups, length, 1e-3)
+    q = basis.shape[1]
+    below = df - beside.shape[1] - q
+    if q < 1 or below < 1:
+        return 1.0
+    gain = float(np.sum((basis.T @ left) ** 2))
+    return float(special.fdtrc(q, below, gain / q / max((float(left @ left) - gain) / below, TINY)))
 
 
 class View:

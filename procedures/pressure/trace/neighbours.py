@@ -29,7 +29,7 @@ TINY = np.finfo(float).tiny
 
 
 @dataclass(frozen=True, eq=False)
-class _Alike:
+class Alike:
     """One transducer's whole plots at one correlation.
 
     Attributes:
@@ -68,10 +68,14 @@ class Neighbours:
         assert problem is not None
         return problem
 
+    def of(self, i: int) -> tuple[Alike, ...]:
+        """Transducer `i` at each correlation of `RHO`."""
+        return self._of[i]
+
     @cached_property
-    def _of(self) -> tuple[tuple[_Alike, ...], ...]:
+    def _of(self) -> tuple[tuple[Alike, ...], ...]:
         """For each transducer, one for each correlation."""
-        made: list[tuple[_Alike, ...]] = []
+        made: list[tuple[Alike, ...]] = []
         stratum = self.problem.at["whole-plot"]
         for i, strata in enumerate(self.problem.strata):
             own = stratum.columns[i][:, self.chosen]
@@ -84,7 +88,7 @@ class Neighbours:
             made.append(tuple(self._alike(taken, strata.ratio, strata.total, rho) for rho in RHO))
         return tuple(made)
 
-    def _alike(self, taken: FloatArray, ratio: float, total: FloatArray, rho: float) -> _Alike:
+    def _alike(self, taken: FloatArray, ratio: float, total: FloatArray, rho: float) -> Alike:
         q, r, _ = linalg.qr(taken, pivoting=True)
         rank = int(np.sum(np.abs(np.diag(r)) > 1e-6 * max(abs(float(r[0, 0])), TINY))) if r.size else 0
         free = q[:, rank:]
@@ -95,7 +99,7 @@ class Neighbours:
         left = free.T @ covariance @ free
         triangle = np.linalg.cholesky(left)
         trace = float(np.trace(left))
-        return _Alike(
+        return Alike(
             covariance,
             trace / max(left.shape[0], 1),
             trace**2 / max(float(np.sum(left**2)), TINY),
@@ -165,7 +169,7 @@ class Neighbours:
         return float(np.exp(weight @ np.log(np.maximum(ps, TINY)) / weight.sum()))
 
 
-def _likelihood(one: _Alike, columns: FloatArray, outputs: FloatArray) -> FloatArray:
+def _likelihood(one: Alike, columns: FloatArray, outputs: FloatArray) -> FloatArray:
     """(J,) restricted log likelihood of one transducer with each column by itself in the model."""
     y, x = one.white @ outputs, one.white @ columns
     length = np.maximum(np.sum(x**2, axis=0), TINY)
@@ -174,7 +178,7 @@ def _likelihood(one: _Alike, columns: FloatArray, outputs: FloatArray) -> FloatA
     return np.asarray(-0.5 * ((y.size - 1) * np.log(rss) + one.log_determinant + np.log(length / before)))
 
 
-def _likelihood_of(one: _Alike, basis: FloatArray, outputs: FloatArray) -> float:
+def _likelihood_of(one: Alike, basis: FloatArray, outputs: FloatArray) -> float:
     y, x = one.white @ outputs, one.white @ basis
     q, r = np.linalg.qr(x)
     rss = max(float(y @ y - np.sum((q.T @ y) ** 2)), 1e-9 * max(float(y @ y), TINY))

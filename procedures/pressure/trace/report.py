@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from scipy.special import chdtrc
@@ -14,6 +14,7 @@ from fitter.effects.entry import Entry
 from fitter.formula import Formula
 from fitter.linear import orthonormal
 from fitter.trace.aliases import Rival, separation
+from fitter.trace.doubts import something_left
 from fitter.trace.found import Unnamed, verdict
 from fitter.trace.lines import CLEAR
 from fitter.trace.not_kept import NotKept, for_others
@@ -22,6 +23,7 @@ from procedures.pressure.data import WholePlotData
 from procedures.pressure.effects.scene import PressureEffect, PressureScene, PressureTerm
 from procedures.pressure.effects.separation import separate_pressure
 from procedures.pressure.trace.agreement import classes
+from procedures.pressure.trace.courses import Course, courses
 from procedures.pressure.trace.drawn import drawn, drawn_instead, drawn_period
 from procedures.pressure.trace.estimate import Estimate, error_of, residual_of
 from procedures.pressure.trace.judge import WholePlotJudge
@@ -45,6 +47,8 @@ UNEXPLAINED = 1e-3
 """Probability of lack of fit below which a remainder is reported."""
 DIFFERENT = 0.01
 """Coefficients of all transducers that agree with more than this probability are called equal."""
+
+_BETWEEN = "between whole plots"
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,6 +93,12 @@ class Finding:
         """Shapes without a name beside what was found."""
         return Nameless(self.judge.problem, replace(self.scene, data=self.data), self.after.chosen)
 
+    @cached_property
+    def courses(self) -> dict[int, Course]:
+        """What whole plots follow beside what was found, by transducer."""
+        nameless = self.nameless
+        return courses(nameless.problem, nameless.scene, nameless.chosen) if nameless.able else {}
+
 
 def transducer(finding: Finding, i: int) -> TransducerTrace:
     """Findings in transducer `i`."""
@@ -96,9 +106,8 @@ def transducer(finding: Finding, i: int) -> TransducerTrace:
     left = _unnamed(finding, i)
     shown = [e for name in finding.classes if (e := _found(finding, name, i)) is not None]
     divided = _shares(finding, [effect.effect for effect in shown], unnamed_part(left), i)
-    doubts = finding.nameless.doubts
     effects = [
-        replace(effect, share=float(share), doubtful=doubts.get((effect.effect, i)))
+        replace(effect, share=float(share), doubtful=_doubt(finding, effect, i))
         for effect, share in zip(shown, divided, strict=True)
     ]
     effects.sort(key=lambda effect: -effect.share)
@@ -131,6 +140,15 @@ def transducer(finding: Finding, i: int) -> TransducerTrace:
             *map(for_others, idle),
         ),
     )
+
+
+def _doubt(finding: Finding, effect: FoundPressureEffect, i: int) -> str | None:
+    """Why a name found in transducer `i` should not be believed yet; None where nothing is against it."""
+    course = finding.courses.get(i)
+    said = finding.nameless.doubts.get((effect.effect, i))
+    if said is None and effect.stratum == "whole-plot" and course is not None and not course.slow:
+        return something_left(course.where, course.shape.p)
+    return said
 
 
 def _side(finding: Finding, fitted: Estimate, i: int, when: int) -> Side:
@@ -282,11 +300,15 @@ def _unnamed(finding: Finding, i: int) -> tuple[Unnamed, ...]:
         "whole-plot": (repeated_whole_plots(data), strongest_whole_plot),
     }
     for level, (repeats, strongest) in by_level.items():
-        smooth, p = smoothest(whitened, chosen, data, i, level)
+        slopes = partial(finding.nameless.among_slopes, i)
+        smooth, p = smoothest(whitened, chosen, data, i, level, slopes)
         here: list[Unnamed] = []
         if p * len(whitened.sensors) < UNEXPLAINED:
             here.append(smooth)
-        if lack_of_fit(plain, level, chosen, repeats, i).p < UNEXPLAINED:
+        lacking = lack_of_fit(plain, level, chosen, repeats, i).p
+        if lacking < UNEXPLAINED and level == "subplot":
+            lacking = max(lacking, finding.nameless.of_repeats(repeats, i))
+        if lacking < UNEXPLAINED:
             here.append(strongest(plain, chosen, data, i))
         left = finding.nameless.left_in(i, level)
         if not rest and not here and left is not None and left.p < UNEXPLAINED:
@@ -294,6 +316,8 @@ def _unnamed(finding: Finding, i: int) -> tuple[Unnamed, ...]:
         if here and left is not None:
             here[0] = replace(here[0], shape=drawn(finding.nameless, left))
         rest += here
+        if level == "whole-plot" and i in finding.courses and not any(_BETWEEN in one.where for one in rest):
+            rest.append(finding.courses[i].unnamed())
     line = finding.nameless.lines[i]
     if line is not None and line.p < CLEAR:
         rest.append(Unnamed(line.where, line.share, shape=drawn_period(finding.nameless, line, i)))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
@@ -21,13 +21,27 @@ HIGHEST = 6
 """Maximum order of the tried polynomials."""
 ADDS = 0.02
 """Minimum remaining share of a term's length beside the others."""
+SLOPE = "pressure times "
 _WHERE: dict[Level, str] = {"subplot": "within whole plots", "whole-plot": "between whole plots"}
 
 
 def smoothest(
-    problem: Problem, chosen: tuple[int, ...], data: WholePlotData, i: int, level: Level
+    problem: Problem,
+    chosen: tuple[int, ...],
+    data: WholePlotData,
+    i: int,
+    level: Level,
+    among_slopes: Callable[[FloatArray], float],
 ) -> tuple[Unnamed, float]:
     """The variable and order with the most significant part of the remainder in a stratum of transducer `i`.
+
+    Args:
+        problem: the run.
+        chosen: candidates in the model.
+        data: its observations.
+        i: the transducer.
+        level: the stratum.
+        among_slopes: probability of a basis (n, q) beside whole plots' slopes, where these scatter.
 
     Returns:
         Its place and its share of the remainder, and the probability of such a part by chance, over all orders of all
@@ -53,6 +67,8 @@ def smoothest(
             p = f_tail(held / q / max((total - held) / (df - q), np.finfo(float).tiny), q, df - q)
             if level == "whole-plot" and p < best[0]:
                 p = max(p, alike.p_of_block(i, basis, left))
+            elif name.startswith(SLOPE) and p < best[0]:
+                p = max(p, among_slopes(basis))
             if p < best[0]:
                 best = p, f"{_WHERE[level]}, with {name}, to order {order}", held / total
     return Unnamed(best[1], best[2]), min(best[0] * max(tried, 1), 1.0)
@@ -70,10 +86,10 @@ def _variables(data: WholePlotData, level: Level) -> Sequence[tuple[str, FloatAr
     slope = p[:, :1]
     return (
         ("pressure", p),
-        ("pressure times the transducer's temperature", slope * sensor[:, :4]),
-        ("pressure times the electronics' temperature", slope * sse[:, :4]),
+        (f"{SLOPE}the transducer's temperature", slope * sensor[:, :4]),
+        (f"{SLOPE}the electronics' temperature", slope * sse[:, :4]),
         ("time since a whole plot began", _orders(data.since_s)[:, :4]),
-        ("pressure times the time of the run", slope * _orders(data.elapsed_s)[:, :4]),
+        (f"{SLOPE}the time of the run", slope * _orders(data.elapsed_s)[:, :4]),
     )
 
 

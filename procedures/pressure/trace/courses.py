@@ -1,0 +1,160 @@
+"""Shapes between whole plots: what a whole plot's offset may follow, and which of them it follows.
+
+Twenty whole plots are few numbers, and a memory of the cold, a tare taken too early or a supply that is refilled has
+no one column. Every transducer, and what all transducers have in common, is held against smooth shapes over the
+temperatures, over the run, and over the temperatures before (`fitter.trace.among_alike`), beside errors that may be
+like those of their neighbours.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from fitter.trace.among_alike import Alike, Shape, Shapes
+from fitter.trace.flexible import waves
+from fitter.trace.found import Unnamed
+from procedures.pressure.effects.scene import PressureScene
+from procedures.pressure.trace.neighbours import PRIOR, RHO, neighbours
+from procedures.pressure.trace.problem import Problem
+from procedures.pressure.trace.score import beside
+
+LEVEL = 0.015
+"""Of false alarms, over all transducers and places."""
+AT = (int(np.flatnonzero(RHO == 0.5)[0]),)
+"""Correlation of neighbours at which chance has to be as rare."""
+RUN, SMOOTH, TEMPERATURE, BOTH, BEFORE = 8, 4, 5, 3, 4
+"""Waves over each."""
+FOLLOWS_H = (6.0, 20.0)
+"""Time constants with which something forgets the temperatures of the whole plots before."""
+CONCERNED = 0.5
+"""Share of what the transducers have in common, over an equal one, from which a transducer is concerned."""
+SEED = 20261123
+
+
+@dataclass(frozen=True)
+class Course:
+    """A shape that whole plots of a transducer follow.
+
+    Attributes:
+        where: in words.
+        shape: how clearly, p over all transducers.
+        common: whether it is what the transducers have in common.
+
+    """
+
+    where: str
+    shape: Shape
+    common: bool
+
+    @property
+    def slow(self) -> bool:
+        """Whether errors that are like their neighbours do as well."""
+        return self.shape.p >= LEVEL
+
+    def unnamed(self) -> Unnamed:
+        """As it is reported; of the noise where neighbours that are alike explain it."""
+        where = f"between whole plots, {self.where}"
+        if self.slow:
+            text = "between whole plots: errors of neighbours in time are alike, or follow something slow"
+            return Unnamed(text, self.shape.share, stratum="noise")
+        return Unnamed(f"{where}{', in all transducers alike' if self.common else ''}", self.shape.share)
+
+
+def courses(problem: Problem, scene: PressureScene, chosen: tuple[int, ...]) -> dict[int, Course]:
+    """What whole plots follow beside the `chosen` candidates, by the index of the transducer."""
+    outputs = beside(problem, "whole-plot", chosen, ()).white.outputs
+    count, around = len(problem.sensors), neighbours(problem, chosen)
+    words, columns = zip(*_places(scene), strict=True)
+    found: dict[int, Course] = {}
+
+    def shapes_of(i: int) -> Shapes:
+        made = [problem.strata[i].leave(of, "whole-plot") / np.median(problem.strata[i].precision) for of in columns]
+        roots = [np.asarray(np.linalg.cholesky(one.covariance), np.float64) for one in around.of(i)]
+        alike = tuple(
+            Alike(one.white, one.log_determinant, root, float(np.log(prior)))
+            for one, root, prior in zip(around.of(i), roots, PRIOR, strict=True)
+        )
+        return Shapes(alike, tuple(made))
+
+    def clearest(i: int, series: FloatArray, times: int) -> Shape | None:
+        one = shapes_of(i).clearest(series, AT, SEED)
+        if one is None or min(one.p, one.p_independent) * times >= LEVEL:
+            return None
+        return Shape(one.at, min(one.p * times, 1.0), one.p_independent * times, one.share)
+
+    if count > 1:
+        length = np.maximum(np.linalg.norm(outputs, axis=1), np.finfo(float).tiny)
+        left, _, right = np.linalg.svd((outputs / length[:, None]).T, full_matrices=False)
+        shape = clearest(0, left[:, 0], 2)
+        if shape is not None:
+            concerned = np.flatnonzero(count * right[0] ** 2 >= CONCERNED)
+            found |= {int(i): Course(words[shape.at], shape, common=True) for i in concerned}
+    for i, series in enumerate(outputs):
+        if i in found and not found[i].slow:
+            continue
+        shape = clearest(i, series, 2 * count if count > 1 else 1)
+        if shape is not None and (i not in found or shape.p < LEVEL):
+            found[i] = Course(words[shape.at], shape, common=False)
+    return found
+
+
+def _places(scene: PressureScene) -> Iterator[tuple[str, FloatArray]]:
+    """Words and columns (n, q), of unit size all together."""
+    data = scene.data
+    begun = _begun(scene)
+    yield "along the run", _falling(waves(begun, RUN), 1.0)
+    yield "slowly along the run", _falling(waves(begun, SMOOTH), 2.0)
+    degC = {
+        "the transducer's temperature": data.sensor_temperature_degC,
+        "the electronics' temperature": data.sse_temperature_degC,
+    }
+    means = {text: of - _within(scene, of) for text, of in degC.items()}
+    for text, mean in means.items():
+        yield f"over {text}", _falling(waves(np.round(mean), TEMPERATURE), 1.0)
+    one, other = (waves(np.round(mean), BOTH) for mean in means.values())
+    if one.shape[1] and other.shape[1]:
+        pairs = [(i, j) for i in range(one.shape[1]) for j in range(other.shape[1])]
+        rough = np.array([i + j + 2.0 for i, j in pairs])
+        yield (
+            "over both temperatures",
+            _falling(np.column_stack([one[:, i] * other[:, j] for i, j in pairs]), 1.0, rough),
+        )
+    for text, mean in means.items():
+        span = float(np.ptp(mean))
+        if span <= 1e-6:
+            continue
+        step = scene.step(degC[text])
+        u = step / span
+        yield (
+            f"after the step of {text} before",
+            _falling(np.column_stack([u, np.abs(u), np.tanh(4.0 * u), u**2]), 1.0, np.array([1.0, 1.0, 1.5, 1.5])),
+        )
+        yield f"over {text} of the whole plot before", _falling(waves(np.round(mean - step), BEFORE), 1.0)
+        middle, half = float(mean.max() + mean.min()) / 2.0, span / 2.0
+        apart = (mean - middle) / half
+        parts = apart, np.maximum(apart, 0.0), np.minimum(apart, 0.0)
+        sides = [scene.followed(of, tau) for tau in FOLLOWS_H for of in parts]
+        yield f"as something that follows {text} with hours of delay", _falling(np.column_stack(sides), 0.0)
+
+
+def _falling(columns: FloatArray, power: float, rough: FloatArray | None = None) -> FloatArray:
+    """(n, q) columns, each the smaller the rougher it is; a mean square of half of one all together."""
+    if not columns.shape[1]:
+        return columns
+    size = (np.arange(1.0, columns.shape[1] + 1) if rough is None else rough) ** -power
+    return np.asarray(columns * size / np.sqrt(0.5 * np.sum(size**2)))
+
+
+def _begun(scene: PressureScene) -> FloatArray:
+    """(n,) hours at which the whole plot of each row began."""
+    return scene.hours - scene.since_h
+
+
+def _within(scene: PressureScene, values: FloatArray) -> FloatArray:
+    """(n,) values less their mean over the whole plot."""
+    index = scene.data.whole_plot_index
+    return np.asarray(values - (np.bincount(index, values) / np.bincount(index))[index])
