@@ -47,7 +47,7 @@ class Alike:
 
 @dataclass(frozen=True)
 class Shape:
-    """What a series follows.
+    """The shape that a series follows.
 
     Attributes:
         at: index of the place.

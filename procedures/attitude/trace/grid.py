@@ -53,7 +53,7 @@ class SameOnGrid:
 
 
 def same_on_grid(effect: str, data: AttitudeData) -> SameOnGrid | None:
-    """What an effect of the head cannot be told from because of the steps of the design; None without such steps."""
+    """Periods that the steps of the design cannot distinguish from an effect of the head; None without such steps."""
     if effect not in _PERIODS:
         return None
     axis, k = _PERIODS[effect]

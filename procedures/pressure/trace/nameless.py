@@ -374,7 +374,7 @@ class View:
     def of(self, picked: Sequence[int], sensors: Sequence[int]) -> FloatArray:
         """(s m, q) of candidates in some transducers."""
         some = self._columns[:, :, list(picked)][list(sensors)] * self._scale[list(sensors)][:, None, None]
-        return np.asarray(some.reshape(-1, len(picked)))
+        return np.asarray(some.reshape(len(sensors) * some.shape[1], len(picked)))
 
     def project(self, columns: FloatArray, i: int) -> FloatArray:
         """(m, q) rest of columns (n, q) in transducer `i`."""
