@@ -79,7 +79,7 @@ def coefficients(problem: Problem, chosen: tuple[int, ...], level: Level) -> tup
         return np.zeros(0), np.zeros((0, 0))
     picked, sigma = list(chosen), errors(problem, chosen)[:, None]
     white = problem.columns_at(level, picked) / sigma[:, :, None]
-    columns = white.reshape(-1, len(picked))
+    columns = white.reshape(white.shape[0] * white.shape[1], len(picked))
     names = [f"{problem.candidates[j].effect.name} {problem.candidates[j].term.name}" for j in picked]
     y, kept = (problem.outputs_at(level) / sigma).reshape(-1), list(range(len(picked)))
     try:
