@@ -1,0 +1,102 @@
+"""Worlds that nobody here wrote: a stranger's set of hidden causes, traced and scored (proving/strangers/README.md)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import partial
+from pathlib import Path
+
+import proving.strangers
+from proving.ledger import Result
+from proving.statistics.frame import Figures, Part, Results, Study
+from proving.strangers import runs
+from proving.strangers.judge import judge_of
+from proving.strangers.sets import load, opened
+from proving.strangers.shares import alarms, classes
+from rig.errors import UsageError
+
+FIRST = Path(proving.strangers.__file__).parent / "first"
+
+
+def effects(set: str = "", judged: str = "", sizes: str = "1,2") -> Study:  # noqa: A002 - the option's name
+    """Every effect and pair of a set: what is said of it, and whether it is so."""
+    folder, list_of_judge = _folder(set), Path(judged) if judged else None
+    stranger = load(folder)
+    judge = judge_of(stranger, list_of_judge)
+    cases, listed = {}, {}
+    for kind in stranger.modules:
+        for names in stranger.effects(kind):
+            for size in _numbers(sizes):
+                case = f"{kind}: {' + '.join(names)}, size {size:g}"
+                cases[case] = partial(
+                    runs.hidden, folder=folder, kind=kind, effects=names, size=size, judged=list_of_judge
+                )
+                listed[case] = [bool(one.right or one.near) for one in judge.of(kind, names)]
+
+    def totals(found: Mapping[str, Results]) -> Mapping[str, Figures]:
+        groups = {
+            "all": lambda _: True,
+            **{kind: lambda case, kind=kind: case.startswith(f"{kind}:") for kind in stranger.modules},
+            **{f"size {size:g}": lambda case, size=size: case.endswith(f"size {size:g}") for size in _numbers(sizes)},
+            "single effects": lambda case: "+" not in case,
+            "pairs": lambda case: "+" in case,
+            "all in a catalogue": lambda case: all(listed[case]),
+            "none in a catalogue": lambda case: not any(listed[case]),
+        }
+        rows = {name: [one for case in found if of(case) for one in found[case]] for name, of in groups.items()}
+        when = {"the set": {"seal": stranger.seal, "opened": opened(stranger)}}
+        return {**{name: classes(results) for name, results in rows.items() if results}, **when}
+
+    return Study(cases, _runs, totals)
+
+
+def nulls(set: str = "") -> Study:  # noqa: A002
+    """Tables of a set with nothing hidden, by noise: in how many anything is named, or said to be there without one."""
+    folder = _folder(set)
+    stranger = load(folder)
+    cases = {
+        f"{kind}, nothing hidden, {noise}": partial(runs.null, folder=folder, kind=kind, noise=noise)
+        for kind in stranger.modules
+        for noise in stranger.noises(kind)
+    }
+
+    def totals(found: Mapping[str, Results]) -> Mapping[str, Figures]:
+        every = list(dict.fromkeys(case.split(", ")[-1] for case in found))
+        rows = {
+            "all": [one for results in found.values() for one in results],
+            **{kind: _of(found, lambda case, kind=kind: case.startswith(f"{kind},")) for kind in stranger.modules},
+            **{noise: _of(found, lambda case, noise=noise: case.endswith(f", {noise}")) for noise in every},
+        }
+        return {name: alarms(results) for name, results in rows.items() if results}
+
+    return Study(cases, _alarms, totals)
+
+
+def _of(found: Mapping[str, Results], which: object) -> list[Result]:
+    assert callable(which)
+    return [one for case, results in found.items() if which(case) for one in results]
+
+
+def _runs(results: Results) -> Figures:
+    """Each run of a case in one line."""
+    lines = {f"seed {one['seed']}": f"{one['class']}. {one['line']}" for one in results}
+    return {"hidden": results[0]["about"] if results else "", **lines}
+
+
+def _alarms(results: Results) -> Figures:
+    lines = {f"seed {one['seed']}": one["line"] for one in results if one["alarm"] or one["class"] in {"crash", "refused"}}
+    return {**alarms(results), **lines}
+
+
+def _folder(text: str) -> Path:
+    return Path(text).resolve() if text else FIRST
+
+
+def _numbers(text: str) -> list[float]:
+    try:
+        return [float(word) for word in text.split(",")]
+    except ValueError as error:
+        raise UsageError(f"--sizes {text}: numbers with commas between") from error
+
+
+PARTS = {"effects": Part(effects, seeds=2, first=1), "nulls": Part(nulls, seeds=10, first=1)}
