@@ -18,8 +18,10 @@ from rig.errors import UsageError
 FIRST = Path(proving.strangers.__file__).parent / "first"
 
 
-def effects(set: str = "", judged: str = "", sizes: str = "1,2") -> Study:  # noqa: A002 - the option's name
-    """Every effect and pair of a set: what is said of it, and whether it is so."""
+def effects(set: str = "", judged: str = "", sizes: str = "1,2", left_out: int = 0) -> Study:  # noqa: A002 - the option's name
+    """Every effect and pair of a set: what is said of it, and whether it is so. `--left_out 1` also asks for the error on
+    rows left out, which takes most of the time.
+    """
     folder, list_of_judge = _folder(set), Path(judged) if judged else None
     stranger = load(folder)
     judge = judge_of(stranger, list_of_judge)
@@ -29,7 +31,13 @@ def effects(set: str = "", judged: str = "", sizes: str = "1,2") -> Study:  # no
             for size in _numbers(sizes):
                 case = f"{kind}: {' + '.join(names)}, size {size:g}"
                 cases[case] = partial(
-                    runs.hidden, folder=folder, kind=kind, effects=names, size=size, judged=list_of_judge
+                    runs.hidden,
+                    folder=folder,
+                    kind=kind,
+                    effects=names,
+                    size=size,
+                    judged=list_of_judge,
+                    left_out=bool(left_out),
                 )
                 listed[case] = [bool(one.right or one.near) for one in judge.of(kind, names)]
 

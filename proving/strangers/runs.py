@@ -25,20 +25,22 @@ Scored = dict[str, Any]
 """JSON values of a run, the same on every machine."""
 
 
-def hidden(seed: int, folder: Path, kind: str, effects: tuple[str, ...], size: float, judged: Path | None) -> Scored:
+def hidden(
+    seed: int, folder: Path, kind: str, effects: tuple[str, ...], size: float, judged: Path | None, *, left_out: bool = True
+) -> Scored:
     """A table with hidden causes, traced and scored."""
     stranger = load(folder)
     right = judge_of(stranger, judged).of(kind, effects)
     opened(stranger)
     about = " + ".join(f"{name}: {stranger.about(kind, name)}" for name in effects)
-    return {**scored(made_of(stranger, kind, effects, seed, size), right), "seed": seed, "about": about}
+    return {**scored(made_of(stranger, kind, effects, seed, size), right, left_out=left_out), "seed": seed, "about": about}
 
 
 def null(seed: int, folder: Path, kind: str, noise: str) -> Scored:
     """A table with nothing hidden."""
     stranger = load(folder)
     opened(stranger)
-    return {**scored(made_of(stranger, kind, (), seed, 0.0, noise), ()), "seed": seed}
+    return {**scored(made_of(stranger, kind, (), seed, 0.0, noise), (), left_out=False), "seed": seed}
 
 
 def made_of(
@@ -52,10 +54,10 @@ def made_of(
         raise UsageError(f"{stranger.folder}: no table of {what}: {type(error).__name__}: {error}") from error
 
 
-def scored(made: Made, right: Sequence[Judged]) -> Scored:
+def scored(made: Made, right: Sequence[Judged], *, left_out: bool = True) -> Scored:
     """What the trace says of a table, and its class."""
     try:
-        said = said_of(traced(made))
+        said = said_of(traced(made, left_out=left_out))
     except RigError as error:
         return _none(REFUSED, error, right)
     except Exception as error:
