@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
@@ -11,16 +12,18 @@ from proving.ledger import Result
 from proving.statistics.frame import Figures, Part, Results, Study
 from proving.strangers import runs
 from proving.strangers.judge import judge_of
+from proving.strangers.peers import PEERS, knobs
 from proving.strangers.sets import load, opened
-from proving.strangers.shares import alarms, classes
+from proving.strangers.shares import alarms, classes, said_by
 from rig.errors import UsageError
 
 FIRST = Path(proving.strangers.__file__).parent / "first"
 
 
 def effects(set: str = "", judged: str = "", sizes: str = "1,2", left_out: int = 0) -> Study:  # noqa: A002 - the option's name
-    """Every effect and pair of a set: what is said of it, and whether it is so. `--left_out 1` also asks for the error on
-    rows left out, which takes most of the time.
+    """Every effect and pair of a set: what is said of it, and whether it is so.
+
+    `--left_out 1` also asks for the error on rows left out, which takes most of the time.
     """
     folder, list_of_judge = _folder(set), Path(judged) if judged else None
     stranger = load(folder)
@@ -80,6 +83,53 @@ def nulls(set: str = "") -> Study:  # noqa: A002
     return Study(cases, _alarms, totals)
 
 
+def limits(set: str = "") -> Study:  # noqa: A002
+    """Nulls with white noise: each peer's knob at which it alarms as often as the trace; print it with `--json`."""
+    folder = _folder(set)
+    kinds = load(folder).modules
+    cases = {f"{kind}{_NULL}": partial(runs.limits, folder=folder, kind=kind) for kind in kinds}
+    return Study(cases, _knobs)
+
+
+def _knobs(results: Results) -> Figures:
+    count = sum(one["alarm"] for one in results)
+    of_each = {name: [one["limits"][name] for one in results] for name in PEERS}
+    return {"nulls": len(results), "alarms of the trace": count, "knobs": knobs(of_each, count)}
+
+
+def peers(set: str = "", judged: str = "", sizes: str = "1,2", limits: str = "") -> Study:  # noqa: A002
+    """What other methods say of the same tables: right, wrong or silent. Knobs from the file that `limits` printed."""
+    folder, list_of_judge = _folder(set), Path(judged) if judged else None
+    stranger = load(folder)
+    judge_of(stranger, list_of_judge)
+    known = json.loads(Path(limits).read_text(encoding="utf-8"))["rows"] if limits else {}
+    usual = {name: peer.usual for name, peer in PEERS.items()}
+    cases = {
+        f"{kind}: {' + '.join(names)}, size {size:g}": partial(
+            runs.peers,
+            folder=folder,
+            kind=kind,
+            effects=names,
+            size=size,
+            judged=list_of_judge,
+            knobs=known[f"{kind}{_NULL}"]["knobs"] if known else usual,
+        )
+        for kind in stranger.modules
+        for names in stranger.effects(kind)
+        for size in _numbers(sizes)
+    }
+
+    def totals(found: Mapping[str, Results]) -> Mapping[str, Figures]:
+        kinds = {"all": "", **{kind: f"{kind}:" for kind in stranger.modules}}
+        rows = {name: _of(found, lambda case, first=first: case.startswith(first)) for name, first in kinds.items()}
+        return {name: said_by(results) for name, results in rows.items() if results}
+
+    return Study(cases, said_by, totals)
+
+
+_NULL = ", nothing hidden"
+
+
 def _of(found: Mapping[str, Results], which: object) -> list[Result]:
     assert callable(which)
     return [one for case, results in found.items() if which(case) for one in results]
@@ -92,7 +142,9 @@ def _runs(results: Results) -> Figures:
 
 
 def _alarms(results: Results) -> Figures:
-    lines = {f"seed {one['seed']}": one["line"] for one in results if one["alarm"] or one["class"] in {"crash", "refused"}}
+    lines = {
+        f"seed {one['seed']}": one["line"] for one in results if one["alarm"] or one["class"] in {"crash", "refused"}
+    }
     return {**alarms(results), **lines}
 
 
@@ -107,4 +159,9 @@ def _numbers(text: str) -> list[float]:
         raise UsageError(f"--sizes {text}: numbers with commas between") from error
 
 
-PARTS = {"effects": Part(effects, seeds=2, first=1), "nulls": Part(nulls, seeds=10, first=1)}
+PARTS = {
+    "effects": Part(effects, seeds=2, first=1),
+    "nulls": Part(nulls, seeds=10, first=1),
+    "limits": Part(limits, seeds=40, first=1001),
+    "peers": Part(peers, seeds=2, first=1),
+}

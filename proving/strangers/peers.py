@@ -1,7 +1,7 @@
 """Methods that people use instead of a trace, on the same columns, each with one knob that sets its false alarms.
 
-Stepwise selection by BIC, the lasso at one standard error, sequentially thresholded least squares, and a Gaussian process
-that only says over which variable something lives.
+Stepwise selection by BIC, the lasso at one standard error, sequentially thresholded least squares, and a Gaussian
+process that only says over which variable something lives.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class Peer:
 
 
 def says(peer: Peer, rows: Rows, knob: float, hidden: Sequence[Judged]) -> str:
-    """"right" where all that it keeps is right, "wrong" where anything is not, "silent"."""
+    """ "right" where all that it keeps is right, "wrong" where anything is not, "silent"."""
     kept = peer.kept(rows, knob) if peer.limit(rows) > knob else []
     if not kept:
         return "silent"

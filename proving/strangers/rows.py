@@ -112,7 +112,7 @@ def _general(path: Path, made: Made) -> Rows:
     plots = tuple(given["whole_plot"].split(",")) if "whole_plot" in given else ()
     single = {name: given[name] for name in ("replicate", "time", "direction", "wrap") if name in given}
     roles = Roles(given["response"], given["formula"], group=group, whole_plot=plots, **single)
-    table, data, _ = read_roles(FileSource(path).read, roles)
+    _, data, _ = read_roles(FileSource(path).read, roles)
     problem = problem_of(data)
     names = [c.effect.name for c in problem.candidates for _ in range(c.term.columns.shape[1])]
     block = np.column_stack([data.y, problem.columns])
@@ -140,7 +140,7 @@ def _step(values: FloatArray) -> FloatArray:
 
 
 def _whitened(block: FloatArray, declared: FloatArray, groups: IntArray, ratio: float) -> FloatArray:
-    """(n, q) columns beside the declared model, where groups of rows share an error of `ratio` times a row's variance."""
+    """(n, q) columns beside the declared model, where groups of rows share an error: `ratio` times a row's."""
     count = np.bincount(groups)[groups].astype(np.float64)
     part = 1.0 - 1.0 / np.sqrt(1.0 + count * max(ratio, 0.0))
 

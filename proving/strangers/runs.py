@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from proving.strangers.judge import Judged, judge_of
+from proving.strangers.peers import PEERS, says
+from proving.strangers.rows import rows_of
 from proving.strangers.scoring import (
     CRASH,
     REFUSED,
@@ -26,14 +28,25 @@ Scored = dict[str, Any]
 
 
 def hidden(
-    seed: int, folder: Path, kind: str, effects: tuple[str, ...], size: float, judged: Path | None, *, left_out: bool = True
+    seed: int,
+    folder: Path,
+    kind: str,
+    effects: tuple[str, ...],
+    size: float,
+    judged: Path | None,
+    *,
+    left_out: bool = True,
 ) -> Scored:
     """A table with hidden causes, traced and scored."""
     stranger = load(folder)
     right = judge_of(stranger, judged).of(kind, effects)
     opened(stranger)
     about = " + ".join(f"{name}: {stranger.about(kind, name)}" for name in effects)
-    return {**scored(made_of(stranger, kind, effects, seed, size), right, left_out=left_out), "seed": seed, "about": about}
+    return {
+        **scored(made_of(stranger, kind, effects, seed, size), right, left_out=left_out),
+        "seed": seed,
+        "about": about,
+    }
 
 
 def null(seed: int, folder: Path, kind: str, noise: str) -> Scored:
@@ -84,3 +97,30 @@ def _none(name: str, error: Exception, right: Sequence[Judged]) -> Scored:
         **dict.fromkeys(("unmarked", "near", "alarm", "noise", "rose", "left_out_rose"), False),
         "line": f"{type(error).__name__}{text if 'table.csv' in str(error) else f': {text}'}",
     }
+
+
+def limits(seed: int, folder: Path, kind: str) -> Scored:
+    """A table with nothing hidden and white noise: whether the trace alarms, and each peer's limit."""
+    stranger = load(folder)
+    opened(stranger)
+    made = made_of(stranger, kind, (), seed, 0.0)
+    rows = rows_of(kind, made)
+    told = scored(made, (), left_out=False)
+    return {"alarm": told["alarm"], "limits": {name: peer.limit(rows) for name, peer in PEERS.items()}}
+
+
+def peers(
+    seed: int,
+    folder: Path,
+    kind: str,
+    effects: tuple[str, ...],
+    size: float,
+    judged: Path | None,
+    knobs: Mapping[str, float],
+) -> Scored:
+    """A table with hidden causes, for every peer with its knob."""
+    stranger = load(folder)
+    right = judge_of(stranger, judged).of(kind, effects)
+    opened(stranger)
+    rows = rows_of(kind, made_of(stranger, kind, effects, seed, size))
+    return {name: says(peer, rows, knobs[name], right) for name, peer in PEERS.items()}

@@ -10,6 +10,8 @@ from typing import Any
 from proving.strangers.scoring import CLASSES
 
 Figures = dict[str, Any]
+SAYS = ("right", "wrong", "silent")
+"""What a method that cannot mark anything can be."""
 Z = 1.959963984540054
 """Standard normal deviate of a two-sided 95 % interval."""
 
@@ -55,4 +57,13 @@ def alarms(results: Sequence[Mapping[str, Any]]) -> Figures:
         "findings about the noise": sum(one["noise"] for one in results),
         "refused": sum(one["class"] == "refused" for one in results),
         "crash": sum(one["class"] == "crash" for one in results),
+    }
+
+
+def said_by(results: Sequence[Mapping[str, str]]) -> Figures:
+    """Of each method, how many runs are right, wrong and silent."""
+    methods = dict.fromkeys(name for one in results for name in one)
+    return {
+        name: {what: share(sum(one[name] == what for one in results), len(results)) for what in SAYS}
+        for name in methods
     }

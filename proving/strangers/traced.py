@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+from contextlib import ExitStack, contextmanager, nullcontext
 from pathlib import Path
 from typing import Any, TypeVar
 from unittest.mock import patch
@@ -51,9 +51,10 @@ LEFT_OUT = (procedures.attitude.trace.run, procedures.pressure.trace.run, proced
 @contextmanager
 def without_left_out() -> Iterator[None]:
     """Without the error on rows left out: it takes most of the time of a trace, and decides nothing."""
-    with patch.object(LEFT_OUT[0], "left_out", _none), patch.object(LEFT_OUT[1], "left_out", _none):
-        with patch.object(LEFT_OUT[2], "left_out", _none):
-            yield
+    with ExitStack() as stack:
+        for module in LEFT_OUT:
+            stack.enter_context(patch.object(module, "left_out", _none))
+        yield
 
 
 def _none(*_: Any, **__: Any) -> None:
