@@ -45,16 +45,15 @@ def effects(set: str = "", judged: str = "", sizes: str = "1,2", left_out: int =
                 listed[case] = [bool(one.right or one.near) for one in judge.of(kind, names)]
 
     def totals(found: Mapping[str, Results]) -> Mapping[str, Figures]:
-        groups = {
-            "all": lambda _: True,
-            **{kind: lambda case, kind=kind: case.startswith(f"{kind}:") for kind in stranger.modules},
-            **{f"size {size:g}": lambda case, size=size: case.endswith(f"size {size:g}") for size in _numbers(sizes)},
-            "single effects": lambda case: "+" not in case,
-            "pairs": lambda case: "+" in case,
-            "all in a catalogue": lambda case: all(listed[case]),
-            "none in a catalogue": lambda case: not any(listed[case]),
-        }
-        rows = {name: [one for case in found if of(case) for one in found[case]] for name, of in groups.items()}
+        groups: dict[str, list[str]] = {"all": list(found)}
+        groups |= {kind: [case for case in found if case.startswith(f"{kind}:")] for kind in stranger.modules}
+        ends = [f"size {size:g}" for size in _numbers(sizes)]
+        groups |= {end: [case for case in found if case.endswith(f", {end}")] for end in ends}
+        groups["single effects"] = [case for case in found if len(listed[case]) == 1]
+        groups["pairs"] = [case for case in found if len(listed[case]) > 1]
+        groups["all in a catalogue"] = [case for case in found if all(listed[case])]
+        groups["none in a catalogue"] = [case for case in found if not any(listed[case])]
+        rows = {name: [one for case in those for one in found[case]] for name, those in groups.items()}
         when = {"the set": {"seal": stranger.seal, "opened": opened(stranger)}}
         return {**{name: classes(results) for name, results in rows.items() if results}, **when}
 
@@ -72,12 +71,11 @@ def nulls(set: str = "") -> Study:  # noqa: A002
     }
 
     def totals(found: Mapping[str, Results]) -> Mapping[str, Figures]:
-        every = list(dict.fromkeys(case.split(", ")[-1] for case in found))
-        rows = {
-            "all": [one for results in found.values() for one in results],
-            **{kind: _of(found, lambda case, kind=kind: case.startswith(f"{kind},")) for kind in stranger.modules},
-            **{noise: _of(found, lambda case, noise=noise: case.endswith(f", {noise}")) for noise in every},
-        }
+        groups: dict[str, list[str]] = {"all": list(found)}
+        groups |= {kind: [case for case in found if case.startswith(f"{kind},")] for kind in stranger.modules}
+        for case in found:
+            groups.setdefault(case.split(", ")[-1], []).append(case)
+        rows = {name: [one for case in those for one in found[case]] for name, those in groups.items()}
         return {name: alarms(results) for name, results in rows.items() if results}
 
     return Study(cases, _alarms, totals)
@@ -120,19 +118,15 @@ def peers(set: str = "", judged: str = "", sizes: str = "1,2", limits: str = "")
     }
 
     def totals(found: Mapping[str, Results]) -> Mapping[str, Figures]:
-        kinds = {"all": "", **{kind: f"{kind}:" for kind in stranger.modules}}
-        rows = {name: _of(found, lambda case, first=first: case.startswith(first)) for name, first in kinds.items()}
+        groups = {"all": list(found)}
+        groups |= {kind: [case for case in found if case.startswith(f"{kind}:")] for kind in stranger.modules}
+        rows = {name: [one for case in those for one in found[case]] for name, those in groups.items()}
         return {name: said_by(results) for name, results in rows.items() if results}
 
     return Study(cases, said_by, totals)
 
 
 _NULL = ", nothing hidden"
-
-
-def _of(found: Mapping[str, Results], which: object) -> list[Result]:
-    assert callable(which)
-    return [one for case, results in found.items() if which(case) for one in results]
 
 
 def _runs(results: Results) -> Figures:

@@ -43,7 +43,7 @@ class Peer:
 
 
 def says(peer: Peer, rows: Rows, knob: float, hidden: Sequence[Judged]) -> str:
-    """ "right" where all that it keeps is right, "wrong" where anything is not, "silent"."""
+    """What a method is: "right" where all that it keeps is right, "wrong" where anything is not, else "silent"."""
     kept = peer.kept(rows, knob) if peer.limit(rows) > knob else []
     if not kept:
         return "silent"

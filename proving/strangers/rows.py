@@ -64,14 +64,15 @@ def _attitude(path: Path, made: Made) -> Rows:
     outputs = problem.outputs_at("replications")
     a, r = np.radians(data.pitch_deg), np.radians(data.roll_deg)
     gravity = (np.sin(a), -np.sin(r) * np.cos(a), -np.cos(r) * np.cos(a))
-    variables = {
+    variables: dict[str, FloatArray] = {
         "pitch": data.pitch_deg,
         "roll": data.roll_deg,
         "time": data.elapsed_s,
         "order": np.asarray(data.order, np.float64),
-        "temperature": data.sensor_temperature_degC,
         "move": _step(data.pitch_deg),
     }
+    if data.sensor_temperature_degC is not None:
+        variables["temperature"] = data.sensor_temperature_degC
     along = {name: gravity["xyz".index(name[0])] if name[0] in "xyz" else gravity[0] for name in problem.sensors}
     of_each = [{**variables, "gravity": along[name]} for name in problem.sensors]
     fold = np.unique(data.replicate, return_inverse=True)[1]
