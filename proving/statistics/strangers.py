@@ -8,7 +8,6 @@ from functools import partial
 from pathlib import Path
 
 import proving.strangers
-from proving.ledger import Result
 from proving.statistics.frame import Figures, Part, Results, Study
 from proving.strangers import runs
 from proving.strangers.judge import judge_of

@@ -84,7 +84,7 @@ def scored(made: Made, right: Sequence[Judged], *, left_out: bool = True) -> Sco
         "alarm": alarm(said),
         "noise": any(s.noise for s in said),
         "rose": any(s.rose for s in said),
-        "left_out_rose": any(s.left_out_rose for s in said),
+        "left_out_rose": None if all(s.left_out_rose is None for s in said) else any(s.left_out_rose for s in said),
         "line": line_of(said),
     }
 
@@ -94,7 +94,8 @@ def _none(name: str, error: Exception, right: Sequence[Judged]) -> Scored:
     return {
         "class": name,
         "found": [False] * len(right),
-        **dict.fromkeys(("unmarked", "near", "alarm", "noise", "rose", "left_out_rose"), False),
+        **dict.fromkeys(("unmarked", "near", "alarm", "noise", "rose"), False),
+        "left_out_rose": None,
         "line": f"{type(error).__name__}{text if 'table.csv' in str(error) else f': {text}'}",
     }
 

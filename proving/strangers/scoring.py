@@ -44,7 +44,7 @@ class Said:
         unnamed: places where something is without a name.
         noise: findings about the noise.
         rose: whether the error is larger after than before.
-        left_out_rose: whether the error on rows left out is.
+        left_out_rose: whether the error on rows left out is; None where nobody asked.
 
     """
 
@@ -54,7 +54,7 @@ class Said:
     unnamed: tuple[str, ...]
     noise: tuple[str, ...]
     rose: bool
-    left_out_rose: bool
+    left_out_rose: bool | None
 
 
 def said_of(told: Mapping[str, Any]) -> list[Said]:
@@ -71,7 +71,7 @@ def _said(sensor: str, one: Mapping[str, Any]) -> Said:
     out_before, out_after = (_error(one[when], ("cv_rms",)) for when in ("before", "after"))
     places = tuple(str(u["where"]) for u in unnamed)
     rose, left_out_rose = _above(after, before), _above(out_after, out_before)
-    return Said(sensor, one["verdict"], tuple(effects), places, tuple(noise), rose, left_out_rose)
+    return Said(sensor, one["verdict"], tuple(effects), places, tuple(noise), bool(rose), left_out_rose)
 
 
 def _error(rows: Mapping[str, Any], names: Sequence[str]) -> float | None:
@@ -79,8 +79,8 @@ def _error(rows: Mapping[str, Any], names: Sequence[str]) -> float | None:
     return sum(value**2 for value in values) ** 0.5 if values else None
 
 
-def _above(after: float | None, before: float | None) -> bool:
-    return after is not None and before is not None and after > before * (1 + 1e-9)
+def _above(after: float | None, before: float | None) -> bool | None:
+    return None if after is None or before is None else after > before * (1 + 1e-9)
 
 
 def class_of(said: Sequence[Said], hidden: Sequence[Judged]) -> str:

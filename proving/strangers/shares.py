@@ -34,6 +34,7 @@ def classes(results: Sequence[Mapping[str, Any]]) -> Figures:
     """How many runs are of each class, and what is counted besides."""
     runs = len(results)
     of_class = Counter(one["class"] for one in results)
+    left_out = [one["left_out_rose"] for one in results if one["left_out_rose"] is not None]
     hidden = [found for one in results for found in one["found"]]
     return {
         **{name: share(of_class[name], runs) for name in CLASSES},
@@ -41,7 +42,7 @@ def classes(results: Sequence[Mapping[str, Any]]) -> Figures:
         "hidden causes named or among the aliases": share(sum(hidden), len(hidden)),
         "right by near names only": share(sum(one["near"] for one in results), runs),
         "error after above error before": share(sum(one["rose"] for one in results), runs),
-        "the same on rows left out": share(sum(one["left_out_rose"] for one in results), runs),
+        **({"the same on rows left out": share(sum(left_out), len(left_out))} if left_out else {}),
     }
 
 
