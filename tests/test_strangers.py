@@ -1,4 +1,4 @@
-"""Sets of hidden causes that strangers write: seal, judge's list, classes of what is said, peers (proving/strangers)."""
+"""Sets of hidden causes that strangers write: seal, judge's list, classes of answers, peers (proving/strangers)."""
 
 from __future__ import annotations
 
