@@ -9,7 +9,7 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 
-SWEEPS = 200
+SWEEPS = 60
 """Maximum number of sweeps of the lasso over its active columns at one penalty."""
 RIDGE = 0.1
 """Of thresholded least squares, over a column's squared length: columns as alike as those of a searched constant come
@@ -126,7 +126,7 @@ def _descend(
                 mine -= inner[k] * step
                 own[k] = value
                 largest = max(largest, abs(step) * length[k])
-        if largest < 1e-4 * penalty:
+        if largest < 1e-3 * penalty:
             break
     left -= gram[:, picked] @ (own - beta[picked])
     beta[picked] = own
@@ -139,7 +139,8 @@ def thresholded(p: Products, threshold: float, rounds: int = 20) -> FloatArray:
     for _ in range(rounds):
         if not kept.size:
             return np.zeros(len(p.dot))
-        ridge = p.gram[np.ix_(kept, kept)] + RIDGE * np.diag(np.diag(p.gram)[kept])
+        lengths = np.maximum(np.diag(p.gram)[kept], 1e-6 * p.n)
+        ridge = p.gram[np.ix_(kept, kept)] + RIDGE * np.diag(lengths)
         solved = np.linalg.solve(ridge, p.dot[kept])
         stays = np.abs(solved) >= threshold
         beta[:] = 0.0

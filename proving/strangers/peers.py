@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache
 
 import numpy as np
 
@@ -18,10 +18,8 @@ from proving.strangers.judge import Judged
 from proving.strangers.rows import Rows
 from proving.strangers.smooth import likelier
 
-PENALTIES = np.geomspace(1.0, 0.02, 30)
+PENALTIES = np.geomspace(1.0, 0.05, 14)
 """Of the lasso, over the least one that keeps nothing."""
-THRESHOLDS = np.geomspace(1.0, 0.02, 25)
-"""Of sequentially thresholded least squares, over the largest correlation that could be."""
 
 
 @dataclass(frozen=True)
@@ -70,6 +68,7 @@ def _bic_kept(rows: Rows, knob: float) -> list[frozenset[str]]:
     return [rows.names[j] for j in stepwise(Products.of(rows.columns, rows.y), price=knob)]
 
 
+@lru_cache(maxsize=2)
 def _folds(rows: Rows) -> list[tuple[Products, IntArray]]:
     """Products of what is left in, and the rows left out, for every fold."""
     whole = Products.of(rows.columns, rows.y)
@@ -93,6 +92,7 @@ def _lasso_penalties(rows: Rows) -> FloatArray:
     return np.asarray(np.max(np.abs(rows.columns.T @ rows.y)) * PENALTIES)
 
 
+@lru_cache(maxsize=2)
 def _lasso_chosen(rows: Rows) -> float:
     penalties = _lasso_penalties(rows)
     share = penalties / len(rows.y)
@@ -110,29 +110,22 @@ def _lasso_kept(rows: Rows, knob: float) -> list[frozenset[str]]:
     return [rows.names[j] for j in np.flatnonzero(path[-1])]
 
 
-def _stlsq_path(scale: float, p: Products) -> FloatArray:
-    return np.stack([thresholded(p, t * scale) for t in THRESHOLDS])
-
-
-def _stlsq_chosen(rows: Rows) -> float:
-    return float(THRESHOLDS[_one_se(rows, partial(_stlsq_path, 1.0))])
-
-
 def _stlsq_limit(rows: Rows) -> float:
-    """By bisection between a threshold at which something stays and one at which nothing does."""
-    products, chosen = Products.of(rows.columns, rows.y), _stlsq_chosen(rows)
+    """Times the root of n, since columns and response are of unit rms; by bisection."""
+    products = Products.of(rows.columns, rows.y)
     low, high = 0.0, 1.0
     for _ in range(12):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if np.any(thresholded(products, middle)) else (low, middle)
-    return high / chosen
+    return high * float(np.sqrt(len(rows.y)))
 
 
 def _stlsq_kept(rows: Rows, knob: float) -> list[frozenset[str]]:
-    left = thresholded(Products.of(rows.columns, rows.y), knob * _stlsq_chosen(rows))
+    left = thresholded(Products.of(rows.columns, rows.y), knob / float(np.sqrt(len(rows.y))))
     return [rows.names[j] for j in np.flatnonzero(left)]
 
 
+@lru_cache(maxsize=2)
 def _smooth(rows: Rows) -> tuple[float, str]:
     """Nats by which the best smooth curve over one variable is likelier than none, and the variable."""
     each = [
@@ -144,7 +137,7 @@ def _smooth(rows: Rows) -> tuple[float, str]:
 PEERS: dict[str, Peer] = {
     "stepwise, BIC": Peer(_bic_limit, _bic_kept),
     "lasso, one standard error": Peer(_lasso_limit, _lasso_kept),
-    "STLSQ": Peer(_stlsq_limit, _stlsq_kept),
+    "STLSQ": Peer(_stlsq_limit, _stlsq_kept, usual=3.0),
     "Gaussian process, where": Peer(
         lambda rows: _smooth(rows)[0], lambda rows, _: [frozenset([_smooth(rows)[1]])], usual=3.0, lives=True
     ),
