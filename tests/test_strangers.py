@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from hashlib import sha256
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from proving.strangers.columns import Products, lasso_path, stepwise, thresholde
 from proving.strangers.judge import Judged, judge_of
 from proving.strangers.peers import PEERS, knobs, says
 from proving.strangers.rows import rows_of
-from proving.strangers.runs import made_of
+from proving.strangers.runs import made_of, scored
 from proving.strangers.scoring import CLASSES, alarm, class_of, found, said_of
 from proving.strangers.sets import digest_of, load, opened, sealed
 from proving.strangers.shares import wilson
@@ -208,6 +209,15 @@ def test_what_was_found_what_alarms_and_whether_the_error_rose():
     assert [one.rose for one in said] == [True, False]
     assert alarm(said)
     assert not alarm(said_of({"sensors": {"x": sensor(effect("autocorrelation", stratum="noise"))}}))
+
+
+def test_a_table_that_the_trace_refuses_is_refused_and_no_crash():
+    options = ["--response", "y_mV", "--formula", "1 + x_mm"]
+    made = SimpleNamespace(csv="x_mm,y_mV\n1,1\n2,2\n", options=options, size=1.0, hidden=np.zeros(2))
+    told = scored(made, [UNKNOWN])
+    assert (told["class"], told["found"]) == ("refused", [False])
+    assert told["line"].startswith("DataError")
+    assert scored(SimpleNamespace(csv="", options=["--response"], size=1.0), [])["class"] == "crash"
 
 
 def test_options_are_those_of_the_command_line():

@@ -90,8 +90,10 @@ def limits(set: str = "") -> Study:  # noqa: A002
 
 def _knobs(results: Results) -> Figures:
     count = sum(one["alarm"] for one in results)
-    of_each = {name: [one["limits"][name] for one in results] for name in PEERS}
-    return {"nulls": len(results), "alarms of the trace": count, "knobs": knobs(of_each, count)}
+    known = [one for one in results if one["limits"] is not None]
+    of_each = {name: [one["limits"][name] for one in known] for name in PEERS}
+    figures = {"nulls": len(known), "refused": len(results) - len(known), "alarms of the trace": count}
+    return {**figures, "knobs": knobs(of_each, count) if known else {}}
 
 
 def peers(set: str = "", judged: str = "", sizes: str = "1,2", limits: str = "") -> Study:  # noqa: A002

@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from fitter.errors import FitError
+from procedures.errors import DataError
 from proving.strangers.judge import Judged, judge_of
 from proving.strangers.peers import PEERS, says
 from proving.strangers.rows import rows_of
@@ -71,7 +73,7 @@ def scored(made: Made, right: Sequence[Judged], *, left_out: bool = True) -> Sco
     """What the trace says of a table, and its class."""
     try:
         said = said_of(traced(made, left_out=left_out))
-    except RigError as error:
+    except (RigError, DataError) as error:
         return _none(REFUSED, error, right)
     except Exception as error:
         return _none(CRASH, error, right)
@@ -101,12 +103,14 @@ def _none(name: str, error: Exception, right: Sequence[Judged]) -> Scored:
 
 
 def limits(seed: int, folder: Path, kind: str) -> Scored:
-    """A table with nothing hidden and white noise: whether the trace alarms, and each peer's limit."""
+    """A table with nothing hidden and white noise: whether the trace alarms, and each peer's limit; None if refused."""
     stranger = load(folder)
     opened(stranger)
     made = made_of(stranger, kind, (), seed, 0.0)
-    rows = rows_of(kind, made)
     told = scored(made, (), left_out=False)
+    if told["class"] in {REFUSED, CRASH}:
+        return {"alarm": False, "limits": None}
+    rows = rows_of(kind, made)
     return {"alarm": told["alarm"], "limits": {name: peer.limit(rows) for name, peer in PEERS.items()}}
 
 
@@ -123,5 +127,8 @@ def peers(
     stranger = load(folder)
     right = judge_of(stranger, judged).of(kind, effects)
     opened(stranger)
-    rows = rows_of(kind, made_of(stranger, kind, effects, seed, size))
+    try:
+        rows = rows_of(kind, made_of(stranger, kind, effects, seed, size))
+    except (FitError, DataError):
+        return dict.fromkeys(PEERS, REFUSED)
     return {name: says(peer, rows, knobs[name], right) for name, peer in PEERS.items()}

@@ -10,7 +10,7 @@ from typing import Any
 from proving.strangers.scoring import CLASSES
 
 Figures = dict[str, Any]
-SAYS = ("right", "wrong", "silent")
+SAYS = ("right", "wrong", "silent", "refused")
 """What a method that cannot mark anything can be."""
 Z = 1.959963984540054
 """Standard normal deviate of a two-sided 95 % interval."""
