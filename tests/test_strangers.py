@@ -170,6 +170,7 @@ def sensor(*effects, unnamed=(), before=2.0, after=1.0):
 
 PADS = Judged(("pads",), ("cross-*",), ("pitch",))
 UNKNOWN = Judged((), (), ("time",))
+OWN = (("between replications: the parameters drift", "replication"),)
 SOMEWHERE = (("over pitch", "between-point"),)
 
 
@@ -190,6 +191,8 @@ SOMEWHERE = (("over pitch", "between-point"),)
         ([UNKNOWN], [sensor(effect("gear"))], "WRONG WITHOUT A MARK"),
         ([UNKNOWN], [sensor(effect("gear"), unnamed=(("a wander", "noise"),))], "WRONG WITHOUT A MARK"),
         ([UNKNOWN], [sensor(effect("gear")), sensor(unnamed=SOMEWHERE)], "WRONG WITHOUT A MARK"),
+        ([UNKNOWN], [sensor(effect("gear"), unnamed=OWN)], "WRONG WITHOUT A MARK"),
+        ([UNKNOWN], [sensor(unnamed=OWN)], "noise only"),
         ([PADS], [sensor(effect("pads"), effect("gear"))], "WRONG WITHOUT A MARK"),
         ([PADS], [sensor(effect("gear", aliases=["creep"]))], "WRONG WITHOUT A MARK"),
         ([UNKNOWN], [sensor(effect("outliers", stratum="noise"))], "noise only"),

@@ -18,6 +18,7 @@ from proving.strangers.scoring import (
     class_of,
     found,
     line_of,
+    only_differ,
     said_of,
     unmarked_in_the_run,
 )
@@ -84,6 +85,7 @@ def scored(made: Made, right: Sequence[Judged], *, left_out: bool = True) -> Sco
         "unmarked": unmarked_in_the_run(said, right),
         "near": bool(ways) and all(ways),
         "alarm": alarm(said),
+        "only_differ": only_differ(said),
         "noise": any(s.noise for s in said),
         "rose": any(s.rose for s in said),
         "left_out_rose": None if all(s.left_out_rose is None for s in said) else any(s.left_out_rose for s in said),
@@ -96,7 +98,7 @@ def _none(name: str, error: Exception, right: Sequence[Judged]) -> Scored:
     return {
         "class": name,
         "found": [False] * len(right),
-        **dict.fromkeys(("unmarked", "near", "alarm", "noise", "rose"), False),
+        **dict.fromkeys(("unmarked", "near", "alarm", "only_differ", "noise", "rose"), False),
         "left_out_rose": None,
         "line": f"{type(error).__name__}{text if 'table.csv' in str(error) else f': {text}'}",
     }

@@ -21,6 +21,8 @@ CRASH: Final = "crash"
 CLASSES: Final = (RIGHT, RIGHT_MARKED, UNNAMED, DOUBTFUL, WRONG_MARKED, WRONG, SILENT, NOISE, REFUSED, CRASH)
 """Every run is of one class."""
 
+DIFFER: Final = "between replications: the parameters drift"
+"""A place of the trace: replications differ. Sets have laboratories where they do, so it is no mark of a name."""
 ERRORS: Final = ("sigma_E", "sigma_subplot", "sigma_wholeplot")
 
 
@@ -43,6 +45,7 @@ class Said:
         names: effects.
         unnamed: places where something is without a name.
         noise: findings about the noise.
+        differ: whether replications are said to differ.
         rose: whether the error is larger after than before.
         left_out_rose: whether the error on rows left out is; None where nobody asked.
 
@@ -53,6 +56,7 @@ class Said:
     names: tuple[Name, ...]
     unnamed: tuple[str, ...]
     noise: tuple[str, ...]
+    differ: bool
     rose: bool
     left_out_rose: bool | None
 
@@ -69,9 +73,10 @@ def _said(sensor: str, one: Mapping[str, Any]) -> Said:
     noise += [u["where"] for u in one["unnamed"] or () if u["stratum"] == "noise"]
     before, after = (_error(one[when], ERRORS) for when in ("before", "after"))
     out_before, out_after = (_error(one[when], ("cv_rms",)) for when in ("before", "after"))
-    places = tuple(str(u["where"]) for u in unnamed)
+    differ = any(u["where"] == DIFFER for u in unnamed)
+    places = tuple(str(u["where"]) for u in unnamed if u["where"] != DIFFER)
     rose, left_out_rose = _above(after, before), _above(out_after, out_before)
-    return Said(sensor, one["verdict"], tuple(effects), places, tuple(noise), bool(rose), left_out_rose)
+    return Said(sensor, one["verdict"], tuple(effects), places, tuple(noise), differ, bool(rose), left_out_rose)
 
 
 def _error(rows: Mapping[str, Any], names: Sequence[str]) -> float | None:
@@ -110,7 +115,7 @@ def class_of(said: Sequence[Said], hidden: Sequence[Judged]) -> str:
         return RIGHT if all(n.doubtful is None and right(n.name) for n in names) else RIGHT_MARKED
     if any(s.unnamed for s in said):
         return UNNAMED
-    return NOISE if any(s.noise for s in said) else SILENT
+    return NOISE if any(s.noise or s.differ for s in said) else SILENT
 
 
 def found(said: Sequence[Said], hidden: Sequence[Judged]) -> list[bool]:
@@ -128,7 +133,12 @@ def unmarked_in_the_run(said: Sequence[Said], hidden: Sequence[Judged]) -> bool:
 
 def alarm(said: Sequence[Said]) -> bool:
     """Whether anything is named or unnamed; findings about the noise are none of it."""
-    return any(s.names or s.unnamed for s in said)
+    return any(s.names or s.unnamed or s.differ for s in said)
+
+
+def only_differ(said: Sequence[Said]) -> bool:
+    """Whether all that is said is that replications differ."""
+    return any(s.differ for s in said) and not any(s.names or s.unnamed for s in said)
 
 
 def line_of(said: Sequence[Said]) -> str:
@@ -137,6 +147,7 @@ def line_of(said: Sequence[Said]) -> str:
     for s in said:
         words = [_words(n) for n in s.names]
         words += [f"unnamed <{place}>" for place in s.unnamed] + [f"noise <{name}>" for name in s.noise]
+        words += [f"unnamed <{DIFFER}>"] if s.differ else []
         words += ["the error ROSE"] if s.rose else []
         parts.append(f"{s.sensor} {s.verdict}: {'; '.join(words) or 'nothing'}")
     return " | ".join(parts)

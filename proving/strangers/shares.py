@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from math import sqrt
 from typing import Any
 
-from proving.strangers.scoring import CLASSES
+from proving.strangers.scoring import CLASSES, WRONG, WRONG_MARKED
 
 Figures = dict[str, Any]
 SAYS = ("right", "wrong", "silent", "refused")
@@ -49,12 +49,13 @@ def classes(results: Sequence[Mapping[str, Any]]) -> Figures:
 def alarms(results: Sequence[Mapping[str, Any]]) -> Figures:
     """Nulls in which anything was named or unnamed."""
     runs = len(results)
-    figures = {"false alarms": share(sum(one["alarm"] for one in results), runs)}
-    figures["unnamed or doubtful only"] = share(
-        sum(one["alarm"] and one["class"] not in {"wrong with a mark", "WRONG WITHOUT A MARK"} for one in results), runs
-    )
+    named = [one for one in results if one["class"] in {WRONG, WRONG_MARKED}]
     return {
-        **figures,
+        "false alarms": share(sum(one["alarm"] for one in results), runs),
+        "but for replications that differ": share(
+            sum(one["alarm"] and not one["only_differ"] for one in results), runs
+        ),
+        "a name that is not doubtful": share(len(named), runs),
         "findings about the noise": sum(one["noise"] for one in results),
         "refused": sum(one["class"] == "refused" for one in results),
         "crash": sum(one["class"] == "crash" for one in results),
