@@ -12,6 +12,8 @@ from importlib.metadata import version
 import numpy as np
 from scipy.stats import pearsonr
 
+from proving.strangers.columns import Products, stepwise
+
 PACKAGES = ("numpy", "scipy", "sklearn", "pysindy", "pygam", "gplearn")
 DISTRIBUTION = {"sklearn": "scikit-learn"}
 
@@ -61,36 +63,8 @@ def refitted(columns, y, kept):
 
 
 def stepwise_bic(columns, y, fold):
-    """Forward one column at a time while BIC falls, each time followed by backward; on products of columns."""
-    n = len(y)
-    gram, dot, square = columns.T @ columns, columns.T @ y, float(y @ y)
-    kept, best = [], n * np.log(square / n)
-
-    def bic(terms):
-        picked = gram[np.ix_(terms, terms)]
-        solved = np.linalg.lstsq(picked, dot[terms], rcond=1e-10)[0]
-        return n * np.log(max(square - float(dot[terms] @ solved), 1e-12 * square) / n) + len(terms) * np.log(n)
-
-    while len(kept) < min(n // 3, 60):
-        if kept:
-            solved = np.linalg.lstsq(gram[np.ix_(kept, kept)], np.column_stack([gram[kept], dot[kept]]), rcond=1e-10)[0]
-            left2 = np.diag(gram) - np.einsum("kj,kj->j", gram[kept], solved[:, :-1])
-            left = dot - gram[:, kept] @ solved[:, -1]
-        else:
-            left2, left = np.diag(gram).copy(), dot
-        gain = np.where(left2 > 1e-6 * np.diag(gram), left**2 / np.maximum(left2, 1e-300), 0.0)
-        gain[kept] = 0.0
-        trial = [*kept, int(np.argmax(gain))]
-        value = bic(trial)
-        if value >= best:
-            break
-        kept, best = trial, value
-        while len(kept) > 1:
-            fewer = [(bic([k for k in kept if k != drop]), drop) for drop in kept]
-            value, drop = min(fewer)
-            if value >= best:
-                break
-            kept, best = [k for k in kept if k != drop], value
+    """Forward one column at a time while BIC falls, each time followed by backward."""
+    kept = stepwise(Products.of(columns, y))
     return Answer(kept, refitted(columns, y, kept))
 
 

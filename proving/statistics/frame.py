@@ -37,6 +37,7 @@ NAMES = (
     "intervals",
     "pressure",
     "split_plots",
+    "strangers",
     "tables",
     "tables_power",
     "whole_plots",

@@ -1,0 +1,162 @@
+"""Worlds that nobody here wrote: a stranger's set of hidden causes, traced and scored (proving/strangers/README.md)."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from functools import partial
+from pathlib import Path
+
+import proving.strangers
+from proving.statistics.frame import Figures, Part, Results, Study
+from proving.strangers import runs
+from proving.strangers.judge import judge_of
+from proving.strangers.peers import PEERS, knobs
+from proving.strangers.sets import load, opened
+from proving.strangers.shares import alarms, classes, said_by
+from rig.errors import UsageError
+
+FIRST = Path(proving.strangers.__file__).parent / "first"
+
+
+def effects(set: str = "", judged: str = "", sizes: str = "1,2", left_out: int = 0) -> Study:  # noqa: A002 - the option's name
+    """Every effect and pair of a set: what is said of it, and whether it is so.
+
+    `--left_out 1` also asks for the error on rows left out, which takes most of the time.
+    """
+    folder, list_of_judge = _folder(set), Path(judged) if judged else None
+    stranger = load(folder)
+    judge = judge_of(stranger, list_of_judge)
+    cases, listed = {}, {}
+    for kind in stranger.modules:
+        for names in stranger.effects(kind):
+            for size in _numbers(sizes):
+                case = f"{kind}: {' + '.join(names)}, size {size:g}"
+                cases[case] = partial(
+                    runs.hidden,
+                    folder=folder,
+                    kind=kind,
+                    effects=names,
+                    size=size,
+                    judged=list_of_judge,
+                    left_out=bool(left_out),
+                )
+                listed[case] = [bool(one.right or one.near) for one in judge.of(kind, names)]
+
+    def totals(found: Mapping[str, Results]) -> Mapping[str, Figures]:
+        groups: dict[str, list[str]] = {"all": list(found)}
+        groups |= {kind: [case for case in found if case.startswith(f"{kind}:")] for kind in stranger.modules}
+        ends = [f"size {size:g}" for size in _numbers(sizes)]
+        groups |= {end: [case for case in found if case.endswith(f", {end}")] for end in ends}
+        groups["single effects"] = [case for case in found if len(listed[case]) == 1]
+        groups["pairs"] = [case for case in found if len(listed[case]) > 1]
+        groups["all in a catalogue"] = [case for case in found if all(listed[case])]
+        groups["none in a catalogue"] = [case for case in found if not any(listed[case])]
+        rows = {name: [one for case in those for one in found[case]] for name, those in groups.items()}
+        when = {"the set": {"seal": stranger.seal, "opened": opened(stranger)}}
+        return {**{name: classes(results) for name, results in rows.items() if results}, **when}
+
+    return Study(cases, _runs, totals)
+
+
+def nulls(set: str = "") -> Study:  # noqa: A002
+    """Tables of a set with nothing hidden, by noise: in how many anything is named, or said to be there without one."""
+    folder = _folder(set)
+    stranger = load(folder)
+    cases = {
+        f"{kind}, nothing hidden, {noise}": partial(runs.null, folder=folder, kind=kind, noise=noise)
+        for kind in stranger.modules
+        for noise in stranger.noises(kind)
+    }
+
+    def totals(found: Mapping[str, Results]) -> Mapping[str, Figures]:
+        groups: dict[str, list[str]] = {"all": list(found)}
+        groups |= {kind: [case for case in found if case.startswith(f"{kind},")] for kind in stranger.modules}
+        for case in found:
+            groups.setdefault(case.split(", ")[-1], []).append(case)
+        rows = {name: [one for case in those for one in found[case]] for name, those in groups.items()}
+        return {name: alarms(results) for name, results in rows.items() if results}
+
+    return Study(cases, _alarms, totals)
+
+
+def limits(set: str = "") -> Study:  # noqa: A002
+    """Nulls with white noise: each peer's knob at which it alarms as often as the trace; print it with `--json`."""
+    folder = _folder(set)
+    kinds = load(folder).modules
+    cases = {f"{kind}{_NULL}": partial(runs.limits, folder=folder, kind=kind) for kind in kinds}
+    return Study(cases, _knobs)
+
+
+def _knobs(results: Results) -> Figures:
+    count = sum(one["alarm"] for one in results)
+    known = [one for one in results if one["limits"] is not None]
+    of_each = {name: [one["limits"][name] for one in known] for name in PEERS}
+    figures = {"nulls": len(known), "refused": len(results) - len(known), "alarms of the trace": count}
+    return {**figures, "knobs": knobs(of_each, count) if known else {}}
+
+
+def peers(set: str = "", judged: str = "", sizes: str = "1,2", limits: str = "") -> Study:  # noqa: A002
+    """What other methods say of the same tables: right, wrong or silent. Knobs from the file that `limits` printed."""
+    folder, list_of_judge = _folder(set), Path(judged) if judged else None
+    stranger = load(folder)
+    judge_of(stranger, list_of_judge)
+    known = json.loads(Path(limits).read_text(encoding="utf-8"))["rows"] if limits else {}
+    usual = {name: peer.usual for name, peer in PEERS.items()}
+    cases = {
+        f"{kind}: {' + '.join(names)}, size {size:g}": partial(
+            runs.peers,
+            folder=folder,
+            kind=kind,
+            effects=names,
+            size=size,
+            judged=list_of_judge,
+            knobs=known[f"{kind}{_NULL}"]["knobs"] if known else usual,
+        )
+        for kind in stranger.modules
+        for names in stranger.effects(kind)
+        for size in _numbers(sizes)
+    }
+
+    def totals(found: Mapping[str, Results]) -> Mapping[str, Figures]:
+        groups = {"all": list(found)}
+        groups |= {kind: [case for case in found if case.startswith(f"{kind}:")] for kind in stranger.modules}
+        rows = {name: [one for case in those for one in found[case]] for name, those in groups.items()}
+        return {name: said_by(results) for name, results in rows.items() if results}
+
+    return Study(cases, said_by, totals)
+
+
+_NULL = ", nothing hidden"
+
+
+def _runs(results: Results) -> Figures:
+    """Each run of a case in one line."""
+    lines = {f"seed {one['seed']}": f"{one['class']}. {one['line']}" for one in results}
+    return {"hidden": results[0]["about"] if results else "", **lines}
+
+
+def _alarms(results: Results) -> Figures:
+    lines = {
+        f"seed {one['seed']}": one["line"] for one in results if one["alarm"] or one["class"] in {"crash", "refused"}
+    }
+    return {**alarms(results), **lines}
+
+
+def _folder(text: str) -> Path:
+    return Path(text).resolve() if text else FIRST
+
+
+def _numbers(text: str) -> list[float]:
+    try:
+        return [float(word) for word in text.split(",")]
+    except ValueError as error:
+        raise UsageError(f"--sizes {text}: numbers with commas between") from error
+
+
+PARTS = {
+    "effects": Part(effects, seeds=2, first=1),
+    "nulls": Part(nulls, seeds=10, first=1),
+    "limits": Part(limits, seeds=40, first=1001),
+    "peers": Part(peers, seeds=2, first=1),
+}
