@@ -20,6 +20,11 @@ CARRIED_ON = ("time", "temperature", "interruption", "chamber")
 """Sources of effects that continue from one run to the next."""
 
 
+NOTHING = "nothing"
+"""The absence of an effect of the first run in the later one."""
+Pair = tuple[str, str]
+
+
 @dataclass(frozen=True, eq=False)
 class Apart:
     """Statistics of M members, for each of k sets of outputs.

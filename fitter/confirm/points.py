@@ -2,8 +2,8 @@
 
 A design separates a true model from a rival by the least squared distance between the true model's prediction and the
 rival's best fit to it. Here both models have the first run too, and the distance is that of both runs, in units of the
-error: it is the expected difference between the judge's residual sums of squares. With several pairs of models the least
-distance counts (maximin), softened so that an exchange of points has a direction.
+error: it is the expected difference between the judge's residual sums of squares. With several pairs of models the
+least distance counts (maximin), softened so that an exchange of points has a direction.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 from scipy import special
 
 from fitter.arrays import FloatArray, IntArray
-from fitter.confirm.compare import lasting
+from fitter.confirm.compare import NOTHING, Pair, lasting
 from fitter.confirm.question import Question
 from fitter.confirm.together import Candidates, Fit, Together
 
-UNSEEN = 1.5
-"""Distance, in standard errors, below which all points together do not separate a pair: it has no influence."""
+UNSEEN = 2.0
+"""Distance, in standard errors, below which the largest run does not separate a pair: it has no influence."""
 LITTLE = 1e-9
 """Weight of a prior that makes undetermined coefficients of a rival computable."""
 AT_ONCE = 0.2
@@ -35,6 +35,7 @@ class Rival:
     """A model that could be fitted instead of true ones; U candidate units of points with m rows each.
 
     Attributes:
+        pairs: for each true model, the names of both; of the absence of a cause "nothing".
         first: (p, p) products of its columns in the first run, with priors.
         later: (U, m, p) its columns in each unit, in units of the error; zero rows fill up.
         true_first: (T, p + 1) products of its columns and of T true predictions with these, in the first run; the last
@@ -42,6 +43,7 @@ class Rival:
         true_later: (T, U, m) true predictions in each unit.
     """
 
+    pairs: tuple[Pair, ...]
     first: FloatArray
     later: FloatArray
     true_first: FloatArray
@@ -88,22 +90,31 @@ class Points:
     Attributes:
         rivals: of all questions and courses of the run.
         count: number of units U.
+        reach: root of the size of the largest possible run over that of all candidates.
     """
 
     rivals: tuple[Rival, ...]
     count: int
+    reach: float
 
     @classmethod
-    def of(cls, ways: Sequence[Together], questions: Sequence[Question], units: IntArray) -> Points:
+    def of(cls, ways: Sequence[Together], questions: Sequence[Question], units: IntArray, most: int) -> Points:
         """The first run and a planned one with all candidates, in its possible courses.
 
         Args:
             ways: both runs; outputs of the planned one are not used.
             questions: open questions.
             units: (n,) label of each planned observation's unit, from 0.
+            most: number of observations of the largest possible run.
         """
         found = [rival for both in ways for question in questions for rival in _rivals(both, question, units)]
-        return cls(tuple(found), int(units.max()) + 1)
+        return cls(tuple(found), int(units.max()) + 1, float(np.sqrt(max(most / units.size, 1.0))))
+
+    @property
+    def pairs(self) -> frozenset[Pair]:
+        """Pairs that a run of some size may separate, as `Separation.chances` has them."""
+        every = [pair for rival in self.rivals for pair in rival.pairs]
+        return frozenset(pair for pair, seen in zip(every, self._seen, strict=True) if seen)
 
     def sigmas(self, chosen: NDArray[np.bool_]) -> FloatArray:
         """Distance of every pair that the candidates can separate, standard errors."""
@@ -114,7 +125,7 @@ class Points:
     def _seen(self) -> NDArray[np.bool_]:
         every = np.ones(self.count, np.bool_)
         squares = np.concatenate([rival.state(every)[2] for rival in self.rivals]) if self.rivals else np.empty(0)
-        return np.asarray(squares > UNSEEN**2)
+        return np.asarray(squares > (UNSEEN / self.reach) ** 2)
 
     def choose(self, counts: Sequence[int]) -> list[Choice]:
         """The best units for each number of them, by elimination from all and exchange; [] if none separates."""
@@ -172,14 +183,16 @@ def _rivals(both: Together, question: Question, units: IntArray) -> list[Rival]:
         known = Fit.of(first.columns_of([*member.terms, *question.rest]), first.outputs).estimate
         true.append(raw @ known[: len(member.terms)])
     rest = _with_resized(both, question.rest)
-    found = []
+    found, names = [], [member.effect for member in question.members]
     for j, member in enumerate(question.members):
         own = _with_resized(both, member.terms)
-        others = [f for i, f in enumerate(true) if i != j]
+        others = [i for i in range(len(true)) if i != j]
         if others:
-            found.append(_rival(both, question, np.concatenate([own, rest], axis=2), others, units))
+            pairs = tuple((names[min(i, j)], names[max(i, j)]) for i in others)
+            effects = np.concatenate([own, rest], axis=2)
+            found.append(_rival(both, question, effects, pairs, [true[i] for i in others], units))
         gone = np.concatenate([scale[j] * ~both.fresh[:, None], rest], axis=2)
-        found.append(_rival(both, question, gone, [true[j]], units))
+        found.append(_rival(both, question, gone, ((names[j], NOTHING),), [true[j]], units))
     return found
 
 
@@ -188,7 +201,12 @@ def _with_resized(both: Together, terms: Candidates) -> FloatArray:
 
 
 def _rival(
-    both: Together, question: Question, effects: FloatArray, true: Sequence[FloatArray], units: IntArray
+    both: Together,
+    question: Question,
+    effects: FloatArray,
+    pairs: tuple[Pair, ...],
+    true: Sequence[FloatArray],
+    units: IntArray,
 ) -> Rival:
     """A rival with effects (S, n, q), against true predictions (S, n)."""
     again = lasting(question) and not both.realigned
@@ -213,7 +231,7 @@ def _rival(
         filled[unit, : len(mine)] = mine
     told = np.column_stack([products[p:, :p], np.diag(products)[p:]])
     start = products[:p, :p] + np.diag(prior[:p] + LITTLE)
-    return Rival(start, filled[..., :p], told, np.moveaxis(filled[..., p:], 2, 0))
+    return Rival(pairs, start, filled[..., :p], told, np.moveaxis(filled[..., p:], 2, 0))
 
 
 def _declared(both: Together, *, again: bool) -> tuple[list[FloatArray], FloatArray]:

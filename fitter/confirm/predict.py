@@ -16,7 +16,7 @@ import numpy as np
 from scipy import special
 
 from fitter.arrays import FloatArray
-from fitter.confirm.compare import Apart, Comparison, searched
+from fitter.confirm.compare import NOTHING, Apart, Comparison, Pair, searched
 from fitter.confirm.question import Question
 from fitter.confirm.together import RANK, Candidates, Fit, Together, left
 from fitter.quantiles import DISTINGUISHED, t_limit
@@ -137,13 +137,10 @@ def _found(sizes: FloatArray, spread: FloatArray) -> FloatArray:
     return np.asarray(special.ndtr(strength - limit) + special.ndtr(-strength - limit))
 
 
-NOTHING = "nothing"
 DRAWS = 200
 INTERVAL = 0.05, 0.95
 LEAST_OF_A_PAIR = 20
 """Minimum number of draws for each member, however unlikely it is by the first run."""
-
-Pair = tuple[str, str]
 
 
 @dataclass(frozen=True)

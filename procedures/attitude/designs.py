@@ -56,7 +56,7 @@ class Design:
     """Angles to visit.
 
     Attributes:
-        name: the paper's name for it: D, D0, D1, T6, T4.
+        name: the paper's name for it: D, D0, D1, T6, T4; or points.
         pitch_deg: the pitch rows, ascending.
         roll_deg: the roll columns, ascending.
         cells: (row, column) of each kept point, row by row.
@@ -112,6 +112,16 @@ def grid(name: str, pitch_deg: Sequence[float], roll_deg: Sequence[float]) -> De
             raise ValueError(f"a design needs at least one {what} angle")
     rows, columns = tuple(sorted(pitch_deg)), tuple(sorted(roll_deg))
     return Design(name, rows, columns, Cells(len(columns), range(len(rows) * len(columns))))
+
+
+def listed(points_deg: Sequence[tuple[float, float]]) -> Design:
+    """The given (pitch, roll), each a cell of the grid of all their angles. Raises ValueError if one is given twice."""
+    if len(set(points_deg)) != len(points_deg):
+        raise ValueError("a point is listed twice: more replications visit every point again")
+    rows, columns = (tuple(sorted({point[axis] for point in points_deg})) for axis in (0, 1))
+    row, column = ({angle: k for k, angle in enumerate(angles)} for angles in (rows, columns))
+    numbers = sorted(row[pitch] * len(columns) + column[roll] for pitch, roll in points_deg)
+    return Design("points", rows, columns, Cells(len(columns), numbers))
 
 
 def tumble(*, roll: bool) -> Design:

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import itertools
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from drivers.roles import Chamber
-from fitter.confirm import NOTHING, Pair, Separation, separation
+from fitter.confirm import NOTHING, Pair, Points, Separation, separation
+from fitter.effects.entry import Entry
+from fitter.effects.hands import Change
+from fitter.quantiles import DISTINGUISHED, t_limit
 from procedures.durations import duration
-from procedures.further_runs import Variation, possible
+from procedures.further_runs import Variation, possible, with_step
 from procedures.kind import kind_of
 from rig.bench import playing
 from rig.closed_loop.confirm.first import First
@@ -22,8 +26,14 @@ duration.
 """
 HARDLY = 0.2
 """Below this probability a run is not worth its duration."""
-TURN_H = 0.5
-"""Cost of mounting the package again, in addition to bench time, hours."""
+STEP = 0.05
+"""Difference of probabilities, summed over all questions, that is an advantage of a run; chances above `SURE` have none.
+"""
+PERSON_H = 0.5
+"""Cost of a person at the bench, to mount the package again or for a change by hand, in addition to bench time, hours.
+"""
+WORTH_A_FORECAST = 0.5
+"""Standard errors below the limit by which a choice of points may fall short, and still be simulated."""
 
 
 class Weakest(NamedTuple):
@@ -60,6 +70,17 @@ class Proposal:
     def enough(self) -> bool:
         """Whether it will very likely settle all questions."""
         return all(chance >= SURE for s in self.separations for chance in s.chances.values())
+
+    def settles(self, pairs: frozenset[Pair] | None) -> bool:
+        """Whether it will very likely settle these questions; all for None."""
+        if pairs is None:
+            return self.enough
+        return all(chance >= SURE for s in self.separations for pair, chance in s.chances.items() if pair in pairs)
+
+    @property
+    def points(self) -> int:
+        """Number of its points."""
+        return len(self.variation.procedure.expand())
 
     @property
     def separated(self) -> tuple[int, int]:
@@ -104,22 +125,24 @@ class Proposal:
         return self.shown if self.nearest is None else min(self.shown, self.nearest)
 
     @property
-    def rank(self) -> tuple[float, float]:
+    def rank(self) -> tuple[int, float]:
         """Sort key within a kind of run, smallest is best: number of separated pairs first, then cost."""
-        told = sum(chance for s in self.separations for chance in s.chances.values())
-        return -round(told, 1), self.cost_h
+        told = sum(min(chance, SURE) for s in self.separations for chance in s.chances.values())
+        return -round(told / STEP), self.cost_h
 
     @property
-    def place(self) -> tuple[float, float, float]:
-        """Sort key over all kinds, smallest is best: runs that are unlikely to succeed have no worth."""
-        chances = [chance for s in self.separations for chance in s.chances.values()]
+    def place(self) -> tuple[int, bool, float, float]:
+        """Sort key over all kinds, smallest is best: runs that are unlikely to succeed have no worth, and of equal runs
+        one without a change by a person is better.
+        """
+        chances = [min(chance, SURE) for s in self.separations for chance in s.chances.values()]
         fair = sum(chance for chance in chances if chance >= LIKELY)
-        return -round(fair, 1), self.cost_h, -sum(chances)
+        return -round(fair / STEP), bool(self.variation.steps), self.cost_h, -sum(chances)
 
     @property
     def cost_h(self) -> float:
         """Cost: hours of bench time and of a person."""
-        return self.hours + TURN_H * self.variation.turned
+        return self.hours + PERSON_H * self.variation.person
 
     @property
     def _alike(self) -> list[tuple[Separation, Pair]]:
@@ -127,12 +150,13 @@ class Proposal:
 
     def to_json(self) -> dict[str, Any]:
         """Values for `--json`."""
-        run = self.variation.procedure
         return {
             "what": self.variation.what,
             "mounting": None if self.mounting is None else dict(self.mounting),
             "turn_the_package": self.variation.turned,
-            "points": len(run.expand()),
+            "by_hand": [step.table() for step in self.variation.steps],
+            "person_hours": PERSON_H * self.variation.person,
+            "points": self.points,
             "hours": self.hours,
             "sigmas": [
                 {
@@ -150,25 +174,87 @@ class Proposal:
 
 
 def consider(first: First) -> tuple[Proposal, ...]:
-    """The most informative run per cost of every kind; the best of all first."""
-    kind, best = first.confirming, dict[str, Proposal]()
-    for variation in possible(_further_runs(first), first.bench.limits):
-        known = best.get(variation.what)
-        if known is not None and known.enough:
-            continue  # the smallest sufficient run
-        run_list = variation.procedure.expand()
-        both = kind.ways(variation, run_list, first.questions, first.later_s)
-        run = variation.procedure
-        proposal = Proposal(
-            variation,
-            separation(both, first.questions),
-            kind.hours(variation, run_list),
-            kind.size(run),
-            kind.mounting(run),
-        )
-        if known is None or proposal.rank < known.rank:
-            best[variation.what] = proposal
-    return tuple(sorted(best.values(), key=lambda proposal: proposal.place))
+    """The most informative run per cost of every kind; the best of all first.
+
+    Runs with a change by a person are considered for the pairs that no setting of the bench separates.
+    """
+    groups = _groups(_further_runs(first), first)
+    found = [_best(first, group) for group in groups]
+    changes = {change.word: change for one in inseparable(first, found) for change in changes_for(first, one.pair)}
+    untouched = [group for group in groups if _untouched(group[0])]
+    for change in changes.values():
+        found += [_best(first, [with_step(variation, change) for variation in group]) for group in untouched]
+    return tuple(sorted(found, key=lambda proposal: proposal.place))
+
+
+def _groups(every: Iterable[Variation], first: First) -> list[list[Variation]]:
+    """Possible runs that differ in size only, from the smallest to the largest."""
+    groups: dict[str, list[Variation]] = {}
+    for variation in possible(every, first.bench.limits):
+        groups.setdefault(variation.what, []).append(variation)
+    return list(groups.values())
+
+
+def _untouched(variation: Variation) -> bool:
+    """Whether a run changes nothing but points and their order."""
+    return not (variation.turned or variation.warmer_degC or variation.by_weather)
+
+
+def _best(first: First, group: Sequence[Variation]) -> Proposal:
+    """The smallest sufficient run of a group; otherwise the most informative one."""
+    chosen, hopeful = _of_chosen_points(first, group)
+    best: Proposal | None = None
+    most = 0
+    for variation in itertools.chain(chosen, group):
+        if len(variation.procedure.expand()) <= most and variation is not group[-1]:
+            continue  # chosen points are better
+        proposal = _proposal(first, variation)
+        most = proposal.points
+        if best is None or proposal.rank < best.rank:
+            best = proposal
+        if proposal.settles(hopeful):
+            break
+    assert best is not None
+    return best
+
+
+def _of_chosen_points(first: First, group: Sequence[Variation]) -> tuple[list[Variation], frozenset[Pair] | None]:
+    """The run with the points that separate best, from few to many, without those that are certainly too few.
+
+    And the pairs that a run of the group can separate at all; None if that is unknown.
+    """
+    kind = first.confirming
+    whole = kind.whole(group)
+    if whole is None:
+        return [], None
+    run_list = whole.procedure.expand()
+    ways = kind.ways(whole, run_list, first.questions, first.later_s)
+    limit = t_limit(DISTINGUISHED, ways[0].df)
+    most = max(len(variation.procedure.expand()) for variation in group)
+    points = Points.of([ways[0], ways[-1]][: len(ways)], first.questions, kind.units(run_list), most)
+    choices = [choice for choice in points.choose(kind.counts) if choice.sigmas > limit - WORTH_A_FORECAST]
+    return [kind.chosen(whole, choice.units) for choice in choices], points.pairs
+
+
+def _proposal(first: First, variation: Variation) -> Proposal:
+    kind, run = first.confirming, variation.procedure
+    run_list = run.expand()
+    both = kind.ways(variation, run_list, first.questions, first.later_s)
+    expected = separation(both, first.questions)
+    return Proposal(variation, expected, kind.hours(variation, run_list), kind.size(run), kind.mounting(run))
+
+
+def changes_for(first: First, pair: Pair) -> tuple[Change, ...]:
+    """Changes by a person that have different influences on two explanations."""
+    one, other = (_effect(first, name) for name in pair)
+    known = {own.change.word: own.change for effect in (one, other) for own in effect.by_hand}
+    return tuple(change for word, change in known.items() if one.influence(word) != other.influence(word))
+
+
+def _effect(first: First, name: str) -> Entry:
+    members = (member for question in first.questions for member in question.members)
+    effect: Entry = next(member.terms[0].effect for member in members if member.effect == name)
+    return effect
 
 
 def _further_runs(first: First) -> Iterator[Variation]:
@@ -183,30 +269,48 @@ def propose(considered: Sequence[Proposal]) -> tuple[Proposal, ...]:
 
 @dataclass(frozen=True)
 class Inseparable:
-    """Two explanations that no run of this bench separates.
+    """Two explanations that no run of this bench separates as the bench stands.
 
     Attributes:
         pair: their names.
-        sigmas: maximum expected standard errors between them in any run.
+        sigmas: maximum expected standard errors between them in any run without a change by a person.
         would: the change that a person would have to make, in words.
+        by_hand: what a person has to do in considered runs that may separate them.
     """
 
     pair: Pair
     sigmas: float
     would: str
+    by_hand: tuple[str, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """Values for `--json`."""
-        return {"pair": list(self.pair), "most_sigmas": self.sigmas, "would": self.would}
+        pair, by_hand = list(self.pair), list(self.by_hand)
+        return {"pair": pair, "most_sigmas": self.sigmas, "would": self.would, "by_hand": by_hand}
 
 
 def inseparable(first: First, considered: Sequence[Proposal]) -> tuple[Inseparable, ...]:
-    """Pairs of explanations that no considered run is likely to separate."""
-    told = [s for proposal in considered for s in proposal.separations]
+    """Pairs of explanations that no considered run is likely to separate without a change by a person."""
+    told = [s for proposal in considered if not proposal.variation.steps for s in proposal.separations]
     pairs = dict.fromkeys(pair for s in told for pair in s.chances if pair[1] != NOTHING)
     best = {pair: max(s.chances[pair] for s in told if pair in s.chances) for pair in pairs}
     most = {pair: max(s.sigmas[pair] for s in told if pair in s.sigmas) for pair in pairs}
-    return tuple(Inseparable(pair, most[pair], _would(first, pair)) for pair in pairs if best[pair] < HARDLY)
+    return tuple(
+        Inseparable(pair, most[pair], _would(first, pair), _by_hand(considered, pair))
+        for pair in pairs
+        if best[pair] < HARDLY
+    )
+
+
+def _by_hand(considered: Sequence[Proposal], pair: Pair) -> tuple[str, ...]:
+    """What a person has to do in the runs that may separate a pair."""
+    says = (
+        step.change.say
+        for proposal in considered
+        for step in proposal.variation.steps
+        if any(s.chances.get(pair, 0.0) >= HARDLY for s in proposal.separations)
+    )
+    return tuple(dict.fromkeys(says))
 
 
 def otherwise(first: First, proposal: Proposal, never: Sequence[Inseparable] = ()) -> Iterator[str]:
@@ -238,5 +342,4 @@ def otherwise(first: First, proposal: Proposal, never: Sequence[Inseparable] = (
 
 
 def _would(first: First, pair: Pair) -> str:
-    members = {m.effect: m.terms[0].effect for q in first.questions for m in q.members}
-    return first.confirming.separated_by(members[pair[0]], members[pair[1]])
+    return first.confirming.separated_by(*(_effect(first, name) for name in pair))
