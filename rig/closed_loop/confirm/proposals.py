@@ -27,8 +27,7 @@ duration.
 HARDLY = 0.2
 """Below this probability a run is not worth its duration."""
 STEP = 0.05
-"""Difference of probabilities, summed over all questions, that is an advantage of a run; chances above `SURE` have none.
-"""
+"""Difference of probabilities, summed over all questions, that is an advantage; those above `SURE` are equal."""
 PERSON_H = 0.5
 """Cost of a person at the bench, to mount the package again or for a change by hand, in addition to bench time, hours.
 """
