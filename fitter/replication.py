@@ -21,7 +21,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import special
+from scipy import sparse, special
 
 from fitter.arrays import FloatArray, IntArray
 from fitter.linear import LinearFit, RankError, least_squares, orthonormal
@@ -119,22 +119,28 @@ def _wander(left: FloatArray, within: FloatArray, point: IntArray, replicate: In
     Its mean and variance for white noise seen through the projection are exact (Durbin and Watson, Biometrika 37,
     1950); its distribution is taken as normal.
     """
-    size = np.bincount(point)
-    points = np.zeros((len(left), len(size)))
-    points[np.arange(len(left)), point] = 1.0 / np.sqrt(size[point])
-    basis = np.column_stack([points, within])
-    joined = np.where(replicate[1:] == replicate[:-1], 0.5, 0.0)[:, None]
-    lagged = np.zeros_like(basis)
-    lagged[:-1] += joined * basis[1:]
-    lagged[1:] += joined * basis[:-1]
-    inner = basis.T @ lagged
-    trace = -float(np.trace(inner))
-    square = 2.0 * float(np.sum(joined**2)) - 2.0 * float(np.sum(lagged**2)) + float(np.sum(inner * inner.T))
+    n, size = len(left), np.bincount(point)
+    joined = np.where(replicate[1:] == replicate[:-1], 0.5, 0.0)
+    here, next_ = np.arange(n - 1), np.arange(1, n)
+    pairs = np.concatenate([here, next_]), np.concatenate([next_, here])
+    lag = sparse.csr_array((np.tile(joined, 2), pairs), shape=(n, n))
+    # A row is at one point, so most of the projection is sparse: n numbers, not n times the number of points.
+    points = sparse.csr_array((1.0 / np.sqrt(size[point]), point, np.arange(n + 1)), shape=(n, len(size)))
+    lagged_points, lagged_within = lag @ points, lag @ within
+    of_points, of_both, of_within = points.T @ lagged_points, points.T @ lagged_within, within.T @ lagged_within
+    trace = -float(of_points.trace() + np.trace(of_within))
+    lagged = _squares(lagged_points.data) + _squares(lagged_within)
+    inner = _squares(of_points.data) + 2.0 * _squares(of_both) + _squares(of_within)
+    square = 2.0 * _squares(joined) - 2.0 * lagged + inner
     variance = 2.0 * (df * square - trace**2) / (df**2 * (df + 2.0))
     if variance <= 0.0:
         return 0.0, 1.0
-    found = 2.0 * float(np.sum(joined[:, 0] * left[1:] * left[:-1])) / float(left @ left) - trace / df
+    found = 2.0 * float(np.sum(joined * left[1:] * left[:-1])) / float(left @ left) - trace / df
     return found, float(special.ndtr(-found / np.sqrt(variance)))
+
+
+def _squares(values: FloatArray) -> float:
+    return float(np.sum(values**2))
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ So a run list of a million points takes a few megabytes, also while it is made o
 
 from __future__ import annotations
 
+import copy
 import hashlib
 import itertools
 import json
@@ -13,7 +14,9 @@ from array import array
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Generic, TypeVar, overload
+from typing import Any, Generic, Self, TypeVar, overload
+
+from procedures.by_hand import HandStep
 
 Level = TypeVar("Level", bound=Hashable)
 
@@ -215,17 +218,39 @@ class RunList:
         factors: factors of `Point.setpoints`, in that order.
         points: the points, in running order.
         seed: of every random choice in the order.
+        steps: what a person does by hand, in the order of their points.
     """
 
     factors: tuple[Factor, ...]
     points: Points
     seed: int
+    steps: tuple[HandStep, ...]
 
-    def __init__(self, factors: Iterable[Factor], points: Iterable[Point], seed: int) -> None:
-        """Add points one by one. Raises ValueError if they are not numbered from 0, or lack a factor."""
+    def __init__(
+        self, factors: Iterable[Factor], points: Iterable[Point], seed: int, steps: Iterable[HandStep] = ()
+    ) -> None:
+        """Add points one by one.
+
+        Raises:
+            ValueError: they are not numbered from 0, or lack a factor; or a step is out of order.
+        """
         object.__setattr__(self, "factors", tuple(factors))
         object.__setattr__(self, "points", Points(points, len(self.factors)))
         object.__setattr__(self, "seed", seed)
+        self._take(steps)
+
+    def _take(self, steps: Iterable[HandStep]) -> None:
+        steps = tuple(steps)
+        before = [step.before for step in steps]
+        if before != sorted(before) or not all(0 <= index < len(self.points) for index in before):
+            raise ValueError("a step by hand is not before a point of the run list, or the steps are out of order")
+        object.__setattr__(self, "steps", steps)
+
+    def with_steps(self, steps: Iterable[HandStep]) -> Self:
+        """The same points with these steps by hand. Raises ValueError if they are out of order."""
+        made = copy.copy(self)
+        made._take(steps)
+        return made
 
     def __len__(self) -> int:
         return len(self.points)
@@ -266,7 +291,8 @@ class RunList:
     def sha256(self) -> str:
         """Hash of everything that determines the bench's actions; equal lists have equal hashes."""
         rows = self.points.rows()
-        return rows_sha256(self.factors, self.seed, iter(lambda: list(itertools.islice(rows, _AT_ONCE)), []))
+        slices = iter(lambda: list(itertools.islice(rows, _AT_ONCE)), [])
+        return rows_sha256(self.factors, self.seed, slices, self.steps)
 
     def extremes(self) -> Mapping[str, tuple[float, float]]:
         """Lowest and highest commanded value of each factor, with overtravel, by factor name."""
@@ -296,17 +322,26 @@ class RunList:
                     break
 
 
-def rows_sha256(factors: Sequence[Factor], seed: int, slices: Iterable[Sequence[tuple[Any, ...]]]) -> str:
+def rows_sha256(
+    factors: Sequence[Factor],
+    seed: int,
+    slices: Iterable[Sequence[tuple[Any, ...]]],
+    steps: Sequence[HandStep] = (),
+) -> str:
     """The hash of a run list with these points: of the JSON of [index, replication, whole plot, [setpoints], [sides]].
 
     Args:
         factors: factors of the setpoints, in that order.
         seed: of every random choice in the order.
         slices: the points in slices, each as (index, replication, whole plot, setpoints..., sides...).
+        steps: what a person does by hand. A list without them has the hash of versions that knew none.
     """
     width = len(factors)
     places, settings = _Texts(_place_text), _Texts(lambda row: _setting_text(row, width))
-    head = {"factors": [[f.name, f.axis, f.overtravel, f.hard, f.stays] for f in factors], "seed": seed}
+    listed = [[f.name, f.axis, f.overtravel, f.hard, f.stays] for f in factors]
+    head: dict[str, Any] = {"factors": listed, "seed": seed}
+    if steps:
+        head["by_hand"] = [step.as_json() for step in steps]
     digest = hashlib.sha256(json.dumps(head, sort_keys=True).encode())
     for rows in slices:
         text = "".join([f"[{row[0]}, {places[row[1:3]]}, {settings[row[3:]]}" for row in rows])

@@ -39,10 +39,13 @@ def document() -> str:
     return "\n\n".join(parts) + "\n"
 
 
-def _tables(model: type[BaseModel], path: str, given: object = None) -> Iterator[str]:
-    """Text and table of a model and of its inner models; `given` is the value if the file has none."""
+def _tables(model: type[BaseModel], path: str, given: object = None, *, several: bool = False) -> Iterator[str]:
+    """Text and table of a model and of its inner models; `given` is the value if the file has none, `several`
+    whether the file may have several of these tables.
+    """
     doc = (model.__doc__ or "").strip().splitlines()
-    title = f"### `[{path}]`" if path else ""
+    name = f"[[{path}]]" if several else f"[{path}]"
+    title = f"### `{name}`" if path else ""
     yield "\n\n".join(part for part in (title, *(line.strip() for line in doc if line.strip())) if part)
     if any(not _inner(field) for field in model.model_fields.values()):
         yield _table(model, given)
@@ -51,7 +54,8 @@ def _tables(model: type[BaseModel], path: str, given: object = None) -> Iterator
         if inner is not None:
             below = f"{path}.{name}" if path else name
             default = None if field.is_required() else field.get_default(call_default_factory=True)
-            yield from _tables(inner, f"{below}.NAME" if _is_mapping(field) else below, default)
+            several = typing.get_origin(field.annotation) is tuple
+            yield from _tables(inner, f"{below}.NAME" if _is_mapping(field) else below, default, several=several)
 
 
 def _table(model: type[BaseModel], given: object = None) -> str:

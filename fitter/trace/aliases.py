@@ -16,7 +16,7 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.effects.entry import Entry
-from fitter.trace.signs import Impossible, impossible
+from fitter.trace.signs import SURE, Impossible, impossible
 from fitter.trace.whitened import Whitened
 
 DELTA = 9.0
@@ -30,6 +30,8 @@ price of a column.
 
 NOTHING_LEFT = 1e-3
 """A candidate with a smaller remaining share beside the others at a level cannot be judged there."""
+_RCOND = 1e-10
+"""Smallest share of the largest eigenvalue that counts in products of columns of unit length."""
 
 
 class Named(Protocol):
@@ -181,8 +183,27 @@ class Products:
             return PER_COLUMN - float(self.outputs[j]) ** 2 / max(float(self.columns[j, j]), np.finfo(float).tiny)
         gram, dot = self.columns[picked][:, picked], self.outputs[picked]
         length = np.sqrt(np.maximum(np.diag(gram), np.finfo(float).tiny))
-        weights = np.linalg.lstsq(gram / np.outer(length, length), dot / length, rcond=1e-10)[0]
+        weights = np.linalg.lstsq(gram / np.outer(length, length), dot / length, rcond=_RCOND)[0]
         return float(-weights @ (dot / length)) + PER_COLUMN * len(terms)
+
+    def prices(self, taken: tuple[int, ...], units: Sequence[tuple[int, ...]]) -> FloatArray:
+        """(U,) prices of the terms `taken` with each of the `units` in turn; infinite where a sign is impossible."""
+        out = np.empty(len(units))
+        for size in {len(unit) for unit in units}:
+            same = [u for u, unit in enumerate(units) if len(unit) == size]
+            picked = np.array([(*taken, *units[u]) for u in same], np.int64)
+            gram, dot = self.columns[picked[:, :, None], picked[:, None, :]], self.outputs[picked]
+            length = np.sqrt(np.maximum(np.einsum("ujj->uj", gram), np.finfo(float).tiny))
+            values, vectors = np.linalg.eigh(gram / (length[:, :, None] * length[:, None, :]))
+            kept = values > _RCOND * values[:, -1:]
+            inverse = np.where(kept, 1.0 / np.where(kept, values, 1.0), 0.0)
+            along = np.einsum("ujk,uj->uk", vectors, dot / length)
+            out[same] = PER_COLUMN * picked.shape[1] - np.einsum("uk,uk->u", inverse, along**2)
+            if self.signs is not None and np.any(self.signs[picked]):
+                value = np.einsum("ujk,uk->uj", vectors, inverse * along)
+                stderr = np.sqrt(np.einsum("ujk,uk->uj", vectors**2, inverse))
+                out[np.array(same)[np.any(self.signs[picked] * value < -SURE * stderr, axis=1)]] = np.inf
+        return out
 
 
 def _path(
@@ -191,16 +212,14 @@ def _path(
     """Price of the best unit, of the best two, and so on, added one by one while the price falls."""
     path: dict[tuple[int, ...], float] = {}
     taken: tuple[int, ...] = ()
-    price = np.inf
-    while len(taken) < sum(map(len, units)):
-        tries = {unit: products.price((*taken, *unit)) for unit in units if unit[0] not in taken}
-        tries = {unit: price for unit, price in tries.items() if not products.impossible((*taken, *unit))}
-        if not tries:
+    price, left = np.inf, list(units)
+    while left:
+        prices = products.prices(taken, left)
+        best = int(np.argmin(prices))
+        if not prices[best] < price:
             break
-        best = min(tries, key=lambda unit: tries[unit])
-        if tries[best] >= price:
-            break
-        taken, price = (*taken, *best), tries[best]
+        price = float(prices[best])
+        taken = (*taken, *left.pop(best))
         path[tuple(sorted(taken))] = price + PER_COLUMN * searched
         if searched:
             break

@@ -14,6 +14,7 @@ from pydantic import Field, model_validator
 
 from procedures.attitude.designs import Design, fraction, grid, listed, roll_circle, tumble, uniform
 from procedures.attitude.orders import Visit, random_order, reversed_pass, walk
+from procedures.by_hand import Steps, check_places, with_steps
 from procedures.conduct import Conduct, EnvironmentSettings
 from procedures.fault_policies import HeadFaults
 from procedures.run_list import Factor, Point, RunList, Settle
@@ -226,6 +227,7 @@ class PitchRollProcedure(Strict):
     expect: ExpectSettings = ExpectSettings()
     usage: UsageSettings = UsageSettings()
     acceptance: AcceptanceSettings = AcceptanceSettings()
+    by_hand: Steps = ()
 
     @model_validator(mode="after")
     def _can_be_run(self) -> Self:
@@ -234,7 +236,13 @@ class PitchRollProcedure(Strict):
             raise ValueError(
                 f"{self.replications} replications of the design are {points:,} points, more than {MOST_POINTS:,}"
             )
+        check_places(self.by_hand, points=points * self._visits_each, replications=self.replications)
         return self
+
+    @property
+    def _visits_each(self) -> int:
+        """How often a replication visits every point."""
+        return 2 if self.order.type == "up-and-down" else 1
 
     @property
     def conduct(self) -> Conduct:
@@ -262,7 +270,7 @@ class PitchRollProcedure(Strict):
         """Every point of the run, in order."""
         overtravel = self.approach.overtravel_deg
         factors = (Factor("pitch_deg", "pitch", overtravel), Factor("roll_deg", "roll", overtravel))
-        return RunList(factors, self._points(), self.seed)
+        return with_steps(RunList(factors, self._points(), self.seed), self.by_hand)
 
     def _points(self) -> Iterator[Point]:
         design = self.design.build()

@@ -16,6 +16,7 @@ from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
+from procedures.by_hand import Steps, check_places, with_steps
 from procedures.conduct import Conduct, SoakSettings, WholePlotConduct
 from procedures.fault_policies import ABORT, HOLD, RE_SOAK, RETRY, SKIP, FaultSettings, Policy
 from procedures.run_list import Factor, Point, RunList, Settle
@@ -251,6 +252,7 @@ class WholePlotProcedure(Strict):
     model: WholePlotModel = WholePlotModel()
     expect: WholePlotExpect = WholePlotExpect()
     acceptance: WholePlotAcceptance = WholePlotAcceptance()
+    by_hand: Steps = ()
 
     @model_validator(mode="after")
     def _can_be_run(self) -> Self:
@@ -259,6 +261,8 @@ class WholePlotProcedure(Strict):
         points = self.replications * len(design.pairs()) * per_plot
         if points > MOST_POINTS:
             raise ValueError(f"the design has {points} points, more than {MOST_POINTS}")
+        plots = self.replications * len(design.pairs())
+        check_places(self.by_hand, points=points, replications=self.replications, whole_plots=plots)
         if self.approach.overtravel_psia <= 2.0 * self.settle.band_psia:
             raise ValueError(
                 f"approach.overtravel_psia = {self.approach.overtravel_psia:g} must be more than twice "
@@ -322,7 +326,7 @@ class WholePlotProcedure(Strict):
             Factor(SENSOR, "sensor_temperature", hard=True),
             Factor(SSE, "sse_temperature", hard=True),
         )
-        return RunList(factors, self._points(), self.seed)
+        return with_steps(RunList(factors, self._points(), self.seed), self.by_hand)
 
     def _points(self) -> Iterator[Point]:
         rng = random.Random(self.seed)

@@ -75,6 +75,14 @@ def _chamber(value: Any) -> bool:
     return isinstance(value, dict) and _finite(value.get("temperature_degC"))
 
 
+def _is_step(value: Any) -> bool:
+    if not isinstance(value, dict) or not all(_is_text(value.get(name, "")) for name in ("say", "change", "value")):
+        return False
+    timeout_h = value.get("timeout_h")
+    named = bool(value.get("say")) and bool(value.get("change"))
+    return named and COUNT.holds(value.get("before")) and (timeout_h is None or _finite(timeout_h))
+
+
 def _arrival(value: Any) -> bool:
     return type(value) is list and len(value) == 2 and all(map(_finite, value))
 
@@ -93,6 +101,7 @@ TABLE = Kind("a table", lambda value: isinstance(value, dict))
 CHANNELS = Kind("mean, sd and readings by channel", _by_name(_channel))
 CHAMBERS = Kind("a temperature by chamber", _by_name(_chamber))
 SPAN = Kind("two numbers of seconds", _arrival)
+STEPS = Kind("a list of steps by hand", _of_all(_is_step))
 MAYBE_TEXT = Kind("a text or nothing", lambda value: value is None or _is_text(value))
 ARRIVALS = Kind("side and start by axis", _by_name(_arrival))
 
@@ -110,6 +119,7 @@ Channels = Annotated[Mapping[str, Mapping[str, Any]], CHANNELS]
 Chambers = Annotated[Mapping[str, Mapping[str, Any]], CHAMBERS]
 Span = Annotated[Sequence[float], SPAN]
 MaybeText = Annotated[str | None, MAYBE_TEXT]
+Steps = Annotated[Sequence[Mapping[str, Any]], STEPS]
 Arrivals = Annotated[Mapping[str, Sequence[float]], ARRIVALS]
 """Types of the fields of events (`rig.run_file.events`)."""
 

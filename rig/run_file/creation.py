@@ -14,6 +14,7 @@ import apsw
 from procedures.run_list import RunList
 from rig.errors import RunFileError, StorageError
 from rig.run_file.chain import GENESIS, Record, encode, link
+from rig.run_file.events.event import EMPTY
 from rig.run_file.events.sessions import RunCreated
 from rig.run_file.schema import APPLICATION_ID, INSERT_RECORD, SCHEMA_VERSION, statements, write_run_list
 from rig.run_file.storage import storage_of
@@ -84,6 +85,7 @@ def _fill(db: apsw.Connection, genesis: Genesis, elapsed_s: float, utc_s: float)
         run_list=runs.sha256(),
         points=len(runs),
         seed=runs.seed,
+        by_hand=[step.as_json() for step in runs.steps] or EMPTY,
         **genesis.about,
     )
     first = Record(0, event.kind, elapsed_s, utc_s, body=encode(event.body()))

@@ -138,14 +138,16 @@ class RunReader:
             if _is_point(row, width)
         )
         try:
-            return RunList(factors, points, self.about().seed)
+            about = self.about()
+            return RunList(factors, points, about.seed, about.steps)
         except ValueError as error:
             raise ContentsError(f"its run list is none: {error}") from error
 
     def run_list_sha256(self) -> str:
         """Hash of the run list as stored, equal to `RunList.sha256`; computed without creating points."""
         factors = self.factors()
-        return rows_sha256(factors, self.about().seed, self._point_rows(factors))
+        about = self.about()
+        return rows_sha256(factors, about.seed, self._point_rows(factors), about.steps)
 
     def factors(self) -> tuple[Factor, ...]:
         """Factors of the run list."""

@@ -214,8 +214,8 @@ def _run_list(path: Path, declared: RunCreated, documents: Mapping[str, str], pa
     """
     ways: tuple[Callable[[], RunList | None], ...] = (
         lambda: expand(documents),
-        lambda: _stored_run_list(pages, declared.seed, latest=False),
-        lambda: _stored_run_list(pages, declared.seed, latest=True),
+        lambda: _stored_run_list(pages, declared, latest=False),
+        lambda: _stored_run_list(pages, declared, latest=True),
     )
     for make in ways:
         with contextlib.suppress(ValueError, TypeError, KeyError):
@@ -226,7 +226,7 @@ def _run_list(path: Path, declared: RunCreated, documents: Mapping[str, str], pa
     raise RunFileError(f"{path}: its run list can neither be made again nor read: nothing can be restored")
 
 
-def _stored_run_list(pages: Pages, seed: int, *, latest: bool) -> RunList:
+def _stored_run_list(pages: Pages, declared: RunCreated, *, latest: bool) -> RunList:
     """Run lists from the pages: of the file and, if it differs, of the end of the log."""
     factors: dict[int, Factor] = {}
     points: dict[int, tuple[Any, ...]] = {}
@@ -234,7 +234,7 @@ def _stored_run_list(pages: Pages, seed: int, *, latest: bool) -> RunList:
         for key, c in rows:
             _take(key, c, factors, points, latest=latest)
     n = len(factors)
-    return RunList([factors[i] for i in range(n)], _points(points, n), seed)
+    return RunList([factors[i] for i in range(n)], _points(points, n), declared.seed, declared.steps)
 
 
 def _take(

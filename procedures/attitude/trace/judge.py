@@ -138,7 +138,7 @@ class AttitudeJudge:
         length = np.sqrt(np.maximum(np.diag(gram), np.finfo(float).tiny))
         spread = np.linalg.pinv(gram / np.outer(length, length), rcond=1e-10)
         value, stderr = spread @ (dot / length) / length, np.sqrt(np.maximum(np.diag(spread), 0.0)) / length
-        return bool(np.all(np.abs(value) - SURE * stderr <= limits(self.problem)[picked]))
+        return bool(np.all(np.abs(value) - SURE * stderr <= limits(self.problem, picked)))
 
     @cached_property
     def _open(self) -> NDArray[np.bool_]:

@@ -1,6 +1,8 @@
-"""Largest plausible coefficient of each candidate."""
+"""Largest plausible coefficient of candidates."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -8,14 +10,15 @@ from fitter.arrays import FloatArray
 from procedures.attitude.trace.problem import Problem
 
 
-def limits(problem: Problem) -> FloatArray:
-    """(J,) in the units of the terms; infinite if the catalogue has no bound."""
+def limits(problem: Problem, picked: Sequence[int]) -> FloatArray:
+    """(q,) of the candidates `picked`, in the units of their terms; infinite if the catalogue has no bound."""
+    candidates = [problem.candidates[j] for j in picked]
     return np.array(
         [
             np.inf
             if c.effect.largest is None
             else c.effect.largest.of(problem.fits[c.sensor or problem.sensors[0]].parameters.S_V)
-            for c in problem.candidates
+            for c in candidates
         ],
         np.float64,
     )

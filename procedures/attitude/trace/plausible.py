@@ -28,7 +28,7 @@ def plausible(judge: AttitudeJudge, chosen: tuple[int, ...]) -> tuple[AttitudeJu
 def _worst(problem: Problem, chosen: tuple[int, ...]) -> Refused | None:
     """The effect that most exceeds its largest plausible size, significantly."""
     fitted = estimate(problem, chosen)
-    most = limits(problem)[list(chosen)]
+    most = limits(problem, chosen)
     stderr = np.sqrt(np.diag(fitted.covariance))
     over = np.maximum(np.abs(fitted.gamma) - SURE * stderr, 0.0) / most
     k = int(np.argmax(over))

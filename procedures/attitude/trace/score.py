@@ -97,8 +97,8 @@ class Beside:
     """Products at one level over the sensors' errors, with chosen candidates removed from all sensors together.
 
     Attributes:
-        columns: (S, h, h) of h candidates.
-        outputs: (S, h).
+        columns: (S, ..., q, q) of candidates, in groups of q.
+        outputs: (S, ..., q).
         square: (S,).
     """
 
@@ -108,26 +108,29 @@ class Beside:
 
 
 def beside(problem: Problem, level: Level, chosen: Sequence[int], here: IntArray, sigma: FloatArray) -> Beside:
-    """Products of the candidates `here` and of the outputs beside the `chosen` ones."""
+    """Products of the candidates `here` (..., q) in groups, and of the outputs, beside the `chosen` ones."""
     known, weight = problem.products[level], sigma**-2.0
-    columns = known.columns[:, here[:, None], here] * weight[:, None, None]
-    outputs, square = known.outputs[:, here] * weight[:, None], known.square * weight
+    each = weight.reshape(-1, *[1] * here.ndim)
+    columns = known.columns[:, here[..., :, None], here[..., None, :]] * each[..., None]
+    outputs, square = known.outputs[:, here] * each, known.square * weight
     picked = np.array(chosen, np.int64)
     if not picked.size:
         return Beside(columns, outputs, square)
-    across = known.columns[:, picked[:, None], here] * weight[:, None, None]
+    across = known.columns[:, picked[:, None], here[..., None, :]] * each[..., None]
     taken = known.columns[:, picked[:, None], picked] * weight[:, None, None]
     own = known.outputs[:, picked] * weight[:, None]
     length2 = np.sum(problem.length[:, picked] ** 2 * weight[:, None], axis=0)
     spread = inverse(taken.sum(axis=0), length2)
     share, fitted = spread @ across.sum(axis=0), spread @ own.sum(axis=0)
-    for i, over in enumerate(across):
-        cross = over.T @ share - share.T @ (0.5 * taken[i] @ share)
-        columns[i] -= cross
-        columns[i] -= cross.T
+    of, q = (-1, *[1] * (here.ndim - 1)), len(picked)
+    cross = np.swapaxes(across, -1, -2) @ share
+    cross -= np.swapaxes(share, -1, -2) @ (0.5 * taken.reshape(*of, q, q) @ share)
+    columns -= cross
+    columns -= np.swapaxes(cross, -1, -2)
+    rest = (own - taken @ fitted).reshape(*of, 1, q)
     return Beside(
         columns,
-        outputs - np.swapaxes(across, 1, 2) @ fitted - (own - taken @ fitted) @ share,
+        outputs - np.swapaxes(across, -1, -2) @ fitted - (rest @ share)[..., 0, :],
         np.maximum(square - 2 * own @ fitted + (taken @ fitted) @ fitted, 0.0),
     )
 
@@ -169,53 +172,44 @@ def score(problem: Problem, chosen: Sequence[int], of: Sequence[int] | None = No
         units = [u for u in wanted if problem.judged_at[problem.units[u][0]] == level]
         if not units or problem.levels.df(level) <= len(chosen) + 1:
             continue
-        here = np.array([j for u in units for j in problem.units[u]], np.int64)
-        left = beside(problem, level, chosen, here, sigma)
-        length2 = np.sum((problem.length[:, here] / sigma[:, None]) ** 2, axis=0)
-        within = beside(problem, "points", chosen, here[:0], sigma).square
-        at = np.cumsum([0] + [len(problem.units[u]) for u in units])
+        within = beside(problem, "points", chosen, np.zeros(0, np.int64), sigma).square
         for size in {len(problem.units[u]) for u in units}:
-            same = [k for k, u in enumerate(units) if len(problem.units[u]) == size]
-            _judge(
-                problem,
-                level,
-                len(chosen),
-                scores,
-                np.array([units[k] for k in same]),
-                _of_units(left, length2, at[same][:, None] + np.arange(size)),
-                within,
-            )
+            same = [u for u in units if len(problem.units[u]) == size]
+            here = np.array([problem.units[u] for u in same], np.int64)
+            length2 = np.sum((problem.length[:, here] / sigma[:, None, None]) ** 2, axis=0)
+            left = beside(problem, level, chosen, here, sigma)
+            _judge(problem, level, len(chosen), scores, np.array(same), _Units(left, length2), within)
     return scores
 
 
 @dataclass(frozen=True, eq=False)
 class _Units:
-    """Products of the q columns of each of U units: (S, U, q, q), (S, U, q), (S,), and lengths squared (U, q)."""
+    """U units of q candidates each.
 
-    columns: FloatArray
-    outputs: FloatArray
-    square: FloatArray
+    Attributes:
+        left: products, (S, U, q, q), (S, U, q) and (S,).
+        length2: (U, q) squared lengths of the original columns.
+    """
+
+    left: Beside
     length2: FloatArray
-
-
-def _of_units(left: Beside, length2: FloatArray, at: IntArray) -> _Units:
-    return _Units(left.columns[:, at[:, :, None], at[:, None, :]], left.outputs[:, at], left.square, length2[at])
 
 
 def _judge(
     problem: Problem, level: Level, chosen: int, scores: Scores, units: IntArray, of: _Units, within: FloatArray
 ) -> None:
     """Fill in the scores of `units` with this number of columns each."""
-    spread = inverse(of.columns.sum(axis=0), of.length2)
-    d = of.outputs.sum(axis=0)
+    left = of.left
+    spread = inverse(left.columns.sum(axis=0), of.length2)
+    d = left.outputs.sum(axis=0)
     gamma = (spread @ d[:, :, None])[:, :, 0]
-    norm2 = np.einsum("sujj->su", of.columns)
-    rank = np.rint(np.einsum("ujk,ukj->u", spread, of.columns.sum(axis=0))).astype(np.int64)
+    norm2 = np.einsum("sujj->su", left.columns)
+    rank = np.rint(np.einsum("ujk,ukj->u", spread, left.columns.sum(axis=0))).astype(np.int64)
     can = rank > 0
-    after = of.square[:, None] - 2 * np.einsum("suj,uj->su", of.outputs, gamma)
-    after += np.einsum("uj,sujk,uk->su", gamma, of.columns, gamma)
+    after = left.square[:, None] - 2 * np.einsum("suj,uj->su", left.outputs, gamma)
+    after += np.einsum("uj,sujk,uk->su", gamma, left.columns, gamma)
     inflation, df = _lack_of_fit(problem, level, chosen, after, norm2, within)
-    meat = np.einsum("su,sujk->ujk", inflation, of.columns)
+    meat = np.einsum("su,sujk->ujk", inflation, left.columns)
     wald = np.einsum("uj,ujk,uk->u", d, inverse(meat, of.length2), d)
     gain = np.where(can, np.einsum("uj,uj->u", gamma, d), 0.0)
     f = np.where(can, np.minimum(wald, gain) / np.maximum(rank, 1), 0.0)

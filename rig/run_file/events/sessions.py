@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from rig.run_file.bodies import Count, MaybeText, Seconds, Text, Texts, Truth, Whole
+from procedures.by_hand import HandStep
+from rig.run_file.bodies import Count, MaybeText, Seconds, Steps, Text, Texts, Truth, Whole
 from rig.run_file.events.event import (
     DECISION,
     EMPTY,
@@ -43,6 +44,7 @@ class RunCreated(Event, kind="run", says="run created, {points} points, run list
         bench: name of the bench.
         operator: person who created it, and source of the name.
         world_start_s: age of a dry run's world when the run began.
+        by_hand: what a person does in it, part of its run list.
 
     """
 
@@ -59,6 +61,14 @@ class RunCreated(Event, kind="run", says="run created, {points} points, run list
     operator: Text | None = None
     operator_by: Text | None = None
     world_start_s: Seconds | None = None
+    by_hand: Steps = EMPTY
+
+    @property
+    def steps(self) -> tuple[HandStep, ...]:
+        """What a person does in it, in the order of the points."""
+        names = HandStep.__dataclass_fields__.keys()
+        given = () if self.by_hand is EMPTY else self.by_hand
+        return tuple(HandStep(**{name: value for name, value in step.items() if name in names}) for step in given)
 
     @property
     def runs_dry(self) -> bool:

@@ -1,0 +1,157 @@
+"""Steps that a person does by hand in a run: `[[by_hand]]` of a procedure file of any kind.
+
+Before a point of the run list the run holds and says what to do. It goes on when the person has said that it is done
+(`rig done`). A step is a part of the run list: it is fixed before any motion.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from math import isfinite
+from typing import TYPE_CHECKING, Annotated, Any, Self
+
+from pydantic import Field, field_validator, model_validator
+
+from procedures.settings import Positive, Strict
+
+if TYPE_CHECKING:
+    from procedures.run_list import Points, RunList
+
+ALLOWANCE_H = 0.25
+"""Time of a person for one step, hours, in forecasts."""
+MOST_STEPS = 10_000
+
+_PLACES = ("before", "before_replication", "before_whole_plot")
+
+
+@dataclass(frozen=True, slots=True)
+class HandStep:
+    """A step in a run list.
+
+    Attributes:
+        before: index of the point before which it is done, from 0.
+        say: what the person has to do, one sentence.
+        change: a short word for the change, recorded in the run file.
+        value: name with unit of the number that the person has to state; "" for none.
+        timeout_h: hours after which the run is parked; None for the longest hold of the procedure.
+    """
+
+    before: int
+    say: str
+    change: str
+    value: str = ""
+    timeout_h: float | None = None
+
+    @property
+    def instruction(self) -> str:
+        """What to do, without a full stop at its end."""
+        return self.say.rstrip(". ")
+
+    def refuses(self, value: str | None) -> str:
+        """Why an answer is refused, as a sentence; "" if it is accepted.
+
+        Args:
+            value: the stated number as text; None if none was stated.
+        """
+        if value is None:
+            return f"this step asks for {self.value}: say it with --value" if self.value else ""
+        if not self.value:
+            return "this step asks for no value: leave out --value"
+        try:
+            number = float(value)
+        except ValueError:
+            return f"--value {value!r:.60} is not a number; {self.value} is asked for"
+        return "" if isfinite(number) else f"--value {value:.60} is not a finite number; {self.value} is asked for"
+
+    def as_json(self) -> dict[str, Any]:
+        """Its values for the run file; those without meaning are left out."""
+        values = {"before": self.before, "say": self.say, "change": self.change, "value": self.value}
+        return {k: v for k, v in (*values.items(), ("timeout_h", self.timeout_h)) if v not in ("", None)}
+
+
+class HandSettings(Strict):
+    """A step that a person does by hand. The run holds before it, and goes on at `rig done`."""
+
+    before: int | None = Field(None, ge=1, description="ordinal of the point before which it is done; 1: the first")
+    before_replication: int | None = Field(None, ge=1, description="instead: before the first point of a replication")
+    before_whole_plot: int | None = Field(None, ge=1, description="instead: before a whole plot, and before its soak")
+    say: str = Field(min_length=1, max_length=300, description="what the person has to do, one sentence")
+    change: str = Field(
+        min_length=1,
+        max_length=40,
+        pattern=r"^[a-z][a-z0-9]*(-[a-z0-9]+)*$",
+        description="a short word for the change, which is recorded: `pads-locked`",
+    )
+    value: str | None = Field(
+        None,
+        max_length=63,
+        pattern=r"^[A-Za-z][A-Za-z0-9_]*_[A-Za-z][A-Za-z0-9_]*$",
+        description="name, with its unit, of a number that the person has to state: `force_kN`",
+    )
+    timeout_h: Annotated[Positive | None, Field(le=1000)] = Field(
+        None, description="hours after which the run is parked; left out: as a hold, `recovery.hold_max_s`"
+    )
+
+    @field_validator("say")
+    @classmethod
+    def _can_be_shown(cls, say: str) -> str:
+        if not say.isprintable() or not say.strip(" ."):
+            raise ValueError("it is shown to a person: one line of printable characters")
+        return say.strip()
+
+    @model_validator(mode="after")
+    def _has_one_place(self) -> Self:
+        given = [name for name in _PLACES if getattr(self, name) is not None]
+        if len(given) != 1:
+            said = f"not {' and '.join(given)}" if given else "and none is given"
+            raise ValueError(f"a step has one place, {', '.join(_PLACES[:-1])} or {_PLACES[-1]}, {said}")
+        return self
+
+    def wrong_place(self, points: int, replications: int, whole_plots: int) -> str:
+        """Why a run has no such place, as a sentence; "" if it has.
+
+        Args:
+            points: length of its run list.
+            replications: number of its replications.
+            whole_plots: number of its whole plots.
+        """
+        there = {"before": points, "before_replication": replications, "before_whole_plot": whole_plots}
+        name = next(name for name in _PLACES if getattr(self, name) is not None)
+        if getattr(self, name) <= there[name]:
+            return ""
+        what = {"before": "point", "before_replication": "replication", "before_whole_plot": "whole plot"}[name]
+        return f"{name} = {getattr(self, name)}: the run has {there[name]} {what}{'' if there[name] == 1 else 's'}"
+
+    def index(self, points: Points) -> int:
+        """Index of the point before which it is done."""
+        if self.before is not None:
+            return self.before - 1
+        places = enumerate(points.places.levels)
+        if self.before_replication is not None:
+            codes = [code for code, (replication, _) in places if replication == self.before_replication]
+        else:
+            codes = [code for code, (_, whole_plot) in places if whole_plot == self.before_whole_plot]
+        return min(points.places.first(code) for code in codes)
+
+
+Steps = Annotated[tuple[HandSettings, ...], Field(max_length=MOST_STEPS)]
+"""`[[by_hand]]` of a procedure."""
+
+
+def check_places(steps: Iterable[HandSettings], *, points: int, replications: int, whole_plots: int = 0) -> None:
+    """Refuse steps at places that a run does not have. Raises ValueError."""
+    for number, step in enumerate(steps, 1):
+        wrong = step.wrong_place(points, replications, whole_plots)
+        if wrong:
+            raise ValueError(f"by_hand, step {number} ({step.change}): {wrong}")
+
+
+def with_steps(run_list: RunList, steps: Sequence[HandSettings]) -> RunList:
+    """The run list with its steps by hand, in the order in which they are done."""
+    if not steps:
+        return run_list
+    placed = [
+        HandStep(step.index(run_list.points), step.say, step.change, step.value or "", step.timeout_h) for step in steps
+    ]
+    return run_list.with_steps(sorted(placed, key=lambda step: step.before))
