@@ -8,7 +8,7 @@ least distance counts (maximin), softened so that an exchange of points has a di
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -27,7 +27,9 @@ LITTLE = 1e-9
 """Weight of a prior that makes undetermined coefficients of a rival computable."""
 AT_ONCE = 0.2
 """Largest share of the points that is removed together."""
-EXCHANGES = 20
+EXCHANGES = 8
+SHORT = 0.8
+"""Share of a required distance that exchanges can make up for."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,12 +59,12 @@ class Rival:
         cross = self.true_first[:, :-1] + f.reshape(len(f), -1) @ flat
         weights = cross @ inverse
         square = self.true_first[:, -1] + np.sum(f**2, axis=(1, 2)) - np.sum(weights * cross, axis=1)
-        return inverse, self.true_later - np.einsum("ump,tp->tum", self.later, weights), np.maximum(square, 0.0)
+        return inverse, self.true_later - np.tensordot(weights, self.later, (1, 2)), np.maximum(square, 0.0)
 
     def changes(self, chosen: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:
         """(T, U) change of the squared distances if a unit is added, or removed if it is chosen; and (T,) these."""
         inverse, left, square = self.state(chosen)
-        hat = np.einsum("ump,pq,unq->umn", self.later, inverse, self.later, optimize=True)
+        hat = (self.later @ inverse) @ self.later.transpose(0, 2, 1)
         sign = np.where(chosen, -1.0, 1.0)
         inner = np.eye(hat.shape[1]) + sign[:, None, None] * hat
         inner += LITTLE * np.eye(hat.shape[1])
@@ -127,20 +129,30 @@ class Points:
         squares = np.concatenate([rival.state(every)[2] for rival in self.rivals]) if self.rivals else np.empty(0)
         return np.asarray(squares > (UNSEEN / self.reach) ** 2)
 
-    def choose(self, counts: Sequence[int]) -> list[Choice]:
-        """The best units for each number of them, by elimination from all and exchange; [] if none separates."""
+    def choose(self, counts: Sequence[int], least: float) -> Iterator[Choice]:
+        """The best units for each number of them, from few to many, by elimination from all and exchange.
+
+        Args:
+            counts: numbers of units.
+            least: distance in standard errors below which a choice is left out.
+        """
         if not self._seen.any():
-            return []
-        chosen, found = np.ones(self.count, np.bool_), []
+            return
+        chosen, left = np.ones(self.count, np.bool_), []
         for count in sorted((c for c in counts if c < self.count), reverse=True):
             while chosen.sum() > count:
                 worth = self._worth(chosen)
                 worth[~chosen] = np.inf
                 some = max(1, min(int(chosen.sum()) - count, int(AT_ONCE * chosen.sum())))
                 chosen[np.argsort(worth)[:some]] = False
-            chosen = self._exchanged(chosen)
-            found.append(Choice(tuple(np.flatnonzero(chosen).tolist()), float(self.sigmas(chosen).min())))
-        return found[::-1]
+            if self.sigmas(chosen).min() < SHORT * least:
+                break
+            left.append(chosen.copy())
+        for one in reversed(left):
+            better = self._exchanged(one)
+            sigmas = float(self.sigmas(better).min())
+            if sigmas >= least:
+                yield Choice(tuple(np.flatnonzero(better).tolist()), sigmas)
 
     def _exchanged(self, chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """One unit after the other replaced by a better one, until none is."""

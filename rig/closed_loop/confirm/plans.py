@@ -18,6 +18,7 @@ def procedure_text(procedure: Procedure, steps: Sequence[Step] = ()) -> str:
     values = procedure.model_dump(mode="json", exclude_none=True)
     design = procedure.design.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
     values |= {"design": design}  # a type of design refuses keys of another type
+    values.pop("by_hand", None)
     if steps:
         values |= {"by_hand": [step.table() for step in steps]}
     return toml_text(values)

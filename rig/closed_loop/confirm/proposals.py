@@ -217,7 +217,7 @@ def _best(first: First, group: Sequence[Variation]) -> Proposal:
     return best
 
 
-def _of_chosen_points(first: First, group: Sequence[Variation]) -> tuple[list[Variation], frozenset[Pair] | None]:
+def _of_chosen_points(first: First, group: Sequence[Variation]) -> tuple[Iterator[Variation], frozenset[Pair] | None]:
     """The run with the points that separate best, from few to many, without those that are certainly too few.
 
     And the pairs that a run of the group can separate at all; None if that is unknown.
@@ -225,14 +225,14 @@ def _of_chosen_points(first: First, group: Sequence[Variation]) -> tuple[list[Va
     kind = first.confirming
     whole = kind.whole(group)
     if whole is None:
-        return [], None
+        return iter(()), None
     run_list = whole.procedure.expand()
     ways = kind.ways(whole, run_list, first.questions, first.later_s)
     limit = t_limit(DISTINGUISHED, ways[0].df)
     most = max(len(variation.procedure.expand()) for variation in group)
     points = Points.of([ways[0], ways[-1]][: len(ways)], first.questions, kind.units(run_list), most)
-    choices = [choice for choice in points.choose(kind.counts) if choice.sigmas > limit - WORTH_A_FORECAST]
-    return [kind.chosen(whole, choice.units) for choice in choices], points.pairs
+    choices = points.choose(kind.counts, limit - WORTH_A_FORECAST)
+    return (kind.chosen(whole, choice.units) for choice in choices), points.pairs
 
 
 def _proposal(first: First, variation: Variation) -> Proposal:
