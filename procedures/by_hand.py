@@ -6,7 +6,7 @@ Before a point of the run list the run holds and says what to do. It goes on whe
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from math import isfinite
 from typing import TYPE_CHECKING, Annotated, Any, Self
@@ -59,7 +59,7 @@ class HandStep:
         if not self.value:
             return "this step asks for no value: leave out --value"
         try:
-            number = float(value)
+            number = float(value.replace("_", " _"))  # Python's own digits_groups are no numbers of a person
         except ValueError:
             return f"--value {value!r:.60} is not a number; {self.value} is asked for"
         return "" if isfinite(number) else f"--value {value:.60} is not a finite number; {self.value} is asked for"
@@ -68,6 +68,12 @@ class HandStep:
         """Its values for the run file; those without meaning are left out."""
         values = {"before": self.before, "say": self.say, "change": self.change, "value": self.value}
         return {k: v for k, v in (*values.items(), ("timeout_h", self.timeout_h)) if v not in ("", None)}
+
+
+def next_step(steps: Sequence[HandStep], done: Collection[int]) -> int | None:
+    """Ordinal of the first step that is not done, from 1; None if there is none. Steps are done in order."""
+    number = len(done) + 1
+    return number if number <= len(steps) else None
 
 
 class HandSettings(Strict):

@@ -17,6 +17,7 @@ from rig.config import BenchConfig, validated
 from rig.contract_files import with_contracts
 from rig.errors import BenchFault, ConfigurationError
 from rig.guarded import guarded
+from rig.person import Person
 from rig.plugins import driver_class
 from rig.protection import STATES
 from rig.quantities import HEAD, PER_VOLT, PRESSURE
@@ -156,6 +157,7 @@ class Bench:
         scales: unit of the output per volt, by output column.
         temperatures: (instrument, channel) by temperature column.
         answered: last identities of the instruments.
+        person: a simulated person; None where real people are asked.
     """
 
     config: BenchConfig
@@ -166,6 +168,7 @@ class Bench:
     scales: Mapping[str, float] = field(init=False)
     temperatures: Mapping[str, tuple[str, str]] = field(init=False)
     answered: dict[str, Identity] = field(init=False, default_factory=dict)
+    person: Person | None = field(init=False, default=None)
 
     def __post_init__(self) -> None:
         limits = self.config.limits

@@ -90,6 +90,7 @@ def opened(plan: Plan, *, start: float = 0.0) -> Iterator[tuple[Bench, Clock, st
 
         dry = DryBench(plan.bench, _mounted(plan), start=start)
         bench = open_bench(dry.config, check_options(dry.config, "bench"), dry.clock, dry.wires)
+        bench.person = dry.person
         try:
             yield bench, dry.clock, _VIRTUAL
         finally:

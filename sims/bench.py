@@ -10,7 +10,7 @@ from sims.faults import Faults, FaultyWire, read_faults
 from sims.physics import Plant, read_truth, sensor_axes
 from sims.physics.truth import FAULTS
 from sims.tape import Change, Readback, Reading, Tape
-from sims.twin import MakesTwins
+from sims.twin import Changing, MakesTwins
 from sims.wires.can_line import CanCable
 from sims.wires.modbus_line import ModbusCable, ModbusEndpoint, registers_of
 from sims.wires.serial_line import SerialCable, register, unregister
@@ -129,6 +129,18 @@ class SimBench:
     def twins(self) -> Mapping[str, Any]:
         """All twins by the bench's names."""
         return dict(self._twins)
+
+    def by_hand(self, change: str, number: float | None = None) -> None:
+        """A person changes the bench by hand: the plant, and every twin with a method for it (`sims.twin.Changing`).
+
+        Args:
+            change: the word of the procedure file.
+            number: the number that the person states; None for none.
+        """
+        self.plant.by_hand(change)
+        for twin in self._twins.values():
+            if isinstance(twin, Changing):
+                twin.by_hand(change, number)
 
     def power_cycle(self) -> None:
         """Switch every instrument off and on; the plant does not change."""

@@ -108,6 +108,15 @@ class Measuring(Protocol):
     inputs: Inputs
 
 
+@runtime_checkable
+class Changing(Protocol):
+    """A twin that a person may change by hand."""
+
+    def by_hand(self, change: str, number: float | None) -> None:
+        """A person has changed the bench, by the word of a procedure file, and states this number, if any."""
+        ...
+
+
 @dataclass(frozen=True)
 class Accuracy:
     """Maximum deviation of reported values from the input, without sensor noise.

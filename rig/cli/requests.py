@@ -1,20 +1,25 @@
-"""`rig hold`, `release`, `stop`: requests to a running controller."""
+"""`rig hold`, `release`, `stop`, `done`: requests to a running controller."""
 
 from __future__ import annotations
 
 import contextlib
 from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.markup import escape
 
 from rig.cli import app
-from rig.cli.run import RunArgument
+from rig.cli.run import OperatorOption, RunArgument
 from rig.cli.show import err
 from rig.errors import ExitCode, RigError, UsageError
-from rig.run_file.live import controller_alive, live_path, read_json, send_request
+from rig.run_file.live import asked_by_hand, controller_alive, live_path, read_json, send_request
 from rig.run_file.reader import RunReader
 from rig.run_file.state import read_state
+from rig.who import operator
 
 
-def _ask(run_file: Path, verb: str) -> int:
+def _ask(run_file: Path, verb: str, **more: Any) -> int:
     if not run_file.is_file():
         raise UsageError(f"there is no run file {run_file}")
     from drivers.clock import RealClock  # noqa: PLC0415
@@ -25,7 +30,7 @@ def _ask(run_file: Path, verb: str) -> int:
     while clock.now() < give_up:
         if not request_id:
             with contextlib.suppress(FileExistsError):
-                posted = send_request(run_file, verb)
+                posted = send_request(run_file, verb, **more)
                 if posted is None and not controller_alive(run_file):
                     status = f"`rig status {run_file}` shows its state"
                     raise UsageError(f"no controller is running on {run_file}; {status}")
@@ -42,6 +47,9 @@ def _ask(run_file: Path, verb: str) -> int:
             f"the controller of {run_file} did not acknowledge within 30 s ({stands}): an instrument keeps it "
             f"waiting, its disk is full, or it hangs; `rig status {run_file}`"
         )
+    refused = (live or {}).get("refused")
+    if isinstance(refused, str) and refused:
+        raise UsageError(refused)
     err.print(f"{verb}: acknowledged")
     return ExitCode.DONE
 
@@ -67,6 +75,28 @@ def hold(run_file: RunArgument) -> int:
 def release(run_file: RunArgument) -> int:
     """Continue a held run."""
     return _ask(run_file, "release")
+
+
+@app.command()
+def done(
+    run_file: RunArgument,
+    value: Annotated[
+        str | None,
+        typer.Option(help="the number that the step asks for, in the unit of its name", show_default=False),
+    ] = None,
+    operator_name: OperatorOption = None,
+) -> int:
+    """Say that a step by hand is done; the run goes on.
+
+    The run says what it waits for: on the terminal, in `rig status`, on its page and in its message.
+
+    Example: `rig done runs/20260115T180000-night-1a2b.sqlite --value 5.0003`
+    """
+    asked = asked_by_hand(read_json(live_path(run_file)) or {}) if run_file.is_file() else None
+    step = 0 if asked is None else asked.step
+    if asked is not None:
+        err.print(f"step {step} of {asked.of}: {escape(asked.say)}", soft_wrap=True)
+    return _ask(run_file, "done", step=step, value=value, who=operator(operator_name).name)
 
 
 @app.command()

@@ -14,6 +14,7 @@ from procedures.conduct import Conduct
 from procedures.run_list import Point, RunList
 from rig.bench import Bench
 from rig.engine.actions import BenchActions
+from rig.engine.by_hand import ByHand
 from rig.engine.early_warning import EarlyWarnings
 from rig.engine.fault_classes import FrozenReading, NotSettled, OverloadedError, TemperatureLeft, TooNoisy
 from rig.engine.holes import HoleInTime
@@ -50,6 +51,7 @@ class AtPoint:
         warnings: watches the sensors; None if no early warnings are wanted.
         policies: decide which doubtful readings are accepted with a flag.
         check_time: raises `HoleInTime` after a gap in time.
+        by_hand: steps that a person does between points.
 
     Attributes:
         move_timeout_s: longest permitted duration of a move, seconds.
@@ -70,8 +72,9 @@ class AtPoint:
         warnings: EarlyWarnings | None,
         policies: Policies,
         check_time: Callable[[], None],
+        by_hand: ByHand,
     ) -> None:
-        self._check_time = check_time
+        self._check_time, self._by_hand = check_time, by_hand
         self._bench, self._run_list, self._conduct = bench, run_list, conduct
         self._do, self._journal, self._queue = do, journal, queue
         self._soaking = soaking
@@ -105,11 +108,14 @@ class AtPoint:
         return before if before is not None and before.whole_plot == point.whole_plot else None
 
     def _advance(self) -> str | None:
-        """Take the next point. Returns a trigger if there is none, or if it needs a soak first."""
+        """Take the next point. Returns a trigger if there is none, or if a step by hand or a soak comes first."""
         following = self._queue.peek()
         if following is None:
             self._journal.take_up(None)
             return "park"
+        if self._by_hand.due(following):
+            self._journal.take_up(None)
+            return self._by_hand.ask()
         if self._soaking is not None and following.whole_plot != self._journal.fold.planned:
             return "prepare"
         self._journal.take_up(self._queue.pop())

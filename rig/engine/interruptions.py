@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from rig.engine.by_hand import ByHand
 from rig.engine.holes import HoleInTime, WatchedClock
 from rig.engine.journal import Journal
 from rig.engine.session import Signals
@@ -33,6 +34,7 @@ class Interruptions:
         journal: told that a request has been seen.
         state: where the sequencer is.
         clock: bench time; notices holes.
+        by_hand: steps by hand; told that one is done.
 
     Attributes:
         released: whether the last request was to release a hold.
@@ -46,9 +48,10 @@ class Interruptions:
         journal: Journal,
         state: Callable[[], State],
         clock: WatchedClock,
+        by_hand: ByHand,
     ) -> None:
         self._signals, self._requests, self._journal, self._state = signals, requests, journal, state
-        self._clock = clock
+        self._clock, self._by_hand = clock, by_hand
         self.released = False
 
     def look_up(self) -> None:
@@ -64,12 +67,13 @@ class Interruptions:
             raise Interrupted
         request = self._requests.poll()
         if request is not None and self._state() != State.PARKING:
-            self._journal.acknowledge(request.request_id)
+            refused = self._by_hand.take(request) if request.verb in ("release", "done") else ""
+            self._journal.acknowledge(request.request_id, refused)
             if request.verb == "stop":
                 raise StopRequested
             if request.verb == "hold" and self._state() != State.HOLDING:
                 raise HoldRequested
-            self.released = request.verb == "release"
+            self.released = request.verb == "release" and not refused
         self._journal.tell()
 
     def check_time(self) -> None:

@@ -16,7 +16,7 @@ from rig.engine.pace import Pace
 from rig.engine.session import Progress, Session
 from rig.engine.settling import Settling
 from rig.engine.states import State
-from rig.engine.time_left import LAST_POINTS, spent_s, typical_s
+from rig.engine.time_left import LAST_POINTS, by_hand_s, spent_s, typical_s
 from rig.run_file.chain import Record, encode
 from rig.run_file.events.event import Event
 from rig.run_file.events.points import Observed, WholePlotBegan
@@ -80,6 +80,7 @@ class Journal:
         at: the current point, if any; records about it name it.
         message: the present activity, "" if the state says it.
         detail: present readings that belong to the message.
+        asked: the step by hand that the run waits for, for the live state; None if there is none.
         settling: returns the traces of quantities that are settling, by name.
 
     """
@@ -101,13 +102,14 @@ class Journal:
         self.at: PointInHand | None = None
         self.message = ""
         self.detail = ""
+        self.asked: Mapping[str, Any] | None = None
         self.settling: Callable[[], Mapping[str, Settling]] = dict
         self._run = run
         self._clock = clock
         self._session = session
         self._on_progress = on_progress
         self._live = LiveState(run.path, clock.stopwatch)
-        self._acknowledged = ""
+        self._acknowledged = self._refused = ""
         self._taken_up_s = 0.0
         self._pace: deque[float] = deque(maxlen=LAST_POINTS)
         if pace is None:
@@ -254,9 +256,9 @@ class Journal:
         """End a soak: what follows belongs to a new whole plot. Raises `StorageError`."""
         self.write(event, whole_plot=self.fold.whole_plots + 1)
 
-    def acknowledge(self, request_id: str) -> None:
-        """Report at once that a person's request has been seen."""
-        self._acknowledged = request_id
+    def acknowledge(self, request_id: str, refused: str = "") -> None:
+        """Report at once that a person's request has been seen, and why it is refused, "" if it is not."""
+        self._acknowledged, self._refused = request_id, refused
         self.tell(now=True)
 
     def tell(self, *, now: bool = False) -> None:
@@ -276,8 +278,8 @@ class Journal:
 
     def _remaining_s(self) -> float | None:
         if self._soaks is not None:
-            return self._soaks.remaining_s(self.elapsed())
-        return None if self._point_s is None else self.fold.remaining * self._point_s
+            return self._soaks.remaining_s(self.elapsed()) + by_hand_s(self.fold)
+        return None if self._point_s is None else self.fold.remaining * self._point_s + by_hand_s(self.fold)
 
     def _live_content(self) -> dict[str, Any]:
         p = self._progress()
@@ -287,6 +289,8 @@ class Journal:
             "session": self._session.number,
             "pid": self._session.about["pid"],
             "acknowledged": self._acknowledged,
+            "refused": self._refused,
+            "asked": self.asked,
             "state": p.state,
             "message": p.message,
             "detail": p.detail,

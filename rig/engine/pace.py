@@ -22,6 +22,7 @@ from procedures.run_list import RunList
 from rig.config import FOLLOWS_S, BenchConfig
 from rig.run_file.chain import Record
 from rig.run_file.events.bench import Fault
+from rig.run_file.events.by_hand import AskedByHand
 from rig.run_file.events.event import Event
 from rig.run_file.events.points import Observed, Skipped, TemperaturesLeft, WholePlotBegan, WholePlotLost
 from rig.run_file.events.sessions import Held, SessionBegan, Stopped
@@ -31,7 +32,7 @@ AMBIENT_DEGC = 23.0
 SWEEP_S = 3.0
 """Assumed duration of a reading of all channels before the first one, seconds."""
 KEPT = 200
-_NOT_CLEAN = (Fault, Held, SessionBegan, Stopped, Skipped)
+_NOT_CLEAN = (Fault, Held, AskedByHand, SessionBegan, Stopped, Skipped)
 
 
 @dataclass(frozen=True)

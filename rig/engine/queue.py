@@ -1,11 +1,13 @@
 """The order of the remaining points: the run list without observed points, postponed points at the end.
 
 Without hard-to-change factors a postponed point is tried again at the end of the run. In a whole plot it is tried
-again at the end of that whole plot, while its temperatures still hold.
+again at the end of that whole plot, while its temperatures still hold. A step by hand changes the bench: points
+postponed before it are tried again before it.
 """
 
 from __future__ import annotations
 
+from procedures.by_hand import next_step
 from procedures.run_list import Point, RunList
 from rig.run_file.state import RunState
 
@@ -20,7 +22,7 @@ class PointQueue:
     """
 
     def __init__(self, run_list: RunList, fold: RunState) -> None:
-        self._points = run_list.points
+        self._points, self._steps = run_list.points, run_list.steps
         self._fold = fold
         self._deferred: list[Point] = []
         self._again: list[Point] = []
@@ -46,11 +48,18 @@ class PointQueue:
     def peek(self) -> Point | None:
         """The next point; None if there is none left."""
         first = self._again[-1] if self._again else self._following
-        if self._deferred and (first is None or first.whole_plot != self._deferred[0].whole_plot):
+        if self._deferred and (
+            first is None or first.whole_plot != self._deferred[0].whole_plot or self._changes_before(first)
+        ):
             self._again += self._deferred[::-1]
             self._deferred.clear()
             first = self._again[-1]
         return first
+
+    def _changes_before(self, following: Point) -> bool:
+        """Whether a person changes the bench between a postponed point and this one."""
+        number = next_step(self._steps, self._fold.by_hand)
+        return number is not None and self._deferred[0].index < self._steps[number - 1].before <= following.index
 
     def pop(self) -> Point | None:
         """Remove the next point and return it."""

@@ -20,10 +20,12 @@ from rig.bench import Bench, identities
 from rig.engine.actions import BenchActions
 from rig.engine.at_point import AtPoint
 from rig.engine.axes import axes_of, own_limits
+from rig.engine.by_hand import ByHand
 from rig.engine.deciding import Deciding
 from rig.engine.early_warning import EarlyWarnings
 from rig.engine.fault_classes import FAULTS, InterlockHold, TemperatureLeft
 from rig.engine.guard import Guard
+from rig.engine.holding import CannotHold, Holding, NobodyCame
 from rig.engine.holes import HoleInTime, watched
 from rig.engine.identities import compare_identities
 from rig.engine.interruptions import HoldRequested, Interrupted, Interruptions, StopRequested
@@ -40,7 +42,7 @@ from rig.engine.states import AT_POINT, FINAL, State, machine
 from rig.errors import BenchFault, RigError, StorageError
 from rig.run_file.events.bench import AsFound, EnvironmentSettled, Fault, Homed, MadeSafe, Prepared, Preparing, Remark
 from rig.run_file.events.points import Skipped
-from rig.run_file.events.sessions import Ended, Held, Interruption, Parked, Released, Stopped
+from rig.run_file.events.sessions import Ended, Held, Interruption, Parked, Stopped
 from rig.run_file.live import Requests
 from rig.run_file.state import RunState
 from rig.run_file.writer import RunWriter
@@ -92,7 +94,16 @@ class Sequencer:
         self._do = BenchActions(bench, self._axes, self._guard, clock, self._wait)
         self._journal.settling = lambda: self._do.judges
         requests = Requests(run.path, session.number, clock.stopwatch)
-        self._interruptions = Interruptions(signals, requests, self._journal, lambda: self.state, clock)
+        self._by_hand = ByHand(
+            run_list,
+            self._journal,
+            clock,
+            run.path,
+            stop_motion=self._do.stop_motion,
+            person=bench.person,
+            hold_max_s=conduct.hold_max_s,
+        )
+        self._interruptions = Interruptions(signals, requests, self._journal, lambda: self.state, clock, self._by_hand)
         self._look_up = self._interruptions.look_up
         self._queue = PointQueue(run_list, state)
         self._policies = Policies(conduct, clock.now)
@@ -123,8 +134,12 @@ class Sequencer:
             warnings=self._early_warnings(run, state, previous),
             policies=self._policies,
             check_time=self._interruptions.check_time,
+            by_hand=self._by_hand,
         )
         self._standing = Standing(conduct, self._journal, self._queue, self._soaking)
+        self._hold = Holding(
+            self._by_hand, self._journal, self._do, self._deciding, self._interruptions, clock, conduct.hold_max_s
+        )
         self._way_out = Parking(bench, self._do, self._journal, self._deciding, clock, self._set_up)
         self._poll_s = conduct.poll_s
         self._put_off = set(state.put_off)
@@ -253,6 +268,8 @@ class Sequencer:
         self._checked = True
         if self._queue.peek() is None:
             return "park"
+        if self._journal.at is None and self._by_hand.due(self._queue.peek()):
+            return self._by_hand.ask()  # before anything is prepared, which a person might disturb
         session = self._session
         worked = (self._journal.fold.worked_s or -1.0) >= self._began_s  # one clock has been running since then
         certain, known = worked or session.gap_certain, worked or session.gap_known
@@ -304,42 +321,29 @@ class Sequencer:
                     self._journal.write(Remark(instrument=instrument, message=said))
 
     def _holding(self) -> str:
-        why = self._journal.message
-        self._interruptions.released = told = False
-        limit = self._clock.now() + self._conduct.hold_max_s
-        while True:
-            self._journal.message = f"held{f' ({why})' if why else ''}; release it with `rig release`"
-            try:
-                if self._interruptions.released:
-                    self._journal.message = ""
-                    if not told:
-                        self._journal.write(Released())
-                    told = True
-                    again = "" if self._checked else "repeat-check"
-                    return again or self._standing.go_on(self._do.readback(), self._do.restarted())
-                self._do.look_around()
-            except InterlockHold as error:
-                why = str(error)
-            except DriverError as error:
-                decision, what = self._deciding.decide(error, self.state)
-                if decision.action == ABORT:
-                    return self._give_up(str(what), recorded=False)
-                if decision.action == HOLD:
-                    self._interruptions.released = told = False
-                    why = str(what)
-                continue
-            self._clock.idle(1.0)
-            self._look_up()
-            if self._clock.now() > limit:
-                return self._nobody_came()
+        asked = self._by_hand.asked is not None
+        self._needs_set_up |= asked  # a person may have touched anything
+        try:
+            return self._hold.until_done() if asked else self._hold.until_released(self._released)
+        except NobodyCame as nobody:
+            return self._nobody_came(nobody)
+        except CannotHold as error:
+            return self._give_up(str(error), recorded=False)
 
-    def _nobody_came(self) -> str:
-        """A hold that lasts too long: the bench is parked and made safe, and the session ends with a fault that can
-        be resumed.
+    def _released(self) -> str:
+        again = "" if self._checked else "repeat-check"
+        return again or self._standing.go_on(self._do.readback(), self._do.restarted())
+
+    def _nobody_came(self, nobody: NobodyCame) -> str:
+        """A wait that lasts too long: the bench is parked and made safe, and the session can be resumed. A hold that
+        nobody releases ends it with a fault, a step that nobody does interrupts it.
         """
-        hours = self._conduct.hold_max_s / 3600
-        self._outcome, self._ending = Outcome.FAULT, f"held for {hours:g} h and nobody released it; parked"
-        self._journal.write(Fault(decision=ABORT, message=self._ending, state=str(self.state)))
+        self._ending = str(nobody)
+        self._outcome = Outcome.INTERRUPTED if nobody.asked else Outcome.FAULT
+        if nobody.asked:
+            self._journal.write(Interruption(signal=self._ending))
+        else:
+            self._journal.write(Fault(decision=ABORT, message=self._ending, state=str(self.state)))
         return "park"
 
     def _parking(self) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterable, Iterator, Sequence
 
+from procedures.by_hand import ALLOWANCE_H
 from procedures.conduct import Conduct
 from procedures.run_list import RunList
 from rig.config import BenchConfig
@@ -36,6 +37,11 @@ def spent_s(observations: Iterable[Record]) -> Iterator[float]:
             yield now.elapsed_s - before.elapsed_s
 
 
+def by_hand_s(state: RunState) -> float:
+    """Time that people are allowed for the remaining steps by hand, seconds."""
+    return 3600.0 * ALLOWANCE_H * max(0, state.steps - len(state.by_hand))
+
+
 def left_when_resumed_s(
     run: RunReader, state: RunState, run_list: RunList, conduct: Conduct, bench: BenchConfig
 ) -> float | None:
@@ -48,6 +54,6 @@ def left_when_resumed_s(
         for record in run.records():
             pace.add(record)
         pace.interrupted(state.elapsed_s)
-        return pace.remaining_s(state.elapsed_s)
+        return pace.remaining_s(state.elapsed_s) + by_hand_s(state)
     seen = list(spent_s(run.recent(LAST_POINTS)))
-    return state.remaining * typical_s(seen) if seen else None
+    return state.remaining * typical_s(seen) + by_hand_s(state) if seen else None

@@ -103,6 +103,7 @@ CHAMBERS = Kind("a temperature by chamber", _by_name(_chamber))
 SPAN = Kind("two numbers of seconds", _arrival)
 STEPS = Kind("a list of steps by hand", _of_all(_is_step))
 MAYBE_TEXT = Kind("a text or nothing", lambda value: value is None or _is_text(value))
+MAYBE_NUMBER = Kind("a number or nothing", lambda value: value is None or _finite(value))
 ARRIVALS = Kind("side and start by axis", _by_name(_arrival))
 
 Text = Annotated[str, TEXT]
@@ -119,6 +120,7 @@ Channels = Annotated[Mapping[str, Mapping[str, Any]], CHANNELS]
 Chambers = Annotated[Mapping[str, Mapping[str, Any]], CHAMBERS]
 Span = Annotated[Sequence[float], SPAN]
 MaybeText = Annotated[str | None, MAYBE_TEXT]
+MaybeNumber = Annotated[float | None, MAYBE_NUMBER]
 Steps = Annotated[Sequence[Mapping[str, Any]], STEPS]
 Arrivals = Annotated[Mapping[str, Sequence[float]], ARRIVALS]
 """Types of the fields of events (`rig.run_file.events`)."""

@@ -1,7 +1,8 @@
-"""The state that a running controller reports between commits, and requests to hold, release or stop.
+"""The state that a running controller reports between commits, and requests to hold, release or stop, or that a
+step by hand is done.
 
 `RUN.live` is a small JSON file, replaced atomically at most once a second; it is a report, not a record. `RUN.request`
-is written by `rig hold|release|stop` and acknowledged in `RUN.live`. A request for an earlier session is
+is written by `rig hold|release|stop|done` and acknowledged in `RUN.live`. A request for an earlier session is
 ignored, so that last night's stop cannot stop tonight's run.
 """
 
@@ -19,9 +20,9 @@ from pathlib import Path
 from typing import Any
 
 from rig.regular import real_path
-from rig.run_file.bodies import NUMBER
+from rig.run_file.bodies import COUNT, NUMBER
 
-VERBS = ("hold", "release", "stop")
+VERBS = ("hold", "release", "stop", "done")
 
 
 def live_path(run: Path) -> Path:
@@ -58,6 +59,7 @@ def read_json(path: Path) -> dict[str, Any] | None:
     return content if isinstance(content, dict) else None
 
 
+_LONGEST = 200
 _MOST_BYTES = 1_000_000  # the file has a few hundred bytes
 
 
@@ -81,6 +83,34 @@ def silent_s(run: Path, utc_s: float) -> float:
         return max(0.0, utc_s - live_path(run).stat().st_mtime)
     except OSError:
         return 0.0
+
+
+@dataclass(frozen=True)
+class Asked:
+    """The step by hand that a run waits for, as its controller reports it.
+
+    Attributes:
+        step: its ordinal, from 1.
+        of: number of steps.
+        say: what the person has to do.
+        value: name with unit of the number that the person has to state; "" for none.
+    """
+
+    step: int
+    of: int
+    say: str
+    value: str
+
+
+def asked_by_hand(live: Mapping[str, Any]) -> Asked | None:
+    """The step by hand that a live state tells of; None if there is none, or it makes no sense."""
+    told = live.get("asked")
+    if not isinstance(told, Mapping):
+        return None
+    step, of, say, value = (told.get(name) for name in ("step", "of", "say", "value"))
+    if not (type(step) is int and type(of) is int and isinstance(say, str) and isinstance(value, str)):
+        return None
+    return Asked(step, of, say, value)
 
 
 class LiveState:
@@ -108,10 +138,21 @@ class LiveState:
 
 @dataclass(frozen=True)
 class Request:
-    """A request of a person: its id and verb."""
+    """A request of a person.
+
+    Attributes:
+        request_id: its id.
+        verb: one of `VERBS`.
+        step: "done": ordinal of the step by hand, from 1; 0 if not given.
+        value: "done": the stated value, as text; None if none was stated.
+        who: "done": name of the person; "" if unknown.
+    """
 
     request_id: str
     verb: str
+    step: int = 0
+    value: str | None = None
+    who: str = ""
 
 
 class Requests:
@@ -144,11 +185,22 @@ class Requests:
             return None
         self._seen = request_id
         verb = str(content.get("verb"))
-        return Request(self._seen, verb) if verb in VERBS else None
+        if verb not in VERBS:
+            return None
+        step, value, who = (content.get(name) for name in ("step", "value", "who"))
+        return Request(
+            self._seen,
+            verb,
+            int(step) if COUNT.holds(step) and step is not None else 0,
+            None if value is None else str(value)[:_LONGEST],
+            who if isinstance(who, str) and who.isprintable() and len(who) <= _LONGEST else "",
+        )
 
 
-def send_request(run: Path, verb: str) -> str | None:
+def send_request(run: Path, verb: str, **more: Any) -> str | None:
     """Send a request to the controller of a run; returns the request's id, None if no controller is running.
+
+    `more` are further values of the request, see `Request`.
 
     Raises:
         FileExistsError: another request has not been read yet; try again in a moment.
@@ -160,7 +212,7 @@ def send_request(run: Path, verb: str) -> str | None:
     request_id = secrets.token_hex(8)
     request = request_path(run)
     temporary = request.with_name(f".rig-{request_id}.tmp")
-    content = {"id": request_id, "session": live["session"], "verb": verb}
+    content = {"id": request_id, "session": live["session"], "verb": verb, **more}
     try:
         temporary.write_text(json.dumps(content) + "\n", encoding="utf-8")
         os.link(temporary, request)  # unlike a rename, this cannot overwrite another request

@@ -11,6 +11,7 @@ from typing import Any
 from rig.run_file.bodies import ContentsError
 from rig.run_file.chain import Record
 from rig.run_file.events.bench import Fault, MadeSafe, Prepared, Preparing
+from rig.run_file.events.by_hand import DoneByHand
 from rig.run_file.events.event import Event
 from rig.run_file.events.points import Observed, Skipped, TemperaturesLeft, WholePlotBegan, WholePlotLost
 from rig.run_file.events.sessions import Ended, Identified, Rescued, RunCreated, SessionBegan, Stopped
@@ -47,6 +48,8 @@ class RunState:
         whole_plots: number of identities given so far.
         left_for: the planned whole plot for which temperatures have been left since the last was measured.
         lost: identity to reason, for whole plots that were given up and measured again.
+        by_hand: steps that a person has done, by ordinal from 1.
+        steps: number of the steps of the run list.
         decisions: number of decisions, by class of fault and decision ("no_reply: retry").
         faults: records of the last faults, for people.
         safe: body of the last event of bringing the bench to its safe state.
@@ -77,6 +80,8 @@ class RunState:
     whole_plots: int = 0
     left_for: int | None = None
     lost: dict[int, str] = field(default_factory=dict)
+    by_hand: dict[int, DoneByHand] = field(default_factory=dict)
+    steps: int = 0
     decisions: dict[str, int] = field(default_factory=dict)
     faults: deque[Record] = field(default_factory=lambda: deque(maxlen=_FAULTS_KEPT))
     safe: dict[str, Any] = field(default_factory=dict)
@@ -108,6 +113,9 @@ class RunState:
         match event:
             case RunCreated():
                 self.points, self.simulated, self.run_id = event.points, event.simulated, event.run_id
+                self.steps = len(event.steps)
+            case DoneByHand():
+                self.by_hand[event.step] = event
             case SessionBegan():
                 self.sessions = record.session
                 self.latest_zero_s = max(self.latest_zero_s, record.utc_s - record.elapsed_s)

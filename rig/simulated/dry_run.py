@@ -14,6 +14,7 @@ from rig.contract_files import with_contracts
 from rig.engine.holes import WatchedClock
 from rig.errors import ConfigurationError
 from rig.plugins import installed, load
+from rig.simulated.person import SimulatedPerson
 from sims.bench import SimBench, world_for
 from sims.physics import WorldError
 from sims.twin import MakesTwins
@@ -96,6 +97,7 @@ class DryBench:
         }
         self.config = config.model_copy(update={"instruments": instruments, "simulated": True})
         self.clock = WatchedClock(self.world)
+        self.person = SimulatedPerson(self.sim)
         self.wires = Wires(self.clock, simulated=self.sim.transports(), tap=tap)
 
     def close(self) -> None:

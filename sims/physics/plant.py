@@ -11,6 +11,7 @@ from zlib import crc32
 
 from sims.noise import event_at, normal
 from sims.physics.attitude import Accelerometer
+from sims.physics.by_hand import OTHER_VOLTMETER, PADS_LOCKED, REMOUNTED, Drawn
 from sims.physics.chamber import Chamber
 from sims.physics.head import HeadMechanics
 from sims.physics.pressure_line import PressureLine
@@ -18,6 +19,7 @@ from sims.physics.pressure_stand import PressureStand
 from sims.physics.rotations import GRAVITY, Matrix, Vector, apply, compose, pitch_matrix, roll_matrix, yaw_matrix
 from sims.physics.thermal import Enclosure, Lab
 from sims.physics.truth import MountingTruth, SensorTruth, Truth, read_truth, sensor_axes
+from sims.physics.undeclared import IsolationPad
 
 _GAUSS_3 = ((-sqrt(0.6), 5.0 / 18.0), (0.0, 8.0 / 18.0), (sqrt(0.6), 5.0 / 18.0))
 """Nodes on -1..1 and weights (summing to 1) of three-point Gauss-Legendre quadrature."""
@@ -65,6 +67,7 @@ class Plant:
         self._lab = Lab(t.lab, world.utc() - world.now())
         self._pad = t.effects.isolation_pad
         self._mounting = _mounted(t.mounting, t.seed)
+        self._voltmeter, self._drawn, self._remounted = t.voltmeter, Drawn(t.seed), 0
         self._pendulum_s = t.package.pendulum_time_constant_s
         self.enclosure = Enclosure(t.enclosure, t.package.thermal_time_constant_s, self._lab, world.now())
         self.head = HeadMechanics(world, t.head, t.effects.backlash, t.effects.head_error, self._pendulum_s)
@@ -86,6 +89,19 @@ class Plant:
         package.
         """
         return self.stand.chamber(instrument) or self.enclosure
+
+    def by_hand(self, change: str) -> None:
+        """A person changes the bench by hand; see `sims.physics.by_hand`. The change is in force at once."""
+        self._latest.clear()
+        self._drawn.another(change)
+        if change == PADS_LOCKED:
+            self._pad = IsolationPad()
+        elif change == REMOUNTED:
+            self._remounted += 1
+            self._mounting = _mounted(self.truth.mounting, self._seed, self._remounted)
+        elif change == OTHER_VOLTMETER:
+            self._voltmeter = self._drawn.voltmeter(self.truth.voltmeter)
+        self.stand.by_hand(change, self._drawn)
 
     def pressure_line(self, instrument: str) -> PressureLine:
         """The line behind a pressure controller of the bench."""
@@ -128,6 +144,7 @@ class Plant:
             return latest[1]
         of_stand = sensor in self.stand.transducers
         output = self.stand.clean_V(sensor, t0, t1) if of_stand else self._tilt_V(sensor, t0, t1)
+        output = self._voltmeter.reads_V(output)
         self._latest[sensor] = ((t0, t1), output)
         return output
 
@@ -204,13 +221,15 @@ class Plant:
         return inf if place is None else self.temperature_degC(place, t)
 
 
-def _mounted(truth: MountingTruth, seed: int) -> Matrix | None:
-    """Rotation from the table's axes to the package's, 3x3; None if the package is not turned."""
+def _mounted(truth: MountingTruth, seed: int, again: int = 0) -> Matrix | None:
+    """Rotation from the table's axes to the package's, 3x3, mounted again so many times; None if the package is not
+    turned, and never was taken off.
+    """
     turns = (truth.x_deg, truth.y_deg, truth.z_deg)
-    if not any(turns):
+    if not any(turns) and not again:
         return None
     x, y, z = (
-        radians(turn + truth.error_deg * normal(seed, f"mounting {axis}", crc32(repr(turns).encode())))
+        radians(turn + truth.error_deg * normal(seed, f"mounting {axis}", crc32(repr(turns).encode()) + again))
         for axis, turn in zip("xyz", turns, strict=True)
     )
     return compose(yaw_matrix(z), compose(pitch_matrix(y), roll_matrix(x)))

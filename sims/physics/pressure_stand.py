@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from math import sqrt
 
 from sims.noise import event_at, normal
+from sims.physics.by_hand import OTHER_GAUGE, Drawn, changed
 from sims.physics.chamber import Chamber
 from sims.physics.pressure_line import PressureLine
 from sims.physics.pressure_truth import TransducerTruth
@@ -77,12 +78,25 @@ class PressureStand:
         for factor, chamber in ((SSE, truth.sse_chamber), (SENSORS, truth.sensor_chamber)):
             if factor in factors:
                 self._chambers[factors[factor]] = Chamber(chamber, lab, start)
+        self._effects, self._gauge = truth.effects, (1.0, 0.0)
         self._sensors, self._sse = (self._chambers.get(factors.get(factor, "")) for factor in (SENSORS, SSE))
-        self.transducers = {
-            name: Transducer(name, sensor, truth.effects, truth.seed)
+        self.transducers = self._connected()
+
+    def _connected(self) -> dict[str, Transducer]:
+        """The transducers, under the present effects."""
+        truth = self._truth
+        return {
+            name: Transducer(name, sensor, self._effects, truth.seed)
             for name, sensor in truth.sensors.items()
             if isinstance(sensor, TransducerTruth)
         }
+
+    def by_hand(self, change: str, drawn: Drawn) -> None:
+        """A person changes the bench by hand."""
+        self._effects = changed(self._effects, change, drawn)
+        if change == OTHER_GAUGE:
+            self._gauge = drawn.gauge()
+        self.transducers = self._connected()
 
     def line(self, instrument: str) -> Line:
         """The line behind a pressure controller; the transducers are on that of the factor."""
@@ -131,13 +145,15 @@ class PressureStand:
     def conditions(self, t0: float, t1: float) -> Conditions:
         """Influences on the transducers over a window."""
         t = (t0 + t1) / 2.0
-        effects, settings = self._truth.effects, self._line.settings
+        effects, settings = self._effects, self._line.settings
         pressure, sensor = self._line.mean_psia(t0, t1), self.sensors_degC(t)
         bore = effects.thermal_transpiration.bore_mm
         if bore:
             pressure = at_the_sensor_psia(pressure, bore, sensor, self._lab.degC(t))
         pressure *= effects.cold_column.over(sensor, self._lab.degC(t))
         pressure += effects.reference_nonlinearity.upsi_per_psi3 * 1e-6 * pressure**3
+        gain, zero_psi = self._gauge
+        pressure = pressure * gain + zero_psi
         ago = max(self._start, t - 1.0)
         rate = 3600.0 * (sensor - self.sensors_degC(ago)) / (t - ago) if t > ago else 0.0
         lag = self._sensors.temperatures.behind(t, effects.thermal_lag.time_constant_s) if self._sensors else 0.0

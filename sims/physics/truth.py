@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
 
+from sims.physics.by_hand import PersonTruth, VoltmeterTruth
 from sims.physics.fields import Moment, Switch, Whole, WorldError, accepts, known_keys, quantity, read_table
 from sims.physics.pressure_line import LineTruth
 from sims.physics.pressure_truth import ChamberTruth, TransducerTruth, ordinary
@@ -193,6 +194,8 @@ class Truth:
     sensor_chamber: ChamberTruth = field(default_factory=ChamberTruth)
     sse_chamber: ChamberTruth = field(default_factory=ChamberTruth)
     pressure_line: LineTruth = field(default_factory=LineTruth)
+    voltmeter: VoltmeterTruth = field(default_factory=VoltmeterTruth)
+    person: PersonTruth = field(default_factory=PersonTruth)
     effects: Effects = field(default_factory=Effects)
 
 

@@ -1,0 +1,175 @@
+"""Steps by hand: the run holds before a point, says what a person has to do, and goes on when it is said to be done.
+
+Nothing is guessed. A step that is recorded as done is never asked for again; one that is not recorded is asked for
+again, in any session.
+"""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from drivers.clock import Clock
+from procedures.by_hand import HandStep, next_step
+from procedures.run_list import Point, RunList
+from rig.engine.journal import Journal
+from rig.person import Person
+from rig.run_file.events.by_hand import AskedByHand, DoneByHand
+from rig.run_file.live import Request
+
+_LOOK_S = 5.0
+
+
+class ByHand:
+    """The steps of a run.
+
+    Args:
+        run_list: has the steps.
+        journal: where they are recorded; its state says which are done.
+        clock: bench time.
+        path: the run file, for the command that a person types.
+        stop_motion: stops all motion.
+        person: a simulated person; None on a bench with real people.
+        hold_max_s: longest wait for a step without a time-out of its own, seconds.
+
+    Attributes:
+        asked: the step that the run waits for; None if there is none.
+    """
+
+    def __init__(
+        self,
+        run_list: RunList,
+        journal: Journal,
+        clock: Clock,
+        path: Path,
+        *,
+        stop_motion: Callable[[], None],
+        person: Person | None,
+        hold_max_s: float,
+    ) -> None:
+        self._steps, self._journal, self._clock, self._path = run_list.steps, journal, clock, path
+        self._stop_motion, self._person, self._hold_max_s = stop_motion, person, hold_max_s
+        self._number = 0
+        self._asked_s = 0.0
+        self._there = False
+        self._answer: tuple[str | None, str] | None = None
+        self.asked: HandStep | None = None
+        if person is not None:
+            for done in journal.fold.by_hand.values():
+                person.recall(done.change, done.number)
+
+    def due(self, following: Point | None) -> bool:
+        """Whether a step has to be done before this point."""
+        number = next_step(self._steps, self._journal.fold.by_hand)
+        return following is not None and number is not None and self._steps[number - 1].before <= following.index
+
+    def ask(self) -> str:
+        """Stop motion and ask for the next step. Returns the trigger "hold"."""
+        number = next_step(self._steps, self._journal.fold.by_hand)
+        assert number is not None
+        self._stop_motion()
+        step = self._steps[number - 1]
+        self._journal.write(
+            AskedByHand(
+                step=number,
+                before=step.before,
+                say=step.say,
+                change=step.change,
+                value=step.value,
+                timeout_s=self._timeout_s(step),
+            )
+        )
+        self._number, self.asked, self._answer = number, step, None
+        self._asked_s = self._journal.elapsed()
+        self._there = self._person is not None and self._person.asked(step)
+        self._journal.asked = self._told(step)
+        return "hold"
+
+    def _timeout_s(self, step: HandStep) -> float:
+        return self._hold_max_s if step.timeout_h is None else 3600.0 * step.timeout_h
+
+    def _told(self, step: HandStep) -> dict[str, Any]:
+        """The step for the live state."""
+        about = {"step": self._number, "of": len(self._steps), "say": step.instruction, "change": step.change}
+        return {**about, "value": step.value}
+
+    @property
+    def message(self) -> str:
+        """What to do, and the command to type then."""
+        assert self.asked is not None
+        what = f"to do by hand: {self.asked.instruction}"
+        return f"{what}; then `{command(self._path, self.asked.value)}`{value_words(self.asked.value)}"
+
+    def take(self, request: Request) -> str:
+        """Take a request to go on. Returns why it is refused, as a sentence; "" if it is accepted."""
+        if self.asked is None:
+            return (
+                "" if request.verb == "release" else "nothing has to be done by hand at present; nothing was recorded"
+            )
+        if request.verb == "release":
+            return f"`rig release` does not say that it was done: {self.message}"
+        if request.step not in (0, self._number):
+            return f"step {request.step} is not what the run waits for, it is step {self._number}: {self.message}"
+        refused = self.asked.refuses(request.value)
+        if refused:
+            return f"{refused}; the run still waits: {self.message}"
+        self._answer = request.value, request.who
+        return ""
+
+    def done(self) -> bool:
+        """Whether the step has been done; this is then recorded."""
+        step, person, by_request = self.asked, self._person, self._answer is not None
+        if not by_request and self._there and person is not None:
+            self._answer = person.answer()
+        if self._answer is None or step is None:
+            return False
+        value, who = self._answer
+        number = None if value is None else float(value)
+        if by_request and person is not None:
+            person.recall(step.change, number)  # a real person says that it was done on a simulated bench
+        self._journal.write(
+            DoneByHand(
+                step=self._number,
+                before=step.before,
+                say=step.say,
+                change=step.change,
+                value=step.value,
+                number=number,
+                who=who,
+                waited_s=round(self._journal.elapsed() - self._asked_s, 3),
+            )
+        )
+        return True
+
+    def forget(self) -> None:
+        """The run no longer waits."""
+        self.asked = self._answer = self._journal.asked = None
+
+    @property
+    def overdue(self) -> str:
+        """What to say if nobody has come in time; "" before."""
+        assert self.asked is not None
+        limit_s = self._timeout_s(self.asked)
+        if self._journal.elapsed() - self._asked_s <= limit_s:
+            return ""
+        waited = f"nobody said within {limit_s / 3600.0:g} h that this was done: {self.asked.instruction}"
+        return f"{waited}; parked. `rig resume {shlex.quote(str(self._path))}` asks again"
+
+    def wait(self) -> None:
+        """Let some time pass: bench time for a simulated person, real time for others."""
+        if self._there:
+            self._clock.sleep(_LOOK_S)
+        else:
+            self._clock.idle(1.0)
+
+
+def command(path: Path | str, value: str) -> str:
+    """The command that says that a step is done; `value` is the name of the number to be stated, "" for none."""
+    return f"rig done {shlex.quote(str(path))}{' --value V' if value else ''}"
+
+
+def value_words(value: str) -> str:
+    """What V is in the command, in parentheses; "" without one."""
+    return f" (V: {value})" if value else ""

@@ -1,0 +1,73 @@
+"""Events of steps that a person does by hand: asked for, and done."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from rig.run_file.bodies import Count, MaybeNumber, Seconds, Text
+from rig.run_file.events.event import DECISION, Event, Importance
+
+if TYPE_CHECKING:
+    from rig.run_file.chain import Record
+
+
+@dataclass(frozen=True, kw_only=True)
+class AskedByHand(
+    Event, kind="by-hand", status="asked", matters=Importance("decision", "warning", "hold"), exported=True
+):
+    """The run holds before a point, for a step that a person has to do.
+
+    Attributes:
+        step: ordinal of the step, from 1.
+        before: index of the point before which it is done.
+        say: what the person has to do.
+        change: a short word for the change.
+        value: name with unit of the number that the person has to state; "" for none.
+        timeout_s: time after which the run is parked.
+
+    """
+
+    step: Count
+    before: Count
+    say: Text
+    change: Text
+    value: Text = ""
+    timeout_s: Seconds
+
+    def sentence(self, record: Record) -> str:
+        """What has to be done."""
+        asked = f"; {self.value} is asked for" if self.value else ""
+        return f"a person is asked for step {self.step}, before point {self.before}: {self.say.rstrip('. ')}{asked}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class DoneByHand(Event, kind="by-hand", status="done", matters=DECISION, exported=True):
+    """A person said that a step was done.
+
+    Attributes:
+        step: ordinal of the step, from 1.
+        before: index of the point before which it was done.
+        say: what the person had to do.
+        change: a short word for the change.
+        value: name with unit of the stated number; "" for none.
+        number: the stated number, in that unit; None for none.
+        who: name of the person, "" if unknown; not verified.
+        waited_s: time between asking and answer.
+
+    """
+
+    step: Count
+    before: Count
+    say: Text
+    change: Text
+    value: Text = ""
+    number: MaybeNumber = None
+    who: Text = ""
+    waited_s: Seconds = 0.0
+
+    def sentence(self, record: Record) -> str:
+        """What was done, by whom, and the stated value."""
+        by = f" by {self.who}" if self.who else ""
+        stated = "" if self.number is None else f", {self.value} = {self.number!r}"
+        return f"step {self.step} was done by hand{by} after {self.waited_s:.0f} s: {self.say.rstrip('. ')}{stated}"

@@ -1,0 +1,41 @@
+"""The person at a simulated bench: does what is asked for after some time, as the world file says."""
+
+from __future__ import annotations
+
+from procedures.by_hand import HandStep
+from sims.bench import SimBench
+
+_NAME = "simulated person"
+
+
+class SimulatedPerson:
+    """Does steps by hand in the simulated bench; see `rig.person.Person`.
+
+    Args:
+        sim: the bench.
+
+    """
+
+    def __init__(self, sim: SimBench) -> None:
+        self._sim, self._truth = sim, sim.plant.truth.person
+        self._step: HandStep | None = None
+        self._due_s = 0.0
+
+    def asked(self, step: HandStep) -> bool:
+        """See `Person.asked`."""
+        self._step, self._due_s = step, self._sim.world.now() + self._truth.after_s
+        return self._truth.comes
+
+    def answer(self) -> tuple[str | None, str] | None:
+        """See `Person.answer`."""
+        step = self._step
+        if step is None or self._sim.world.now() < self._due_s:
+            return None
+        self._step = None
+        number = self._truth.states if step.value else None
+        self._sim.by_hand(step.change, number)
+        return (None if number is None else repr(number)), _NAME
+
+    def recall(self, change: str, number: float | None) -> None:
+        """See `Person.recall`."""
+        self._sim.by_hand(change, number)
