@@ -70,6 +70,33 @@ class HandStep:
         return {k: v for k, v in (*values.items(), ("timeout_h", self.timeout_h)) if v not in ("", None)}
 
 
+@dataclass(frozen=True, slots=True)
+class Made:
+    """A change that a person made in a run.
+
+    Attributes:
+        change: the short word for it.
+        say: what the person had to do.
+        elapsed_s: when it was done; later observations are those of a changed bench.
+        value: name with unit of the stated number; "" for none.
+        number: the stated number; None for none.
+        who: name of the person, "" if unknown.
+    """
+
+    change: str
+    say: str
+    elapsed_s: float
+    value: str = ""
+    number: float | None = None
+    who: str = ""
+
+    def as_json(self) -> dict[str, Any]:
+        """Its values for reports and calibration files."""
+        stated = {} if self.number is None else {self.value: self.number}
+        who = {"who": self.who} if self.who else {}
+        return {"change": self.change, "say": self.say, "elapsed_s": self.elapsed_s, **stated, **who}
+
+
 def next_step(steps: Sequence[HandStep], done: Collection[int]) -> int | None:
     """Ordinal of the first step that is not done, from 1; None if there is none. Steps are done in order."""
     number = len(done) + 1

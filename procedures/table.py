@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from fitter.arrays import IntArray
+from procedures.by_hand import Made
 
 Columns = Mapping[str, np.ndarray[Any, np.dtype[np.float64]]]
 SENSOR_TEMPERATURE = "sensor_temperature_degC"
@@ -39,6 +40,8 @@ class Table:
         gaps: columns left out because of missing values, with the first such row of the file.
         rows: number in the file of every row, where the header is row 1; () if they follow it without gaps.
         kind: of calibration, if the source gives it.
+        by_hand: changes that a person made between the rows, or before the first, in order. Every one of them begins a
+            new number in the column `block`, as an interruption does.
     """
 
     source: str
@@ -51,6 +54,7 @@ class Table:
     gaps: Mapping[str, int] = field(default_factory=dict)
     rows: Sequence[int] = ()
     kind: str = ""
+    by_hand: tuple[Made, ...] = ()
 
     def __len__(self) -> int:
         return len(next(iter(self.columns.values())))

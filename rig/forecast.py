@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from procedures.by_hand import ALLOWANCE_H, HandStep
 from procedures.run_list import RunList
 from rig.config import FOLLOWS_S
 from rig.controller import start_run
@@ -45,6 +46,7 @@ class Forecast:
         total_s: duration of the whole run without incidents.
         latest_s: duration with the allowances.
         rehearsed: number of rehearsed points.
+        by_hand_s: of these durations, what is allowed for steps by hand, which are not rehearsed.
         assumed: undeclared assumptions, one sentence each.
     """
 
@@ -56,6 +58,15 @@ class Forecast:
     latest_s: float
     rehearsed: int
     assumed: tuple[str, ...] = ()
+    by_hand_s: float = 0.0
+
+    def when_s(self, step: HandStep, run_list: RunList) -> float:
+        """Expected time of a step by hand without incidents, seconds after the begin: before its point is prepared."""
+        earlier = 3600.0 * ALLOWANCE_H * run_list.steps.index(step)
+        if not step.before:
+            return earlier
+        soaks = (run_list.points[step.before - 1].whole_plot or 1) - 1
+        return earlier + self.preparation_s + step.before * self.point_s + soaks * (self.soak_s or 0.0)
 
 
 def _ordinary(plan: Plan) -> dict[str, Any]:
@@ -116,14 +127,16 @@ def rehearse(plan: Plan, on_progress: Callable[[Progress], None], *, points: int
     else:
         total = seen[-1][0] + pace.remaining_s(seen[-1][0])
     measuring = total - preparation - soaking
+    by_hand = 3600.0 * ALLOWANCE_H * len(plan.run_list.steps)
     first = 1 + SOAK_ALLOWANCE if soaks else 1.0
     return Forecast(
         preparation_s=preparation,
         point_s=point,
         point_sd_s=statistics.pstdev(steps),
         soak_s=soak,
-        total_s=total,
-        latest_s=preparation * first + measuring * (1 + ALLOWANCE) + soaking * (1 + SOAK_ALLOWANCE),
+        total_s=total + by_hand,
+        latest_s=by_hand + preparation * first + measuring * (1 + ALLOWANCE) + soaking * (1 + SOAK_ALLOWANCE),
         rehearsed=len(seen),
         assumed=tuple(_assumed(plan)),
+        by_hand_s=by_hand,
     )

@@ -17,7 +17,7 @@ from procedures.run_list import Point, RunList
 from rig.engine.journal import Journal
 from rig.person import Person
 from rig.run_file.events.by_hand import AskedByHand, DoneByHand
-from rig.run_file.live import Request
+from rig.run_file.live import Request, done_command
 
 _LOOK_S = 5.0
 
@@ -100,7 +100,7 @@ class ByHand:
         """What to do, and the command to type then."""
         assert self.asked is not None
         what = f"to do by hand: {self.asked.instruction}"
-        return f"{what}; then `{command(self._path, self.asked.value)}`{value_words(self.asked.value)}"
+        return f"{what}; then `{done_command(self._path, self.asked.value)}`{value_words(self.asked.value)}"
 
     def take(self, request: Request) -> str:
         """Take a request to go on. Returns why it is refused, as a sentence; "" if it is accepted."""
@@ -163,11 +163,6 @@ class ByHand:
             self._clock.sleep(_LOOK_S)
         else:
             self._clock.idle(1.0)
-
-
-def command(path: Path | str, value: str) -> str:
-    """The command that says that a step is done; `value` is the name of the number to be stated, "" for none."""
-    return f"rig done {shlex.quote(str(path))}{' --value V' if value else ''}"
 
 
 def value_words(value: str) -> str:

@@ -17,6 +17,7 @@ from drivers.roles import Chamber
 from fitter.errors import FitError
 from procedures.advice import Advice
 from procedures.blocks import Block, Grid, Line
+from procedures.by_hand import ALLOWANCE_H, HandStep
 from procedures.durations import duration
 from procedures.kind import kind_of
 from procedures.precision import Precision
@@ -82,10 +83,15 @@ class Plan(Result):
                 "preparation": forecast.preparation_s,
                 "point": forecast.point_s,
                 "soak": forecast.soak_s,
+                "by_hand": forecast.by_hand_s,
                 "total": forecast.total_s,
                 "latest": forecast.latest_s,
             },
             "rehearsed_points": forecast.rehearsed,
+            "by_hand": [
+                {**step.as_json(), "before": step.before + 1, "about": self._at(step).isoformat(timespec="minutes")}
+                for step in run_list.steps
+            ],
             "assumed": forecast.assumed,
             "finish": self.finish.isoformat(timespec="minutes"),
             "finish_latest": self.finish_latest.isoformat(timespec="minutes"),
@@ -113,6 +119,7 @@ class Plan(Result):
         plots = f"{run_list.whole_plots} whole plots, " if run_list.whole_plots else ""
         yield Line(f"  {len(run_list)} points, {plots}{checked.procedure.replications} replication(s)")
         yield from self._time()
+        yield from self._by_hand()
         yield from self._precise()
         yield from self._advised()
         yield from self._in_the_way()
@@ -140,6 +147,24 @@ class Plan(Result):
         for_soaks = "" if found.soak_s is None else f" and {SOAK_ALLOWANCE:.0%} for soaks"
         yield Line(f"  the latest allows {ALLOWANCE:.0%} for repeats and retries{for_soaks}")
         yield from (Line(f"  {escape(line)}") for line in found.assumed)
+
+    def _by_hand(self) -> Iterator[Block]:
+        """Steps that a person does: what, and about when."""
+        steps, points = self.checked.run_list.steps, len(self.checked.run_list)
+        if not steps:
+            return
+        times = "time" if len(steps) == 1 else "times"
+        yield Line(
+            f"  [yellow]a person must be there {len(steps)} {times}[/] ({ALLOWANCE_H:g} h are allowed for each); the "
+            "run holds until `rig done`:"
+        )
+        for step in steps:
+            value = f" (asks for {step.value})" if step.value else ""
+            where = f"before point {step.before + 1} of {points}"
+            yield Line(f"    about {_when(self._at(step))}, {where}: {escape(step.instruction)}{value}")
+
+    def _at(self, step: HandStep) -> datetime:
+        return self.now + timedelta(seconds=self.forecast.when_s(step, self.checked.run_list))
 
     def _advised(self) -> Iterator[Block]:
         yield from (Line(f"  [yellow]advice:[/] {escape(a.sentence)}") for a in self.advice if not a.holds)

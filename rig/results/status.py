@@ -23,7 +23,8 @@ from rig.run_file.audit import Finding
 from rig.run_file.chain import Record
 from rig.run_file.elsewhere import goes_on_in
 from rig.run_file.events.bench import Fault
-from rig.run_file.live import read_live, silent_s
+from rig.run_file.events.by_hand import DoneByHand
+from rig.run_file.live import asked_by_hand, done_command, read_live, silent_s
 from rig.run_file.opening import sensible
 from rig.run_file.reader import RunReader
 from rig.run_file.state import RunState
@@ -170,6 +171,8 @@ def _status(run_file: Path) -> Status:
         "faults": [_fault(record) for record in state.faults],
         "safe": state.safe,
         "message": f"{live.get('message', '')} {live.get('detail', '')}".strip() if running else "",
+        "to_do": _to_do(live, run_file),
+        "by_hand": [_done(event) for _, event in sorted(state.by_hand.items())],
         "warnings": warnings_in(run_file),
         "whole_plots_lost": {str(k): v for k, v in state.lost.items()},
         "records": count,
@@ -182,6 +185,21 @@ def _status(run_file: Path) -> Status:
     acceptance = Acceptance.of_run(run_file) if judged else Acceptance()
     summary["acceptance"] = acceptance.to_json()
     return Status(run_file, state, summary, acceptance, wrong, other)
+
+
+def _to_do(live: Mapping[str, Any], run_file: Path) -> dict[str, Any] | None:
+    """The step by hand that the run waits for; None if there is none."""
+    asked = asked_by_hand(live)
+    if asked is None:
+        return None
+    command = done_command(run_file, asked.value)
+    return {"step": asked.step, "of": asked.of, "say": asked.say, "value": asked.value or None, "command": command}
+
+
+def _done(event: DoneByHand) -> dict[str, Any]:
+    stated = {} if event.number is None else {event.value: event.number}
+    about = {"step": event.step, "change": event.change, "say": event.say}
+    return {**about, "who": event.who, "waited_s": event.waited_s, **stated}
 
 
 def _left_when_resumed_s(reader: RunReader, state: RunState, run_file: Path) -> float | None:

@@ -13,6 +13,7 @@ import fcntl
 import json
 import os
 import secrets
+import shlex
 import stat
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -111,6 +112,14 @@ def asked_by_hand(live: Mapping[str, Any]) -> Asked | None:
     if not (type(step) is int and type(of) is int and isinstance(say, str) and isinstance(value, str)):
         return None
     return Asked(step, of, say, value)
+
+
+def done_command(run: Path | str, value: str) -> str:
+    """The command that says that a step by hand is done; `value` is the name of the number to be stated, "" for none.
+
+    It can be typed as it is, but for V.
+    """
+    return f"rig done {shlex.quote(str(run))}{' --value V' if value else ''}"
 
 
 class LiveState:

@@ -12,12 +12,14 @@ from typing import Any
 
 import numpy as np
 
+from procedures.by_hand import Made
 from procedures.run_list import RunList
 from procedures.table import SENSOR_TEMPERATURE, Columns, Table
 from rig.errors import RunFileError
 from rig.run_file.bodies import ContentsError
 from rig.run_file.chain import Record
 from rig.run_file.documents import Stored, declared_model, kind_of_run, mounting_of
+from rig.run_file.events.by_hand import DoneByHand
 from rig.run_file.events.points import Observed, Skipped, WholePlotLost
 from rig.run_file.events.sessions import Ended, Identified, SessionBegan
 from rig.run_file.reader import RunReader
@@ -47,6 +49,7 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False) ->
         bench = Stored.of(documents, "bench.toml")
         factors = bench.table("factors").texts()
         turned = {f"mounting_{axis}": turn for axis, turn in mounting_of(documents).items()}
+        made = () if salvage else _by_hand(reader)
         rows: list[dict[str, float]] = []
         left_out = rejected = 0
         doubted = _doubted(reader.salvage() if salvage else reader.records(WholePlotLost.kind))
@@ -61,6 +64,7 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False) ->
                 if not (accepted or everything):
                     continue
                 row = _row(record, run_list, len(rows) + 1, factors)
+                row["block"] += sum(one.elapsed_s <= record.elapsed_s for one in made)
             except ContentsError:
                 if not salvage:
                     raise
@@ -96,6 +100,7 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False) ->
         "complete": ended,
         "points_planned": len(run_list),
         "points_observed": len(rows),
+        **({"by_hand": [one.as_json() for one in made]} if made else {}),
         **({"skipped": skipped} if skipped else {}),
         **({"left_out_in_doubt": left_out} if left_out else {}),
         **({"observations_rejected": rejected} if rejected else {}),
@@ -103,7 +108,7 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False) ->
     sensors = bench.table("sensors").tables()
     axes_of = {f"{name}_{s.text('unit', 'V')}": s.text("axis") for name, s in sensors if "axis" in s}
     about = Table(str(path), _package_temperature(columns, bench), run.simulated, provenance, axes_of)
-    return replace(about, declared=declared_model(documents), kind=kind_of_run(documents))
+    return replace(about, declared=declared_model(documents), kind=kind_of_run(documents), by_hand=made)
 
 
 def _package_temperature(columns: Columns, bench: Stored) -> Columns:
@@ -114,6 +119,16 @@ def _package_temperature(columns: Columns, bench: Stored) -> Columns:
         if entry.text("place", "package") == "package" and name in columns:
             return {SENSOR_TEMPERATURE: columns[name], **columns}
     return columns
+
+
+def _by_hand(reader: RunReader) -> tuple[Made, ...]:
+    """Changes that a person made, in order."""
+    found = ((record, record.event) for record in reader.records(DoneByHand.kind))
+    return tuple(
+        Made(done.change, done.say, record.elapsed_s, done.value, done.number, done.who)
+        for record, done in found
+        if isinstance(done, DoneByHand)
+    )
 
 
 def _operators(reader: RunReader) -> list[str]:

@@ -9,6 +9,7 @@ from typing import Any
 
 from procedures.run_list import Factor
 from rig.run_file.bodies import NUMBER
+from rig.run_file.live import asked_by_hand, done_command
 from rig.run_file.state import RunState
 
 _DOING = {
@@ -49,8 +50,12 @@ def state_now(fold: RunState, live: Mapping[str, Any], running: bool, path: Path
         point = number(live.get("point"))
         said = said or ("" if point is None else f"point {point:.0f}")
         tone = {"holding": "hold", "faulted": "bad"}.get(state, "busy")
+        asked = asked_by_hand(live) if state == "holding" else None
         todo = f"rig release {file}" if state == "holding" else ""
-        return {"word": state, "doing": _DOING.get(state, state), "said": said, "tone": tone, "todo": todo}
+        doing = _DOING.get(state, state)
+        if asked is not None:
+            doing, todo = f"waits for a person: {asked.say}", done_command(path, asked.value)
+        return {"word": state, "doing": doing, "said": said, "tone": tone, "todo": todo}
     if fold.ended is not None:
         return {"word": fold.ended, "doing": fold.ended, "said": "", "tone": "good", "todo": ""}
     return {

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from procedures.by_hand import next_step
 from rig.run_file.chain import Record
 from rig.run_file.events.bench import AsFound, Fault
+from rig.run_file.events.by_hand import AskedByHand, DoneByHand
 from rig.run_file.events.event import Event
 from rig.run_file.events.points import Observed, Skipped, WholePlotBegan, WholePlotLost
 from rig.run_file.events.sessions import Ended, Held, Identified, Interruption, Released, SessionBegan, Stopped
@@ -45,6 +47,14 @@ class Accounts:
                 self._held = "the run was held"
             case Released():
                 self._held = ""
+            case AskedByHand():
+                self._held = "a person was asked for a step by hand"
+                yield from self._step(event, fold)
+            case DoneByHand():
+                if not self._held:
+                    yield "nothing says that a person was asked for it"
+                self._held = ""
+                yield from self._step(event, fold)
             case Stopped():
                 self._closed = "the run was stopped"
             case Interruption():
@@ -82,6 +92,9 @@ class Accounts:
             yield "nothing says that the bench was prepared"
         if self._closed or self._held:
             yield f"it was made after {self._closed or self._held}"
+        number = next_step(self._case.run_list.steps, fold.by_hand)
+        if number is not None and self._case.run_list.steps[number - 1].before <= record.run_index:
+            yield f"nothing says that step {number} by hand was done, which comes before its point"
         if not self._all_known:
             unknown = sorted(self._instruments - fold.identities.keys())
             self._all_known = not unknown
@@ -96,6 +109,18 @@ class Accounts:
             yield f"it is of whole plot {record.whole_plot}, where {fold.whole_plot} is open"
         elif planned != fold.planned:
             yield f"its point belongs to whole plot {planned} of the plan, and {fold.planned} is measured"
+
+    def _step(self, event: AskedByHand | DoneByHand, fold: RunState) -> Iterator[str]:
+        """Check that a step by hand is the next one of the run list."""
+        steps, number = self._case.run_list.steps, next_step(self._case.run_list.steps, fold.by_hand)
+        if event.step != number:
+            yield f"it is of step {event.step} by hand, and the next one is {number or 'none'}"
+            return
+        step = steps[number - 1]
+        if (event.before, event.say, event.change, event.value) != (step.before, step.say, step.change, step.value):
+            yield f"it does not go with step {number} by hand of the run list"
+        if isinstance(event, DoneByHand) and (event.number is None) is bool(step.value):
+            yield "its value is missing" if step.value else "it states a value, and none is asked for"
 
     def _skip(self, record: Record, event: Skipped) -> Iterator[str]:
         assert record.run_index is not None

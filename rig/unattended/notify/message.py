@@ -8,6 +8,8 @@ from datetime import UTC, datetime
 
 from procedures.durations import duration
 from rig.engine.session import Progress
+from rig.run_file.events.by_hand import AskedByHand
+from rig.run_file.live import done_command
 from rig.unattended.happenings import Happening, Kind, RunFacts, one_line
 
 HEADLINES = {
@@ -26,6 +28,7 @@ _AGAIN = (
     " systemd tries again by itself in a minute, five times in six hours at most; if no other message comes, it has "
     "given up and needs you."
 )
+_ASKED = "waits for a person's hand"
 _LONGEST = 2000
 URGENT = frozenset({Kind.HOLD, Kind.ENDED_BY_FAULT})
 PLACEHOLDERS = ("event", "headline", "message", "what", "where", "when", "progress", "next", "run")
@@ -94,7 +97,8 @@ def compose(happening: Happening, facts: RunFacts, news: Progress | None) -> Mes
     """A report as a message."""
     mark = "SIMULATED " if facts.simulated else ""
     who = facts.bench or "rig"
-    headline = f"{mark}{who}: {HEADLINES[happening.kind]}"
+    asked = isinstance(happening.event, AskedByHand)
+    headline = f"{mark}{who}: {_ASKED if asked else HEADLINES[happening.kind]}"
     if happening.unsafe:
         headline = f"{mark}{who}: FAULT, AND NOT SAFE"
     return Message(
@@ -126,11 +130,20 @@ def _progress(news: Progress, happening: Happening) -> str:
     return f"{text}, about {duration(news.remaining_s)} left"
 
 
+def _by_hand(asked: AskedByHand, run: str) -> str:
+    """What a person does, and what happens if nobody does it."""
+    value = f", where V is {asked.value}" if asked.value else ""
+    late = f"After {duration(asked.timeout_s)} it parks; rig resume {run} then asks again."
+    return f"Do it, then: {done_command(run, asked.value)}{value}. rig release does not count as done. {late}"
+
+
 def _next(happening: Happening, facts: RunFacts) -> str:
     run = "RUN" if facts.path is None else one_line(str(facts.path.absolute()))
     if happening.unsafe:
         return f"Go and look at the bench now: not everything is in its safe state. Then: rig resume {run}"
     again = _AGAIN if facts.served else ""
+    if isinstance(happening.event, AskedByHand):
+        return _by_hand(happening.event, run)
     match happening.kind:
         case Kind.HOLD:
             return f"Look at the bench, then: rig release {run} (or rig stop {run} to park it). It waits."
