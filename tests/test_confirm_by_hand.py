@@ -140,3 +140,15 @@ def test_a_cause_that_should_have_another_size_and_has_not_is_less_likely(traced
         sigmas[name] = {m.effect: m.sigmas for m in answer.members}
     assert 1.0 < sigmas["same"][question.members[0].effect] < 5.0
     assert sigmas["other"][question.members[0].effect] == 0.0
+
+
+@pytest.mark.parametrize("twice_deg", [0.0, 1.8e-4])
+def test_a_cause_is_not_confirmed_by_a_run_that_it_does_not_fit(traced, twice_deg: float) -> None:
+    """A further cause appears in the later run only, too small to raise its residuals by half: an elliptic scale."""
+    first, found = traced[PADS]
+    before = replace(SAGS, pitch_error_deg=(0.0, 0.0, twice_deg, 0.0))
+    later, done = further(before, replace(before, compliance={}))
+    (question,) = questions_of(found)
+    answer = confirm(AttitudeTogether.of(found, first, later, DAY_S, [done]), question)
+    held = (PADS,) if twice_deg == 0.0 else ()
+    assert answer.holding == held

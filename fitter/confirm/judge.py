@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitter.arrays import FloatArray
-from fitter.confirm.compare import Comparison, nuisance
+from fitter.confirm.compare import Comparison, lasting, nuisance
 from fitter.confirm.question import Hypothesis, Question
+from fitter.confirm.structure import p_structured
 from fitter.confirm.together import Candidates, Together, left, solve
 from fitter.effects.sizes import amplitude, arcsec, size_95
 from fitter.linear import orthonormal
@@ -57,7 +58,7 @@ class Member:
         p_shown: probability of `shown` or more by chance without it in the later run; an upper bound.
         limit: standard errors that separate two explanations, and one from none: three, or more if the error is known
             with few degrees of freedom only.
-        fits: whether its residuals in the later run are no more than error.
+        fits: whether its residuals in the later run are no more than error, and follow no smooth curve.
         terms: names of its terms.
         coefficients: of the terms, from the later run alone, so without selection bias.
         intervals: 95 % intervals of them.
@@ -284,6 +285,8 @@ def _member(comparison: Comparison, j: int, sigmas: float, shown: float) -> Memb
     wider = np.column_stack([model, changed, shifts])
     more = orthonormal(wider).shape[1] - orthonormal(model).shape[1]
     df, (limit, fits) = both.df, _limits(both, model)
+    if fits and sigmas <= limit:
+        fits = p_structured(both, model, lasting=lasting(question)) >= CHANGED
     gain = _rss(model, both.outputs) - _rss(wider, both.outputs)
     p = f_tail(gain / more, more, df) if more > 0 else 1.0
     alone, error = _alone(both, member, question.rest)

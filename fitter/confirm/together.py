@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Self
@@ -160,6 +160,14 @@ class Together(ABC):
     @abstractmethod
     def untouched(self, terms: Candidates) -> FloatArray:
         """(S, n, q) unweighted columns of effects as if nobody changed the bench, zero for sensors without the term."""
+
+    def shapes(self, *, lasting: bool) -> Iterator[FloatArray]:
+        """(S, n, m) smooth unweighted columns over what was recorded in the later run, one place after the other.
+
+        Args:
+            lasting: whether those over time and temperature are left out.
+        """
+        yield from ()
 
     @abstractmethod
     def only(self, rows: NDArray[np.bool_]) -> Self:

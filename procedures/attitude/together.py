@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
@@ -20,6 +20,7 @@ from procedures.attitude.effects import Scene
 from procedures.attitude.model import attitude_columns
 from procedures.attitude.temperature import Temperature
 from procedures.attitude.trace import SensorTrace, Trace
+from procedures.attitude.trace.places import places_of
 from procedures.attitude.trace.problem import raw_columns
 
 
@@ -174,6 +175,20 @@ class AttitudeTogether(Together):
     def untouched(self, terms: Candidates) -> FloatArray:
         """(S, n, q) V per unit coefficient."""
         return raw_columns(self.scene, terms)
+
+    def shapes(self, *, lasting: bool) -> Iterator[FloatArray]:
+        """See `Together`: the places where a trace looks for shapes without a name."""
+        count, n = len(self.sensors), len(self.data)
+        for place in places_of(self.scene):
+            if lasting and place.level != "replications":
+                continue
+            columns = place.block.columns
+            raw = np.zeros((count, n, columns.shape[1]))
+            if place.sensor is None:
+                raw[:] = columns.reshape(raw.shape)
+            else:
+                raw[place.sensor] = columns
+            yield raw * self.fresh[:, None]
 
     def only(self, rows: NDArray[np.bool_]) -> Self:
         """See `Together`."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
@@ -18,6 +18,7 @@ from fitter.effects.hands import Done
 from procedures.pressure.data import WholePlotData
 from procedures.pressure.effects.scene import PressureScene
 from procedures.pressure.trace import WholePlotTrace
+from procedures.pressure.trace.places import places_of
 from procedures.pressure.trace.problem import raw_columns
 
 
@@ -124,6 +125,16 @@ class WholePlotTogether(Together):
     def untouched(self, terms: Candidates) -> FloatArray:
         """(S, n, q) mV per unit coefficient."""
         return raw_columns(self.scene, self.sensors, terms)
+
+    def shapes(self, *, lasting: bool) -> Iterator[FloatArray]:
+        """See `Together`: the places inside whole plots where a trace looks for shapes without a name."""
+        for place in places_of(self.scene):
+            if place.level != "subplot" or (lasting and not place.block.place.startswith("over the pressure")):
+                continue
+            for i in range(len(self.sensors)):
+                raw = np.zeros((len(self.sensors), len(self.data), place.block.columns.shape[1]))
+                raw[i] = place.block.columns * self.fresh[:, None]
+                yield raw
 
     def only(self, rows: NDArray[np.bool_]) -> Self:
         """See `Together`."""

@@ -31,6 +31,9 @@ STEP = 0.05
 PERSON_H = 0.5
 """Cost of a person at the bench, to mount the package again or for a change by hand, in addition to bench time, hours.
 """
+CHANGED = 3
+"""Number of the best kinds of runs that are also considered with a change by a person, besides those of the same bench.
+"""
 WORTH_A_FORECAST = 0.5
 """Standard errors below the limit by which a choice of points may fall short, and still be simulated."""
 
@@ -178,12 +181,13 @@ def consider(first: First) -> tuple[Proposal, ...]:
     Runs with a change by a person are considered for the pairs that no setting of the bench separates.
     """
     groups = _groups(_further_runs(first), first)
-    found = [_best(first, group) for group in groups]
-    changes = {change.word: change for one in inseparable(first, found) for change in changes_for(first, one.pair)}
-    untouched = [group for group in groups if _untouched(group[0])]
+    found = sorted(((_best(first, group), group) for group in groups), key=lambda one: one[0].place)
+    proposals = [proposal for proposal, _ in found]
+    changes = {change.word: change for one in inseparable(first, proposals) for change in changes_for(first, one.pair)}
+    changed = [group for k, (_, group) in enumerate(found) if k < CHANGED or _untouched(group[0])]
     for change in changes.values():
-        found += [_best(first, [with_step(variation, change) for variation in group]) for group in untouched]
-    return tuple(sorted(found, key=lambda proposal: proposal.place))
+        proposals += [_best(first, [with_step(variation, change) for variation in group]) for group in changed]
+    return tuple(sorted(proposals, key=lambda proposal: proposal.place))
 
 
 def _groups(every: Iterable[Variation], first: First) -> list[list[Variation]]:
