@@ -175,18 +175,22 @@ class Proposal:
         }
 
 
-def consider(first: First) -> tuple[Proposal, ...]:
+def consider(first: First, choice: type[Points] | None = Points) -> tuple[Proposal, ...]:
     """The most informative run per cost of every kind; the best of all first.
 
     Runs with a change by a person are considered for the pairs that no setting of the bench separates.
+
+    Args:
+        first: the traced run.
+        choice: how the points of runs are chosen; None for whole designs only.
     """
     groups = _groups(_further_runs(first), first)
-    found = sorted(((_best(first, group), group) for group in groups), key=lambda one: one[0].place)
+    found = sorted(((_best(first, group, choice), group) for group in groups), key=lambda one: one[0].place)
     proposals = [proposal for proposal, _ in found]
     changes = {change.word: change for one in inseparable(first, proposals) for change in changes_for(first, one.pair)}
     changed = [group for k, (_, group) in enumerate(found) if k < CHANGED or _untouched(group[0])]
     for change in changes.values():
-        proposals += [_best(first, [with_step(variation, change) for variation in group]) for group in changed]
+        proposals += [_best(first, [with_step(variation, change) for variation in group], choice) for group in changed]
     return tuple(sorted(proposals, key=lambda proposal: proposal.place))
 
 
@@ -203,9 +207,9 @@ def _untouched(variation: Variation) -> bool:
     return not (variation.turned or variation.warmer_degC or variation.by_weather)
 
 
-def _best(first: First, group: Sequence[Variation]) -> Proposal:
+def _best(first: First, group: Sequence[Variation], choice: type[Points] | None) -> Proposal:
     """The smallest sufficient run of a group; otherwise the most informative one."""
-    chosen, hopeful = _of_chosen_points(first, group)
+    chosen, hopeful = _of_chosen_points(first, group, choice)
     best: Proposal | None = None
     most = 0
     for variation in itertools.chain(chosen, group):
@@ -221,22 +225,24 @@ def _best(first: First, group: Sequence[Variation]) -> Proposal:
     return best
 
 
-def _of_chosen_points(first: First, group: Sequence[Variation]) -> tuple[Iterator[Variation], frozenset[Pair] | None]:
+def _of_chosen_points(
+    first: First, group: Sequence[Variation], choice: type[Points] | None
+) -> tuple[Iterator[Variation], frozenset[Pair] | None]:
     """The run with the points that separate best, from few to many, without those that are certainly too few.
 
     And the pairs that a run of the group can separate at all; None if that is unknown.
     """
     kind = first.confirming
     whole = kind.whole(group)
-    if whole is None:
+    if whole is None or choice is None:
         return iter(()), None
     run_list = whole.procedure.expand()
     ways = kind.ways(whole, run_list, first.questions, first.later_s)
     limit = t_limit(DISTINGUISHED, ways[0].df)
     most = max(len(variation.procedure.expand()) for variation in group)
-    points = Points.of([ways[0], ways[-1]][: len(ways)], first.questions, kind.units(run_list), most)
+    points = choice.of([ways[0], ways[-1]][: len(ways)], first.questions, kind.units(run_list), most)
     choices = points.choose(kind.counts, limit - WORTH_A_FORECAST)
-    return (kind.chosen(whole, choice.units) for choice in choices), points.pairs
+    return (kind.chosen(whole, one.units) for one in choices), points.pairs
 
 
 def _proposal(first: First, variation: Variation) -> Proposal:
