@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -210,19 +209,20 @@ def _untouched(variation: Variation) -> bool:
 def _best(first: First, group: Sequence[Variation], choice: type[Points] | None) -> Proposal:
     """The smallest sufficient run of a group; otherwise the most informative one."""
     chosen, hopeful = _of_chosen_points(first, group, choice)
-    best: Proposal | None = None
-    most = 0
-    for variation in itertools.chain(chosen, group):
-        if len(variation.procedure.expand()) <= most and variation is not group[-1]:
-            continue  # chosen points are better
-        proposal = _proposal(first, variation)
-        most = proposal.points
-        if best is None or proposal.rank < best.rank:
-            best = proposal
-        if proposal.settles(hopeful):
-            break
-    assert best is not None
-    return best
+    tried: list[Proposal] = []
+    for variation in chosen:
+        tried.append(_proposal(first, variation))
+        if tried[-1].settles(hopeful):
+            return min(tried, key=lambda proposal: proposal.rank)
+    largest = _proposal(first, group[-1])
+    if not tried or largest.rank < min(proposal.rank for proposal in tried):
+        most = tried[-1].points if tried else 0
+        for variation in group[:-1]:
+            if len(variation.procedure.expand()) > most:
+                tried.append(_proposal(first, variation))
+                if tried[-1].settles(hopeful):
+                    break
+    return min([*tried, largest], key=lambda proposal: proposal.rank)
 
 
 def _of_chosen_points(
