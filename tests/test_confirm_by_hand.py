@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from command import rig
+from test_confirm_forecast import traced_run
 
 from fitter.confirm import confirm, questions_of, separation
 from fitter.confirm.runs import join
@@ -15,6 +19,10 @@ from procedures.attitude.together import AttitudeTogether
 from procedures.attitude.trace import trace
 from procedures.pressure.effects import PRESSURE_CATALOGUE
 from proving.truth import attitude
+from rig.closed_loop.confirm import judge, open_traced
+from rig.config import parse_procedure
+from rig.run_file.events.by_hand import DoneByHand
+from rig.run_file.reader import RunReader
 
 DAY_S = 86400.0
 PADS, CROSS = "isolation-pad-deflection", "cross-axis"
@@ -32,6 +40,52 @@ def traced() -> dict:
         first, _ = attitude.simulate(bench, attitude.Plan(*GRID, replications=3), 3)
         runs[true] = first, trace(first)
     return runs
+
+
+@pytest.fixture(scope="module")
+def followed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict]:
+    """A dry run of a bench with soft pads, and what `rig confirm --dry` told about it."""
+    folder = tmp_path_factory.mktemp("pads")
+    first = traced_run(folder, "x", {"isolation_pad": {"pitch_compliance_deg_per_g": 8e-4}}, 13)
+    done = rig("confirm", first, "--dry", "--json", "--out", folder)
+    assert done.returncode == 0, done.stderr
+    return first, json.loads(done.stdout)
+
+
+def test_a_person_locks_the_pads_half_way_and_the_cause_is_confirmed(followed) -> None:
+    told = followed[1]
+    (effect,) = told["effects"]
+    assert (effect["verdict"], effect["holds"]) == ("confirmed", [PADS])
+    assert CROSS in {member["effect"] for member in effect["members"]}
+    best = told["proposals"][0]
+    assert best["by_hand"] == [
+        {"before_replication": 2, "say": "lock the isolation pads under the package", "change": "pads-locked"}
+    ]
+    assert best["person_hours"] == 0.5
+    assert ["lock the isolation pads under the package"] in [pair["by_hand"] for pair in told["inseparable"]]
+    with RunReader.open(Path(told["run"])) as reader:
+        (done,) = reader.records(DoneByHand.kind)
+    assert done.event.change == "pads-locked"
+    assert 2 * (done.event.before) == best["points"], "half-way"
+
+
+def test_without_the_record_of_the_change_its_run_confirms_nothing(followed, monkeypatch) -> None:
+    """What the judge reads from the run file decides."""
+    first, told = followed
+    opened = open_traced(first)
+    assert judge(opened, Path(told["run"])).settled
+    monkeypatch.setattr(DoneByHand, "kind", "nothing of that kind")
+    assert not judge(opened, Path(told["run"])).settled
+
+
+def test_the_procedure_that_is_written_has_the_step(followed, tmp_path: Path) -> None:
+    written = tmp_path / "by_hand.toml"
+    shown = rig("confirm", followed[0], "--dry", "--write", written)
+    assert shown.returncode == 0, shown.stderr
+    assert "lock the isolation pads" in " ".join(shown.stdout.split())
+    procedure = parse_procedure(written.read_text(), "by_hand.toml")
+    assert [step.change for step in procedure.by_hand] == ["pads-locked"]
+    assert "rig done" in written.read_text()
 
 
 def further(before: attitude.Bench, after: attitude.Bench, *, seed: int = 4):

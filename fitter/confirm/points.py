@@ -236,11 +236,12 @@ def _rival(
     old[:, :p] /= length
     new[..., :p] /= length
     products = old.T @ old
-    m = int(np.bincount(units).max())
-    filled = np.zeros((int(units.max()) + 1, m * len(rows), z.shape[2]))
-    for unit in range(len(filled)):
-        mine = new[:, units == unit].reshape(-1, z.shape[2])
-        filled[unit, : len(mine)] = mine
+    by_unit = np.argsort(units, kind="stable")
+    at = units[by_unit]
+    within = np.arange(at.size) - np.searchsorted(at, at)
+    filled = np.zeros((int(units.max()) + 1, len(rows), int(within.max()) + 1, z.shape[2]))
+    filled[at, :, within] = new[:, by_unit].transpose(1, 0, 2)
+    filled = filled.reshape(len(filled), -1, z.shape[2])
     told = np.column_stack([products[p:, :p], np.diag(products)[p:]])
     start = products[:p, :p] + np.diag(prior[:p] + LITTLE)
     return Rival(pairs, start, filled[..., :p], told, np.moveaxis(filled[..., p:], 2, 0))
