@@ -28,6 +28,7 @@ from rig.engine.guard import Guard
 from rig.engine.holes import WatchedClock
 from rig.engine.sequencer import Sequencer
 from rig.engine.session import Nobody, Observer, Outcome, Progress, Session, Signals
+from rig.engine.states import State
 from rig.errors import BenchFault, UsageError
 from rig.locks import locked_addresses
 from rig.plans import PREVIOUS, Plan, stored_plan
@@ -59,6 +60,7 @@ class Result:
         state: state of the run.
         procedure: the procedure, None if the run was complete before.
         head: hash of the run file's last record, hexadecimal.
+        parked: whether the bench was parked at the end.
     """
 
     path: Path
@@ -67,6 +69,7 @@ class Result:
     state: RunState
     procedure: Procedure | None
     head: str = ""
+    parked: bool = False
 
 
 def _mounted(plan: Plan) -> Mapping[str, Any]:
@@ -323,7 +326,8 @@ def _session(
         previous=previous,
     )
     outcome = sequencer.run()
-    return Result(run.path, outcome, sequencer.message, state, plan.procedure, run.written[1].hex())
+    parked = sequencer.state is State.DONE
+    return Result(run.path, outcome, sequencer.message, state, plan.procedure, run.written[1].hex(), parked)
 
 
 def _new_id(name: str) -> str:

@@ -41,6 +41,7 @@ COMMANDS = {
         "Stop all motion, leave chambers as they are, and wait; `rig release` continues the run.",
     ),
     "release": Entry(_RUNNING, "rig.cli.requests", "Continue a held run."),
+    "done": Entry(_RUNNING, "rig.cli.requests", "Say that a step by hand is done; the run goes on."),
     "stop": Entry(_RUNNING, "rig.cli.requests", "Park the bench and end the session; the run can be resumed later."),
     "service": Entry(
         _RUNNING,

@@ -216,7 +216,7 @@ def conclude(result: Result) -> int:
     with contextlib.suppress(OSError):  # a full or closed log does not change the result of the run
         for words in warnings_in(result.path):
             err.print(f"[bold yellow]warning:[/] {escape(words)}", soft_wrap=True)
-        if result.message and result.outcome is not Outcome.INTERRUPTED:
+        if result.message and (result.outcome is not Outcome.INTERRUPTED or result.parked):
             print(f"rig: {visible(result.message)}", file=sys.stderr)
         for index, reason in sorted(state.skipped.items()):
             err.print(f"[yellow]point {index} was skipped:[/] {escape(reason)}")

@@ -68,6 +68,8 @@ class Holding:
 
         """
         why = ""
+        self._journal.message = self._by_hand.message
+        self._journal.tell(now=True)
         try:
             while True:
                 self._journal.message = f"{self._by_hand.message}{f' ({why})' if why else ''}"
