@@ -86,8 +86,11 @@ class Confirming(ABC):
     counts: Sequence[int] = ()
     """Numbers of units that are tried if a run's points are chosen, ascending."""
 
-    def whole(self, group: Sequence[Variation]) -> Variation | None:
-        """The run of a group with all points that can be chosen, once each; None if points are not chosen."""
+    passes: Sequence[int] = (1,)
+    """Numbers of replications of chosen points that are tried."""
+
+    def whole(self, group: Sequence[Variation], times: int) -> Variation | None:
+        """The run of a group with all points that can be chosen, so many times each; None if points are not chosen."""
         return None
 
     def units(self, run_list: RunList) -> IntArray:

@@ -70,10 +70,12 @@ class Variation:
         return len(self.steps) + self.turned
 
 
-def once(variation: Variation) -> Variation:
-    """One replication, or one before and one after every change by a person."""
-    steps = tuple(replace(step, before_replication=2 + number) for number, step in enumerate(variation.steps))
-    procedure = variation.procedure.model_copy(update={"replications": 1 + len(steps)})
+def repeated(variation: Variation, times: int) -> Variation:
+    """So many replications, or so many before and after every change by a person."""
+    steps = tuple(
+        replace(step, before_replication=1 + times * number) for number, step in enumerate(variation.steps, start=1)
+    )
+    procedure = variation.procedure.model_copy(update={"replications": times * (1 + len(steps))})
     return replace(variation, procedure=procedure, steps=steps)
 
 

@@ -23,7 +23,7 @@ from procedures.attitude.table import attitude_data
 from procedures.attitude.together import AttitudeTogether
 from procedures.confirming import SETTLED, Confirming
 from procedures.errors import DataError
-from procedures.further_runs import Variation, once
+from procedures.further_runs import Variation, repeated
 from procedures.run_list import RunList
 from procedures.table import Table
 
@@ -48,6 +48,7 @@ class AttitudeConfirming(Confirming):
     per_slope = float(np.degrees(1.0))
     drawn = UNIT, SCALE
     counts = 12, 15, 19, 24, 30, 38, 48, 60, 76, 96, 120
+    passes = 1, 2, 4
 
     def own_words(self, *, realigned: bool) -> str:
         """See `Confirming`."""
@@ -66,11 +67,11 @@ class AttitudeConfirming(Confirming):
         """See `Confirming`."""
         return CATALOGUE
 
-    def whole(self, group: Sequence[Variation]) -> Variation:
-        """See `Confirming`: the largest design of few enough points, once; twice with a change by a person between."""
+    def whole(self, group: Sequence[Variation], times: int) -> Variation:
+        """See `Confirming`: the largest design of few enough points."""
         sizes = [len(variation.procedure.design.build()) for variation in group]
         most = max((size for size in sizes if size <= MOST_CANDIDATES), default=min(sizes))
-        return once(group[sizes.index(most)])
+        return repeated(group[sizes.index(most)], times)
 
     def units(self, run_list: RunList) -> IntArray:
         """See `Confirming`: a point of the design, in all replications."""

@@ -16,7 +16,7 @@ from fitter.effects.hands import Done
 from procedures.blocks import Block
 from procedures.confirming import SETTLED, Confirming
 from procedures.effects_shown import show_confirmed
-from procedures.further_runs import Variation, once
+from procedures.further_runs import Variation, repeated
 from procedures.pressure.data import WholePlotData
 from procedures.pressure.effects import PRESSURE_CATALOGUE
 from procedures.pressure.effects.scene import PressureEffect
@@ -64,15 +64,15 @@ class WholePlotConfirming(Confirming):
         """See `Confirming`."""
         return PRESSURE_CATALOGUE
 
-    def whole(self, group: Sequence[Variation]) -> Variation:
-        """See `Confirming`: every pair of temperatures twice, in one replication; in two with a change between."""
+    def whole(self, group: Sequence[Variation], times: int) -> Variation:
+        """See `Confirming`: every pair of temperatures twice in a replication."""
         largest = max(group, key=lambda variation: len(set(variation.procedure.design.pairs())))
         design = largest.procedure.design
         pairs = 2 * sorted(set(design.pairs()))
         procedure = largest.procedure.model_copy(
             update={"design": design.model_copy(update={"temperatures_degC": pairs})}
         )
-        return once(replace(largest, procedure=procedure))
+        return repeated(replace(largest, procedure=procedure), times)
 
     def units(self, run_list: RunList) -> IntArray:
         """See `Confirming`: a visit to a pair of temperatures, in all replications."""

@@ -33,6 +33,8 @@ PERSON_H = 0.5
 CHANGED = 3
 """Number of the best kinds of runs that are also considered with a change by a person, besides those of the same bench.
 """
+MORE_SIGMAS = 0.15
+"""Standard errors by which a longer run has to separate more than a shorter one."""
 WORTH_A_FORECAST = 0.5
 """Standard errors below the limit by which a choice of points may fall short, and still be simulated."""
 
@@ -227,22 +229,33 @@ def _best(first: First, group: Sequence[Variation], choice: type[Points] | None)
 
 def _of_chosen_points(
     first: First, group: Sequence[Variation], choice: type[Points] | None
-) -> tuple[Iterator[Variation], frozenset[Pair] | None]:
-    """The run with the points that separate best, from few to many, without those that are certainly too few.
+) -> tuple[list[Variation], frozenset[Pair] | None]:
+    """The run with the points that separate best, from short to long, without those that are certainly too short.
 
     And the pairs that a run of the group can separate at all; None if that is unknown.
     """
     kind = first.confirming
-    whole = kind.whole(group)
-    if whole is None or choice is None:
-        return iter(()), None
-    run_list = whole.procedure.expand()
-    ways = kind.ways(whole, run_list, first.questions, first.later_s)
-    limit = t_limit(DISTINGUISHED, ways[0].df)
+    found: list[tuple[float, float, Variation]] = []
+    pairs: frozenset[Pair] | None = None
     most = max(len(variation.procedure.expand()) for variation in group)
-    points = choice.of([ways[0], ways[-1]][: len(ways)], first.questions, kind.units(run_list), most)
-    choices = points.choose(kind.counts, limit - WORTH_A_FORECAST)
-    return (kind.chosen(whole, one.units) for one in choices), points.pairs
+    for times in kind.passes:
+        whole = kind.whole(group, times)
+        if whole is None or choice is None:
+            break
+        run_list = whole.procedure.expand()
+        ways = kind.ways(whole, run_list, first.questions, first.later_s)
+        least = t_limit(DISTINGUISHED, ways[0].df) - WORTH_A_FORECAST
+        points = choice.of([ways[0], ways[-1]][: len(ways)], first.questions, kind.units(run_list), most)
+        pairs = points.pairs if pairs is None else pairs
+        for one in points.choose(kind.counts, least):
+            variation = kind.chosen(whole, one.units)
+            found.append((kind.hours(variation, variation.procedure.expand()), one.sigmas, variation))
+    best, kept = 0.0, []
+    for _, sigmas, variation in sorted(found, key=lambda one: one[0]):
+        if sigmas > best + MORE_SIGMAS:  # a longer run with less separation is not worth a forecast
+            best = sigmas
+            kept.append(variation)
+    return kept, pairs
 
 
 def _proposal(first: First, variation: Variation) -> Proposal:
