@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 from fitter.confirm import Points, questions_of
+from procedures.attitude.confirming import short_path
 from procedures.attitude.data import AttitudeData
 from procedures.attitude.designs import listed
+from procedures.attitude.orders import walk
 from procedures.attitude.settings import DesignSettings
 from procedures.attitude.together import AttitudeTogether
 from procedures.attitude.trace import trace
@@ -118,3 +120,22 @@ def test_a_design_of_listed_points() -> None:
         DesignSettings(type="points")
     with pytest.raises(ValueError, match="does not use pitch_deg"):
         DesignSettings(type="points", points_deg=points, pitch_deg=[0.0])
+
+
+def test_listed_points_are_visited_in_their_order_and_back() -> None:
+    """Each axis is approached in the direction of its motion, so that it has no way back."""
+    points = [(30.0, 90.0), (-30.0, 90.0), (-30.0, 0.0), (0.0, 90.0)]
+    design = listed(points)
+    there = list(walk(design, backwards=False, up_and_down=False))
+    back = list(walk(design, backwards=True, up_and_down=False))
+    assert [(design.pitch_deg[v.row], design.roll_deg[v.column]) for v in there] == points
+    assert [(v.row, v.column) for v in back] == [(v.row, v.column) for v in reversed(there)]
+    assert [(v.pitch_side, v.roll_side) for v in there] == [(1, 1), (-1, 1), (-1, -1), (1, 1)]
+    assert [(v.pitch_side, v.roll_side) for v in back] == [(-1, -1), (-1, -1), (-1, 1), (1, 1)]
+
+
+def test_a_path_has_little_motion() -> None:
+    at = np.array([(p, r) for p in (-60.0, 0.0, 60.0) for r in (0.0, 180.0)])
+    path = short_path(at)
+    assert sorted(map(tuple, path)) == sorted(map(tuple, at))
+    assert np.max(np.abs(np.diff(path, axis=0)), axis=1).tolist() == [60.0, 60.0, 180.0, 60.0, 60.0]

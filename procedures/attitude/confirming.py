@@ -47,7 +47,7 @@ class AttitudeConfirming(Confirming):
     output_unit = "V"
     per_slope = float(np.degrees(1.0))
     drawn = UNIT, SCALE
-    counts = 12, 15, 19, 24, 30, 38, 48, 60, 76, 96, 120
+    counts = 12, 13, 15, 17, 19, 21, 24, 27, 30, 34, 38, 43, 48, 54, 60, 68, 76, 86, 96, 108, 120
     passes = 1, 2, 4
 
     def own_words(self, *, realigned: bool) -> str:
@@ -80,7 +80,9 @@ class AttitudeConfirming(Confirming):
     def chosen(self, whole: Variation, units: Sequence[int]) -> Variation:
         """See `Confirming`."""
         points = _points(whole.procedure.expand())[0]
-        design = DesignSettings(type="points", points_deg=[tuple(points[unit].tolist()) for unit in units])
+        design = DesignSettings(
+            type="points", points_deg=[tuple(at) for at in short_path(points[list(units)]).tolist()]
+        )
         return replace(whole, procedure=whole.procedure.model_copy(update={"design": design}))
 
     def ways(
@@ -175,6 +177,19 @@ class AttitudeConfirming(Confirming):
             if turn.turned
             else None,
         )
+
+
+def short_path(points: FloatArray) -> FloatArray:
+    """(n, 2) angles in an order with little motion: along pitch at one roll after the other, or the reverse."""
+    paths = []
+    for slow, fast in ((0, 1), (1, 0)):
+        path, way = [], 1
+        for level in np.unique(points[:, slow]):
+            own = points[points[:, slow] == level]
+            path.append(own[np.argsort(own[:, fast])][::way])
+            way = -way
+        paths.append(np.concatenate(path))
+    return min(paths, key=_travel)
 
 
 def _points(run_list: RunList) -> tuple[FloatArray, IntArray]:

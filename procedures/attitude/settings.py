@@ -50,7 +50,7 @@ class DesignSettings(Strict):
     roll_repeat_180: bool = Field(True, description="D0 and D1: end at +180 deg, repeating -180 deg")
     roll_deg: Side | None = Field(None, description="D: the roll angles; [0] for a sensor without roll")
     points_deg: Annotated[list[tuple[float, float]], Field(min_length=1, max_length=100_000)] | None = Field(
-        None, description="points: [pitch, roll] of every point, in any order"
+        None, description="points: [pitch, roll] of every point; visited in this order, unless it is random"
     )
     fraction: FractionSettings | None = Field(None, description="decimate the interior of the grid")
 
