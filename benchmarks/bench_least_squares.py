@@ -221,7 +221,7 @@ def csv():
 
 
 def write(path):
-    from rig.tables.csv_tables import write_csv
+    from rig.tables.csv_files import write_csv
 
     data, _ = simulate(Bench(), D1(180, 1801, 93), seed=1)
     names = ("replicate", "order", "elapsed_s", "pitch_deg", "roll_deg", "sensor_temperature_degC")

@@ -101,7 +101,7 @@ class Arithmetic:
             return left
         found = Expression(mark, (left, self._added()))
         if self._peek.kind == "mark" and self._peek.text in COMPARISONS:
-            raise self._error("comparisons do not follow each other; multiply them: (a < b) * (b < c)")
+            raise self._error("comparisons cannot be chained; multiply them: (a < b) * (b < c)")
         return found
 
     def _added(self) -> Expression:
@@ -206,7 +206,7 @@ class Arithmetic:
         if token.kind == "end":
             return "something is missing at the end"
         words = token.kind == "name" and self._next > 0 and self._tokens[self._next - 1].kind == "name"
-        more = "; a name of several words stands in back-ticks" if words else ""
+        more = "; a name of several words needs back-ticks" if words else ""
         return _HINTS.get(token.text, f"{token.text!r} is not expected here") + more
 
     def _unexpected(self) -> FormulaError:

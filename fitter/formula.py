@@ -260,5 +260,5 @@ def _members(category: Category, table: Table, levels: Sequence[Any]) -> FloatAr
     strange = np.flatnonzero(~member.any(axis=1))
     if strange.size:
         first = int(strange[0])
-        raise RowError(f"{category.text} is {column[first]} in", first, ", a level the model has not")
+        raise RowError(f"{category.text} is {column[first]} in", first, ", a level that the model does not have")
     return np.asarray(member, np.float64)

@@ -125,7 +125,7 @@ class _Terms(Arithmetic):
             zero = self._peek if (self._peek.kind, self._peek.text) == ("number", "0") else None
             if zero is not None:
                 if not top:
-                    raise self._error("0 takes the intercept away and stands outside parentheses")
+                    raise self._error("0 removes the intercept and must be outside parentheses")
                 self._next += 1
                 item, sign = {Term(): None}, "-" if sign == "+" else "+"
             else:

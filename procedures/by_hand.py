@@ -45,7 +45,7 @@ class HandStep:
 
     @property
     def instruction(self) -> str:
-        """What to do, without a full stop at its end."""
+        """The task, without a full stop at its end."""
         return self.say.rstrip(". ")
 
     def refuses(self, value: str | None) -> str:

@@ -30,11 +30,11 @@ class SoakSettings(Strict):
     tolerance_degC: Positive = Field(0.5, le=20, description="chamber within this of the setpoint")
     sensor_tolerance_degC: Positive = Field(1.0, le=20, description="thermometer at the sensors within this of it")
     dwell_s: float = Field(1200.0, ge=0, le=1e6, description="both for this long")
-    drift_degC_per_h: Positive = Field(0.5, description="and both drifting slower than this")
+    drift_degC_per_h: Positive = Field(0.5, description="and the drift of both slower than this")
     renew_degC: Positive = Field(
         5.0,
         le=100,
-        description="temperatures that already stand are left by this much first, and set again",
+        description="a temperature that is already reached is first left by this much, and then set again",
     )
     poll_s: Positive = Field(30.0, le=600, description="time between readbacks")
     timeout_s: Positive = Field(8 * 3600.0, description="then the soak has failed")

@@ -61,7 +61,7 @@ def _effect_plot(view: View, adds: Array) -> Figure:
     _means(added, adds, left, _bins(adds), "C0", "")
     ends = np.array([adds.min(), adds.max()])
     added.plot(ends, ends, "-", color="C0", lw=1.2)
-    dress(added, "without it, over what it adds", f"what the effect adds / {view.unit}")
+    dress(added, "without it, over its contribution", f"contribution of the effect / {view.unit}")
     added.locator_params(axis="x", nbins=5)
     without.set_ylabel(f"residual / {view.unit}", fontsize=9)
     bound = 1.1 * float(np.percentile(np.abs(left), 99.5))

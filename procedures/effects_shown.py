@@ -27,7 +27,7 @@ def show_effect(effect: Mapping[str, Any]) -> Iterator[Block]:
     if effect["doubtful"]:
         yield Paragraph(f"doubtful: {escape(effect['doubtful'])}", 4)
     if effect["aliases"]:
-        yield Paragraph(f"these data cannot tell it from: {escape(', '.join(effect['aliases']))}", 4)
+        yield Paragraph(f"these data cannot distinguish it from: {escape(', '.join(effect['aliases']))}", 4)
         yield Paragraph(f"would separate them: {escape(effect['separate_by'])}", 4)
     elif effect["stratum"] != "noise":
         yield Paragraph(f"would confirm it: {escape(effect['separate_by'])}", 4)

@@ -92,10 +92,13 @@ class FaultSettings(Strict):
 
     retries: Times = Field(2, description='how often "retry" without a number, and before a policy of one word')
     pause_s: float = Field(2.0, ge=0, le=3600, description="before an instrument that failed is tried again")
-    pause_growth: float = Field(2.0, ge=1, le=10, description="the next pause is so many times longer")
+    pause_growth: float = Field(2.0, ge=1, le=10, description="factor from one pause to the next")
     pause_max_s: Positive = Field(300.0, le=86400, description="but no longer than this")
     skips_in_a_row: int = Field(
-        10, ge=1, le=1_000_000, description="so many points put off one after the other: something else is wrong; abort"
+        10,
+        ge=1,
+        le=1_000_000,
+        description="maximum number of points put off in succession; more mean a different problem: abort",
     )
     not_settled: Policy = Field("skip", description="an axis or pressure does not settle, or left its band")
     overload: Policy = Field("skip", description="a reading is out of the instrument's range")

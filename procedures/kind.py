@@ -238,7 +238,7 @@ class Kind(ABC):
             FitError: a range of use is given, and this kind has none.
         """
         if usage_deg is not None:
-            raise FitError(f"--usage says nothing of {self.title}, kind {self.name}")
+            raise FitError(f"--usage does not apply to {self.title}, kind {self.name}")
         return ()
 
     def compare(

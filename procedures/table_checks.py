@@ -19,7 +19,7 @@ def check_order(table: Table, order: np.ndarray[Any, np.dtype[np.int64]]) -> Non
         twice = int(seen[counts > 1][0])
         rows = [table.row(int(r)) for r in np.flatnonzero(order == twice)[:2]]
         raise DataError(
-            f"{table.source}, rows {rows[0]} and {rows[1]}: order {twice} stands there twice; a point copied?"
+            f"{table.source}, rows {rows[0]} and {rows[1]}: order {twice} is there twice; is a point copied?"
         )
 
 
@@ -29,7 +29,7 @@ def integers(table: Table, name: str) -> np.ndarray[Any, np.dtype[np.int64]]:
     if (np.abs(values) > _LARGEST).any():
         row = int(np.flatnonzero(np.abs(values) > _LARGEST)[0])
         raise DataError(
-            f"{table.source}, row {table.row(row)}, column {name}: {values[row]:g} is too large to number anything"
+            f"{table.source}, row {table.row(row)}, column {name}: {values[row]:g} is too large for such a number"
         )
     whole = values.astype(np.int64)
     if (whole != values).any():

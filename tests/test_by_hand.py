@@ -16,12 +16,15 @@ from few_points import Killed, kill_where, records, whole_plot
 from ideal_bench import new_run, run_session
 from pydantic import ValidationError
 
+import rig
+from procedures.blocks import Line
 from procedures.by_hand import HandStep
 from procedures.fault_policies import ABORT
 from rig.controller import resume_run, start_run
 from rig.engine.by_hand import ByHand
 from rig.engine.session import Outcome, Progress, Signals
 from rig.plans import load_plan
+from rig.results.planned import plan
 from rig.run_file.events.by_hand import AskedByHand, DoneByHand
 from rig.run_file.live import live_path, read_json, request_path
 from rig.run_file.reader import RunReader
@@ -548,3 +551,75 @@ def test_changes_of_a_pressure_bench(change, effects):
     left = output([change], effects=effects) - output([change])
     assert abs(left) < 0.9 * abs(effect)
     assert output(["something-else"], effects=effects) == output([], effects=effects)
+
+
+# --- plan, whole plots, trace ------------------------------------------------------------------------------------
+
+
+def test_a_plan_says_when_a_person_must_be_there(tmp_path):
+    with_steps, without = (
+        plan(write_short(tmp_path / name, text), LAB / "bench.toml", out=tmp_path)
+        for name, text in (("a", SHORT + BY_HAND), ("b", SHORT))
+    )
+    assert with_steps.forecast.total_s == pytest.approx(without.forecast.total_s + 2 * 900.0)
+    told = with_steps.to_json()
+    assert [(one["before"], one["change"], one.get("value")) for one in told["by_hand"]] == [
+        (1, "weight", "force_kN"),
+        (16, "pads-locked", None),
+    ]
+    assert told["seconds"]["by_hand"] == 1800.0
+    found = with_steps.forecast
+    second = with_steps.checked.run_list.steps[1]
+    assert found.when_s(second, with_steps.checked.run_list) == pytest.approx(
+        900.0 + found.preparation_s + 15 * found.point_s
+    )
+    text = " ".join(block.text for block in with_steps.blocks() if isinstance(block, Line))
+    assert "a person must be there 2 times" in text
+    assert "before point 16 of 30: lock the pads" in text
+    assert "a person must be there" not in " ".join(b.text for b in without.blocks() if isinstance(b, Line))
+
+
+def test_a_step_before_a_whole_plot_comes_before_its_soak(tmp_path):
+    procedure = whole_plot(
+        ((-60, 0), (-50, 10)),
+        by_hand=[{"before": 1, **PADS}, {"before_whole_plot": 2, **PADS, "say": "unlock them"}],
+        faults={"retries": 1},
+    )
+    path, bench = pressure.new_run(tmp_path, procedure), pressure.PressureBench()
+    fetch = bench.dvm.fetch
+    bench.dvm.fetch = lambda: {n: [r + 1e-12 * bench.dvm.starts for r in rs] for n, rs in fetch().items()}
+    answers = Answers(path, {"verb": "done"}, {"verb": "done"})
+    outcome, state, message = pressure.run_session(path, bench, procedure=procedure, on_progress=answers)
+    assert outcome is Outcome.COMPLETE, message
+    assert not state.lost
+    kinds = {"asked", "done", "accepted", "whole-plot"}
+    assert [r.status for r in records(path) if r.status in kinds] == [
+        *("asked", "done", "whole-plot", "accepted", "accepted"),
+        *("asked", "done", "whole-plot", "accepted", "accepted"),
+    ]
+
+
+def test_the_time_of_a_change_is_given_to_the_trace(tmp_path):
+    """A step that is recorded needs no search over all times: it has another name than one that is found."""
+    text = SHORT.replace("replications = 2", "replications = 4") + BY_HAND[BY_HAND.rindex("[[by_hand]]") :].replace(
+        "before_replication = 2", "before = 38"
+    ).replace("pads-locked", "voltmeter-swapped")
+    path = dry(tmp_path, text=text, world=world(tmp_path, "seed = 3\n[voltmeter]\nspread_ppm = 300\n"))
+    sensors = rig.open(path).trace().to_json()["sensors"]
+    assert all("sensitivity-step" in {e["effect"] for e in one["effects"]} for one in sensors.values())
+
+
+@pytest.mark.parametrize(("max_gap_s", "settled"), [(300, 2), (1800, 1)])
+def test_the_wait_is_a_gap_like_others(tmp_path, max_gap_s, settled):
+    """The simulated person needs ten minutes. The first step comes before the environment is settled."""
+    text = f"{SHORT}[recovery]\nmax_gap_s = {max_gap_s}\n{BY_HAND}"
+    path = dry(tmp_path, text=text, world=world(tmp_path, PADS_WORLD))
+    assert len(records(path, "event", "prepared")) == settled
+
+
+def test_early_warnings_do_not_hold_a_change_by_hand_against_the_sensors(tmp_path):
+    text = SHORT.replace("replications = 2", "replications = 4")
+    step = '[[by_hand]]\nbefore = 31\nsay = "use another voltmeter"\nchange = "voltmeter-swapped"\n'
+    other = world(tmp_path, "seed = 3\n[voltmeter]\nspread_ppm = 3000\n")
+    told = dry(tmp_path / "told", text=text + step, world=other)
+    assert not records(told, "event", "warning")

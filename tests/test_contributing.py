@@ -16,7 +16,7 @@ import pytest
 from command import rig
 
 from proving.truth.attitude import D1, Bench, simulate
-from rig.tables.csv_tables import write_csv
+from rig.tables.csv_files import write_csv
 
 ROOT = Path(__file__).parent.parent
 TEXT = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")

@@ -176,7 +176,7 @@ def test_replications():
     assert not advice(D1(30, 13, 25), 6, replications=5).holds
     bare = {"type": "D", "pitch_deg": [-30, 0, 30], "roll_deg": [0]}
     assert "as many points as coefficients" in advice(bare, 6).sentence
-    assert "the model can take all of it up" in advice(bare, 0).sentence
+    assert "the model can explain all of it" in advice(bare, 0).sentence
 
 
 @pytest.mark.parametrize("n", [2, 6])

@@ -223,7 +223,7 @@ def test_levels_of_one_table_serve_another():
     levels = formula.levels(TABLE)
     few = {"b": np.array([3, 3])}
     np.testing.assert_array_equal(formula.columns(few, levels)[1], [[1, 0, 1], [1, 0, 1]])
-    with pytest.raises(ValueError, match=r"C\(b\) is 4 in row 3, a level the model has not"):
+    with pytest.raises(ValueError, match=r"C\(b\) is 4 in row 3, a level that the model does not have"):
         formula.columns({"b": np.array([3, 4])}, levels)
 
 
@@ -245,7 +245,7 @@ def test_levels_of_one_table_serve_another():
         ("P)", r"'\)' is not expected", 1),
         ("I(3)", "there is no variable", 0),
         ("P.__class__ @ T", "'@' is not expected", 12),
-        ("P T", "'T' is not expected here; a name of several words stands in back-ticks", 2),
+        ("P T", "'T' is not expected here; a name of several words needs back-ticks", 2),
         ("P > T", r"comparisons go inside I\(\)", 2),
         ("I(P = T)", "equality is written ==", 4),
         ("I(1 < P < T)", r"multiply them: \(a < b\) \* \(b < c\)", 8),

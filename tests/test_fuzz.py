@@ -29,7 +29,7 @@ from rig.run_file.reader import RunReader
 from rig.run_file.state import read_state
 from rig.run_file.verification import verify_file
 from rig.tables import read_any_csv, run_table
-from rig.tables.csv_tables import read_csv
+from rig.tables.csv_files import read_csv
 
 LONG = os.environ.get("HYPOTHESIS_PROFILE") == "long"
 

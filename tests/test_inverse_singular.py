@@ -208,7 +208,7 @@ def test_pitch_up_or_down_of_y_and_z_must_be_said():
     names = ("y_V", "z_V")
     calibration = true_calibration(names)
     v = volts(np.array([20.0, -20.0]), np.array([30.0, 30.0]), names)
-    with pytest.raises(ValueError, match="near which attitude"):
+    with pytest.raises(ValueError, match="give an attitude near the true one"):
         infer_attitude(calibration, v)
     found = infer_attitude(calibration, v, near_deg=([30.0, -30.0], 0.0))
     np.testing.assert_allclose(found.pitch_deg, [20.0, -20.0], atol=1e-9)

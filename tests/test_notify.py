@@ -313,7 +313,7 @@ def test_what_a_person_is_waited_for_is_told_even_when_much_goes_wrong_and_the_e
         notes.happened(happening(kind), FACTS)
     notes.close(5.0)
     assert [m.kind for m in told.messages] == [Kind.FAULT] * 2 + [Kind.HOLD] * 2 + [Kind.ENDED_BY_FAULT]
-    assert told.messages[-1].also.startswith("not told one by one: 7 x fault, 3 x hold") or told.messages[2].also
+    assert told.messages[-1].also.startswith("not sent one by one: 7 x fault, 3 x hold") or told.messages[2].also
 
 
 def test_only_what_was_asked_for_and_only_of_these_benches():
@@ -440,9 +440,9 @@ def test_what_could_not_be_told_is_in_the_run_file_and_in_the_log(tmp_path):
     assert [n["about"] for n in noted] == ["start"]
     assert str(bell) in noted[0]["why"]
     text = log.read_text()
-    assert "command was not told of start" in text
-    assert "command was not told of finish" in text
-    assert f"command was not told of start, finish: {bell}" in " ".join(done.stderr.split())
+    assert "command did not receive the message about start" in text
+    assert "command did not receive the message about finish" in text
+    assert f"command did not receive the message about start, finish: {bell}" in " ".join(done.stderr.split())
 
 
 def no_program(folder):
@@ -459,7 +459,7 @@ def test_messages_that_fail_when_the_run_is_over_are_told_at_the_terminal_and_th
     arguments = (write_small(tmp_path), "-b", LAB / "bench.toml", "--dry", "--out", tmp_path)
     done = rig("run", *arguments, "--notify", "--notify-file", path)
     assert done.returncode == 0, done.stderr
-    assert "bell was not told of finish" in done.stderr
+    assert "bell did not receive the message about finish" in done.stderr
     with RunReader.open(Path(done.stdout.strip())) as reader:
         reader.verify()
         assert [r.kind for r in reader.records()][-1] == "end"
@@ -470,7 +470,7 @@ def test_why_messages_fail_is_told_once_for_each_reason_and_of_many_reasons_not_
     for n in range(100):
         listeners.not_told(Failure("bell", Kind.FAULT, "no modem" if n % 2 else f"reason {n}"))
     said = listeners.close()
-    assert "bell was not told of fault (50 times): no modem" in said
+    assert "bell did not receive the message about fault (50 times): no modem" in said
     assert len(said) <= 21
 
 

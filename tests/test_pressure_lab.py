@@ -266,7 +266,7 @@ def test_a_dead_transducer_does_not_stop_the_others(tmp_path, run):
         ({"pressure_psia": -1.0}, "column pressure_psia: -1 is wrong"),
         ({"sensor_temperature_degC": -390.0}, "column sensor_temperature_degC: -390 is wrong"),
         ({"whole_plot": 1e300}, "too large"),
-        ({"order": 1.0}, "order 1 stands there twice"),
+        ({"order": 1.0}, "order 1 is there twice"),
     ],
 )
 def test_numbers_that_cannot_be_are_named_with_their_row(tmp_path, run, columns, message):

@@ -143,7 +143,7 @@ def test_zero_variance_is_least_squares_and_said():
     fit, plain = fit_split_plot(columns, y, whole_plot, NAMES), least_squares(columns, y, NAMES)
     assert fit.boundary
     assert fit.sigma_wholeplot == 0.0
-    assert fit.notes == ("the whole-plot variance is estimated at zero; the fit is that without it",)
+    assert fit.notes == ("the whole-plot variance is estimated at zero; the fit is without it",)
     np.testing.assert_allclose(fit.coefficients, plain.coefficients, rtol=1e-10)
     np.testing.assert_allclose(fit.stderr, plain.stderr, rtol=1e-10)
     np.testing.assert_allclose(fit.kenward_roger().stderr, plain.stderr, rtol=1e-10)

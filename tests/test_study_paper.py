@@ -233,7 +233,7 @@ def test_sensors_without_effects_do_not_show_it():
     failed = {(s.where, s.says.split(":")[0]) for s in checks(Measured(perfect)) if not s.agrees}
     assert failed == {
         ("24", "T_bias significant"),
-        ("24", "sigma_E over that of figure 22"),
+        ("24", "sigma_E over sigma_E of figure 22"),
         ("24", "two periods of pitch in 360 deg"),
         ("26", "T_bias significant"),
     }

@@ -43,7 +43,7 @@ def test_a_good_table_is_read(tmp_path):
         ([HEAD.replace("elapsed_s", "elapsed_h"), *ROWS], "name it elapsed_s"),
         ([HEAD.replace("sensor_temperature_degC", "t"), *ROWS], "column sensor_temperature_degC is missing"),
         ([HEAD.replace("x_V", "x"), *ROWS], "there is no sensor output"),
-        ([HEAD, *ROWS, ROWS[2]], "rows 4 and 10: order 3 stands there twice"),
+        ([HEAD, *ROWS, ROWS[2]], "rows 4 and 10: order 3 is there twice"),
         ([HEAD, *ROWS[:2], ROWS[2].replace("1,3,", "1,3.5,")], "row 4, column order: 3.5 is not a whole number"),
         ([HEAD.replace("x_V", "elapsed_s"), *ROWS], "column 'elapsed_s' occurs twice"),
         ([HEAD], "column names and no rows"),
@@ -141,7 +141,7 @@ def test_a_table_that_cannot_be_written_leaves_nothing(tmp_path):
 @pytest.mark.parametrize(
     ("wrong", "says"),
     [
-        (ROWS[2], "rows 6 and 7: order 3 stands there twice"),
+        (ROWS[2], "rows 6 and 7: order 3 is there twice"),
         (ROWS[3].replace("1,4,", "1,4.5,"), "row 7, column order: 4.5 is not a whole number"),
     ],
 )

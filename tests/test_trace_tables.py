@@ -234,7 +234,7 @@ def test_the_time_is_taken_by_its_name_and_said_so():
     data, notes = prepare(columns, response="y", formula="1 + x")
     assert data.scene.time is not None
     assert data.scene.time.name == "t_s"
-    assert any("t_s was taken for the time" in note for note in notes)
+    assert any("t_s is used as the time" in note for note in notes)
 
 
 def test_a_setting_gives_the_side_it_was_approached_from():

@@ -97,7 +97,7 @@ def test_text_tells_what_was_taken_for_what(rig, table):
     code, printed, complaint = rig("trace", table, "--response", "y", "--formula", "1 + x", "--ignore", "temp_c")
     assert code == 0, complaint
     assert "drift:t_s" in printed
-    assert "t_s was taken for the time" in printed
+    assert "t_s is used as the time" in printed
     assert printed.splitlines()[-1].startswith("  for the certificate: y: the declared model (1 + x) lacks drift:t_s")
     assert printed.count("not confirmed by a measurement of its own") == 1
 

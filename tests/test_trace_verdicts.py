@@ -94,7 +94,7 @@ def test_strong_nonlinearities_are_traced_and_what_is_said_of_them_adds_up(kind,
         assert sum(every) <= 1.0 + 1e-9, [(e["effect"], e["share"]) for e in effects]
         assert all(effect["p_adjusted"] <= (LEVEL if kind == "table" else ALPHA) for effect in effects)
         fell = [b > a for b, a in zip(before, after, strict=True)]
-        reason = any("error of this one is no smaller" in note for note in found["notes"])
+        reason = any("error of this one is not smaller" in note for note in found["notes"])
         assert not effects or any(fell) or reason
         assert found["verdict"] != "explained" or (effects and any(fell))
 
@@ -168,7 +168,7 @@ def test_an_effect_stays_if_it_stands_out_and_lowers_the_error():
     chosen, left = kept(judge, (0, 1, 2), lambda chosen, own: own != (2,), "sigma_E")
     assert chosen == (0,)
     assert [one.sentence for one in left] == [
-        "idle was left out: it stands out (p 0.02), but sigma_E is no smaller with it"
+        "idle was left out: it is significant (p 0.02), but sigma_E is not smaller with it"
     ]
 
 
@@ -187,7 +187,7 @@ def test_columns_that_are_combinations_of_others_are_left_out_and_named():
     assert np.all(np.isfinite(fitted.gamma))
     judge = AttitudeJudge(problem, family_of(problem, score(problem, ()), 1))
     name = problem.candidates[second].effect.name
-    said = f"{name} was left out: these data cannot tell it from what is in the model"
+    said = f"{name} was left out: these data cannot distinguish it from effects in the model"
     assert said in [one.sentence for one in stays(judge, (first, second))[1]]
 
 

@@ -42,7 +42,7 @@ def join(first: Data, later: Data, after_s: float, **more: Any) -> Data:
     """
     missing = [name for name in first.outputs if name not in later.outputs]
     if missing:
-        raise FitError(f"the run to confirm by has no {missing[0]}, which the run that was traced has")
+        raise FitError(f"the confirming run has no {missing[0]}, which the traced run has")
     given: dict[str, Any] = {}
     for name in (f.name for f in fields(first) if f.init and f.name not in _APART):
         a, b = getattr(first, name), getattr(later, name)

@@ -152,7 +152,7 @@ def _search(asked: _Asked, spread: FloatArray | None) -> GrossErrors:
     alone = np.flatnonzero(rows.kept <= LONE)
     most = int(min(SHARE * len(y), rows.df - FEWEST_DF, MOST))
     if most < 1:
-        why = f"{len(y)} rows leave {max(rows.df, 0)} degrees of freedom: too few to tell a gross error"
+        why = f"{len(y)} rows leave {max(rows.df, 0)} degrees of freedom: too few to recognise a gross error"
         return GrossErrors(none, np.zeros(0), np.zeros(0), 1.0, np.full(len(y), np.nan), alone, why)
     eps = ROUNDING * np.finfo(float).eps * float(np.sqrt(np.mean(rows.y**2)))
     floor = max(least_sd(step * weight), eps)

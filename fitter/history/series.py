@@ -39,7 +39,7 @@ class Series:
         if not np.all(np.diff(self.years) > 0):
             raise FitError("the calibrations are not in order of time, or two are of the same time")
         if not (np.all(self.variance > 0) and self.df > 0):
-            raise FitError("the calibrations leave nothing to estimate their own error from")
+            raise FitError("the calibrations leave no degrees of freedom for their own error")
 
     def __len__(self) -> int:
         return len(self.values)

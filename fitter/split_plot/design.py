@@ -105,7 +105,7 @@ class SplitPlotDesign:
             coefficients=spectrum.coefficients(in_x, in_z, structure.ratio),
             variances=variances,
             reml_loglik=float(_log_likelihood(spectrum, np.array(structure.ratio), np.array(subplot))),
-            notes=tuple(f"the {kind} variance is estimated at zero; the fit is that without it" for kind in at_zero),
+            notes=tuple(f"the {kind} variance is estimated at zero; the fit is without it" for kind in at_zero),
             whole_plots=self.whole_plots,
             replicates=self.replicates,
             y=response,

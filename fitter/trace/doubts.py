@@ -1,24 +1,24 @@
-"""Why a name should not be believed yet: sentences, and the limits at which they are said, for every kind of run."""
+"""Reasons for doubt about a name: sentences and their limits, for every kind of run."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 DOUBT = 1e-2
-"""Something is left where an effect was found, of which chance makes as much less often than this: it is doubtful."""
+"""Probability of a remainder at the place of an effect, below which the effect is doubtful."""
 BUNDLE = 3
-"""Names that arrive together in the same sensors at one level, from which on they are rather parts of one shape."""
+"""Number of names found together in the same sensors at one level, from which on they may be parts of one shape."""
 EARNED = 3.0
-"""Nats by which a name must be likelier than the likeliest shape without one: odds of 20 to 1."""
+"""Minimum lead in nats of a name over the most probable shape without a name: odds of 20 to 1."""
 
 
 def something_left(place: str, p: float) -> str:
-    """Something is left beside it."""
-    return f"something is left {place} that it does not explain (p = {p:.1g})"
+    """Sentence about a remainder."""
+    return f"the residual still follows a shape {place} that it does not explain (p = {p:.1g})"
 
 
 def bundle(names: Sequence[str]) -> str:
-    """Several names arrive together."""
+    """Sentence about several names found together."""
     return (
         f"{len(names)} effects were found together in the same readings ({', '.join(names)}): one unlisted cause "
         "would look like this"
@@ -26,24 +26,21 @@ def bundle(names: Sequence[str]) -> str:
 
 
 def no_better(names: Sequence[str], place: str) -> str:
-    """One shape without a name explains as much."""
+    """Sentence about a shape without a name that explains as much."""
     one = "it does" if len(names) == 1 else f"{' and '.join(names)} do together"
     return f"a shape without a name, {place}, explains as much as {one}"
 
 
 def in_several(sensors: Sequence[str]) -> str:
-    """An effect of single sensors arrives in several at once."""
-    return (
-        f"{', '.join(sensors)} show it at once, each with a coefficient of its own: a cause that they share would "
-        "look like this"
-    )
+    """Sentence about an effect of single sensors that is found in several at once."""
+    return f"{', '.join(sensors)} show it at once, each with its own coefficient: a common cause would look like this"
 
 
 def beside(stronger: str) -> str:
-    """A stronger effect of much the same shape is there."""
-    return f"it is small beside {stronger}, and a law of {stronger} that is not quite right would look like this"
+    """Sentence about a stronger effect of a similar shape."""
+    return f"it is small compared with {stronger}, and a small error in the law of {stronger} would look like this"
 
 
 def several_values(count: int) -> str:
-    """An effect with one searched constant takes several values of it at once."""
-    return f"it takes {count} values of a constant that has one: together they can take almost any shape"
+    """Sentence about an effect that uses several values of its searched constant at once."""
+    return f"it takes {count} values of a constant that has one true value: together they can have almost any shape"

@@ -1,11 +1,11 @@
-"""Shapes without a name: does what is left follow a smooth curve of something that was recorded?
+"""Shapes without a name: tests whether the residual follows a smooth curve over a recorded quantity.
 
 A block is a set of columns over one place: waves over the pitch angle, over the time, over the temperature times
-gravity, the slowest first. A residual without structure follows none of them by more than chance. What it follows is
-there, whether or not a catalogue has a name for it.
+gravity, the slowest first. A residual without structure follows none of them by more than chance. If it follows one,
+this structure is real, with or without a name in a catalogue.
 
-Each block is tried in a few orders. The statistic is an F, and where readings scatter unequally Wald's with the scatter
-of each row's own contribution (White, Econometrica 48 (1980) 817): the less clear of the two counts.
+Each block is tried in a few orders. The statistic is the smaller of F and Wald's statistic, which uses the scatter of
+each row's own contribution (White, Econometrica 48 (1980) 817) and is valid for unequal scatter.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from fitter.arrays import FloatArray
 from fitter.linear import orthonormal
 
 NOTHING_LEFT = 1e-2
-"""A column of which no larger share than this is left beside the model says nothing of its own."""
+"""Minimum remaining share of a column beside the model."""
 ROUNDING = 1e-9
-"""Range of a variable over its largest value, below which it is constant."""
+"""Ratio of a variable's range to its largest value, below which it is constant."""
 LEAST_DF = 8
-"""Degrees of freedom beside a block: with fewer the error is not known well enough for small probabilities."""
+"""Minimum degrees of freedom beside a block: fewer do not determine the error well enough for small probabilities."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,8 +34,8 @@ class Block:
     Attributes:
         place: in words: "over the pitch angle".
         columns: (n, m), the slowest first.
-        orders: how many of them are tried together, ascending.
-        roughness: (m,) how many half waves each has, one at least.
+        orders: numbers of columns that are tried together, ascending.
+        roughness: (m,) number of half waves of each, at least one.
 
     """
 
@@ -47,16 +47,16 @@ class Block:
 
 @dataclass(frozen=True, eq=False)
 class Remainder:
-    """The part of a residual that a block takes up.
+    """The part of a residual that a block explains.
 
     Attributes:
         place: of the block.
-        p: probability of so much by chance, this block and order alone.
-        gain: sum of squares that it takes up.
-        rank: columns that it took.
-        share: of the residual sum of squares.
-        shape: (n,) what it takes up, row by row.
-        basis: (n, rank) of the columns it took, orthonormal.
+        p: probability of as much by chance, for this block and order only.
+        gain: explained sum of squares.
+        rank: number of used columns.
+        share: explained share of the residual sum of squares.
+        shape: (n,) the explained part, row by row.
+        basis: (n, rank) orthonormal basis of the used columns.
 
     """
 
@@ -83,7 +83,7 @@ def waves(values: FloatArray, most: int) -> FloatArray:
 
 
 def turns(angle_deg: FloatArray, most: int) -> FloatArray:
-    """(n, 2 m) sine and cosine of up to `most` periods a turn, as far as the angles (n,) tell them apart."""
+    """(n, 2 m) sine and cosine of up to `most` periods per turn, as far as the angles (n,) determine them."""
     distinct = np.unique(np.round(np.mod(angle_deg, 360.0), 3)).size
     count = min(most, (distinct - 1) // 2)
     angle = np.radians(angle_deg)[:, None] * np.arange(1, count + 1)
@@ -99,13 +99,13 @@ def orders_of(columns: FloatArray, tried: Sequence[int] = (3, 6, 12)) -> tuple[i
 def remainders(
     left: FloatArray, df: int, blocks: Iterable[Block], project: Callable[[FloatArray], FloatArray]
 ) -> list[Remainder]:
-    """For each block what it takes up in the order in which that is clearest, the clearest block first.
+    """The remainder of each block in its most significant order, the most significant block first.
 
     Args:
         left: (n,) residual.
         df: its degrees of freedom.
         blocks: to try.
-        project: what the model leaves of columns (n, m).
+        project: removes the model from columns (n, m).
 
     """
     found: list[Remainder] = []
@@ -133,18 +133,18 @@ def remainders(
 
 
 DECAYS = (1.0, 2.0, 3.0)
-"""Powers of the roughness with which the size of a wave falls: a kink, a curve, a very smooth curve."""
+"""Powers of the roughness with which the size of a wave decreases: a kink, a curve, a very smooth curve."""
 SIZES = 4.0 ** np.arange(-3, 13)
-"""Variances of the slowest wave that are tried, over the error's."""
+"""Tried variances of the slowest wave, over the error variance."""
 HYPER = 2.0
-"""Price in nats of a size and a decay that are chosen by the data."""
+"""Price in nats of a size and a decay that are estimated from the data."""
 
 
 def evidence(y: FloatArray, columns: FloatArray, roughness: FloatArray | None = None) -> float:
-    """Logarithm of how much likelier y (n,), of unit error, is with smooth columns (n, m) than with none.
+    """Logarithm of the likelihood ratio of y (n,), of unit error, with smooth columns (n, m) to y without them.
 
-    Coefficients are drawn from one normal distribution that is as wide as makes y likeliest; of waves, narrower the
-    rougher they are, as for a Gaussian process. What a coefficient could have been and is not is paid for.
+    Coefficients have one normal distribution, whose width maximises the likelihood. For waves it is narrower for
+    rougher waves, as in a Gaussian process. The marginal likelihood includes the price of free coefficients.
     """
     if not columns.shape[1]:
         return 0.0
@@ -167,7 +167,7 @@ def evidence(y: FloatArray, columns: FloatArray, roughness: FloatArray | None = 
 
 
 def evidence_of(y: FloatArray, effects: Iterable[FloatArray]) -> float:
-    """Evidence for effects (n, m) each, one after the other, each beside those before it; see `evidence`."""
+    """Sum of the evidence for effects (n, m), each beside the effects before it; see `evidence`."""
     left, taken, total = y, np.empty((y.size, 0)), 0.0
     for columns in effects:
         own = columns - taken @ (taken.T @ columns)
@@ -178,7 +178,7 @@ def evidence_of(y: FloatArray, effects: Iterable[FloatArray]) -> float:
 
 
 def tried(blocks: Iterable[Block]) -> int:
-    """How many tests the blocks are."""
+    """Number of tests of the blocks."""
     return sum(len(block.orders) for block in blocks if block.columns.shape[1])
 
 
@@ -196,7 +196,7 @@ def _p(own: FloatArray, left: FloatArray, along: FloatArray, rss: float, df: int
 
 
 def _independent(columns: FloatArray, length: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(n, r) orthonormal columns one after the other, and (r,) which of the given ones each came from."""
+    """(n, r) orthonormal columns in order, and (r,) index of the given column of each."""
     basis = np.empty((columns.shape[0], 0))
     kept: list[int] = []
     for k in range(columns.shape[1]):

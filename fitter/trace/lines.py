@@ -1,9 +1,9 @@
-"""Periods in what is left: does a residual repeat itself, in the order of the readings or in time?
+"""Periods of a residual, in the order of the readings or in time.
 
-Mains hum that beats with the readings, an air conditioner, a pump: none of them follows anything that was set. Power at
-each frequency is compared with that at the frequencies about it, so that noise that wanders or remembers, whose power
-is larger at low ones, is no line. A line whose phase wanders is spread over a few frequencies: sums of three are tried
-too, and sums over stretches between pauses.
+Mains hum that beats with the readings, an air conditioner or a pump follow no setting. The power at each frequency is
+compared with the power at its neighbours, so that noise with memory, which has more power at low frequencies, is not a
+line. A line with a wandering phase is spread over a few frequencies, so sums of three are tried too, and sums over
+stretches between pauses.
 """
 
 from __future__ import annotations
@@ -16,17 +16,17 @@ from scipy import special
 from fitter.arrays import FloatArray, IntArray
 
 ABOUT = 20
-"""Frequencies to each side that the power at one is compared with."""
+"""Number of frequencies on each side for the comparison of power."""
 SLOWEST = 8
-"""Periods over the series, at least: what is slower is a course along the run and no line."""
+"""Minimum number of periods in the series: a slower variation is a drift along the run and not a line."""
 LEAST_KEPT = 0.3
-"""Least share of the power of white noise, relative to the usual one, at which a line is looked for."""
+"""Minimum remaining share of the power of white noise, relative to the usual share, for a search at a frequency."""
 FEWEST = 96
-"""Readings in which a period can be looked for."""
+"""Minimum number of readings for a search."""
 CLEAR = 1e-4
 """Probability below which there is a period: the usual power about its frequency is known from a few dozen numbers."""
 IN_TIME = 600
-"""Frequencies in time that are tried, at most."""
+"""Maximum number of tried frequencies in time."""
 
 
 @dataclass(frozen=True)
@@ -36,8 +36,8 @@ class Line:
     Attributes:
         period: in readings or in seconds.
         unit: "readings" or "s".
-        p: probability of so clear a line by chance, over all frequencies tried.
-        share: of the sum of squares that lies at it.
+        p: probability of such a clear line by chance, over all tried frequencies.
+        share: its share of the sum of squares.
 
     """
 
@@ -61,8 +61,8 @@ def line(left: FloatArray, elapsed_s: FloatArray, stretch: IntArray, white: Floa
         left: (n,) residual in the order of running.
         elapsed_s: (n,) time of each.
         stretch: (n,) readings without a pause between them have the same number.
-        white: (n, m) draws of white noise after the projection of the residual, in its order: a projection that takes
-            much at some frequencies would make the others stand out. None if it takes next to nothing.
+        white: (n, m) draws of white noise after the projection of the residual, in its order: a projection that
+            removes much at some frequencies would make the others significant. None if it removes nearly nothing.
 
     """
     if left.size < FEWEST or not np.any(left):
@@ -120,8 +120,8 @@ def _clearest(power: FloatArray, summed: int, kept: FloatArray | None = None) ->
 
     Args:
         power: (m,) of each frequency.
-        summed: how many independent series it is the sum of.
-        kept: (m,) share of white noise's power that is left at each; None for all of it at all.
+        summed: number of independent series in the sum.
+        kept: (m,) remaining share of the power of white noise at each; None if all of it remains everywhere.
 
     """
     best = (0.0, 1.0, 0.0)
@@ -142,7 +142,7 @@ def _clearest(power: FloatArray, summed: int, kept: FloatArray | None = None) ->
 
 
 def _typical(power: FloatArray, summed: int) -> FloatArray:
-    """(m,) mean power about each frequency, by medians: of those below it or above, whichever is larger."""
+    """(m,) mean power about each frequency, by the larger of the medians below it and above it."""
     over = float(special.gammaincinv(summed, 0.5)) / summed  # the median of a gamma over its mean
     m, out = power.size, np.full(power.size, np.inf)
     medians = np.median(np.lib.stride_tricks.sliding_window_view(power, ABOUT), axis=1)  # of k to k + ABOUT - 1

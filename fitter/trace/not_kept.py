@@ -18,8 +18,8 @@ LARGEST = 1e75
 Why = Literal["error", "dependent", "overflow"]
 
 _WHY: dict[Why, str] = {
-    "error": "it stands out (p {p:.2g}), but {error} is no smaller with it",
-    "dependent": "these data cannot tell it from what is in the model",
+    "error": "it is significant (p {p:.2g}), but {error} is not smaller with it",
+    "dependent": "these data cannot distinguish it from effects in the model",
     "overflow": "its values are too large to be computed with",
 }
 
@@ -51,7 +51,7 @@ class NotKept:
 
 def for_others(effect: str) -> str:
     """A sentence about an effect of several sensors that does not reduce the error of one of them."""
-    return f"{effect} is kept because other sensors show it; the error of this one is no smaller with it"
+    return f"{effect} is kept because other sensors show it; the error of this one is not smaller with it"
 
 
 def independent(columns: FloatArray) -> list[int]:

@@ -32,6 +32,7 @@ class Row:
         scale: factor for display.
         digits: displayed digits.
         where_known: whether tables omit it if it exists neither before nor after; otherwise they show a dash.
+        in_reports: whether only reports show it.
     """
 
     name: str
@@ -43,6 +44,7 @@ class Row:
     scale: float = 1.0
     digits: int = 3
     where_known: bool = False
+    in_reports: bool = False
 
 
 OF_REPLICATIONS = ("sigma_E", "sigma_bias", "sigma_prec", "T_bias", "F_bias_95", "T_b", "T_S", "F_bS_95")

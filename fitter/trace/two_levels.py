@@ -1,7 +1,7 @@
-"""Does a residual jump between two levels, staying some rows at each: popcorn noise, a loose contact, a sticking part?
+"""Jumps of a residual between two levels, with several rows at each: popcorn noise, a loose contact, a sticking part.
 
 A hidden chain of two states with normal errors about each (Hamilton, Econometrica 57 (1989) 357), its likelihood on a
-grid of distances, shares and stays. It has to be held against noise that remembers, whose correlation is the same.
+grid of distances, shares and stays. It must be compared with noise with memory, which has the same correlation.
 """
 
 from __future__ import annotations
@@ -15,29 +15,29 @@ from fitter.arrays import FloatArray
 
 FEWEST = 24
 APART = (0.9, 1.15, 1.4, 1.6, 1.75, 1.85, 1.93, 1.98)
-"""Distances of the levels that are tried, by the share of the variance: d^2 w (1 - w) over all of it, root, twice."""
+"""Tried distances of the levels: twice the square root of the share d^2 w (1 - w) of the variance between them."""
 SHARES = (0.15, 0.25, 0.35, 0.5, 0.65, 0.75, 0.85)
 """Share of the rows at the upper level."""
 STAYS = (3.0, 5.0, 8.0, 14.0, 25.0, 45.0)
-"""Rows that a stay at the rarer level lasts on average."""
+"""Mean number of rows of a stay at the rarer level."""
 MIDDLES = (-0.3, 0.0, 0.3)
-"""Offset of the series' mean in the run, in its standard deviations: a run is too short to have its shares exactly."""
+"""Offsets of the mean in a run, in standard deviations: in a short run the shares differ from their expectation."""
 ROUNDS = 5
-"""Of fitting levels and model in turn."""
+"""Maximum number of alternating fits of levels and model."""
 NEAR = 12.0
-"""Nats: what is farther behind the best of the grid is not tried again."""
+"""Nats: grid values farther behind the best are not tried again."""
 
 
 @dataclass(frozen=True)
 class TwoLevels:
-    """Two levels, as likely as they can be made.
+    """The most probable two levels.
 
     Attributes:
         log_likelihood: of the series with unit sum of squares over n; compare with -n/2 log(rss/n).
         apart: distance of the levels, unit of the series.
-        upper: share of rows at the upper.
-        stay: rows that a stay at the rarer lasts on average.
-        share: of the sum of squares that lies between the levels.
+        upper: share of rows at the upper level.
+        stay: mean number of rows of a stay at the rarer level.
+        share: share of the sum of squares between the levels.
 
     """
 
@@ -49,16 +49,16 @@ class TwoLevels:
 
 
 def two_levels(left: FloatArray, basis: FloatArray) -> TwoLevels | None:
-    """The likeliest two levels of a residual (n,) in the order of taking; None where there are too few rows.
+    """The most probable two levels of a residual (n,) in the order of measurement; None where there are too few rows.
 
-    What the model took up of the levels is given back: model and levels are fitted in turn.
+    The model may have absorbed a part of the levels, so model and levels are fitted alternately.
 
     Args:
         left: (n,) residual.
         basis: (n, q) orthonormal, of the model.
 
     Returns:
-        Its logarithm of the likelihood leaves out n/2 (1 + log 2 pi), as -n/2 log(rss/n) does for independent errors.
+        Its log-likelihood is without the constant n/2 (1 + log 2 pi), like -n/2 log(rss/n) for independent errors.
 
     """
     if left.size < FEWEST or not np.any(left):
@@ -80,7 +80,7 @@ def two_levels(left: FloatArray, basis: FloatArray) -> TwoLevels | None:
 
 
 def _parts(grid: FloatArray) -> tuple[FloatArray, ...]:
-    """Levels, scatter about them, and chances at each row to go up and down, of each line of a grid (m, 4)."""
+    """Levels, scatter about them, and probabilities per row of a jump up and down, for each line of a grid (m, 4)."""
     between, upper, stay, middle = grid.T
     spread = 0.5 * between  # root of the share of the variance between the levels
     apart, rest = spread / np.sqrt(upper * (1 - upper)), np.sqrt(1.0 - spread**2)
@@ -91,7 +91,7 @@ def _parts(grid: FloatArray) -> tuple[FloatArray, ...]:
 
 
 def _likelihoods(series: FloatArray, grid: FloatArray) -> FloatArray:
-    """(m,) of a series (n,) for each line of the grid, by the filter of the chain."""
+    """(m,) log-likelihoods of a series (n,) for each line of the grid, by the filter of the chain."""
     sd = float(np.sqrt(np.mean(series**2)))
     low, high, rest, up, down = _parts(grid)
     total, p = np.zeros(len(grid)), grid[:, 1].copy()  # p: of being at the upper level
@@ -111,7 +111,7 @@ def _found(series: FloatArray, line: FloatArray, log_likelihood: float) -> TwoLe
 
 
 def _posterior(series: FloatArray, line: FloatArray) -> FloatArray:
-    """(n,) probability of the upper level at each row, all rows known."""
+    """(n,) probability of the upper level at each row, given all rows."""
     sd = float(np.sqrt(np.mean(series**2)))
     low, high, rest, up, down = (float(part[0]) for part in _parts(line[None]))
     fit = np.exp(-0.5 * ((series[:, None] / sd - np.array([low, high])) / rest) ** 2)

@@ -132,7 +132,7 @@ def _pitch_range(case: _Case) -> Advice:
     if case.tumble:
         return not_for(1, said, "a tumble is about as precise at every pitch")
     if not case.told:
-        return not_for(1, said, f"no usage range was told; calibrated {_span(low, high)}, it suits {case.usage}")
+        return not_for(1, said, f"no usage range was given; calibrated {_span(low, high)}, it suits {case.usage}")
     wanted, centre = min(RANGE_RATIO * used, 180.0), sum(case.usage.pitch_deg) / 2.0
     ideal = (centre - wanted, centre + wanted)
     covered = case.points.covers(case.usage)
@@ -273,7 +273,7 @@ def _pads(case: _Case) -> Advice:
     model = "with roll" if case.points.roll else "without roll"
     left = f"{model}, {seen.rms:.2f} of an isolation-pad deflection stays in the residuals"
     if not np.isfinite(smallest):
-        imitated = "it is zero at every point" if case.tumble else "the model can take all of it up"
+        imitated = "it is zero at every point" if case.tumble else "the model can explain all of it"
         why = imitated if seen.rms == 0 else "nothing is replicated"
         return Advice(0, said, False, f"{left}: it cannot be found, since {why}")
     holds = smallest <= PAPERS_PADS_DEG

@@ -89,7 +89,7 @@ def infer_attitudes(
             f"leave out: given is the one on the side of {side}; column assumed"
         )
     if measured_roll is not None and roll_sd_deg == 0:
-        notes.append("the measured roll is taken as exact: --roll-sd tells its standard deviation")
+        notes.append("the measured roll is taken as exact: --roll-sd gives its standard deviation")
     return Inference(
         {**table.columns, **table.text, **added},
         tuple(added),

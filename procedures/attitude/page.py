@@ -12,12 +12,12 @@ from matplotlib.figure import Figure
 from fitter.trace.outcome import Outcome, WithError
 from procedures.attitude.parameters import NO_DIRECTION, SCALE, UNIT
 from procedures.attitude.words import little_help
+from procedures.before_after import compared
 from procedures.effect_plots import drawn
 from procedures.effects_page import effects_part
 from procedures.numbers import with_error
 from procedures.pictures import BEFORE_AFTER, colour_scale, dress, legend_below, side_by_side
 from procedures.results import Page
-from procedures.words import TESTS, significant
 
 if TYPE_CHECKING:
     from procedures.attitude.evaluate import AttitudeTraced
@@ -107,19 +107,6 @@ def residual_map(picture: Picture) -> Figure:
     return figure
 
 
-_ROWS = (
-    ("sigma_E_deg", "sigma_E / 1e-4 deg", 1e4, "standard error of one observation"),
-    ("sigma_bias_deg", "sigma_bias / 1e-4 deg", 1e4, "its part from lack of fit"),
-    ("sigma_prec_deg", "sigma_prec / 1e-4 deg", 1e4, "its part from scatter between replications"),
-    ("T_bias", "T_bias", 1.0, "lack of fit against scatter"),
-    ("F_bias_95", "its 95 % limit", 1.0, ""),
-    ("T_b", "T_b", 1.0, "offset between replications"),
-    ("T_S", "T_S", 1.0, "sensitivity between replications"),
-    ("F_bS_95", "their 95 % limit", 1.0, ""),
-    ("cv_rms_deg", "left-out error / 1e-4 deg", 1e4, "rms error at replications the fit has not seen"),
-)
-
-
 def trace_page(traced: AttitudeTraced) -> Page:
     """The report of a trace."""
     result = traced.to_json()
@@ -129,20 +116,11 @@ def trace_page(traced: AttitudeTraced) -> Page:
 
 
 def _sensor(outcome: Outcome, result: dict[str, Any], traced: AttitudeTraced) -> dict[str, Any]:
-    name, before, after = outcome.sensor, result["before"], result["after"]
+    name = outcome.sensor
     return {
         **result,
         "name": name,
-        "rows": [
-            {
-                "label": label,
-                "before": _number(before[key], scale),
-                "after": _number(after[key], scale),
-                "meaning": what,
-                "above": [key in TESTS and significant(side, key) for side in (before, after)],
-            }
-            for key, label, scale, what in _ROWS
-        ],
+        "rows": list(compared(outcome)),
         "parameters": [
             {"name": one.label, "before": _text(one.before), "after": _text(one.after)} for one in outcome.parameters
         ],
@@ -188,10 +166,6 @@ def _plots(name: str, picture: Picture) -> list[dict[str, Any]]:
     if np.ptp(picture.roll_deg) > 0:
         plots.append({"alt": f"{name}: mean residual over pitch and roll", "figure": residual_map(picture)})
     return plots
-
-
-def _number(value: float | None, scale: float) -> str:
-    return "-" if value is None else f"{value * scale:.3g}"
 
 
 def _text(one: WithError | None) -> tuple[str, str]:

@@ -139,22 +139,29 @@ class MeasureSettings(Strict):
 
     readings: int = Field(10, ge=1, le=50_000, description="sweeps over all channels; their mean is the observation")
     max_sd_V: Positive | None = Field(None, description="noisier than this: read again")
-    repeats: int = Field(2, ge=0, le=10, description="how often to read again before accepting it, flagged")
+    repeats: int = Field(
+        2,
+        ge=0,
+        le=10,
+        description="maximum number of repeated readings; after them the reading is accepted and flagged",
+    )
 
 
 class RecoverySettings(Strict):
     """Handling of interruptions."""
 
     max_gap_s: Positive = Field(1800.0, description="after a longer gap the environment is settled again")
-    hold_max_s: Positive = Field(12 * 3600.0, description="a hold nobody releases ends the session after this")
+    hold_max_s: Positive = Field(
+        12 * 3600.0, description="a hold that is not released ends the session after this time"
+    )
 
 
 class ExpectSettings(Strict):
     """Expected properties of the sensors; used by `rig plan` and never by a fit."""
 
     sigma_deg: Positive = Field(2e-4, description="standard error of one observation")
-    sigma_y_deg: Positive | None = Field(None, description="that of a y sensor, where it is another")
-    sigma_z_deg: Positive | None = Field(None, description="that of a z sensor, where it is another")
+    sigma_y_deg: Positive | None = Field(None, description="value for a y sensor, if it differs")
+    sigma_z_deg: Positive | None = Field(None, description="value for a z sensor, if it differs")
     coning_deg: float = Field(1.0, ge=0, lt=90, description="largest coning angle Omega of the sensors")
 
 
@@ -211,7 +218,7 @@ class PitchRollProcedure(Strict):
 
     kind: Literal["pitch-roll"]
     name: Name
-    seed: int = Field(0, ge=0, le=2**63 - 1, description="of every random choice in the order")
+    seed: int = Field(0, ge=0, le=2**63 - 1, description="seed of every random choice in the order")
     replications: int = Field(6, ge=1, le=1000)
     design: DesignSettings
     order: OrderSettings = OrderSettings()

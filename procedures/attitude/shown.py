@@ -11,10 +11,11 @@ from fitter.trace.outcome import Outcome
 from procedures.attitude.evaluate import AttitudeTraced
 from procedures.attitude.parameters import LABELS, NO_DIRECTION, shown
 from procedures.attitude.words import little_help, misfit_in_words
+from procedures.before_after import compared
 from procedures.blocks import Block, Grid, Line, Paragraph, headline
 from procedures.effects_shown import show_certificate, show_effect
 from procedures.gross_shown import show_gross, show_left_out
-from procedures.numbers import number, with_error, with_interval
+from procedures.numbers import with_error, with_interval
 from procedures.words import TESTS, significant, unnamed, verdict_of
 
 
@@ -95,28 +96,18 @@ def _show_parameters_of(heading: str, parameters: Mapping[str, Any]) -> Iterator
         yield Line(f"  {NO_DIRECTION}")
 
 
-_BEFORE_AFTER = (
-    ("sigma_E_deg", "sigma_E / 1e-4 deg", 1e4),
-    ("sigma_bias_deg", "sigma_bias / 1e-4 deg", 1e4),
-    ("sigma_prec_deg", "sigma_prec / 1e-4 deg", 1e4),
-    ("T_bias", "T_bias", 1.0),
-    ("T_b", "T_b", 1.0),
-    ("T_S", "T_S", 1.0),
-    ("cv_rms_deg", "left-out error / 1e-4 deg", 1e4),
-)
-
-
 def show_attitude_trace(traced: AttitudeTraced) -> Iterator[Block]:
     """A short table per sensor: error before and after, and the effects found."""
     result, outcomes = traced.to_json(), {one.sensor: one for one in traced.outcomes}
     yield headline(result["data"]["file"], traced.table)
     for name, sensor in result["sensors"].items():
         yield Line(f"\n[bold]{name}[/] ({sensor['declared']}): [bold]{escape(verdict_of(sensor))}[/]", wrapped=True)
+        rows = [row for row in compared(outcomes[name]) if not row.in_reports]
         table = Grid(("", "before", "after"))
-        for key, label, scale in _BEFORE_AFTER:
-            table.add_row(label, *(_cell(sensor[side], key, scale) for side in ("before", "after")))
+        for row in rows:
+            table.add_row(row.label, *map(_cell, (row.before, row.after), row.above))
         yield table
-        if any(significant(sensor[side], test) for side in ("before", "after") for test in _MARKED):
+        if any(any(row.above) for row in rows):
             yield Line("  * above its 95 % limit", wrapped=True)
         yield from _show_parameters(outcomes[name])
         yield from _say(sensor["depends_on"])
@@ -128,12 +119,8 @@ def show_attitude_trace(traced: AttitudeTraced) -> Iterator[Block]:
         yield from show_certificate(sensor)
 
 
-_MARKED = ("T_bias", "T_b", "T_S")
-
-
-def _cell(side: Mapping[str, Any], key: str, scale: float) -> str:
-    text = number(None if side[key] is None else side[key] * scale, 3)
-    return f"[yellow]{text} *[/]" if key in _MARKED and significant(side, key) else text
+def _cell(text: str, above: bool) -> str:
+    return f"[yellow]{text} *[/]" if above else text
 
 
 def _show_parameters(outcome: Outcome) -> Iterator[Block]:

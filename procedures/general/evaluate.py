@@ -57,7 +57,7 @@ class GeneralTraced:
         """Blocks for people."""
         from procedures.general.shown import show_general_trace  # noqa: PLC0415
 
-        return show_general_trace(self.to_json())
+        return show_general_trace(self)
 
     def summary(self) -> Iterator[Block]:
         """All of it: there is one response."""

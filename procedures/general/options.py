@@ -35,7 +35,7 @@ class TraceOptions(Options):
     candidates: list[str] | None = Field(None, description="the only other columns to look at; repeatable, or a,b")
     ignore: list[str] | None = Field(None, description="column(s) not to look at; repeatable, or a,b")
     wrap: float | None = Field(
-        None, description="the response is an angle: bring it to half a turn of this size either side"
+        None, description="the response is an angle with this period: wrap it to half a period on either side of zero"
     )
 
 

@@ -58,8 +58,8 @@ def time_of(table: Table, parts: Parts, notes: list[str]) -> tuple[Timeline | No
             if pattern.search(name) and len(np.unique(v)) > 0.5 * len(v) and np.mean(np.diff(v) >= 0) > 0.95:
                 counts = pattern is _COUNTERS
                 more = f"; --time {name} declares it: {_MORE}" if counts else ""
-                what = "the order of taking" if counts else "the time"
-                notes.append(f"{name} was taken for {what}; --ignore {name} leaves it out{more}")
+                what = "the order of measurement" if counts else "the time"
+                notes.append(f"{name} is used as {what}; --ignore {name} leaves it out{more}")
                 return Timeline(name, v, seconds_per_unit(name), presumed=pattern is _COUNTERS), False
     by = _sorted_by(table, parts)
     if by is not None and parts.direction not in parts.settings:
@@ -69,7 +69,7 @@ def time_of(table: Table, parts: Parts, notes: list[str]) -> tuple[Timeline | No
             f"drift, steps, carry-over and lags were not looked for{_MAYBE if along else ''}; --time names the column"
         )
         return None, along
-    notes.append(f"rows were taken to stand in the order of taking; with --time COLUMN, {_MORE}")
+    notes.append(f"rows are assumed to be in the order of measurement; with --time COLUMN, {_MORE}")
     return Timeline("row", np.arange(1.0, len(table) + 1.0), presumed=True), False
 
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from procedures.before_after import compared
 from procedures.effects_page import effects_part
 from procedures.numbers import number
 from procedures.pictures import BEFORE_AFTER, dress, side_by_side
@@ -77,17 +78,6 @@ def _means(values: Array, residual: Array, *, each: bool = False) -> tuple[Array
     return np.bincount(index, values) / count, np.bincount(index, residual) / count
 
 
-_ROWS = (
-    ("sigma_E", "standard error of one row", "of least squares, every row counted alike"),
-    (
-        "sigma_pure",
-        "of rows that repeat one setting",
-        "no model of the settings can go below it; after: what the effects make of them taken out",
-    ),
-    ("sigma_subplot", "within whole plots", "by restricted maximum likelihood"),
-    ("sigma_wholeplot", "between whole plots", "of the error that rows of a whole plot share"),
-    ("cv_rms", "left-out error", "rms error at rows that neither search nor fit have seen"),
-)
 _PLOTS = 6
 
 
@@ -95,15 +85,10 @@ def trace_page(traced: GeneralTraced) -> Page:
     """The report of a trace."""
     result = traced.to_json()
     name, found = next(iter(result["sensors"].items()))
-    before, after = found["before"], found["after"]
     contents = {
         **found,
         "name": name,
-        "rows": [
-            {"label": label, "before": number(before[key], 4), "after": number(after[key], 4), "meaning": meaning}
-            for key, label, meaning in _ROWS
-            if before[key] is not None or after[key] is not None
-        ],
+        "rows": list(compared(traced.outcome)),
         "s": effects_part(found, {}),
         "plots": _plots(traced),
         "coefficients": [

@@ -7,15 +7,18 @@ from typing import Any
 
 from rich.markup import escape
 
+from procedures.before_after import compared
 from procedures.blocks import Block, Grid, Line, Paragraph
 from procedures.effects_shown import show_certificate, show_effect
+from procedures.general.evaluate import GeneralTraced
 from procedures.gross_shown import show_gross, show_left_out
 from procedures.numbers import number
 from procedures.words import unnamed, verdict_of
 
 
-def show_general_trace(result: Mapping[str, Any]) -> Iterator[Block]:
+def show_general_trace(traced: GeneralTraced) -> Iterator[Block]:
     """Error before and after, the effects found, the remainder, and the roles of columns."""
+    result = traced.to_json()
     yield Line(f"[bold]{escape(result['data']['file'])}[/]: {result['data']['points']} rows")
     for name, found in result["sensors"].items():
         yield Line(
@@ -23,15 +26,8 @@ def show_general_trace(result: Mapping[str, Any]) -> Iterator[Block]:
             wrapped=True,
         )
         table = Grid(("", "before", "after"))
-        for key, label in (
-            ("sigma_E", "standard error of one row"),
-            ("sigma_pure", "of rows that repeat one setting"),
-            ("sigma_subplot", "within whole plots"),
-            ("sigma_wholeplot", "between whole plots"),
-            ("cv_rms", "left-out error"),
-        ):
-            if found["before"][key] is not None or found["after"][key] is not None:
-                table.add_row(label, *(number(found[side][key], 4) for side in ("before", "after")))
+        for row in compared(traced.outcome):
+            table.add_row(row.label, row.before, row.after)
         yield table
         for effect in found["effects"]:
             yield from show_effect(effect)

@@ -58,8 +58,8 @@ def check_declared(procedure: WholePlotProcedure, run_list: RunList) -> None:
         why = str(error).removesuffix("; fit a smaller model")
         if run_list.whole_plots < 2:
             raise FitError(
-                f"{why}. Name the pair of temperatures twice or more in temperatures_degC, or set "
-                f"replications = 2: whole plots of the same temperatures tell how far they differ"
+                f"{why}. List the pair of temperatures twice or more in temperatures_degC, or set "
+                f"replications = 2: whole plots at the same temperatures show how much they differ"
             ) from error
         raise FitError(
             f"the design cannot estimate the declared model ({model}): {why}; visit more settings, or declare "

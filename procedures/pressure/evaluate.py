@@ -268,7 +268,7 @@ def low_pressure(result: Mapping[str, Any]) -> tuple[int, float]:
 
 IN_USE = (
     "in use: readings predicted by other whole plots, or with in-flight zero by one zero reading of their own, whose "
-    "error counts; ± is the 95 % interval of one reading, ? where no reading can be held against a prediction"
+    "error counts; ± is the 95 % interval of one reading, ? where no reading can be compared with a prediction"
 )
 
 
@@ -287,7 +287,7 @@ def largest_words(fitted: Mapping[str, Any], at: int) -> str:
     if half is None:
         return "unknown in use"
     if largest is None:
-        return f"not measured in use, for want of another reading as zero; 95 % of readings within ±{half:.2g} %"
+        return f"not measured in use, because there is no other reading as zero; 95 % of readings within ±{half:.2g} %"
     low, high = use["max_by_chance_pct"][at]
     return (
         f"{largest:.3g} % in use, the largest of {use['count'][at]} (by chance {low:.2g} to {high:.2g} %; 95 % of "

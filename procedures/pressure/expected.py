@@ -15,7 +15,7 @@ from procedures.pressure.fit.models import FULL
 PRESSURE = "pressure_psia"
 _VARIABLES = {"P": PRESSURE, "T_sensor": "sensor_temperature_degC", "T_SSE": "sse_temperature_degC"}
 _LARGEST = 1e60
-"""Of a number in a run file; its fifth power is still a double."""
+"""Largest number accepted in a run file; its fifth power is still a double."""
 
 
 def expected(

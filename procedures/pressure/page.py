@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from fitter.trace.outcome import Outcome
+from procedures.before_after import compared
 from procedures.effect_plots import drawn
 from procedures.effects_page import effects_part
 from procedures.numbers import number
@@ -97,13 +98,6 @@ def _less_means(data: WholePlotData, side: Array) -> Array:
     return np.asarray(side - (np.bincount(index, side) / np.bincount(index))[index])
 
 
-_ROWS = (
-    ("sigma_subplot", "within whole plots / mV", "standard deviation of one reading at constant temperature"),
-    ("sigma_wholeplot", "between whole plots / mV", "of the error that every temperature change draws again"),
-    ("cv_rms", "left-out error / mV", "rms error at whole plots the fit has not seen, their own error included"),
-)
-
-
 def trace_page(traced: WholePlotTraced) -> Page:
     """The report of a trace."""
     result = traced.to_json()
@@ -116,20 +110,14 @@ def trace_page(traced: WholePlotTraced) -> Page:
 
 
 def _transducer(outcome: Outcome, result: dict[str, Any], traced: WholePlotTraced) -> dict[str, Any]:
-    name, before, after = outcome.sensor, result["before"], result["after"]
+    name, rows = outcome.sensor, list(compared(outcome))
     found = traced.trace.sensors[name]
     residuals = Residuals(traced.data, found.before.residual_mV, found.after.residual_mV, found.sensitivity)
     return {
         **result,
         "name": name,
-        "rows": [
-            {"label": label, "before": number(before[key]), "after": number(after[key]), "meaning": meaning}
-            for key, label, meaning in _ROWS
-        ],
-        "reading_errors": [
-            {"pressure": pressure, "before": number(value), "after": number(after["reading_error_pct"].get(pressure))}
-            for pressure, value in before["reading_error_pct"].items()
-        ],
+        "rows": [row for row in rows if not row.setting],
+        "reading_errors": [row for row in rows if row.setting],
         "coefficients": [
             {
                 "name": term,

@@ -90,7 +90,7 @@ class WholePlotDesign(Strict):
     )
     sensor_temperature: RangeSettings = RangeSettings(centre_degC=-90.0, half_range_degC=40.0)
     sse_temperature: RangeSettings = RangeSettings(centre_degC=0.0, half_range_degC=40.0)
-    factorial: Times = Field(2, description="central-composite: how often each of the four factorial points")
+    factorial: Times = Field(2, description="central-composite: number of visits to each of the four factorial points")
     axial_sensor: Times = Field(2, description="... each extreme along the sensor temperature")
     axial_sse: Times = Field(1, description="... each extreme along the SSE temperature")
     centre: Times = Field(6, description="... the centre")
@@ -128,7 +128,9 @@ class PressureApproach(Strict):
     """Approach of a pressure from its planned side."""
 
     overtravel_psia: Positive = Field(
-        0.05, le=1e4, description="a pressure that follows itself is left by this much and set again"
+        0.05,
+        le=1e4,
+        description="if a pressure follows itself, the controller leaves it by this much and sets it again",
     )
 
 
@@ -151,7 +153,12 @@ class WholePlotMeasure(Strict):
 
     readings: int = Field(5, ge=1, le=50_000, description="sweeps over all channels; their mean is the observation")
     max_sd_mV: Positive | None = Field(None, description="noisier than this: read again")
-    repeats: int = Field(2, ge=0, le=10, description="how often to read again before accepting it, flagged")
+    repeats: int = Field(
+        2,
+        ge=0,
+        le=10,
+        description="maximum number of repeated readings; after them the reading is accepted and flagged",
+    )
 
 
 class WholePlotRecovery(Strict):
@@ -160,7 +167,9 @@ class WholePlotRecovery(Strict):
     continue_gap_s: float = Field(
         600.0, ge=0, le=1e6, description="a whole plot left alone for longer is not continued, whatever it reads"
     )
-    hold_max_s: Positive = Field(12 * 3600.0, description="a hold nobody releases ends the session after this")
+    hold_max_s: Positive = Field(
+        12 * 3600.0, description="a hold that is not released ends the session after this time"
+    )
     whole_plot_repeats: int = Field(
         2, ge=0, le=20, description="how often a whole plot may be measured again in one session because it was lost"
     )
@@ -180,7 +189,7 @@ class WholePlotExpect(Strict):
     """Expected properties of the transducers; used by `rig plan` and never by a fit."""
 
     sigma_wholeplot_mV: Positive = Field(
-        0.0125, description="sd of the error that every temperature change draws again"
+        0.0125, description="sd of the error that is new at every change of temperature"
     )
     sigma_subplot_mV: Positive = Field(0.004, description="sd of one observation inside a whole plot")
     sensitivity_mV_per_psi: Positive = Field(2.0)
@@ -199,7 +208,7 @@ class WholePlotAcceptance(Acceptance):
 
     reading_error_pct: Positive | None = Field(
         None,
-        description="largest reading error in use with in-flight zero + WLS, the zero's own error in it",
+        description="largest reading error in use with in-flight zero + WLS, including the error of the zero",
     )
     at_psia: Pressure = Field(0.12, description="at this pressure")
 
@@ -239,7 +248,7 @@ class WholePlotProcedure(Strict):
 
     kind: Literal["whole-plot"]
     name: Name
-    seed: int = Field(0, ge=0, le=2**63 - 1, description="of every random choice in the order")
+    seed: int = Field(0, ge=0, le=2**63 - 1, description="seed of every random choice in the order")
     replications: int = Field(1, ge=1, le=1000, description="blocks; each visits every whole plot, in its own order")
     design: WholePlotDesign = WholePlotDesign()
     soak: SoakSettings = SoakSettings()

@@ -7,6 +7,8 @@ from typing import Any
 
 from rich.markup import escape
 
+from fitter.trace.outcome import Outcome
+from procedures.before_after import compared
 from procedures.blocks import Block, Grid, Line, Paragraph, headline
 from procedures.effects_shown import show_certificate, show_effect
 from procedures.gross_shown import show_gross, show_left_out
@@ -124,7 +126,7 @@ def show_whole_plot_findings(traced: WholePlotTraced) -> Iterator[Block]:
 
 def show_whole_plot_trace(traced: WholePlotTraced) -> Iterator[Block]:
     """A short table per transducer: error before and after, and the effects found."""
-    result = traced.to_json()
+    result, outcomes = traced.to_json(), {one.sensor: one for one in traced.outcomes}
     yield headline(result["data"]["file"], traced.table)
     yield Line(escape(result["data"]["model"]["sentence"]))
     yield from _show_dead(result)
@@ -133,7 +135,7 @@ def show_whole_plot_trace(traced: WholePlotTraced) -> Iterator[Block]:
             f"\n[bold]{name}[/] (declared {escape(sensor['declared'])}): [bold]{escape(verdict_of(sensor))}[/]",
             wrapped=True,
         )
-        yield _before_after(sensor)
+        yield _before_after(outcomes[name])
         for effect in sensor["effects"]:
             yield from show_effect(effect)
         for line in unnamed(sensor):
@@ -141,19 +143,11 @@ def show_whole_plot_trace(traced: WholePlotTraced) -> Iterator[Block]:
         yield from show_certificate(sensor)
 
 
-def _before_after(sensor: Mapping[str, Any]) -> Grid:
+def _before_after(outcome: Outcome) -> Grid:
     table = Grid(("", "before", "after"))
-    sides = sensor["before"], sensor["after"]
-    for key, label in (
-        ("sigma_subplot", "within whole plots / mV"),
-        ("sigma_wholeplot", "between whole plots / mV"),
-        ("cv_rms", "left-out error / mV"),
-    ):
-        table.add_row(label, *(number(side[key], 3) for side in sides))
-    pressures = list(sensor["before"]["reading_error_pct"])
-    for pressure in pressures[:_SHOWN]:
-        shown = (number(side["reading_error_pct"].get(pressure), 3) for side in sides)
-        table.add_row(f"reading error at {pressure} psia / %", *shown)
+    rows = list(compared(outcome))
+    for row in (*(r for r in rows if not r.setting), *[r for r in rows if r.setting][:_SHOWN]):
+        table.add_row(row.label, row.before, row.after)
     return table
 
 

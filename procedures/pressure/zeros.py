@@ -87,7 +87,7 @@ class Zeros:
                     f" ({abs(off.off_mV) / off.wholeplot_sd_mV:.3g} of the whole plots' alone). That is hard to "
                     f"believe: another pressure, transducer, channel or unit? every row is flagged"
                     if off.wholeplot_sd_mV > 0
-                    else ". That is hard to believe; every row is flagged"
+                    else ". This is implausible; every row is flagged"
                 )
             found.append(text)
         if self.meaning:

@@ -51,7 +51,7 @@ def _without_roll(m: Measured) -> Iterator[Statement]:
     yield _not_significant(m, "22", "T_bias", "+-36 deg does not show the pads")
     yield _significant(m, "24", "T_bias", "+-180 deg does")
     yield _as_printed(
-        m, "24", "sigma_E over that of figure 22", lambda r: r["24"].sigma_E / r["22"].sigma_E, above, 1.3
+        m, "24", "sigma_E over sigma_E of figure 22", lambda r: r["24"].sigma_E / r["22"].sigma_E, above, 1.3
     )
     pitch, _ = _angles(m, "24")
     yield above("24", "two periods of pitch in 360 deg: share of the systematic residual", _share(m, "24", pitch), 0.8)
@@ -61,7 +61,7 @@ def _without_roll(m: Measured) -> Iterator[Statement]:
     yield _significant(m, "26", "T_bias", "the four-point tumble shows a bias")
     yield _wider(m, "26", "24", 2)
     rms = SCALE * float(np.sqrt(np.nanmean(Package.of(m, "22").errors()[0] ** 2)))
-    says = "rms of inferred angles near sigma_E: over it"
+    says = "rms of inferred angles near sigma_E: ratio"
     yield between(
         "23", says, rms / m.rows["22"].sigma_E, (0.9, 1.25), printed=f"{1.74 / printed.ROWS['22'].sigma_E:.2f}"
     )
@@ -70,7 +70,7 @@ def _without_roll(m: Measured) -> Iterator[Statement]:
     outside = float(np.mean(~(error < 1e-3)))
     yield above("25", "most inferred angles at +-90 deg are outside the chart (1e-3 deg): share", outside, 0.5)
     level, steep = package.half_widths(np.array([0.0, 89.0]), np.zeros(2), of_roll=False)[1]
-    yield above("25", "intervals become unbounded there: at 89 deg over that at 0", float(steep / level), 20)
+    yield above("25", "intervals become unbounded there: width at 89 deg over width at 0", float(steep / level), 20)
 
 
 def _within_30(m: Measured) -> Iterator[Statement]:
@@ -118,7 +118,7 @@ def _three_axes_90(m: Measured) -> Iterator[Statement]:
     yield _significant(m, "44(c)", "T_S", "sensitivity drift of z")
     package, at = Package.of(m, "44(a)", "44(b)", "44(c)"), np.linspace(-80, 80, 33)
     of_roll, of_pitch = (package.half_widths(at, np.zeros(33), of_roll=which)[1] for which in (True, False))
-    says = "prediction intervals of roll are significantly greater than those of pitch: ratio of means within +-80 deg"
+    says = "prediction intervals are significantly greater of roll than of pitch: ratio of means within +-80 deg"
     yield above("45, 46", says, float(np.mean(of_roll) / np.mean(of_pitch)), 1.5)
 
 
@@ -144,12 +144,12 @@ def _smaller_designs(m: Measured) -> Iterator[Statement]:
     x, full = "53 x", "47(a)"
     yield _wider(m, x, full, 1.5)
     yield _as_printed(
-        m, x, "offset drift is no more detected: T_b over that of 47(a)", lambda r: r[x].T_b / r[full].T_b, below, 0.5
+        m, x, "offset drift is no longer detected: T_b over T_b of 47(a)", lambda r: r[x].T_b / r[full].T_b, below, 0.5
     )
     yield _as_printed(
         m,
         x,
-        "sensitivity drift much less significant: T_S over that of 47(a)",
+        "sensitivity drift much less significant: T_S over T_S of 47(a)",
         lambda r: r[x].T_S / r[full].T_S,
         below,
         0.5,
@@ -177,13 +177,13 @@ def _tumble(m: Measured, figure: str) -> Iterator[Statement]:
 
 
 def _fraction(m: Measured, small: str, full: str) -> Statement:
-    says = f"sigma_E near that of {full}: ratio"
+    says = f"sigma_E near its value in {full}: ratio"
     return _as_printed(m, small, says, lambda r: r[small].sigma_E / r[full].sigma_E, between, (0.8, 1.25))
 
 
 def _wider(m: Measured, small: str, full: str, limit: float) -> Statement:
     ratio = _calibration(m, small) / _calibration(m, full)
-    return above(small, f"calibration interval wider than that of {full}: ratio", ratio, limit, printed="larger")
+    return above(small, f"calibration interval wider than in {full}: ratio", ratio, limit, printed="larger")
 
 
 def _under(m: Measured, figure: str) -> Statement:

@@ -54,7 +54,7 @@ def computed_sections() -> tuple[Section, ...]:
         _section("Table 1", "Mean normalised standard deviations V^1/2, eq. (53); mean over pitch.", table_1()),
         _section(
             "Figures 1 to 5, section 5.3",
-            f"Words are held to a criterion: insignificant, nearly constant, small is below {SMALL:g} %.",
+            f"The criterion for words: insignificant, nearly constant and small mean below {SMALL:g} %.",
             statements_1_to_5(),
         ),
         _section("Figures 6 to 8, sections 6.1 and 6.3", "Packages of one axis.", statements_6_to_8()),
@@ -62,19 +62,20 @@ def computed_sections() -> tuple[Section, ...]:
         _section("Figure 10, sections 6.4 and 6.5", "Packages of two axes.", statements_10()),
         _section(
             "Figures 13 to 20, sections 6.6 and 6.7",
-            "Packages of three axes. Eqs. (104) to (108) weigh all sensors alike, the figures are said to be of "
-            "weighted least squares: not the same where sensors differ. Its words about the figures hold weighted.",
+            "Packages of three axes. Eqs. (104) to (108) give all sensors the same weight. According to the paper, the "
+            "figures are from weighted least squares. The two differ if sensors differ. The paper's words about the "
+            "figures are true for weighted least squares.",
             statements_13_to_20(),
         ),
         _section("Figure 21 and eq. (109), section 7", "Fractional designs.", statements_21()),
         _section(
             "Limits of Table 2, section 8",
             "F at 95 % for the points, replications and parameters of each row. K is 73 and 145 in figures 22 and 24 "
-            "(up and back down), 325 in 28 and 34, and 42 has four replications: the limits fit these, not the counts "
-            "that are printed.",
+            "(up and back down), 325 in 28 and 34, and 42 has four replications: the limits agree with these counts, "
+            "and not with the printed counts.",
             critical_values(),
         ),
-        _section("T_bias of Table 2 from its own sigmas", "Every row agrees with itself.", identities()),
+        _section("T_bias of Table 2 from its own sigmas", "Every row is consistent.", identities()),
         Section("Errata", (), ("where", "what"), ERRATA),
     )
 
@@ -100,16 +101,16 @@ def experiment_sections(
         Section(
             "Table 2",
             (
-                "Above: printed. Below: from simulated sensors, by the real controller on the simulated bench. "
-                "Standard errors in 1e-4 deg. The digits are those of other sensors and cannot agree; the pattern "
-                "does, see below.",
+                "First row: printed. Second row: from simulated sensors, measured by the real controller on the "
+                "simulated bench. Standard errors in 1e-4 deg. The sensors are not the paper's, so the digits cannot "
+                "agree. The pattern agrees, see below.",
             ),
             ("figure", "K", "n", "", *_ROW_NAMES),
             tuple(_table_2(rows)),
         ),
-        _counted("What section 9 says of experiments 22 to 54", checks, held, seeds),
-        _counted("Sizes that the simulated sensors were made to have", sizes, held, seeds),
-        Section("What cannot agree, and why", NOT_ALIKE),
+        _counted("Statements of section 9 on experiments 22 to 54", checks, held, seeds),
+        _counted("Sizes chosen for the simulated sensors", sizes, held, seeds),
+        Section("Differences that must remain, with reasons", NOT_ALIKE),
     )
 
 
@@ -118,10 +119,10 @@ def markdown(sections: Iterable[Section], command: str) -> str:
     intro = (
         f"# {TITLE}\n\n"
         "Tripp and Tcheng, *Uncertainty Analysis of Inertial Model Attitude Sensor Calibration and Application With a\n"
-        "Recommended New Calibration Method*, NASA Langley, 1999: its tables, its figures, and what it says of them,\n"
-        "computed with this program's own means. Sections up to the errata need no measurement; a test holds them to\n"
-        "what the code computes. The experiments are simulated.\n\n"
-        f"Made by `{command}`. Figures 1 to 54 come out as pictures, and in one `paper.html`.\n"
+        "Recommended New Calibration Method*, NASA Langley, 1999. This page has its tables, its figures, and its\n"
+        "statements about them, computed with the methods of this program. Sections up to the errata need no\n"
+        "measurement; a test compares them with the results of the code. The experiments are simulated.\n\n"
+        f"Made by `{command}`, which also draws figures 1 to 54 as pictures, and in one `paper.html`.\n"
     )
     return intro + "".join(f"\n{section_markdown(s)}" for s in sections)
 

@@ -75,8 +75,8 @@ def statements_9_11_12() -> tuple[Statement, ...]:
               _most(x_z(1, 90), within, 0.0), 3, "deg"),
         above("11(c), (d)", "A_x = 0: significant departure as pitch approaches 90: at 89 deg, coning 0.1",
               _most(x_z(0.1, 0), np.array([89.0]), 0.0), 5, "deg", "departure from 0 and 180 deg; the text has +-90"),
-        above("6.6", "three axes are nonsingular for all roll and azimuth at coning < 10 deg: least sin of the angle "
-              "between what is seen of both directions, all azimuths alike", least, 0.5),
+        above("6.6", "three axes are nonsingular for all roll and azimuth at coning < 10 deg: least singularity "
+              "function / cos(pitch), all azimuths equal", least, 0.5),
         above("6.6", "... the same, 200 random sets of azimuths, pitch and roll", mixed, 0.5),
         below("12", "coning 45 deg, all azimuths 90 deg: a locus; least of the same",
               _least(x_y_z(45, 90)), _NEARLY,

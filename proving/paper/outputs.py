@@ -65,13 +65,20 @@ def _without_roll() -> list[Statement]:
         middle = _normalised(no_roll(to, 65), to / 2)
         says = f"+-{to:g} deg: low within the centre half of the range, rapidly increasing outside"
         found.append(
-            above(f"1({letter})", says, _percent(y.max(), middle.max()), SMALL, "%", "end over worst of centre")
+            above(
+                f"1({letter})",
+                says,
+                _percent(y.max(), middle.max()),
+                SMALL,
+                "%",
+                "end of the range over maximum in the centre",
+            )
         )
     found.append(below("1(d)", "+-180 deg: nearly constant", _percent(full.max(), full.min()), SMALL, "%"))
     found.append(below("1(d)", "... approximately the four-point tumble's", _off(full.mean(), T4_LEVEL), SMALL, "%"))
     for to in RANGES_DEG[:3]:
         centre = figure_of_merit(no_roll(to, 65), Usage.within(to / 2))
-        note = "" if to == 90 else "17 % is that of +-90 deg alone"
+        note = "" if to == 90 else "17 % is the value of +-90 deg only"
         says = f"... and 17 percent above the centre of +-{to:g} deg"
         found.append(about("5.3.1", says, 17, _percent(float(np.mean(full)), centre), 1, "%", note))
     return found
@@ -125,7 +132,7 @@ def _with_roll() -> list[Statement]:
         few, many = _normalised(d1(to, 5), to), _normalised(d1(to, 65), to)
         shapes = np.abs((few / few.mean()) / (many / many.mean()) - 1).max()
         says = "the shape of the curves does not change significantly from N = 5 to 65"
-        found.append(below(f"2({letter})", says, 100 * float(shapes), SMALL, "%", "largest change, means made alike"))
+        found.append(below(f"2({letter})", says, 100 * float(shapes), SMALL, "%", "largest change, with equal means"))
     best = min(range(30, 91), key=lambda to: figure_of_merit(d1(to), Usage.within(30)))
     says = "calibrate over approximately 1.5 times the usage range (recommendation 1)"
     note = f"least V^1/2 within +-30 deg is at +-{best} deg"
@@ -137,7 +144,7 @@ def _unequal() -> list[Statement]:
     top, bottom, four, uniform_30 = (_normalised(designs()[f], 30) for f in ("3 top", "3 bottom", "4", "2(a)"))
     ten = merit("2(a)", 10)
     return [
-        above("3", "bottom is significantly flattened: range of top against its own",
+        above("3", "bottom is significantly flattened: range of top relative to range of bottom",
               _percent(np.ptp(top), np.ptp(bottom)), SMALL, "%"),
         above("3", "... though its minimum is greater", bottom.min() - top.min(), 0),
         about(
@@ -173,7 +180,7 @@ def _unequal() -> list[Statement]:
             _percent(merit("3 top", 10), ten),
             0.5,
             "%",
-            f"9 % is its 1.811 within +-10 deg against D1's 1.989 within +-30 deg; D1 has {ten:.3f} within +-10 deg",
+            f"9 % compares its 1.811 within +-10 deg with D1's 1.989 within +-30 deg; D1 has {ten:.3f} within +-10 deg",
         ),
         below("4", "less variation over the range than figure 3", np.ptp(four) / min(np.ptp(top), np.ptp(bottom)), 1),
         below("5.3.2", "unequal spacing brings only small reductions",

@@ -58,7 +58,7 @@ def _equations() -> tuple[Statement, ...]:
         below("6.6", "eq. (108), roll: the same", _off(plain_roll * cos_a, 1.0), 1e-6),
         below("6.6", "... weighted, information is added: 1/sd^2 = cos^2 a / sd_x^2 + sin^2 a / sd_y^2",
               _off(weighted, added), 1e-6, note=f"at 45 deg {at_45[1]:.3f}; eq. (108) {at_45[0]:.3f}"),
-        below("6.6", "sd of pitch = sd of x everywhere where all are alike", _off(_sd(alike)[0], 1.0), 1e-6),
+        below("6.6", "sd of pitch = sd of x everywhere if all sensors are equal", _off(_sd(alike)[0], 1.0), 1e-6),
         digits("6.6", "least sd of pitch, at 0 deg: sd of x", 1.0, at_0, 3),
         digits("6.6", "greatest sd of pitch, at +-90 deg: sd of y", 10.0, at_90, 3),
         below("6.6", "independent of roll: pitch", _over_roll(weighted), 1e-6, "%"),

@@ -56,13 +56,13 @@ def statements_10() -> tuple[Statement, ...]:
     side = normalised_sd(x_z, use_pitch, side_roll)[1]
     return (
         above("10", "roll is singular near 90 deg of roll: sd of roll at 89.5 over 0.5 deg", _ratio(of_roll), 50),
-        below("10", "roll is best near 0 and 180 deg: distance of the least", _from_level(of_roll), 1.0, "deg"),
+        below("10", "roll is best near 0 and 180 deg: distance of the minimum", _from_level(of_roll), 1.0, "deg"),
         _worse("10(a), (c)", "coning 1 deg", a, c),
         _worse("10(b)", "coning 0.1 deg", b_alike, b),
         above("10(b), (c)", "the singularity widens as coning goes from 0.1 to 1 deg: ratio", widths[1] / widths[0], 2),
         below(
             "10(b), (d)",
-            "pitch is least affected by roll for A_x = 0: rise to roll 60, pitch 40 deg, over that of (c)",
+            "pitch is least affected by roll for A_x = 0: rise to roll 60, pitch 40 deg, over the rise in (c)",
             _rise(d) / _rise(c),
             1.0,
         ),

@@ -31,9 +31,9 @@ def export(
 
     Example: `rig export runs/20260115T180000-night-1a2b.sqlite --out night.csv`
     """
-    from rig.tables.csv_tables import write_csv  # noqa: PLC0415
+    from rig.tables.csv_files import write_csv  # noqa: PLC0415
     from rig.tables.faults import check_replaceable, faults, write_faults  # noqa: PLC0415
-    from rig.tables.observations import run_table  # noqa: PLC0415
+    from rig.tables.table_of_run import run_table  # noqa: PLC0415
 
     beside = out_file.with_name(f"{out_file.stem}.faults.csv") if everything and not salvage else None
     check_files([out_file, beside], [run_file])

@@ -16,13 +16,13 @@ from rig.bench import Bench
 from rig.engine.actions import BenchActions
 from rig.engine.by_hand import ByHand
 from rig.engine.early_warning import EarlyWarnings
+from rig.engine.failure_counts import Policies
 from rig.engine.fault_classes import FrozenReading, NotSettled, OverloadedError, TemperatureLeft, TooNoisy
 from rig.engine.holes import HoleInTime
 from rig.engine.journal import Journal, PointInHand
 from rig.engine.liveness import Liveness
 from rig.engine.measuring import Observation
 from rig.engine.motion import plan_legs, recovery_legs
-from rig.engine.policies import Policies
 from rig.engine.queue import PointQueue
 from rig.engine.soaking import Soaking
 from rig.run_file.events.event import EMPTY

@@ -97,7 +97,7 @@ class ByHand:
 
     @property
     def message(self) -> str:
-        """What to do, and the command to type then."""
+        """The task, and the command to type then."""
         assert self.asked is not None
         what = f"to do by hand: {self.asked.instruction}"
         return f"{what}; then `{done_command(self._path, self.asked.value)}`{value_words(self.asked.value)}"

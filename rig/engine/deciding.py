@@ -14,9 +14,9 @@ from drivers.clock import Clock
 from drivers.errors import DriverError, NoReply, Unreachable
 from procedures.fault_policies import ABORT, HOLD, SKIP
 from rig.engine.actions import BenchActions
+from rig.engine.failure_counts import Decision, Policies
 from rig.engine.fault_classes import FAULTS, TemperatureLeft
 from rig.engine.journal import Journal
-from rig.engine.policies import Decision, Policies
 from rig.engine.states import AT_POINT, State
 from rig.run_file.events.bench import Fault, ReadBack, Recovered
 

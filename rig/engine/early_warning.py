@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import itertools
 import math
+from bisect import bisect_right
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -64,6 +65,8 @@ class EarlyWarnings:
         self._outputs: dict[str, _Output] = {}
         self._thermometers: dict[str, StillTest] = {}
         self._whole_plot: int | None = None
+        self._changes_at = [step.before for step in run_list.steps]
+        self._changes = 0
         self._span = self._spans()
         per_replication = len(run_list) / max(1, run_list.points[-1].replication if run_list.points else 1)
         self._every = max(1, math.ceil(2 * per_replication / _SETTINGS))
@@ -81,6 +84,10 @@ class EarlyWarnings:
 
     def _judged(self, point: Point, whole_plot: int | None, body: Mapping[str, Any]) -> list[Warned]:
         outputs: Mapping[str, Any] = body["outputs"]
+        changes = bisect_right(self._changes_at, point.index)
+        if changes != self._changes:  # a person has changed the bench: earlier readings are no measure of later ones
+            self._changes = changes
+            self._outputs.clear()
         read = self._quantities(point, body)
         given = {name: np.array([value]) for name, value in read.items()} if self._previous else {}
         began = whole_plot != self._whole_plot

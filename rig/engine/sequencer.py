@@ -23,6 +23,7 @@ from rig.engine.axes import axes_of, own_limits
 from rig.engine.by_hand import ByHand
 from rig.engine.deciding import Deciding
 from rig.engine.early_warning import EarlyWarnings
+from rig.engine.failure_counts import Policies
 from rig.engine.fault_classes import FAULTS, InterlockHold, TemperatureLeft
 from rig.engine.guard import Guard
 from rig.engine.holding import CannotHold, Holding, NobodyCame
@@ -32,7 +33,6 @@ from rig.engine.interruptions import HoldRequested, Interrupted, Interruptions, 
 from rig.engine.journal import Journal, PointInHand
 from rig.engine.pace import Pace
 from rig.engine.parking import Parking
-from rig.engine.policies import Policies
 from rig.engine.queue import PointQueue
 from rig.engine.safe_state import make_safe
 from rig.engine.session import Outcome, Progress, Session, Signals

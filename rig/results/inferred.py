@@ -20,7 +20,7 @@ from rig.options import options_of
 from rig.results.frames import Frame, of_columns
 from rig.results.observations import Columned
 from rig.results.result import Plots
-from rig.tables.csv_tables import write_csv
+from rig.tables.csv_files import write_csv
 from rig.tables.given import table_given
 
 if TYPE_CHECKING:

@@ -8,8 +8,8 @@ from pathlib import Path
 from procedures.table import Table
 from rig.errors import UsageError
 from rig.regular import open_regular
-from rig.tables.csv_tables import read_any_csv, read_csv, read_gappy_csv, write_csv
-from rig.tables.observations import run_table
+from rig.tables.csv_files import read_any_csv, read_csv, read_gappy_csv, write_csv
+from rig.tables.table_of_run import run_table
 
 __all__ = [
     "FileSource",

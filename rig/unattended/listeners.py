@@ -129,7 +129,7 @@ class Listeners:
 
     def failed(self, error: BaseException) -> None:
         """Report that the session could not begin, or ended with an unexpected error."""
-        text = f"could not go on: {error or type(error).__name__}"
+        text = f"could not continue: {error or type(error).__name__}"
         self._manager.failed(text)
         happening = Happening(Kind.ENDED_BY_FAULT, "error", one_line(text), self._utc_s(None))
         began = self._utc_minus_elapsed is not None
@@ -165,7 +165,7 @@ class Listeners:
         told = []
         for (channel, why), counts in list(self._untold.items()):  # a channel's thread may still be running
             about = ", ".join(f"{kind}{f' ({n} times)' if n > 1 else ''}" for kind, n in list(counts.items()))
-            told.append(f"{channel} was not told of {about}: {why}")
+            told.append(f"{channel} did not receive the message about {about}: {why}")
         return told
 
     # --- from the channels' threads -------------------------------------------------------------------------------
@@ -177,7 +177,7 @@ class Listeners:
         if reason not in self._untold and len(self._untold) >= _REASONS:
             reason = (failure.channel, "other reasons, see the log")
         self._untold.setdefault(reason, Counter())[str(failure.about)] += 1
-        self.say("warning", f"{failure.channel} was not told of {failure.about}: {failure.why}")
+        self.say("warning", f"{failure.channel} did not receive the message about {failure.about}: {failure.why}")
 
     def told(self, label: str, headline: str) -> None:
         """Report that a message was sent."""

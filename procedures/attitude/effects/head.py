@@ -258,7 +258,7 @@ GEAR_ROLL = Effect(
 
 INDEX_ERROR = Effect(
     name="index-error",
-    cause="the head's zero of pitch is not where gravity has it: the scale's index or the base is off along pitch",
+    cause="the head's zero of pitch does not agree with gravity: the scale's index or the base is off along pitch",
     source="pitch axis",
     scope="package",
     stratum="between-point",

@@ -47,7 +47,7 @@ HYSTERESIS_ROLL = Effect(
 
 CREEP = Effect(
     name="creep",
-    cause="the sensor still gives way to the acceleration it was under at the point before",
+    cause="the sensor still creeps after the acceleration at the previous point",
     source="sensor",
     scope="sensor",
     stratum="point-by-replication",

@@ -124,7 +124,7 @@ def _turn(axis: int, since: Moment) -> Term:
 
 MOUNTING_SLIP = Effect(
     name="mounting-slip",
-    cause="the package slipped in its mounting between two replications or at an interruption, and stands turned since",
+    cause="the package slipped in its mounting between two replications or at an interruption, and stays turned",
     source="package",
     scope="package",
     stratum="replication",
@@ -141,7 +141,7 @@ MOUNTING_SLIP = Effect(
 
 MOUNTING_SLIP_UNRECORDED = Effect(
     name="mounting-slip-unrecorded",
-    cause="the package slipped in its mounting at a moment of which nothing is recorded, and stands turned since",
+    cause="the package slipped in its mounting at an unrecorded moment, and stays turned",
     source="package",
     scope="package",
     stratum="point-by-replication",
@@ -150,7 +150,7 @@ MOUNTING_SLIP_UNRECORDED = Effect(
     against="elapsed_s",
     terms=_slips,
     largest=Largest(1.0, "1 deg"),
-    separate_by="look up what happened in the laboratory then; read an autocollimator on the package through the run",
+    separate_by="find out what happened in the laboratory then; read an autocollimator on the package through the run",
     usual_size="1e-3 deg",
     known_aliases={},
     needs=("time",),

@@ -12,7 +12,7 @@ from procedures.attitude.effects.package import product_formula
 from procedures.attitude.effects.scene import Scene
 from procedures.attitude.effects.thermal import OTHER_TEMPERATURE
 
-_ONE_WAY = "where the temperature went one way all night"
+_ONE_WAY = "if the temperature rose or fell all night"
 _END_FOR_END = (
     "mount the package end for end: a sensor's own square keeps its sign in the output, an error of the head changes "
     "it with the slope"
@@ -54,7 +54,7 @@ SENSITIVITY_DRIFT = Effect(
 
 DAILY_CYCLE = Effect(
     name="daily-cycle",
-    cause="the offset follows something of the laboratory that comes back every day, and was not recorded",
+    cause="the offset follows a daily cycle in the laboratory that was not recorded",
     source="time",
     scope="sensor",
     stratum="point-by-replication",

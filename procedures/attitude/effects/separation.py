@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from procedures.attitude.effects.effect import Effect
 
-_SIDES = "visit some points twice in one replication, once from each side: backlash changes with the side, nothing else"
+_SIDES = "visit some points twice in one replication, once from each side: only backlash changes with the side"
 _ORDER = (
     "repeat some points much later in the run: an effect of attitude stays with the point, one of time, temperature or "
     "an interruption does not"
@@ -22,15 +22,15 @@ _AXES = (
     "hold one axis of the head and move the other alone: an error of a scale or a backlash is of the axis that moves"
 )
 _HEAD = "remount the package turned by a known angle: an error of the head stays with the head, others turn along"
-_PADS = "lock the pads and repeat a few points: a deflection of the pads disappears, what is the sensor's own stays"
+_PADS = "lock the pads and repeat a few points: a deflection of the pads disappears, the sensor's own errors stay"
 _POWERS = "compare points with +1 g and -1 g along the sensor: a square is the same at both, a cube changes sign"
 _PRODUCT = (
     "hold gravity along the sensor and change it across: a product of the components changes, a power of the one "
     "along the sensor does not"
 )
 _STANDARD = "read a voltage standard on a spare channel: an error of the voltmeter shows there, no other does"
-_WAIT = "wait twice as long before reading at some points: what is not yet at rest goes, what else there is stays"
-_SAME_MOVE = "reach some points by steps of another size from the same side: what lags grows with the step"
+_WAIT = "wait twice as long before reading at some points: an error of settling disappears, others stay"
+_SAME_MOVE = "reach some points by steps of another size from the same side: a lag grows with the step"
 _LAG = "step the enclosure's temperature once and read one point until nothing changes: a lag decays, the rest stays"
 _AUTOCOLLIMATOR = (
     "read an autocollimator on the package at one command before and after: a package or a head that moved shows there"
@@ -40,16 +40,14 @@ _EVEN = (
 )
 _SAME_RANGE = "read a voltage standard at several voltages on a fixed range, in the evening and in the morning"
 _AT_REST = {"settling-pitch", "settling-roll", "creep"}
-_SIDES_OR_TIME = (
-    "visit some points from both sides within the same hour: what depends on the side shows, what drifts does not"
-)
+_SIDES_OR_TIME = "visit some points from both sides within the same hour: an effect of the side shows, a drift does not"
 _BETWEEN_POINTS = {
     frozenset(
         {"pitch axis"}
-    ): "go beyond +-30 deg of pitch, and between the pitches of the design: other periods part there",
+    ): "go beyond +-30 deg of pitch, and between the pitches of the design: other periods differ there",
     frozenset(
         {"roll axis"}
-    ): "go beyond +-30 deg of roll, and between the rolls of the design: other periods part there",
+    ): "go beyond +-30 deg of roll, and between the rolls of the design: other periods differ there",
     frozenset({"pitch axis", "roll axis"}): _AXES,
     frozenset({"pitch axis", "package"}): _HEAD,
     frozenset({"pitch axis", "sensor"}): _HEAD,

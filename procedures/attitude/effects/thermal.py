@@ -18,7 +18,7 @@ TIME_CONSTANTS_H = (0.1, 0.2, 0.4, 0.8, 1.5, 3.0, 6.0)
 """Searched values; a found one is then refined."""
 _WINDOW_S = 900.0
 """Time to each side for the rate of the temperature."""
-_ONE_WAY = "where the temperature went one way all night"
+_ONE_WAY = "if the temperature rose or fell all night"
 OTHER_TEMPERATURE = "repeat a few points at another enclosure temperature, at the same time of day"
 _STEP = "step the enclosure's temperature once and read one point until nothing changes: a lag decays, an offset stays"
 _DEGREE = np.radians(1.0)

@@ -21,7 +21,7 @@ FAR_FROM_1_G = 0.1
 
 BAD_READING = "not a finite number"
 NO_ATTITUDE = "no attitude gives these outputs"
-NOT_1_G = "the outputs do not make 1 g: the package accelerates, or a sensor has changed"
+NOT_1_G = "the outputs do not add up to 1 g: the package accelerates, or a sensor has changed"
 ROLL_OPEN = "roll is undetermined: pitch is at +-90 deg"
 PITCH_OPEN = "pitch is undetermined: the outputs hardly change with it here"
 TWO_FIT = "pitch is undetermined: measured roll is too uncertain to tell two attitudes apart"

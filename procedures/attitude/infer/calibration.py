@@ -94,7 +94,7 @@ class AttitudeCalibration:
 
     def __post_init__(self) -> None:
         if not self.sensors:
-            raise FitError("a calibration of no sensor tells no attitude")
+            raise FitError("a calibration without sensors gives no attitude")
         if len(set(self.names)) != len(self.sensors):
             raise FitError(f"two sensors have the same name: {', '.join(self.names)}")
         size = sum(s.coefficients.size for s in self.sensors)
@@ -201,7 +201,7 @@ class AttitudeCalibration:
             FitError: there is none, or sensors with and without roll are mixed.
         """
         if not fits:
-            raise FitError("a calibration of no sensor tells no attitude")
+            raise FitError("a calibration without sensors gives no attitude")
         if len({f.has_roll for f in fits}) > 1:
             raise FitError("some of the sensors were calibrated with roll, others without: calibrate them alike")
         k = len(COLUMNS)
@@ -305,7 +305,7 @@ def _checked(given: FloatArray, size: int) -> FloatArray:
     values = np.linalg.eigvalsh((covariance + covariance.T) / 2)
     scale = np.abs(covariance).max(initial=0.0)
     if np.abs(covariance - covariance.T).max() > 1e-9 * scale or values[0] < -1e-9 * scale:
-        raise FitError("the covariance is not that of anything: it is not symmetric and positive")
+        raise FitError("the matrix is not a covariance: it is not symmetric and positive")
     covariance.flags.writeable = False
     return covariance
 

@@ -130,11 +130,11 @@ def _as_named(
         raise ValueError(f"outputs are expected as (n, {len(calibration.sensors)}), {names}; found {outputs.shape}")
     n = len(outputs)
     if roll_deg is not None and not calibration.roll:
-        raise FitError("the package was calibrated without roll: what roll does to its outputs is not known")
+        raise FitError("the package was calibrated without roll: the influence of roll on its outputs is unknown")
     given = each("roll_deg", 0.0 if roll_deg is None else roll_deg, n)
     roll = np.radians(given) if roll_deg is not None or not calibration.roll else None
     if roll is None and len(calibration.sensors) == 1:
-        raise FitError("one sensor does not tell roll: measured roll is needed")
+        raise FitError("one sensor does not determine roll: measured roll is needed")
     spread = np.radians(each("roll_sd_deg", roll_sd_deg, n))
     if not np.all((spread >= 0) & np.isfinite(spread)):
         raise FitError("roll_sd_deg: a standard deviation is a number that is not negative")

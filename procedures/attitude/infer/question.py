@@ -41,7 +41,7 @@ def near_of(
         if free and len(matrix) == 2:
             beside = np.abs(normal(matrix) @ gravity(pitch, roll)) < 1e-6
             if beside.any():
-                raise FitError("near_deg: it lies between the two solutions and tells neither")
+                raise FitError("near_deg: it lies between the two solutions and selects neither")
         return pitch, roll
     pitch_0, roll_0 = two_axis.default_near(matrix) if free and len(matrix) == 2 else (0.0, 0.0)
     return np.full(n, pitch_0), np.full(n, roll_0)

@@ -75,7 +75,7 @@ class SensorModel:
         if not (self.sigma_V > 0 and np.isfinite(self.sigma_V) and self.df > 0):
             raise FitError(f"{self.name}: the calibration leaves nothing to estimate its error from")
         if not np.any(coefficients[1:4]):
-            raise FitError(f"{self.name}: a sensor without sensitivity tells no attitude")
+            raise FitError(f"{self.name}: a sensor without sensitivity gives no attitude")
 
     @property
     def sensitive_axis(self) -> FloatArray:

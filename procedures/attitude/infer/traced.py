@@ -42,7 +42,7 @@ def calibrate_traced(
     for named, member, volts in others:
         one = _with(data, volts, temperature=temperature)
         if one is None:
-            open_.append(f"{member} in the place of {named}")
+            open_.append(f"{member} in place of {named}")
         else:
             found.append((named, member, one))
     notes = list(kept.notes)

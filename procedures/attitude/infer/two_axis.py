@@ -31,7 +31,7 @@ def default_near(matrix: FloatArray) -> tuple[float, float]:
     for roll, component in ((0.0, -n[2]), (np.pi / 2, -n[1])):
         if abs(component) > 0.5:
             return 0.0, roll
-    raise FitError("these two sensors cannot tell pitch up from pitch down: say near which attitude to look")
+    raise FitError("these two sensors cannot distinguish pitch up from pitch down: give an attitude near the true one")
 
 
 def solve(matrix: FloatArray, y: FloatArray, near: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

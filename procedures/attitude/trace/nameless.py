@@ -1,4 +1,4 @@
-"""Smooth shapes without a name in a run, and whether each name found is better than they are."""
+"""Smooth shapes without a name in a run, and a comparison of each name found with them."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ from procedures.attitude.trace.score import errors, rounding
 from procedures.attitude.trace.walks import SPREAD, likelihood_ratio
 
 SEEN = 6.0
-"""Nats of evidence within replications below which an effect was rather seen between them."""
+"""Nats of evidence within replications, below which the evidence for an effect is mainly between them."""
 DRAWS, SEED = 24, 1
-"""Of white noise, to know what the projection leaves of it at each frequency."""
+"""Number of draws of white noise, for the share that the projection leaves at each frequency."""
 WALKED = 0.05
 """Probability above which a shape is not tested against a random walk too."""
 
@@ -35,8 +35,8 @@ class Left:
     """A shape that a residual still follows.
 
     Attributes:
-        place: where.
-        remainder: how clearly.
+        place: its place.
+        remainder: its part of the residual.
         p: over all places, orders and sensors.
 
     """
@@ -55,14 +55,14 @@ class Left:
 
     @property
     def where(self) -> str:
-        """In words, with the level it is seen at."""
+        """Its place in words, with its level."""
         level = "between points" if self.place.level == "replications" else "within points"
         return f"{level}, {self.place.block.place}"
 
 
 @dataclass(frozen=True, eq=False)
 class Nameless:
-    """A run beside what was found in it.
+    """A run with its findings.
 
     Attributes:
         problem: the run.
@@ -75,12 +75,12 @@ class Nameless:
 
     @cached_property
     def places(self) -> tuple[Place, ...]:
-        """Where something without a name is looked for."""
+        """All places for a remainder."""
         return places_of(self.problem.scene)
 
     @cached_property
     def sigma(self) -> FloatArray:
-        """(S,) error of each sensor beside what was found, V."""
+        """(S,) error of each sensor beside the findings, V."""
         return errors(self.problem, self.chosen)
 
     @cached_property
@@ -90,7 +90,7 @@ class Nameless:
 
     @cached_property
     def left(self) -> tuple[Left, ...]:
-        """Places that the residual follows, the clearest first."""
+        """Places that the residual follows, the most significant first."""
         if not self.able:
             return ()
         problem, n = self.problem, len(self.problem.scene.data)
@@ -114,14 +114,14 @@ class Nameless:
         return tuple(sorted(found, key=lambda one: one.p))
 
     def left_in(self, i: int, level: Level | None = None) -> Left | None:
-        """The clearest of what one sensor follows, at one level or any."""
+        """The most significant remainder of one sensor, at one level or any."""
         sensors = (None, i)
         own = (x for x in self.left if x.place.sensor in sensors and level in (None, x.place.level) and x.shows_in(i))
         return next(own, None)
 
     @cached_property
     def lines(self) -> tuple[Line | None, ...]:
-        """The clearest period in each sensor's residual, p over all sensors."""
+        """The most significant period in each sensor's residual, with p over all sensors."""
         problem, data = self.problem, self.problem.scene.data
         level: Level = "points" if problem.levels.df("points") > 0 else "declared"
         if not self.able:
@@ -137,7 +137,7 @@ class Nameless:
 
     @cached_property
     def doubts(self) -> dict[str, str]:
-        """Why a name found should not be believed yet, by name."""
+        """Reasons for doubt about the names found, by name."""
         if not self.able:
             return {}
         out: dict[str, str] = {}
@@ -214,7 +214,7 @@ class Nameless:
         return named, *self._nameless(names, level, level)
 
     def _level(self, name: str) -> Level:
-        """Where an effect is seen; what a table's order of running hides within points is one of time all the same."""
+        """Level of an effect; an effect of time remains one if the order of running hides it within points."""
         effect = next(c.effect for c in self.problem.candidates if c.effect.name == name)
         return "replications" if effect.stratum == "between-point" else "points"
 
@@ -258,7 +258,7 @@ class Nameless:
         return _View(self.problem, level, tuple(j for j in self.chosen if j not in mine), self.sigma), mine
 
     def _price(self, name: str) -> float:
-        """What it costs in nats to have chosen this name, and its constant where that was searched."""
+        """Price in nats of the selection of this name, and of its searched constant."""
         candidates = self.problem.candidates
         effect = next(c.effect for c in candidates if c.effect.name == name)
         sensor = next(candidates[j].sensor for j in self.chosen if candidates[j].effect.name == name)
@@ -267,7 +267,7 @@ class Nameless:
         return float(np.log(names) + (np.log(len(units)) if effect.searched else 0.0))
 
     def _against_a_walk(self, place: Place, y: FloatArray, columns: FloatArray) -> float:
-        """P by chance of columns beside a random walk of the offset that is as wide as makes the residual likeliest."""
+        """P by chance of columns beside a random walk of the offset, with the most probable width."""
         n = len(self.problem.scene.data)
         ys = list(y.reshape(-1, n))
         xs = list(columns.reshape(len(ys), n, -1))
@@ -315,7 +315,7 @@ class _View:
         return self.white(self.project(columns, sensor), sensor, rho)
 
     def white(self, columns: FloatArray, sensor: int | None, rho: FloatArray) -> FloatArray:
-        """The same less what the row before predicts."""
+        """The same minus the prediction by the row before."""
         own = rho if sensor is None else rho[sensor : sensor + 1]
         if not np.any(own):
             return columns
@@ -332,7 +332,7 @@ class _View:
 
 
 def _memory(problem: Problem, left: FloatArray) -> FloatArray:
-    """(S,) correlation of neighbouring rows where it is clear, else zero."""
+    """(S,) correlation of neighbouring rows if it is significant, else zero."""
     rows, replicate = problem.levels.executed, problem.levels.replicate
     same = np.diff(replicate[rows]) == 0
     out = np.zeros(len(left))

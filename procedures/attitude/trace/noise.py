@@ -43,13 +43,13 @@ def _walk(problem: Problem, left: FloatArray, sigma: float, i: int) -> Found | N
     night = sigma * float(np.sqrt(max(step, problem.wander[i]) * len(left)))
     return Found.of_noise(
         effect=AUTOCORRELATION,
-        cause="the offset takes a random walk: what it did so far says nothing of where it goes",
+        cause="the offset takes a random walk: its past does not determine its future",
         terms=("sd of the walk over the run",),
         coefficients=(night,),
         unit="V",
         size=f"{1e6 * night:.3g} uV in {np.ptp(problem.scene.data.elapsed_s) / 3600:.3g} h",
         p_adjusted=p_adjusted,
-        separate_by="go on for some hours at one point: a drift goes on, a walk turns back as often as not",
+        separate_by="go on for some hours at one point: a drift continues, a walk changes its direction",
         against="elapsed_s",
     )
 

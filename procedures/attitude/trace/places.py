@@ -1,4 +1,4 @@
-"""Where something without a name may live in a pitch-roll run: blocks of smooth columns over what was recorded."""
+"""Places for a shape without a name in a pitch-roll run: blocks of smooth columns over recorded quantities."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from procedures.attitude.effects import Scene
 from procedures.attitude.trace.levels import Level
 
 PITCH, ROLL, TIME, TEMPERATURE, GRAVITY = 8, 6, 12, 5, 12
-"""Waves at most over each."""
+"""Maximum number of waves over each."""
 BOTH = 4
-"""Of pitch and of roll in their products."""
+"""Maximum number of waves of pitch and of roll in their products."""
 ALONG_RUN, ALONG_REPLICATION = "along the run", "along each replication"
 
 
@@ -26,9 +26,9 @@ class Place:
 
     Attributes:
         block: its columns are (S n, m), those of the first sensor first.
-        level: at which what lives there is seen.
+        level: level of its judgement.
         sensor: its index; None for all.
-        count: sensors that there are.
+        count: number of sensors.
 
     """
 
@@ -39,7 +39,7 @@ class Place:
 
     @property
     def in_time(self) -> bool:
-        """Whether it is a course of the offset, as a random walk takes one."""
+        """Whether it is a smooth change of the offset, similar to a random walk."""
         return self.block.place in (ALONG_RUN, ALONG_REPLICATION)
 
 

@@ -23,6 +23,7 @@ from procedures.attitude.temperature import Temperature
 from procedures.attitude.trace.alternatives import Alternative
 from procedures.attitude.trace.estimate import predict
 from procedures.attitude.trace.problem import Candidate, raw_columns
+from procedures.words import TESTS
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,12 +151,41 @@ class SensorTrace:
             "T_shared_attitude": shared.value if known else None,
             "F_shared_attitude_95": shared.limit_95 if known else None,
         }
-        return tuple(Row(name, value, _unit(name)) for name, value in values.items())
+        return tuple(_row(name, value, values) for name, value in values.items())
 
     def _fitted(self) -> tuple[Parameter, ...]:
         table = coefficient_table(self.fit) | temperature_table(self.temperature, self.S_V, self.fit.df)
         own = (Parameter(name, WithError.of_json(row)) for name, row in table.items())
         return (*own, *(one for effect in (*self.effects, *self.smooth) for one in effect.parameters))
+
+
+_SHOWN = {
+    "sigma_E_deg": ("sigma_E / 1e-4 deg", "standard error of one observation"),
+    "sigma_bias_deg": ("sigma_bias / 1e-4 deg", "its part from lack of fit"),
+    "sigma_prec_deg": ("sigma_prec / 1e-4 deg", "its part from scatter between replications"),
+    "T_bias": ("T_bias", "lack of fit against scatter"),
+    "F_bias_95": ("its 95 % limit", ""),
+    "T_b": ("T_b", "offset between replications"),
+    "T_S": ("T_S", "sensitivity between replications"),
+    "F_bS_95": ("their 95 % limit", ""),
+    "cv_rms_deg": ("left-out error / 1e-4 deg", "rms error at replications that were left out of the fit"),
+}
+"""Label and meaning of the values for people."""
+
+
+def _row(name: str, value: JsonValue, values: Mapping[str, JsonValue]) -> Row:
+    label, meaning = _SHOWN.get(name, ("", ""))
+    limit = values[TESTS[name]] if name in TESTS else None
+    return Row(
+        name,
+        value,
+        _unit(name),
+        limit=limit if isinstance(limit, float) else None,
+        meaning=meaning,
+        label=label,
+        scale=1e4 if name.endswith("_deg") else 1.0,
+        in_reports=name in TESTS.values(),
+    )
 
 
 def _unit(name: str) -> str:

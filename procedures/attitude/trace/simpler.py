@@ -1,7 +1,7 @@
-"""One cause instead of two: names that arrive one after the other may be the parts of a third.
+"""One cause instead of two: names found one after the other may be parts of a third.
 
-A search adds what explains most at each step. Where that is part of the true cause only, the rest of it is added under
-another name. Two names that one effect explains as well, all of its terms taken together, are that one.
+A search adds the best effect at each step. If this is only a part of the true cause, the rest is added under another
+name. Two names are replaced by one effect if all of its terms together explain as much.
 """
 
 from __future__ import annotations

@@ -155,10 +155,10 @@ HARMONIC = TableKind(
     "harmonic",
     "periodic",
     "setting",
-    "an error that goes round with {0}: eccentricity, or amplitudes and phases of a resolver's windings",
+    "an error that is periodic in {0}: eccentricity, or amplitudes and phases of a resolver's windings",
     "between-point",
     "{y}",
-    "remount the scale turned by a known angle: its error turns along, that of the artefact does not",
+    "remount the scale turned by a known angle: its error turns with it, the error of the artefact does not",
     "arc seconds to degrees",
     columns.harmonic,
 )

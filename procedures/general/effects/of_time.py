@@ -6,7 +6,7 @@ from procedures.general.effects import columns
 from procedures.general.effects import time_columns as in_time
 from procedures.general.effects.kind import TableKind
 
-_REPEAT_LATER = "repeat some settings much later and in another order: what is of the setting stays with it"
+_REPEAT_LATER = "repeat some settings much later and in another order: an effect of the setting stays with it"
 
 DRIFT = TableKind(
     "drift",

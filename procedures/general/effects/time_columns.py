@@ -145,7 +145,7 @@ def lag(scene: TableScene, name: str) -> Terms:
 
 
 def previous(scene: TableScene, name: str) -> Terms:
-    """The setting before less this one, where the order of taking is known."""
+    """The setting before less this one, if the order of measurement is known."""
     v = scene.of(name)
     if scene.time is None:
         return ()

@@ -1,8 +1,8 @@
-"""Noise of rows that share an error with their group and whose neighbours are alike besides: wander on top of offsets.
+"""Noise of rows with a common error of their group and correlated neighbours: a wander in addition to offsets.
 
 Covariance of a wander (`noise.Wandering`) plus r Z Z', Z the groups. In rows whitened by the wander it is the identity
-plus a matrix of as many dimensions as there are groups, whose eigenvectors whiten the rest. It is only for tables whose
-neighbours are seen to be alike within groups, since it costs several times as much as offsets alone.
+plus a matrix with the dimension of the number of groups, whose eigenvectors whiten the rest. It is used only for tables
+with correlated neighbours within groups, because it needs several times the computing time of offsets alone.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ from procedures.general.trace.noise import BoolArray, Wandering
 from procedures.general.trace.shared import Shared
 
 RATIOS = (0.0, 0.1, 0.5, 2.0, 10.0, 100.0)
-"""Variance that rows of a group share over that of a row in it."""
+"""Variance of the common error of a group over the variance of a row in it."""
 WANDERS = ((0.2, 1.0), (0.4, 1.0), (0.6, 1.0), (0.75, 1.0), (0.75, 0.4), (0.89, 0.7), (0.96, 0.4), (0.98, 0.7))
-"""Correlation between neighbours of what wanders, and its share of a row's variance; and walks besides."""
+"""Correlation between neighbours of the wander, and its share of a row's variance; walks are added."""
 STEPS = (0.03, 0.3)
 _LEAST = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class Both(Shared):
-    """A wander on top of offsets of groups; the first covariance is that of independent rows.
+    """A wander in addition to offsets of groups; the first covariance is that of independent rows.
 
     Attributes:
         when: (n,) times of the rows in units of the usual gap, ascending.
-        wander: its covariances, of which `of` picks.
+        wander: its covariances, from which `of` selects.
 
     """
 
@@ -43,7 +43,7 @@ class Both(Shared):
 
     @cached_property
     def _of(self) -> tuple[IntArray, FloatArray]:
-        """(G,) index in the wander's grid, and ratio of what groups share."""
+        """(G,) index in the wander's grid, and ratio of the common error of groups."""
         grid = [0, *(self.wander.nearest(c, share) for c, share in WANDERS), *map(self.wander.walk, STEPS)]
         pairs = [(w, r) for w in grid for r in RATIOS]
         wanted = pairs if self.picked is None else pairs[self.picked : self.picked + 1]

@@ -1,4 +1,4 @@
-"""Shapes without a name in a table, and whether each name found is better than they are."""
+"""Shapes without a name in a table, and a comparison of each name found with them."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ from procedures.general.trace.run import TableData, times_of
 ASKED_AGAIN = 0.05
 """Probability above which a shape is not tested against slower noise too."""
 ALIKE = 2.0
-"""Standard errors by which neighbours are alike, from which on two levels are looked for."""
+"""Correlation of neighbours in standard errors, from which on two levels are searched."""
 PLAIN = 0.0
-"""The same for a name without a searched constant: a line or a square is what a smooth curve begins with."""
+"""Minimum lead in nats of a name without a searched constant: a smooth curve begins with a line or a square."""
 RARE = ("fourth-order", "fifth-order", "logarithm", "reciprocal", "square-root", "ageing", "drift-second-order")
-"""Kinds that have to be ahead like those with a searched constant: there are many functions of the like."""
+"""Kinds that need the same lead as kinds with a searched constant, because many functions are similar to them."""
 JUMPS = 7.0
-"""Nats by which two levels must be likelier than any noise that remembers."""
+"""Minimum lead in nats of two levels over every noise with memory."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,8 +39,8 @@ class Left:
     """A shape that a residual still follows.
 
     Attributes:
-        place: where.
-        remainder: how clearly.
+        place: its place.
+        remainder: its part of the residual.
         p: over all places and orders.
 
     """
@@ -52,10 +52,10 @@ class Left:
 
 @dataclass(frozen=True, eq=False)
 class Nameless:
-    """A table beside what was found in it.
+    """A table with its findings.
 
     Attributes:
-        judge: that ended the search.
+        judge: the judge at the end of the search.
         chosen: candidates in the model.
         data: the table.
 
@@ -67,11 +67,11 @@ class Nameless:
 
     @cached_property
     def places(self) -> tuple[Place, ...]:
-        """Where something may live."""
+        """All places for a remainder."""
         return (*places_of(self.data.scene, self.data.shared), *self._harmonics())
 
     def _harmonics(self) -> Iterator[Place]:
-        """Twice and three times the frequency of each wave found: what repeats itself need not be a sine."""
+        """Twice and three times the frequency of each wave found: a periodic function need not be a sine."""
         for j in self.chosen:
             effect, term = self.judge.candidates[j].effect, self.judge.candidates[j].term
             if effect.family == "periodic" and term.profile is not None:
@@ -82,14 +82,14 @@ class Nameless:
 
     @cached_property
     def able(self) -> bool:
-        """Whether what is left is more than rounding."""
+        """Whether the residual is more than rounding."""
         view = self.judge.view(0)
         left = self.left_under(0)
         return float(left @ left) > view.rounding
 
     @cached_property
     def left(self) -> tuple[Left, ...]:
-        """Places that the residual follows, the clearest first."""
+        """Places that the residual follows, the most significant first."""
         judge = self.judge
         if not self.able:
             return ()
@@ -118,7 +118,7 @@ class Nameless:
         return remainders(self.left_under(at), df, [place.block], project) if df > 2 else []
 
     def left_under(self, at: int) -> FloatArray:
-        """(n,) what the model leaves, whitened by covariance `at`."""
+        """(n,) residual, whitened by covariance `at`."""
         white, taken = self.judge.white(at, self.chosen), self.judge.view(at).taken(self.chosen)
         return np.asarray(white - taken @ (taken.T @ white))
 
@@ -128,7 +128,7 @@ class Nameless:
 
     @cached_property
     def line(self) -> Line | None:
-        """The clearest period of the residual in order or in time, by itself or times a setting."""
+        """The most significant period of the residual in order or in time, alone or times a setting."""
         scene, group = self.data.scene, self.data.shared
         if scene.time is None or scene.time.presumed or not self.able:
             return None
@@ -142,14 +142,14 @@ class Nameless:
 
     @cached_property
     def jumps(self) -> TwoLevels | None:
-        """Two levels that the residual jumps between, if they are likelier than all noise that remembers."""
+        """Two levels of the residual with jumps between them, if more probable than all noise with memory."""
         when = times_of(self.data)
         if when is None or self.data.scene.time is None or not self.able:
             return None
         return self._jumps_beside(self.chosen, JUMPS)
 
     def _jumps_beside(self, chosen: tuple[int, ...], ahead: float) -> TwoLevels | None:
-        """Two levels beside some of the effects, if so many nats likelier than noise that remembers beside all."""
+        """Two levels beside some of the effects, if `ahead` nats ahead of noise with memory beside all of them."""
         judge, problem, when = self.judge, self.judge.problem, times_of(self.data)
         taken = judge.view(0).taken(chosen)
         y = judge.held(chosen) / problem.sd
@@ -165,7 +165,7 @@ class Nameless:
 
     @cached_property
     def doubts(self) -> dict[str, str]:
-        """Why a name found should not be believed yet, by name."""
+        """Reasons for doubt about the names found, by name."""
         if not self.able:
             return {}
         judge, candidates = self.judge, self.judge.candidates
@@ -197,7 +197,7 @@ class Nameless:
         return out
 
     def _left_over(self, variables: set[str]) -> tuple[Left, float] | None:
-        """The clearest remainder over variables of an effect, with its p over such places, if it is a doubt."""
+        """The most significant remainder over variables of an effect, with its p over such places, if it is a doubt."""
         every, own = self._tests(self.places), self._tests(p for p in self.places if p.variables & variables)
         found = next((x for x in self.left if x.place.variables & variables), None)
         p = 1.0 if found is None else found.p * own / max(every, 1)
@@ -207,7 +207,7 @@ class Nameless:
         return tried(place.block for place in places)
 
     def _timed(self, names: Sequence[str]) -> tuple[str, ...]:
-        """Those of the effects that follow the time or a covariate: what jumps by chance may look like them."""
+        """Effects that follow the time or a covariate: random jumps may look like them."""
         sources = {self.judge.candidates[j].effect.name: self.judge.candidates[j].effect.source for j in self.chosen}
         return tuple(name for name in names if sources[name] in ("time", "covariate"))
 
@@ -215,12 +215,12 @@ class Nameless:
         return tuple(j for j in self.chosen if self.judge.candidates[j].effect.name not in names)
 
     def _plain(self, name: str) -> bool:
-        """Whether it is a line, a square, a cube or levels: no constant was searched and no rare function is meant."""
+        """Whether it is a line, a square, a cube or levels, without a searched constant or a rare function."""
         own = [c for c in self.judge.candidates if c.effect.name == name]
         return own[0].effect.kind.name not in RARE and all(c.term.profile is None for c in own)
 
     def earned(self, names: Sequence[str]) -> tuple[float, float, str]:
-        """Evidence for effects found, in nats; the best for one shape without a name; and where that lives."""
+        """Evidence for effects found, in nats; the best one for a shape without a name; and the place of this shape."""
         judge, candidates = self.judge, self.judge.candidates
         mine = [j for j in self.chosen if candidates[j].effect.name in names]
         rest = tuple(j for j in self.chosen if j not in mine)
@@ -244,7 +244,7 @@ class Nameless:
         return float(named), float(best), where
 
     def _price(self, name: str) -> float:
-        """What it costs in nats to have chosen this name, and its constant where that was searched."""
+        """Price in nats of the selection of this name, and of its searched constant."""
         candidates = self.judge.candidates
         own = [c for c in candidates if c.effect.name == name]
         names = len({c.effect.name for c in candidates})
@@ -252,6 +252,6 @@ class Nameless:
 
 
 def _less_means(values: FloatArray, group: IntArray) -> FloatArray:
-    """(n,) less the mean of each group."""
+    """(n,) deviations from the mean of each group."""
     count = np.maximum(np.bincount(group), 1)
     return np.asarray(values - (np.bincount(group, values) / count)[group])

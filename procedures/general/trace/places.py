@@ -1,4 +1,4 @@
-"""Where something without a name may live in a table: blocks of smooth columns over what was recorded."""
+"""Places for a shape without a name in a table: blocks of smooth columns over recorded quantities."""
 
 from __future__ import annotations
 
@@ -14,26 +14,26 @@ from procedures.general.effects.scene import TableScene, is_angle
 from procedures.general.effects.time_columns import lagging
 
 OVER, TIME, BESIDE = 12, 12, 6
-"""Waves at most over a setting or covariate, over the time, and in products."""
+"""Maximum number of waves over a setting or covariate, over the time, and in products."""
 BOTH = 4
-"""Waves of each of two variables in their products."""
+"""Number of waves of each of two variables in their products."""
 MEMORIES = 5
-"""Time constants with which an earlier setting is remembered."""
+"""Number of time constants for the memory of earlier settings."""
 PAIRS = 8
-"""Pairs of variables at most."""
+"""Maximum number of pairs of variables."""
 PER_COLUMN = 4
-"""Rows there are to be for each column of a block."""
+"""Minimum number of rows for each column of a block."""
 
 
 @dataclass(frozen=True, eq=False)
 class Place:
-    """A block of columns over what was recorded.
+    """A block of columns over recorded quantities.
 
     Attributes:
         block: of columns (n, m).
-        variables: of the table, that it is over.
-        curve: the variable it is a curve over; None for other shapes.
-        timed: whether it takes the order of rows.
+        variables: variables of the table in these columns.
+        curve: the variable of a curve; None for other shapes.
+        timed: whether it uses the order of rows.
 
     """
 

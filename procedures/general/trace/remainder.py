@@ -65,7 +65,7 @@ def unnamed(nameless: Nameless, variables: Mapping[str, FloatArray]) -> tuple[Un
 
 
 def _at(nameless: Nameless, left: Left, variables: Mapping[str, FloatArray]) -> Unnamed:
-    """What lives at a place, with a curve on offer where it is one over a variable."""
+    """The remainder at a place, with an available curve if it is over one variable."""
     place, share, name = left.place, left.remainder.share, left.place.curve
     if name is None or not curve(variables[name]).shape[1]:
         return Unnamed(place.block.place, share)

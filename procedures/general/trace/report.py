@@ -205,7 +205,7 @@ def _remarks(found: Found) -> tuple[str, ...]:
     judge, remarks = found.judge, [one.sentence for one in found.not_kept]
     noise, at = judge.problem.noise, judge.beside(found.chosen).best
     if found.growth is not None:
-        remarks.append("rows were weighted by the scatter found; sigma_E counts them alike")
+        remarks.append("rows were weighted by the scatter found; sigma_E uses equal weights")
     if isinstance(noise, Wandering | Both) and noise.correlation[at] > 0:
         kind = "a random walk" if noise.correlation[at] == 1.0 else f"a correlation of {noise.correlation[at]:.2f}"
         remarks.append(f"neighbouring rows are not independent: effects were judged against {kind}")

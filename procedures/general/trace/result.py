@@ -73,15 +73,29 @@ class TableSide:
         """The same in the form of every kind of run, with the keys of other kinds as null."""
         within, between = self.shared or (None, None)
         return (
-            Row("sigma_E", self.fit.sigma_E),
+            _row(
+                "sigma_E",
+                self.fit.sigma_E,
+                "standard error of one row",
+                "of least squares, with equal weights of all rows",
+            ),
             *absent(OF_REPLICATIONS[1:]),
             Row("df_E", self.fit.df),
-            Row("sigma_pure", self.sigma_pure),
-            Row("sigma_subplot", within),
-            Row("sigma_wholeplot", between),
+            _row(
+                "sigma_pure",
+                self.sigma_pure,
+                "of rows that repeat one setting",
+                "no model of the settings can go below it; after: what the effects make of them taken out",
+            ),
+            _row("sigma_subplot", within, "within whole plots", "by restricted maximum likelihood"),
+            _row("sigma_wholeplot", between, "between whole plots", "of the error that rows of a whole plot share"),
             *absent(("sigma_replicate", "reading_error_pct")),
-            Row("cv_rms", self.cv_rms),
+            _row("cv_rms", self.cv_rms, "left-out error", "rms error at rows that were left out of search and fit"),
         )
+
+
+def _row(name: str, value: float | None, label: str, meaning: str) -> Row:
+    return Row(name, value, meaning=meaning, label=label, digits=4, where_known=True)
 
 
 @dataclass(frozen=True, eq=False)

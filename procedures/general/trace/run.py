@@ -151,7 +151,7 @@ def stays(judge: TableJudge, chosen: tuple[int, ...]) -> tuple[tuple[int, ...], 
     def helps(chosen: tuple[int, ...], own: tuple[int, ...]) -> bool:
         return error_of(judge, chosen) < error_of(judge, tuple(j for j in chosen if j not in own))
 
-    stay, idle = kept(judge, chosen, helps, "the standard error of a row, every row counted alike,")
+    stay, idle = kept(judge, chosen, helps, "the standard error of a row, with equal weights of all rows,")
     return stay, (*judge.problem.left_out, *idle)
 
 

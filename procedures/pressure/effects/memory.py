@@ -97,7 +97,7 @@ HYSTERESIS_TEMPERATURE = PressureEffect(
 )
 CREEP = PressureEffect(
     name="creep",
-    cause="the transducer still gives way to the last step of pressure when it is read",
+    cause="the transducer still creeps after the last step of pressure when it is read",
     source="sensor",
     scope="sensor",
     stratum="subplot",

@@ -18,7 +18,7 @@ from procedures.pressure.effects.scene import TIMES_WARM, PressureEffect, Pressu
 
 _MORE_PRESSURES = "read more pressures between those of the design, up and down, at one temperature"
 _MORE_TEMPERATURES = (
-    "add temperature pairs off the circle of the design, such as full corners: third-order terms part there"
+    "add temperature pairs off the circle of the design, such as full corners: third-order terms can be separated there"
 )
 
 
@@ -189,7 +189,7 @@ def _bending(values: Mapping[str, float], per_psi: float) -> str:
 
 TOUCH_DOWN = PressureEffect(
     name="touch-down",
-    cause="the output bends at low pressure and no more above: something of the diaphragm touches down",
+    cause="the output bends at low pressure and no more above: a part of the diaphragm touches a stop",
     source="sensor",
     scope="sensor",
     stratum="subplot",

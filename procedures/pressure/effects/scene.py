@@ -32,7 +32,7 @@ _WEIGHT_K_PER_M = 0.02896 * 9.80665 / 8.314463
 TIMES_WARM = ", times T_sensor"
 """Ends the name of a term that is another one's change with the temperature."""
 
-AT_EASE = "wait at one pressure of a whole plot and go on reading: what follows the last step fades, a loop stays"
+AT_EASE = "wait at one pressure of a whole plot and go on reading: an effect of the last step fades, a loop stays"
 SOAK = "soak twice as long at a few temperatures: a lag is gone by then"
 SECOND_GAUGE = (
     "read a second gauge at the transducers' end of the line: an error of the line shows in both, one of a transducer "

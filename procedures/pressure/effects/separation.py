@@ -6,7 +6,7 @@ from fitter.effects.entry import Entry
 from procedures.pressure.effects.scene import SECOND_GAUGE, SOAK
 
 _MEMORY = frozenset({"creep", "hysteresis", "carry-over"})
-_STEPS = "repeat a pressure after steps of different height and side: what remembers the step differs"
+_STEPS = "repeat a pressure after steps of different height and side: an effect of the step differs"
 _ONE_PAIR = (
     "read more pressures at one pair of temperatures: a response to pressure shows within a whole plot, one of the "
     "offset only between them"

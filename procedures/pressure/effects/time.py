@@ -143,14 +143,14 @@ SENSITIVITY_STEP = PressureEffect(
 )
 UNRECORDED_STEP = PressureEffect(
     name="offset-step-unrecorded",
-    cause="the offset changed between two whole plots, at a moment of which nothing is recorded",
+    cause="the offset changed between two whole plots, at an unrecorded moment",
     source="interruption",
     scope="sensor",
     stratum="whole-plot",
     unit="mV",
     size=each("mV"),
     against="elapsed_s",
-    separate_by="look up what happened in the laboratory then, and repeat a few whole plots of before",
+    separate_by="find out what happened in the laboratory at that time, and repeat a few earlier whole plots",
     usual_size="whatever happened",
     known_aliases={
         "whole-plot-drift": Alias("near the middle of the run, if it is not many errors large", _REPEAT_FIRST)
@@ -160,14 +160,14 @@ UNRECORDED_STEP = PressureEffect(
 )
 SENSITIVITY_STEP_UNRECORDED = PressureEffect(
     name="sensitivity-step-unrecorded",
-    cause="the sensitivity changed between two whole plots, at a moment of which nothing is recorded",
+    cause="the sensitivity changed between two whole plots, at an unrecorded moment",
     source="interruption",
     scope="sensor",
     stratum="subplot",
     unit="mV/psi",
     size=micro("nV/psi"),
     against="elapsed_s",
-    separate_by="look up what happened in the laboratory then, and repeat a few whole plots of before",
+    separate_by="find out what happened in the laboratory at that time, and repeat a few earlier whole plots",
     usual_size="whatever happened",
     known_aliases={"sensitivity-drift": Alias("if it is not many errors large", _REPEAT_FIRST)},
     terms=lambda data: _unrecorded("P ", lambda s: s.p, data),

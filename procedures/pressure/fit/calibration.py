@@ -21,7 +21,7 @@ from procedures.pressure.fit.errors import Errors, Layout, estimate_errors
 from procedures.pressure.fit.methods import METHODS, MethodFit, Problem, fit_method
 from procedures.pressure.fit.models import HIERARCHICAL, check_determined, named_formula, reduced
 
-NOT_NESTED = "too little was measured to give replications an error of their own: it is part of the whole plots'"
+NOT_NESTED = "too few measurements for an own error of replications: it is part of the whole-plot error"
 
 IN_FLIGHT = frozenset({"P", "T_sensor", "T_SSE"})
 """Variables that are known in flight, or inferred."""

@@ -1,4 +1,4 @@
-"""Smooth shapes without a name in a whole-plot run, and whether each name found beats them."""
+"""Smooth shapes without a name in a whole-plot run, and a comparison of each name found with them."""
 
 from __future__ import annotations
 
@@ -25,17 +25,17 @@ from procedures.pressure.trace.score import CHANCE, RESOLVED, SLOPES, TINY, besi
 from procedures.pressure.trace.strata import LEVELS, Level
 
 EARNED = -1.0
-"""Nats by which names must be likelier than the likeliest shape without one, or may be less likely.
+"""Minimum lead in nats of names over the most probable shape without a name; negative if they may be behind.
 
-Most causes here are one column that is also the slowest wave of its place (a drift, a square of a temperature): no data
-make such a name likelier by much more than its price and a shape's are apart.
+Most causes here are one column that is also the slowest wave of its place (a drift, a square of a temperature). For any
+data, the lead of such a name is hardly more than the difference between its price and the price of a shape.
 """
 SMALL, ALIKE = 0.05, 0.3
-"""Evidence of an effect over that of a stronger one, below which it may be what the stronger one's law lacks: a fifth
-of its size; and the part of its length that then lies along the stronger one."""
+"""Ratio of the evidence of an effect to the evidence of a stronger one, below which it may be an error in the law of
+the stronger one: a fifth of its size; and the minimum part of its length along the stronger one."""
 ONLY_WARM = "only its change with the temperature was found, and nothing of it that every temperature has"
 LOOKED_AT = 0.05
-"""Probability above which a shape is not tested against noise that is alike from one whole plot to the next."""
+"""Probability above which a shape is not tested against noise that is correlated between neighbouring whole plots."""
 _SEEN: dict[Level, str] = {"subplot": "within whole plots", "whole-plot": "between whole plots"}
 
 
@@ -44,8 +44,8 @@ class Left:
     """A shape that a residual still follows.
 
     Attributes:
-        place: where.
-        remainder: how clearly.
+        place: its place.
+        remainder: its part of the residual.
         sensor: index of the transducer.
         p: over all places, orders and transducers.
 
@@ -57,13 +57,13 @@ class Left:
     p: float
 
     def unnamed(self) -> Unnamed:
-        """As it is reported."""
+        """The shape for the report."""
         return Unnamed(f"{_SEEN[self.place.level]}, {self.place.block.place}", self.remainder.share)
 
 
 @dataclass(frozen=True, eq=False)
 class Nameless:
-    """A run beside what was found in it.
+    """A run with its findings.
 
     Attributes:
         problem: the run.
@@ -78,18 +78,18 @@ class Nameless:
 
     @cached_property
     def places(self) -> tuple[Place, ...]:
-        """All there are."""
+        """All places for a remainder."""
         return places_of(self.scene)
 
     @cached_property
     def able(self) -> bool:
-        """Whether there is noise to hold shapes against."""
+        """Whether there is noise for a comparison with shapes."""
         swing = np.ptp(self.problem.outputs, axis=1)
         return all(bool(np.all(self._view(level).sigma > 10 * RESOLVED * swing)) for level in LEVELS)
 
     @cached_property
     def left(self) -> tuple[Left, ...]:
-        """Places that residuals follow, the clearest first."""
+        """Places that residuals follow, the most significant first."""
         if not self.able:
             return ()
         problem = self.problem
@@ -110,12 +110,12 @@ class Nameless:
         return tuple(sorted(found, key=lambda one: one.p))
 
     def left_in(self, i: int, level: Level) -> Left | None:
-        """The clearest of what transducer `i` follows at a level."""
+        """The most significant remainder of transducer `i` at a level."""
         return next((one for one in self.left if one.sensor == i and one.place.level == level), None)
 
     @cached_property
     def lines(self) -> tuple[Line | None, ...]:
-        """The clearest period in each transducer's residual within whole plots, p over all transducers."""
+        """The most significant period in each transducer's residual within whole plots, with p over all transducers."""
         problem, data = self.problem, self.scene.data
         if not self.able:
             return (None,) * len(problem.sensors)
@@ -126,7 +126,7 @@ class Nameless:
 
     @cached_property
     def doubts(self) -> dict[tuple[str, int], str]:
-        """Why a name found should not be believed yet, by name and transducer."""
+        """Reasons for doubt about the names found, by name and transducer."""
         if not self.able:
             return {}
         out: dict[tuple[str, int], str] = {}
@@ -169,7 +169,7 @@ class Nameless:
         return all(text.endswith(TIMES_WARM) for text in mine)
 
     def _each(self, names: Sequence[str], i: int, level: Level) -> dict[str, str]:
-        """Why single names of several should not be believed: beside the others, each by itself."""
+        """Reasons for doubt about single names of several, each beside the others."""
         out: dict[str, str] = {}
         evidence_of = {name: self.earned([name], i, level) for name in names}
         strongest = max(names, key=lambda name: evidence_of[name][0])
@@ -269,7 +269,7 @@ class Nameless:
         return float(named), float(best), where
 
     def _price(self, name: str, level: Level, *, searched: bool = True) -> float:
-        """What it costs in nats to have chosen this name, and its constant where that was searched."""
+        """Price in nats of the selection of this name, and of its searched constant."""
         problem = self.problem
         at = problem.within(level)
         names = {problem.candidates[j].effect.name for j in at}
@@ -278,7 +278,7 @@ class Nameless:
         return float(np.log(len(names)) + (0.5 * np.log(max(len(terms), 1)) if searched and effect.searched else 0.0))
 
     def _held_against(self, place: Place, i: int, one: Remainder, view: _View) -> float:
-        """P by chance beside whole plots that are like their neighbours, or sensitivities drawn again in each."""
+        """P by chance with correlated neighbouring whole plots, or with a new sensitivity in each whole plot."""
         if place.level == "whole-plot":
             return self._alike.p_of_block(i, one.basis, view.outputs[i])
         return self._among_slopes(i, one.basis, view) if place.slopes else 0.0

@@ -1,4 +1,4 @@
-"""Errors of whole plots that are like those of their neighbours in time: what that makes of a test between whole plots.
+"""Tests between whole plots whose errors are correlated with the errors of their neighbours in time.
 
 A chamber, a room or a supply that wanders over hours makes neighbouring whole plots alike, and whatever is slow, a
 drift, a step, a memory, looks like that. Few whole plots do not say how alike they are: every test is done at several
@@ -19,12 +19,12 @@ from fitter.arrays import FloatArray, IntArray
 from procedures.pressure.trace.problem import Problem
 
 RHO = np.array([0.0, 0.25, 0.5, 0.7, 0.85])
-"""Correlations of neighbours that are tried."""
+"""Tried correlations of neighbours."""
 PRIOR = np.array([0.2, 0.15, 0.2, 0.25, 0.2])
-"""How likely each is before the run: what leaves 5 % of false alarms at a correlation of 0.7 too."""
+"""Prior probability of each: chosen for 5 % of false alarms, at a correlation of 0.7 too."""
 
 REMARKABLE = 0.05
-"""Smaller ones are not looked at again."""
+"""Smaller ones are not examined further."""
 TINY = np.finfo(float).tiny
 
 
@@ -149,7 +149,7 @@ class Neighbours:
         return np.asarray(np.exp(mean))
 
     def p_of_block(self, i: int, basis: FloatArray, outputs: FloatArray) -> float:
-        """Probability by chance of what an orthonormal basis (W, q) takes up of transducer `i`."""
+        """Probability by chance of the part of transducer `i` that an orthonormal basis (W, q) explains."""
         q, log, ps = basis.shape[1], np.log(PRIOR), np.ones(RHO.size)
         gain, rss = float(np.sum((basis.T @ outputs) ** 2)), float(outputs @ outputs)
         for k, one in enumerate(self._of[i]):
@@ -183,7 +183,7 @@ def _likelihood_of(one: _Alike, basis: FloatArray, outputs: FloatArray) -> float
 
 
 _KNOWN: WeakKeyDictionary[Problem, dict[tuple[int, ...], Neighbours]] = WeakKeyDictionary()
-"""A search asks for the same ones many times."""
+"""Cached, because a search needs the same ones many times."""
 
 
 def neighbours(problem: Problem, chosen: Sequence[int]) -> Neighbours:

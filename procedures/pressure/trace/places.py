@@ -1,4 +1,4 @@
-"""Where something without a name may live in a whole-plot run: blocks of smooth columns over what was recorded."""
+"""Places for a shape without a name in a whole-plot run: blocks of smooth columns over recorded quantities."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from procedures.pressure.effects.scene import PressureScene
 from procedures.pressure.trace.strata import Level
 
 PRESSURE, TEMPERATURE, TIME = 10, 5, 8
-"""Waves at most over each."""
+"""Maximum number of waves over each."""
 REMEMBERED_H = (0.03, 0.3)
-"""Elements that lag behind the pressure: the rest of the last step, and of several."""
+"""Time constants of elements that lag behind the pressure: the remainder of the last step, and of several."""
 WITHIN = (2, 4, 8, 12)
 BETWEEN = (1, 2, 4)
-"""Orders in which blocks are tried."""
+"""Tried orders of blocks."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,9 +27,9 @@ class Place:
 
     Attributes:
         block: its columns are (n, m).
-        level: at which what lives there is seen.
-        line: whether it is of the pressure too: one set of coefficients, in psi, may hold for all transducers.
-        slopes: whether it is one of sensitivities, which whole plots may draw again.
+        level: level of its judgement.
+        line: whether it may be an error of the pressure too, with one set of coefficients, in psi, for all transducers.
+        slopes: whether it is a shape of sensitivities, which may be new in each whole plot.
 
     """
 
@@ -107,7 +107,7 @@ def _place(
 
 
 def _coarse(values: FloatArray) -> FloatArray:
-    """(n,) to a degree: the scatter of readbacks is no other temperature."""
+    """(n,) rounded to a degree: the scatter of readbacks does not make another temperature."""
     return np.asarray(np.round(values))
 
 

@@ -94,11 +94,34 @@ class Side:
         """The same in the form of every kind of run, with the keys of pitch-roll runs as null."""
         return (
             *absent(OF_REPLICATIONS),
-            Row("sigma_subplot", self.fit.sigma_subplot, "mV"),
-            Row("sigma_wholeplot", self.fit.sigma_wholeplot, "mV"),
+            Row(
+                "sigma_subplot",
+                self.fit.sigma_subplot,
+                "mV",
+                label="within whole plots / mV",
+                meaning="standard deviation of one reading at constant temperature",
+            ),
+            Row(
+                "sigma_wholeplot",
+                self.fit.sigma_wholeplot,
+                "mV",
+                label="between whole plots / mV",
+                meaning="of the error that is new at every change of temperature",
+            ),
             Row("sigma_replicate", self.fit.sigma_replicate, "mV"),
-            Row("reading_error_pct", dict(self.reading_error_pct), "%"),
-            Row("cv_rms", self.cv_rms, "mV"),
+            Row(
+                "reading_error_pct",
+                dict(self.reading_error_pct),
+                "%",
+                label="reading error at {} psia / %",
+            ),
+            Row(
+                "cv_rms",
+                self.cv_rms,
+                "mV",
+                label="left-out error / mV",
+                meaning="rms error at whole plots that were left out of the fit, including their own error",
+            ),
         )
 
 

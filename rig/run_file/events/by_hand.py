@@ -36,7 +36,7 @@ class AskedByHand(
     timeout_s: Seconds
 
     def sentence(self, record: Record) -> str:
-        """What has to be done."""
+        """The task."""
         asked = f"; {self.value} is asked for" if self.value else ""
         return f"a person is asked for step {self.step}, before point {self.before}: {self.say.rstrip('. ')}{asked}"
 
@@ -67,7 +67,7 @@ class DoneByHand(Event, kind="by-hand", status="done", matters=DECISION, exporte
     waited_s: Seconds = 0.0
 
     def sentence(self, record: Record) -> str:
-        """What was done, by whom, and the stated value."""
+        """The step, its author, and the stated value."""
         by = f" by {self.who}" if self.who else ""
         stated = "" if self.number is None else f", {self.value} = {self.number!r}"
         return f"step {self.step} was done by hand{by} after {self.waited_s:.0f} s: {self.say.rstrip('. ')}{stated}"

@@ -65,7 +65,7 @@ class RunCreated(Event, kind="run", says="run created, {points} points, run list
 
     @property
     def steps(self) -> tuple[HandStep, ...]:
-        """What a person does in it, in the order of the points."""
+        """Steps that a person does in it, in the order of the points."""
         names = HandStep.__dataclass_fields__.keys()
         given = () if self.by_hand is EMPTY else self.by_hand
         return tuple(HandStep(**{name: value for name, value in step.items() if name in names}) for step in given)
@@ -260,7 +260,10 @@ class ClockSet(Event, status="clock-set", exported=True, says="{message}"):
 
 @dataclass(frozen=True, kw_only=True)
 class NotNotified(
-    Event, status="not-notified", matters=Importance("step", ""), says="{channel} was not told of {about}: {why}"
+    Event,
+    status="not-notified",
+    matters=Importance("step", ""),
+    says="{channel} did not receive the message about {about}: {why}",
 ):
     """A message could not be sent; the log has it from the time of its event."""
 

@@ -120,7 +120,7 @@ def _read_run(visit: Visit, patient: _Patient) -> Iterator[Finding]:
         patient.dry = patient.dry or reader.about().runs_dry
     text = f"{visit.run}: chain unbroken, {len(state.accepted)} of {state.points} points, {state.ended or state.rested}"
     if controller_alive(visit.run):
-        advice = "rig status shows it; its instruments were not asked anything"
+        advice = "rig status shows it; nothing was sent to its instruments"
         yield problem("run file", f"{text}; a controller is running on it", advice)
     elif state.ended is not None:
         yield problem("run file", f"{text}: nothing to resume", "start another run")

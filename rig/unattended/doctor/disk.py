@@ -92,7 +92,7 @@ def _kind(folder: Path) -> Iterator[Finding]:
     elif "ro" in options:
         yield problem(check, f"{kind}, mounted read-only", "mount it for writing, or choose another folder")
     elif "nobarrier" in options or "barrier=0" in options:
-        yield warning(check, f"{kind}, mounted without barriers", "a power cut can lose what was synced: mount without")
+        yield warning(check, f"{kind}, mounted without barriers", "a power cut can lose synced data: mount without")
     else:
         yield ok(check, kind)
     if "eatmydata" in os.environ.get("LD_PRELOAD", ""):

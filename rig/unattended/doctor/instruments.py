@@ -44,7 +44,7 @@ def check_instruments(config: BenchConfig, known: Known, run_file: Path | None) 
             clock: Clock = ScaledClock(live.speed, live.epoch_utc, live.started_utc) if live else RealClock()
             yield from ask(config, clock, Wires(clock), known, run_file, leave_out=wanting)
     except BusyError as error:
-        yield problem("locks", str(error), "stop that controller, or wait for it; no instrument was asked anything")
+        yield problem("locks", str(error), "stop that controller, or wait for it; nothing was sent to any instrument")
 
 
 def check_twins(config: BenchConfig, truth: Mapping[str, Any], known: Known) -> Iterator[Finding]:

@@ -131,7 +131,7 @@ def _progress(news: Progress, happening: Happening) -> str:
 
 
 def _by_hand(asked: AskedByHand, run: str) -> str:
-    """What a person does, and what happens if nobody does it."""
+    """The next step of a person, and the consequence if nobody does it."""
     value = f", where V is {asked.value}" if asked.value else ""
     late = f"After {duration(asked.timeout_s)} it parks; rig resume {run} then asks again."
     return f"Do it, then: {done_command(run, asked.value)}{value}. rig release does not count as done. {late}"

@@ -141,7 +141,7 @@ class Notifier:
         if desk.held_back:
             counts = ", ".join(f"{n} x {kind}" for kind, n in desk.held_back.items())
             latest = f"; the latest: {desk.latest}" if desk.latest else ""
-            message = replace(message, also=f"not told one by one: {counts}{latest}")
+            message = replace(message, also=f"not sent one by one: {counts}{latest}")
             desk.held_back.clear()
             desk.latest = ""
         if not desk.worker.put(message):

@@ -1,0 +1,115 @@
+"""The catalogue of effects that an attitude calibration may lack, each a declarative entry.
+
+The order is the order of preference among equally good explanations: simplest and most usual cause first.
+"""
+
+from procedures.attitude.effects.effect import Effect
+from procedures.attitude.effects.head import (
+    AXES_NOT_SQUARE,
+    BACKLASH_PITCH,
+    BACKLASH_ROLL,
+    BACKLASH_TEMPERATURE,
+    CABLE,
+    GEAR_PITCH,
+    GEAR_ROLL,
+    HEAD_ONCE,
+    HEAD_TILT,
+    HEAD_TWICE,
+    INDEX_ERROR,
+    ROLL_HEAD_ONCE,
+    ROLL_HEAD_TWICE,
+    ROLL_WOBBLE,
+    TILT_DAILY,
+    TILT_DRIFT,
+)
+from procedures.attitude.effects.memory import CREEP, HYSTERESIS_PITCH, HYSTERESIS_ROLL, SETTLING_PITCH, SETTLING_ROLL
+from procedures.attitude.effects.package import (
+    ISOLATION_PADS,
+    MOUNTING_SLIP,
+    MOUNTING_SLIP_UNRECORDED,
+    SCALE_ATTITUDE,
+)
+from procedures.attitude.effects.sensor import (
+    ASYMMETRY,
+    CROSS_AXIS,
+    DAILY_CYCLE,
+    DEAD_ZONE,
+    MAGNETIC,
+    OFFSET_DRIFT,
+    SATURATION,
+    SECOND_ORDER,
+    SENSITIVITY_DRIFT,
+    THIRD_ORDER,
+)
+from procedures.attitude.effects.steps import (
+    INDEX_SHIFT,
+    OFFSET_STEP,
+    OFFSET_STEP_UNRECORDED,
+    SENSITIVITY_STEP,
+    SENSITIVITY_STEP_UNRECORDED,
+)
+from procedures.attitude.effects.thermal import (
+    ALIGNMENT_TEMPERATURE,
+    OFFSET_TEMPERATURE,
+    SENSITIVITY_TEMPERATURE,
+    THERMAL_GRADIENT,
+    THERMAL_LAG,
+)
+from procedures.attitude.effects.voltmeter import (
+    VOLTMETER_GAIN_DRIFT,
+    VOLTMETER_NONLINEARITY,
+    VOLTMETER_RANGE,
+    VOLTMETER_ZERO_DRIFT,
+)
+
+CATALOGUE: tuple[Effect, ...] = (
+    ISOLATION_PADS,
+    OFFSET_TEMPERATURE,
+    SENSITIVITY_TEMPERATURE,
+    ALIGNMENT_TEMPERATURE,
+    OFFSET_STEP,
+    SENSITIVITY_STEP,
+    OFFSET_DRIFT,
+    SENSITIVITY_DRIFT,
+    BACKLASH_PITCH,
+    BACKLASH_ROLL,
+    HYSTERESIS_PITCH,
+    HYSTERESIS_ROLL,
+    SETTLING_PITCH,
+    SETTLING_ROLL,
+    CREEP,
+    SECOND_ORDER,
+    THIRD_ORDER,
+    VOLTMETER_NONLINEARITY,
+    HEAD_ONCE,
+    HEAD_TWICE,
+    ROLL_HEAD_ONCE,
+    ROLL_HEAD_TWICE,
+    INDEX_ERROR,
+    HEAD_TILT,
+    AXES_NOT_SQUARE,
+    ROLL_WOBBLE,
+    CROSS_AXIS,
+    VOLTMETER_ZERO_DRIFT,
+    VOLTMETER_GAIN_DRIFT,
+    THERMAL_GRADIENT,
+    THERMAL_LAG,
+    DAILY_CYCLE,
+    INDEX_SHIFT,
+    SCALE_ATTITUDE,
+    CABLE,
+    ASYMMETRY,
+    DEAD_ZONE,
+    SATURATION,
+    MAGNETIC,
+    BACKLASH_TEMPERATURE,
+    TILT_DRIFT,
+    TILT_DAILY,
+    MOUNTING_SLIP,
+    VOLTMETER_RANGE,
+    GEAR_PITCH,
+    GEAR_ROLL,
+    OFFSET_STEP_UNRECORDED,
+    SENSITIVITY_STEP_UNRECORDED,
+    MOUNTING_SLIP_UNRECORDED,
+)
