@@ -26,7 +26,7 @@ duration.
 HARDLY = 0.2
 """Below this probability a run is not worth its duration."""
 STEP = 0.05
-"""Difference of probabilities, summed over all questions, that is an advantage; those above `SURE` are equal."""
+"""Difference of probabilities, summed over all questions, that is no advantage; those above `SURE` are equal."""
 PERSON_H = 0.5
 """Cost of a person at the bench, to mount the package again or for a change by hand, in addition to bench time, hours.
 """
@@ -128,19 +128,15 @@ class Proposal:
         return self.shown if self.nearest is None else min(self.shown, self.nearest)
 
     @property
-    def rank(self) -> tuple[int, float]:
-        """Sort key within a kind of run, smallest is best: number of separated pairs first, then cost."""
-        told = sum(min(chance, SURE) for s in self.separations for chance in s.chances.values())
-        return -round(told / STEP), self.cost_h
+    def told(self) -> float:
+        """Sum of the probabilities of settling a question, over all questions; above `SURE` they are equal."""
+        return sum(min(chance, SURE) for s in self.separations for chance in s.chances.values())
 
     @property
-    def place(self) -> tuple[int, bool, float, float]:
-        """Sort key over all kinds, smallest is best: runs that are unlikely to succeed have no worth, and of equal runs
-        one without a change by a person is better.
-        """
+    def worth(self) -> float:
+        """The same without questions that are unlikely to be settled."""
         chances = [min(chance, SURE) for s in self.separations for chance in s.chances.values()]
-        fair = sum(chance for chance in chances if chance >= LIKELY)
-        return -round(fair / STEP), bool(self.variation.steps), self.cost_h, -sum(chances)
+        return sum(chance for chance in chances if chance >= LIKELY)
 
     @property
     def cost_h(self) -> float:
@@ -186,13 +182,14 @@ def consider(first: First, choice: type[Points] | None = Points) -> tuple[Propos
         choice: how the points of runs are chosen; None for whole designs only.
     """
     groups = _groups(_further_runs(first), first)
-    found = sorted(((_best(first, group, choice), group) for group in groups), key=lambda one: one[0].place)
-    proposals = [proposal for proposal, _ in found]
+    best = {id(proposal): (proposal, group) for proposal, group in ((_best(first, g, choice), g) for g in groups)}
+    proposals = ordered(proposal for proposal, _ in best.values())
     changes = {change.word: change for one in inseparable(first, proposals) for change in changes_for(first, one.pair)}
-    changed = [group for k, (_, group) in enumerate(found) if k < CHANGED or _untouched(group[0])]
+    in_order = [best[id(proposal)][1] for proposal in proposals]
+    changed = [group for k, group in enumerate(in_order) if k < CHANGED or _untouched(group[0])]
     for change in changes.values():
         proposals += [_best(first, [with_step(variation, change) for variation in group], choice) for group in changed]
-    return tuple(sorted(proposals, key=lambda proposal: proposal.place))
+    return tuple(ordered(proposals))
 
 
 def _groups(every: Iterable[Variation], first: First) -> list[list[Variation]]:
@@ -215,16 +212,38 @@ def _best(first: First, group: Sequence[Variation], choice: type[Points] | None)
     for variation in chosen:
         tried.append(_proposal(first, variation))
         if tried[-1].settles(hopeful):
-            return min(tried, key=lambda proposal: proposal.rank)
+            return _cheapest(tried)
     largest = _proposal(first, group[-1])
-    if not tried or largest.rank < min(proposal.rank for proposal in tried):
+    if not tried or largest.told > max(proposal.told for proposal in tried) + STEP:
         most = tried[-1].points if tried else 0
         for variation in group[:-1]:
             if len(variation.procedure.expand()) > most:
                 tried.append(_proposal(first, variation))
                 if tried[-1].settles(hopeful):
                     break
-    return min([*tried, largest], key=lambda proposal: proposal.rank)
+    return _cheapest([*tried, largest])
+
+
+def _cheapest(proposals: Sequence[Proposal]) -> Proposal:
+    """The cheapest of those that tell about as much as the best."""
+    most = max(proposal.told for proposal in proposals)
+    return min((p for p in proposals if p.told >= most - STEP), key=lambda proposal: proposal.cost_h)
+
+
+def ordered(proposals: Iterable[Proposal]) -> list[Proposal]:
+    """The best first, over all kinds of runs.
+
+    Runs that are unlikely to succeed have no worth. Of runs that are worth about as much, one without a change by a
+    person is better, then the cheaper one.
+    """
+    proposals = list(proposals)
+    most = max((proposal.worth for proposal in proposals), default=0.0)
+
+    def place(proposal: Proposal) -> tuple[int, bool, float, float]:
+        less = int((most - proposal.worth) / STEP)
+        return less, bool(proposal.variation.steps), proposal.cost_h, -proposal.told
+
+    return sorted(proposals, key=place)
 
 
 def _of_chosen_points(
