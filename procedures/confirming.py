@@ -6,8 +6,12 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
+from fitter.arrays import IntArray
 from fitter.confirm import Confirmation, Question, Together
 from fitter.effects.entry import Entry
+from fitter.effects.hands import Done
 from procedures.further_runs import Variation
 from procedures.results import Fitted
 from procedures.run_list import RunList
@@ -55,14 +59,47 @@ class Confirming(ABC):
         """Observations of a later run. Raises `DataError`."""
 
     @abstractmethod
-    def beside(self, later: Any, after_s: float) -> Together:
-        """This run and a later one, which began `after_s` seconds after it. Raises `FitError`."""
+    def beside(self, later: Any, after_s: float, done: Sequence[Done] = ()) -> Together:
+        """This run and a later one with changes by a person. Raises `FitError`.
+
+        Args:
+            later: its observations.
+            after_s: seconds from the begin of this run to its begin.
+            done: changes, with masks over the later run's observations.
+        """
 
     @abstractmethod
     def ways(
         self, variation: Variation, run_list: RunList, questions: Sequence[Question], later_s: float
     ) -> Sequence[Together]:
         """This run and a planned one, in its possible courses; its outputs are not used."""
+
+    def anew(self, word: str) -> bool:
+        """Whether the declared model has parameters of its own after a change by a person; unknown changes: yes."""
+        return all(one.change.anew for effect in self.catalogue for one in effect.by_hand if one.change.word == word)
+
+    @property
+    def catalogue(self) -> Sequence[Entry]:
+        """Effects that the trace looked for."""
+        return ()
+
+    counts: Sequence[int] = ()
+    """Numbers of units that are tried if a run's points are chosen, ascending."""
+
+    passes: Sequence[int] = (1,)
+    """Numbers of replications of chosen points that are tried."""
+
+    def whole(self, group: Sequence[Variation], times: int) -> Variation | None:
+        """The run of a group with all points that can be chosen, so many times each; None if points are not chosen."""
+        return None
+
+    def units(self, run_list: RunList) -> IntArray:
+        """(n,) number of the unit of each point of a run with all of them: units are chosen together."""
+        return np.arange(len(run_list))
+
+    def chosen(self, whole: Variation, units: Sequence[int]) -> Variation:
+        """The run with these units only."""
+        return whole
 
     @abstractmethod
     def hours(self, variation: Variation, run_list: RunList) -> float:

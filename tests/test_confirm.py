@@ -18,7 +18,17 @@ from procedures.attitude.model import mounting_matrix
 from procedures.attitude.settings import MountingSettings
 from procedures.attitude.table import attitude_data
 from procedures.further_runs import Variation, possible
-from rig.closed_loop.confirm import Inseparable, Proposal, consider, judge, open_traced, otherwise, plan_for, propose
+from rig.closed_loop.confirm import (
+    Inseparable,
+    Proposal,
+    consider,
+    judge,
+    open_traced,
+    ordered,
+    otherwise,
+    plan_for,
+    propose,
+)
 from rig.config import parse_procedure, parse_toml
 from rig.controller import resume_run, start_run
 from rig.engine.session import Outcome, Signals
@@ -279,7 +289,7 @@ def _proposal(what: str, chance: float, hours: float) -> Proposal:
 
 def test_a_run_that_is_unlikely_to_decide_does_not_come_first_and_is_said_to_be(opened) -> None:
     long, brief, good = _proposal("long", 0.08, 12.0), _proposal("brief", 0.02, 1.0), _proposal("good", 0.6, 30.0)
-    assert [p.variation.what for p in sorted((long, brief, good), key=lambda p: p.place)] == ["good", "brief", "long"]
+    assert [p.variation.what for p in ordered((long, brief, good))] == ["good", "brief", "long"]
     assert (long.likely, good.likely) == (False, True)
     never = [Inseparable(("pads", "head"), 1.0, "")]
     (said,) = otherwise(opened[0], long, never)

@@ -21,6 +21,7 @@ from procedures.pressure.together import WholePlotTogether
 from procedures.pressure.trace import trace_whole_plots
 from proving.truth import attitude
 from proving.truth import whole_plot as pressure
+from rig.closed_loop.confirm import consider, inseparable, open_traced, propose
 from rig.config import parse_toml
 from rig.plans import plan_of
 from rig.toml_text import toml_text
@@ -104,23 +105,33 @@ def traced_run(folder: Path, sensors: str, effects: dict, pitches: int) -> Path:
     return run(plan_of({name: toml_text(values) for name, values in texts.items()}, dry=True), folder)
 
 
-def test_what_no_run_of_the_bench_separates_is_said_and_nothing_is_proposed(tmp_path: Path) -> None:
+def test_what_no_run_of_the_bench_separates_is_said_and_needs_a_person(tmp_path: Path) -> None:
     """A cube of the sensors' outputs and one of the voltmeter's: it reads those sensors whatever is run."""
     first = traced_run(tmp_path, "xz", {"third_order": {"ug_per_g3": 40.0}}, 9)
     listed = rig("confirm", first, "--list", "--json")
     assert listed.returncode == 0, listed.stderr
     told = json.loads(listed.stdout)
-    assert told["proposals"] == []
     (pair,) = told["inseparable"]
+    assert [step["change"] for run in told["proposals"] for step in run["by_hand"]] == ["voltmeter-swapped"] * len(
+        told["proposals"]
+    ), "no run without another voltmeter"
     assert set(pair["pair"]) == {"sensor-third-order", "voltmeter-nonlinearity"}
     assert "voltage standard" in pair["would"]
-    asked = rig("confirm", first, "--dry", "--out", tmp_path)
-    assert asked.returncode == 3
-    said = " ".join(asked.stdout.split())
+    said = " ".join(rig("confirm", first, "--list").stdout.split())
     assert "no run of this bench separates them" in said
-    assert pair["would"] in said
-    assert "the same again" not in said
-    assert len(list(tmp_path.glob("*.sqlite"))) == 1, "nothing was run"
+    assert (pair["by_hand"] or [pair["would"]])[0] in said
+
+
+def test_where_nobody_can_change_anything_nothing_is_proposed(tmp_path: Path, monkeypatch) -> None:
+    """The same with a voltmeter of which nothing is declared about another one."""
+    first = traced_run(tmp_path, "xz", {"third_order": {"ug_per_g3": 40.0}}, 9)
+    monkeypatch.setattr("procedures.attitude.effects.effect.FAMILIES", {})
+    opened = open_traced(first)
+    considered = consider(opened)
+    (never,) = inseparable(opened, considered)
+    assert "voltage standard" in never.would
+    assert never.by_hand == ()
+    assert propose(considered) == ()
 
 
 def test_a_pair_that_stays_open_whatever_is_run_is_named(tmp_path: Path) -> None:

@@ -1,8 +1,9 @@
 """A further run compared with a traced one: the remaining explanation, and the expected result of a planned run."""
 
-from fitter.confirm.compare import CARRIED_ON
+from fitter.confirm.compare import CARRIED_ON, NOTHING, Pair
 from fitter.confirm.judge import Confirmation, Confirmed, Member, SensorError, confirm, confirm_all
-from fitter.confirm.predict import NOTHING, Pair, Separation, separation
+from fitter.confirm.points import Points
+from fitter.confirm.predict import Separation, separation
 from fitter.confirm.question import Hypothesis, Question, questions_of
 from fitter.confirm.together import Together
 
@@ -14,6 +15,7 @@ __all__ = [
     "Hypothesis",
     "Member",
     "Pair",
+    "Points",
     "Question",
     "SensorError",
     "Separation",

@@ -12,12 +12,17 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.confirm.question import Hypothesis, Question
-from fitter.confirm.together import Together
+from fitter.confirm.together import Fit, Together, left
 from fitter.linear import orthonormal
 from fitter.trace.aliases import PER_COLUMN
 
 CARRIED_ON = ("time", "temperature", "interruption", "chamber")
 """Sources of effects that continue from one run to the next."""
+
+
+NOTHING = "nothing"
+"""The absence of an effect of the first run in the later one."""
+Pair = tuple[str, str]
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,34 +61,61 @@ class Comparison:
         """(S n, r) columns that are fitted with every member: those of other effects, and of the later run's own
         parameters.
         """
-        return np.column_stack([self.both.columns_of(self.question.rest), nuisance(self.both, self.question)])
+        return np.column_stack([self.both.all_columns_of(self.question.rest), nuisance(self.both, self.question)])
 
     @cached_property
     def own(self) -> tuple[FloatArray, ...]:
-        """Columns (S n, q) of each member."""
+        """Columns (S n, q) of each member, with its sizes of the first run."""
         return tuple(self.both.columns_of(member.terms) for member in self.question.members)
 
     @cached_property
+    def resized(self) -> tuple[FloatArray, ...]:
+        """Columns (S n, p) of each member for its sizes after changes by a person."""
+        return tuple(self.both.resized_columns(member.terms) for member in self.question.members)
+
+    @cached_property
     def models(self) -> tuple[FloatArray, ...]:
-        """Columns (S n, q + r) of each member, with the common ones."""
-        return tuple(np.column_stack([own, self.rest]) for own in self.own)
+        """Columns (S n, q + p + r) of each member, with the common ones."""
+        parts = zip(self.own, self.resized, strict=True)
+        return tuple(np.column_stack([own, resized, self.rest]) for own, resized in parts)
 
     def apart(self, outputs: FloatArray) -> Apart:
         """Statistics of outputs (S n, k), weighted and with the declared model removed, as `Together.outputs`."""
         fresh = np.tile(self.both.fresh, len(self.both.sensors))
-        costs, misfits, shown = [], [], []
+        costs: list[FloatArray] = []
+        misfits, shown = [], []
         for member, own, basis, gone, df in zip(
             self.question.members, self.own, self._bases, self._gone, self._free, strict=True
         ):
             rest = outputs - basis @ (basis.T @ outputs)
             rss, later = np.sum(rest**2, axis=0), np.sum(rest[fresh] ** 2, axis=0)
-            costs.append(rss + PER_COLUMN * (own.shape[1] + searched(member)))
+            costs.append(rss + PER_COLUMN * (own.shape[1] + searched(member)) + self._coincidence(len(costs), outputs))
             misfits.append(later / df if df >= 1.0 else np.ones_like(rss))
             without = np.sum((outputs - gone @ (gone.T @ outputs)) ** 2, axis=0)
             shown.append(np.sqrt(np.maximum(without - rss, 0.0)))
         best = np.argmin(costs, axis=0)
         misfit = np.maximum(np.take_along_axis(np.array(misfits), best[None], 0)[0], 1.0)
         return Apart(np.array(costs) / misfit, np.array(shown))
+
+    def _coincidence(self, j: int, outputs: FloatArray) -> FloatArray:
+        """(k,) price of a member's sizes after changes by a person.
+
+        A size after a change is independent of the one before, but of the same order: with a normal prior whose
+        standard deviation is the size before, the marginal likelihood has the price log(1 + z^2), z being that size
+        in standard errors of the size after. So a cause that a change should have resized is less likely if its size
+        stayed the same.
+        """
+        resized = self.resized[j]
+        if not resized.shape[1]:
+            return np.zeros(outputs.shape[1])
+        of = self.both.resized(self.question.members[j].terms).of
+        sizes = Fit.of(self.models[j], outputs).estimate
+        price, model = np.zeros(outputs.shape[1]), np.column_stack([self.own[j], self.rest])
+        for column, term in enumerate(of):
+            length = np.linalg.norm(left(model, resized[:, column]))
+            price += np.maximum(np.log1p((sizes[term] * length) ** 2), PER_COLUMN)
+            model = np.column_stack([model, resized[:, column]])
+        return price
 
     @cached_property
     def _bases(self) -> tuple[FloatArray, ...]:
@@ -111,8 +143,12 @@ def nuisance(both: Together, question: Question) -> FloatArray:
 
     Then undeclared effects that continue between runs have no influence on causes that do not.
     """
-    lasting = all(member.terms[0].effect.source not in CARRIED_ON for member in question.members)
-    return both.again if lasting and not both.realigned else np.zeros((both.outputs.size, 0))
+    return both.again if lasting(question) and not both.realigned else np.zeros((both.outputs.size, 0))
+
+
+def lasting(question: Question) -> bool:
+    """Whether no member is of time or temperature, which continue from one run to the next."""
+    return all(member.terms[0].effect.source not in CARRIED_ON for member in question.members)
 
 
 def searched(member: Hypothesis) -> bool:

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitter.arrays import FloatArray
-from fitter.confirm.compare import Comparison, nuisance
+from fitter.confirm.compare import Comparison, lasting, nuisance
 from fitter.confirm.question import Hypothesis, Question
+from fitter.confirm.structure import p_structured
 from fitter.confirm.together import Candidates, Together, left, solve
 from fitter.effects.sizes import amplitude, arcsec, size_95
 from fitter.linear import orthonormal
@@ -57,7 +58,7 @@ class Member:
         p_shown: probability of `shown` or more by chance without it in the later run; an upper bound.
         limit: standard errors that separate two explanations, and one from none: three, or more if the error is known
             with few degrees of freedom only.
-        fits: whether its residuals in the later run are no more than error.
+        fits: whether its residuals in the later run are no more than error, and follow no smooth curve.
         terms: names of its terms.
         coefficients: of the terms, from the later run alone, so without selection bias.
         intervals: 95 % intervals of them.
@@ -269,7 +270,7 @@ def _outliers(both: Together, question: Question) -> NDArray[np.int64]:
 
 def _standing(both: Together, question: Question, terms: Candidates) -> FloatArray:
     """(n,) largest residual over all sensors with these effects, in standard deviations."""
-    model = np.column_stack([both.columns_of([*terms, *question.rest]), nuisance(both, question)])
+    model = np.column_stack([both.all_columns_of([*terms, *question.rest]), nuisance(both, question)])
     return np.asarray(np.max(np.abs(left(model, both.outputs).reshape(len(both.sensors), -1)), axis=0))
 
 
@@ -284,6 +285,8 @@ def _member(comparison: Comparison, j: int, sigmas: float, shown: float) -> Memb
     wider = np.column_stack([model, changed, shifts])
     more = orthonormal(wider).shape[1] - orthonormal(model).shape[1]
     df, (limit, fits) = both.df, _limits(both, model)
+    if fits and sigmas <= limit:
+        fits = p_structured(both, model, lasting=lasting(question)) >= CHANGED
     gain = _rss(model, both.outputs) - _rss(wider, both.outputs)
     p = f_tail(gain / more, more, df) if more > 0 else 1.0
     alone, error = _alone(both, member, question.rest)
@@ -348,8 +351,8 @@ def _sizes(
 def _alone(both: Together, member: Hypothesis, rest: Candidates) -> tuple[FloatArray, FloatArray]:
     """(q,) coefficients of a member from the later run alone, and their standard errors."""
     later = both.only(both.fresh)
-    own, others = later.columns_of(member.terms), later.columns_of(rest)
-    model = np.column_stack([own, others])
+    own, others = later.columns_of(member.terms), later.all_columns_of(rest)
+    model = np.column_stack([own, later.resized_columns(member.terms), others])
     length = np.linalg.norm(model, axis=0)
     seen, length = length[: own.shape[1]] > 0, np.where(length > 0, length, 1.0)
     inverse = np.linalg.pinv(model / length, rcond=1e-8) / length[:, None]
@@ -367,13 +370,14 @@ def _errors(
     """
     first, terms = both.only(~both.fresh), [term for own in effects.values() for term in own]
     gamma = solve(first.columns_of(terms), first.outputs)
-    raw, outputs = both.raw(terms), both.raw_outputs
-    at, own = both.fresh, both.loose[both.fresh]
-    lost, errors, adds = orthonormal(own).shape[1], {}, {}
+    raw, resized, outputs = both.raw(terms), both.resized(terms).raw, both.raw_outputs
+    at = both.fresh
+    errors, adds = {}, {}
     for i, sensor in enumerate(both.sensors):
-        model = both.declared[i]
+        model, own = both.declared[i], np.column_stack([both.loose[at], resized[i][at]])
+        lost = orthonormal(own).shape[1]
 
-        def left_of(y: FloatArray, model: FloatArray = model) -> FloatArray:
+        def left_of(y: FloatArray, model: FloatArray = model, own: FloatArray = own) -> FloatArray:
             return left(own, (y - model @ solve(model[~at], y[~at]))[at])
 
         rests = [left_of(outputs[i]), left_of(outputs[i] - raw[i] @ gamma)]

@@ -16,9 +16,9 @@ import numpy as np
 from scipy import special
 
 from fitter.arrays import FloatArray
-from fitter.confirm.compare import Apart, Comparison, searched
+from fitter.confirm.compare import NOTHING, Apart, Comparison, Pair, searched
 from fitter.confirm.question import Question
-from fitter.confirm.together import Candidates, Together, left
+from fitter.confirm.together import RANK, Candidates, Fit, Together, left
 from fitter.quantiles import DISTINGUISHED, t_limit
 from fitter.trace.aliases import PER_COLUMN
 
@@ -26,30 +26,6 @@ SELECTED = 3.5e-4
 """Probability at which a trace selects one candidate: 3.5 % of a run, over the hundred or so that it tries."""
 MORE = 20
 """Number of drawn sizes per kept one, when they are weighted by their probability of detection by a trace."""
-RANK = 1e-8
-
-
-@dataclass(frozen=True, eq=False)
-class Fit:
-    """Coefficients of columns that may not all be determined.
-
-    Attributes:
-        estimate: (q,) or (q, k) the shortest least-squares solution, for columns of length one.
-        spread: (q, r) matrix whose product with r independent standard normal numbers has their covariance.
-    """
-
-    estimate: FloatArray
-    spread: FloatArray
-
-    @classmethod
-    def of(cls, columns: FloatArray, outputs: FloatArray) -> Fit:
-        """Least squares of columns (n, q) on outputs (n,) or (n, k), k estimates side by side."""
-        length = np.linalg.norm(columns, axis=0)
-        length = np.where(length > 0, length, 1.0)
-        u, s, vt = np.linalg.svd(columns / length, full_matrices=False)
-        kept = s > RANK * s.max(initial=0.0)
-        spread = (vt[kept].T / s[kept]) / length[:, None]
-        return cls(spread @ (u[:, kept].T @ outputs), spread)
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,9 +33,10 @@ class Could:
     """Both runs with simulated outputs: the first as measured, the later one drawn.
 
     Each draw has a variance of error, known with few degrees of freedom only; sizes of the effects and parameters of
-    the declared model, with the uncertainty left by the first run; the own error of each replication or whole plot;
-    errors of readings. Sizes are weighted by their probability of detection: small effects are detected if chance
-    increased them (Yekutieli, J. R. Statist. Soc. B 74, 2012).
+    the declared model, with the uncertainty left by the first run; sizes after a change by a person, of the order of
+    those before; the own error of each replication or whole plot; errors of readings. Sizes are weighted by their
+    probability of detection: small effects are detected if chance increased them (Yekutieli, J. R. Statist. Soc. B 74,
+    2012).
 
     Attributes:
         both: the first run and a planned one.
@@ -85,8 +62,10 @@ class Could:
         rng, both = np.random.default_rng([draws, member]), self.both
         error = np.sqrt(both.df / rng.chisquare(both.df, draws))
         terms = [*self.question.members[member].terms, *self.question.rest]
-        sizes = self._sizes(terms, error, rng)
-        raw = both.raw(terms)
+        sizes, resized = self._sizes(terms, error, rng), both.resized(terms)
+        raw = np.concatenate([both.raw(terms), resized.raw], axis=2)
+        others = np.abs(sizes[list(resized.of)]) * rng.standard_normal((len(resized.of), draws))
+        sizes = np.concatenate([sizes, others])
         return np.concatenate([self._of_sensor(i, raw[i], sizes, error, rng) for i in range(len(both.sensors))])
 
     @cached_property
@@ -158,13 +137,10 @@ def _found(sizes: FloatArray, spread: FloatArray) -> FloatArray:
     return np.asarray(special.ndtr(strength - limit) + special.ndtr(-strength - limit))
 
 
-NOTHING = "nothing"
 DRAWS = 200
 INTERVAL = 0.05, 0.95
 LEAST_OF_A_PAIR = 20
 """Minimum number of draws for each member, however unlikely it is by the first run."""
-
-Pair = tuple[str, str]
 
 
 @dataclass(frozen=True)

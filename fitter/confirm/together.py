@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Self
 
@@ -12,11 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitter.arrays import FloatArray
+from fitter.effects.hands import Done
 from fitter.linear import orthonormal
 from fitter.trace.aliases import NOTHING_LEFT
 
 Candidates = Sequence[Any]
 """Terms of effects, each of a kind's own class; all have effect, term and sensor."""
+
+
+RANK = 1e-8
+"""Share of the largest singular value below which a direction is undetermined."""
 
 
 def solve(columns: FloatArray, outputs: FloatArray) -> FloatArray:
@@ -29,6 +34,29 @@ def solve(columns: FloatArray, outputs: FloatArray) -> FloatArray:
 def left(columns: FloatArray, outputs: FloatArray) -> FloatArray:
     """(n,) residual of the outputs after fitting `columns` (n, q)."""
     return np.asarray(outputs - columns @ solve(columns, outputs)) if columns.shape[1] else outputs
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Coefficients of columns that may not all be determined.
+
+    Attributes:
+        estimate: (q,) or (q, k) the shortest least-squares solution, for columns of length one.
+        spread: (q, r) matrix whose product with r independent standard normal numbers has their covariance.
+    """
+
+    estimate: FloatArray
+    spread: FloatArray
+
+    @classmethod
+    def of(cls, columns: FloatArray, outputs: FloatArray) -> Fit:
+        """Least squares of columns (n, q) on outputs (n,) or (n, k), k estimates side by side."""
+        length = np.linalg.norm(columns, axis=0)
+        length = np.where(length > 0, length, 1.0)
+        u, s, vt = np.linalg.svd(columns / length, full_matrices=False)
+        kept = s > RANK * s.max(initial=0.0)
+        spread = (vt[kept].T / s[kept]) / length[:, None]
+        return cls(spread @ (u[:, kept].T @ outputs), spread)
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,14 +81,29 @@ class Own:
 
 
 @dataclass(frozen=True, eq=False)
+class Resized:
+    """Columns for the sizes that effects have after a change by a person.
+
+    Attributes:
+        of: index of the term of each column.
+        raw: (S, n, q) unweighted columns, zero before the change.
+    """
+
+    of: tuple[int, ...]
+    raw: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
 class Together(ABC):
     """A first run and a later one.
 
     Attributes:
         fresh: (n,) whether an observation is of the later run.
+        done: changes that a person makes in the later run, with masks over all n observations.
     """
 
     fresh: NDArray[np.bool_]
+    done: tuple[Done, ...] = field(default=(), kw_only=True)
 
     @property
     @abstractmethod
@@ -115,12 +158,60 @@ class Together(ABC):
         """Own errors of replications or whole plots, for each sensor."""
 
     @abstractmethod
-    def raw(self, terms: Candidates) -> FloatArray:
-        """(S, n, q) unweighted columns of effects, zero for sensors without the term."""
+    def untouched(self, terms: Candidates) -> FloatArray:
+        """(S, n, q) unweighted columns of effects as if nobody changed the bench, zero for sensors without the term."""
+
+    def shapes(self, *, lasting: bool) -> Iterator[FloatArray]:
+        """(S, n, m) smooth unweighted columns over what was recorded in the later run, one place after the other.
+
+        Args:
+            lasting: whether those over time and temperature are left out.
+        """
+        yield from ()
 
     @abstractmethod
     def only(self, rows: NDArray[np.bool_]) -> Self:
         """The same with some of the observations."""
+
+    def raw(self, terms: Candidates) -> FloatArray:
+        """(S, n, q) unweighted columns of effects with the sizes of the first run, zero where a person changed them."""
+        columns = self.untouched(terms)
+        for k, term in enumerate(terms):
+            for done in self._on(term):
+                columns[:, done.after, k] = 0.0
+        return columns
+
+    def resized(self, terms: Candidates) -> Resized:
+        """Columns for the sizes after changes by a person, one for each term and change that gives it another size."""
+        of: list[int] = []
+        masks: list[NDArray[np.bool_]] = []
+        for k, term in enumerate(terms):
+            changes = self._on(term)
+            for number, done in enumerate(changes):
+                ended = [later.after for later in changes[number + 1 :]]
+                rows = done.after & ~np.logical_or.reduce([np.zeros_like(done.after), *ended])
+                if term.effect.influence(done.word) == "resizes" and rows.any():
+                    of.append(k)
+                    masks.append(rows)
+        raw = self.untouched([terms[k] for k in of])
+        for column, rows in enumerate(masks):
+            raw[:, ~rows, column] = 0.0
+        return Resized(tuple(of), raw)
+
+    def _on(self, term: Any) -> list[Done]:
+        """Changes that have an influence on a term, in order."""
+        own = [done for done in self.done if term.effect.influence(done.word) is not None]
+        return sorted(own, key=lambda done: -int(done.after.sum()))
+
+    def resized_columns(self, terms: Candidates) -> FloatArray:
+        """(S n, q) those columns, stacked, weighted and with the declared model removed."""
+        raw = self.resized(terms).raw
+        rest = self.stacked(raw)
+        return np.where(self._something_left(raw, rest), rest, 0.0)
+
+    def all_columns_of(self, terms: Candidates) -> FloatArray:
+        """(S n, q) columns of effects, also for their sizes after changes by a person."""
+        return np.column_stack([self.columns_of(terms), self.resized_columns(terms)])
 
     def stacked(self, columns: FloatArray) -> FloatArray:
         """(S n, q) columns (S, n, q) of all sensors, stacked and weighted, with the declared model removed."""

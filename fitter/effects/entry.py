@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
+from fitter.effects.hands import ByHand, Influence
 from fitter.effects.sizes import Size
 
 Stratum = Literal["between-point", "point-by-replication", "replication", "whole-plot", "subplot", "noise"]
@@ -105,6 +106,7 @@ class Entry:
         own: whether a laboratory added it: only its own entry knows its aliases.
         signed: the physical sign of its coefficients; None if both are possible.
         largest: size beyond which it is not an explanation; None if unknown.
+        hand: influences of changes by a person; None: those of its family, if its kind has families.
     """
 
     name: str
@@ -121,6 +123,16 @@ class Entry:
     own: bool = field(default=False, kw_only=True)
     signed: Signed | None = field(default=None, kw_only=True)
     largest: Largest | None = field(default=None, kw_only=True)
+    hand: tuple[ByHand, ...] | None = field(default=None, kw_only=True)
+
+    @property
+    def by_hand(self) -> tuple[ByHand, ...]:
+        """Influences of changes by a person; without an entry of its own, those of its family."""
+        return self.hand or ()
+
+    def influence(self, word: str) -> Influence | None:
+        """What the change of this word does to it; None if it stays as it is."""
+        return next((one.influence for one in self.by_hand if one.change.word == word), None)
 
     def sign(self, term: str) -> int:
         """Sign of a term's coefficient, +1 or -1; 0 if both are possible."""

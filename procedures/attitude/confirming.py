@@ -8,21 +8,22 @@ from typing import Any
 
 import numpy as np
 
-from fitter.arrays import FloatArray
+from fitter.arrays import FloatArray, IntArray
 from fitter.confirm import CARRIED_ON, Confirmation, Question
 from fitter.effects.entry import Entry
+from fitter.effects.hands import Done
 from procedures.attitude.data import AttitudeData
-from procedures.attitude.effects import Effect, separate
+from procedures.attitude.effects import CATALOGUE, Effect, separate
 from procedures.attitude.evaluate import AttitudeFitted, AttitudeTraced, fit_attitude_table
 from procedures.attitude.model import mounting_matrix
 from procedures.attitude.options import FitOptions
 from procedures.attitude.parameters import SCALE, UNIT
-from procedures.attitude.settings import PitchRollProcedure
+from procedures.attitude.settings import DesignSettings, PitchRollProcedure
 from procedures.attitude.table import attitude_data
 from procedures.attitude.together import AttitudeTogether
 from procedures.confirming import SETTLED, Confirming
 from procedures.errors import DataError
-from procedures.further_runs import Variation
+from procedures.further_runs import Variation, repeated
 from procedures.run_list import RunList
 from procedures.table import Table
 
@@ -30,6 +31,8 @@ PACKAGE_S = 1200.0
 """Time constant of a package behind its enclosure, seconds: a run begins before a change has decayed."""
 TRAVEL_S_PER_DEG = 0.2
 """Additional time for longer motion between points; a head at 5 deg/s."""
+MOST_CANDIDATES = 160
+"""Number of points, at most, from which those of a run are chosen."""
 GOES_ON = 0.0, 0.5, 1.0
 """Share of the first run's temperature trend that may continue until the further run."""
 
@@ -44,6 +47,8 @@ class AttitudeConfirming(Confirming):
     output_unit = "V"
     per_slope = float(np.degrees(1.0))
     drawn = UNIT, SCALE
+    counts = 12, 13, 15, 17, 19, 21, 24, 27, 30, 34, 38, 43, 48, 54, 60, 68, 76, 86, 96, 108, 120
+    passes = 1, 2, 4
 
     def own_words(self, *, realigned: bool) -> str:
         """See `Confirming`."""
@@ -53,9 +58,32 @@ class AttitudeConfirming(Confirming):
         """See `Confirming`."""
         return attitude_data(table)
 
-    def beside(self, later: AttitudeData, after_s: float) -> AttitudeTogether:
+    def beside(self, later: AttitudeData, after_s: float, done: Sequence[Done] = ()) -> AttitudeTogether:
         """See `Confirming`."""
-        return AttitudeTogether.of(self.found, self.data, later, after_s)
+        return AttitudeTogether.of(self.found, self.data, later, after_s, done)
+
+    @property
+    def catalogue(self) -> Sequence[Entry]:
+        """See `Confirming`."""
+        return CATALOGUE
+
+    def whole(self, group: Sequence[Variation], times: int) -> Variation:
+        """See `Confirming`: the largest design of few enough points."""
+        sizes = [len(variation.procedure.design.build()) for variation in group]
+        most = max((size for size in sizes if size <= MOST_CANDIDATES), default=min(sizes))
+        return repeated(group[sizes.index(most)], times)
+
+    def units(self, run_list: RunList) -> IntArray:
+        """See `Confirming`: a point of the design, in all replications."""
+        return np.asarray(_points(run_list)[1], np.int64)
+
+    def chosen(self, whole: Variation, units: Sequence[int]) -> Variation:
+        """See `Confirming`."""
+        points = _points(whole.procedure.expand())[0]
+        design = DesignSettings(
+            type="points", points_deg=[tuple(at) for at in short_path(points[list(units)]).tolist()]
+        )
+        return replace(whole, procedure=whole.procedure.model_copy(update={"design": design}))
 
     def ways(
         self, variation: Variation, run_list: RunList, questions: Sequence[Question], later_s: float
@@ -64,13 +92,14 @@ class AttitudeConfirming(Confirming):
         temperature.
         """
         later = self._planned(variation, run_list)
-        both = [self.beside(later, later_s)]
+        done = [step.done([p.replication for p in run_list.points]) for step in variation.steps]
+        both = [self.beside(later, later_s, done)]
         sources = {member.terms[0].effect.source for question in questions for member in question.members}
         if later.sensor_temperature_degC is not None and sources & {*CARRIED_ON}:
             trend = _trend(self.data) * later_s
             for share in GOES_ON[1:]:
                 degC = later.sensor_temperature_degC + share * trend
-                both.append(self.beside(replace(later, sensor_temperature_degC=degC), later_s))
+                both.append(self.beside(replace(later, sensor_temperature_degC=degC), later_s, done))
         return both
 
     def hours(self, variation: Variation, run_list: RunList) -> float:
@@ -148,6 +177,26 @@ class AttitudeConfirming(Confirming):
             if turn.turned
             else None,
         )
+
+
+def short_path(points: FloatArray) -> FloatArray:
+    """(n, 2) angles in an order with little motion: along pitch at one roll after the other, or the reverse."""
+    paths = []
+    for slow, fast in ((0, 1), (1, 0)):
+        path, way = [], 1
+        for level in np.unique(points[:, slow]):
+            own = points[points[:, slow] == level]
+            path.append(own[np.argsort(own[:, fast])][::way])
+            way = -way
+        paths.append(np.concatenate(path))
+    return min(paths, key=_travel)
+
+
+def _points(run_list: RunList) -> tuple[FloatArray, IntArray]:
+    """(U, 2) different (pitch, roll) of a run, ascending, and (n,) the number of each point's."""
+    pairs = np.column_stack([run_list.column("pitch_deg"), run_list.column("roll_deg")])
+    points, number = np.unique(pairs, axis=0, return_inverse=True)
+    return points, np.ravel(number).astype(np.int64)
 
 
 def _trend(data: AttitudeData) -> float:

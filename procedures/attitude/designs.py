@@ -51,15 +51,19 @@ class Cells(Sequence[tuple[int, int]]):
         return hash((self.columns, len(self)))
 
 
+LISTED = "points"
+"""Name of designs whose points are visited in the order of their list."""
+
+
 @dataclass(frozen=True)
 class Design:
     """Angles to visit.
 
     Attributes:
-        name: the paper's name for it: D, D0, D1, T6, T4.
+        name: the paper's name for it: D, D0, D1, T6, T4; or `LISTED`.
         pitch_deg: the pitch rows, ascending.
         roll_deg: the roll columns, ascending.
-        cells: (row, column) of each kept point, row by row.
+        cells: (row, column) of each kept point, row by row; of listed points in the order of the list.
     """
 
     name: str
@@ -71,7 +75,7 @@ class Design:
         return len(self.cells)
 
     def points_deg(self) -> list[tuple[float, float]]:
-        """(pitch, roll) of each point, row by row."""
+        """(pitch, roll) of each point, in the order of `cells`."""
         return [(self.pitch_deg[row], self.roll_deg[column]) for row, column in self.cells]
 
 
@@ -112,6 +116,16 @@ def grid(name: str, pitch_deg: Sequence[float], roll_deg: Sequence[float]) -> De
             raise ValueError(f"a design needs at least one {what} angle")
     rows, columns = tuple(sorted(pitch_deg)), tuple(sorted(roll_deg))
     return Design(name, rows, columns, Cells(len(columns), range(len(rows) * len(columns))))
+
+
+def listed(points_deg: Sequence[tuple[float, float]]) -> Design:
+    """The given (pitch, roll) in this order, cells of a grid of all angles. Raises ValueError if one is there twice."""
+    if len(set(points_deg)) != len(points_deg):
+        raise ValueError("a point is listed twice: more replications visit every point again")
+    rows, columns = (tuple(sorted({point[axis] for point in points_deg})) for axis in (0, 1))
+    row, column = ({angle: k for k, angle in enumerate(angles)} for angles in (rows, columns))
+    numbers = [row[pitch] * len(columns) + column[roll] for pitch, roll in points_deg]
+    return Design(LISTED, rows, columns, Cells(len(columns), numbers))
 
 
 def tumble(*, roll: bool) -> Design:

@@ -23,6 +23,9 @@ WARMER_DEGC = 3.0
 WHOLE_TURN_DEG, LEAST_WHOLE_TURN, MOST_WHOLE_TURN = 180.0, 13, 37
 
 
+_ROLLS = -135.0, -90.0, -45.0, 0.0, 45.0, 90.0, 135.0, 180.0
+
+
 _TURNS = (
     ("x", 180.0, "half a turn about its own x axis"),
     ("z", 180.0, "end for end, half a turn about its own z axis"),
@@ -42,6 +45,7 @@ def further_runs(first: PitchRollProcedure, limits: Limits, *, chamber: bool) ->
     if _rolls(design) == 1:
         yield from _sizes("at roll 0 and 180 deg", _over(first, pitches, [0.0, 180.0]))
         yield from _sizes("at roll 0, 90 and 180 deg", _over(first, pitches, [0.0, 90.0, 180.0]))
+        yield from _sizes("at any roll", _over(first, pitches, _ROLLS))
     rolls = design.build().roll_deg
     if (between := _half_way(pitches)) is not None:
         yield from _sizes("at pitches half-way between those of the design", _over(first, between, rolls))

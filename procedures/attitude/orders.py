@@ -13,7 +13,7 @@ from array import array
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from procedures.attitude.designs import Design
+from procedures.attitude.designs import LISTED, Design
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +44,7 @@ def reversed_pass(replication: int, pattern: str) -> bool:
 
 
 def walk(design: Design, *, backwards: bool, up_and_down: bool) -> Iterator[Visit]:
-    """Boustrophedon pass: pitch row after row, roll to and fro (recommendation 4 of the paper).
+    """Boustrophedon pass: pitch row after row, roll to and fro (recommendation 4 of the paper); or the list of points.
 
     Args:
         design: the points.
@@ -58,8 +58,26 @@ def walk(design: Design, *, backwards: bool, up_and_down: bool) -> Iterator[Visi
         yield from _sweep(design, -1)
 
 
+def _listed(design: Design, way: int) -> Iterator[Visit]:
+    """Listed points in their order (way 1), or from the end; an axis is approached in the direction of its motion."""
+    cells = design.cells[::way]
+    sides = (way, way)
+    for before, cell in zip((cells[0], *cells), cells, strict=False):
+        moves = (cell[0] - before[0], cell[1] - before[1])
+        sides = (_side(moves[0], sides[0]), _side(moves[1], sides[1]))
+        yield Visit(*cell, *sides)
+
+
+def _side(move: int, before: int) -> int:
+    """Direction of a motion; without one that of the motion before."""
+    return before if move == 0 else (1 if move > 0 else -1)
+
+
 def _sweep(design: Design, way: int) -> Iterator[Visit]:
     """From the first row to the last (way 1), or the same path from its end (way -1)."""
+    if design.name == LISTED:
+        yield from _listed(design, way)
+        return
     by_row: dict[int, array[int]] = {}
     for row, column in design.cells:
         by_row.setdefault(row, array("L")).append(column)

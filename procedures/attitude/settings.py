@@ -12,7 +12,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from procedures.attitude.designs import Design, fraction, grid, roll_circle, tumble, uniform
+from procedures.attitude.designs import Design, fraction, grid, listed, roll_circle, tumble, uniform
 from procedures.attitude.orders import Visit, random_order, reversed_pass, walk
 from procedures.by_hand import Steps, check_places, with_steps
 from procedures.conduct import Conduct, EnvironmentSettings
@@ -39,16 +39,19 @@ class DesignSettings(Strict):
     """Angles of the design.
 
     D1: `pitch_max_deg` and `pitch_count`, uniform and symmetric; roll uniform over the circle. D0: any `pitch_deg`
-    list; roll uniform over the circle. D: lists of both. T6, T4: no further keys.
+    list; roll uniform over the circle. D: lists of both. points: a list of points. T6, T4: no further keys.
     """
 
-    type: Literal["D", "D0", "D1", "T6", "T4"]
+    type: Literal["D", "D0", "D1", "points", "T6", "T4"]
     pitch_max_deg: Positive | None = Field(None, le=180, description="D1: pitch goes from minus to plus this")
     pitch_count: int | None = Field(None, ge=2, le=10_000, description="D1: number of pitch angles N")
     pitch_deg: Side | None = Field(None, description="D and D0: the pitch angles")
     roll_count: int | None = Field(None, ge=1, le=10_000, description="D0 and D1: number of roll angles M")
     roll_repeat_180: bool = Field(True, description="D0 and D1: end at +180 deg, repeating -180 deg")
     roll_deg: Side | None = Field(None, description="D: the roll angles; [0] for a sensor without roll")
+    points_deg: Annotated[list[tuple[float, float]], Field(min_length=1, max_length=100_000)] | None = Field(
+        None, description="points: [pitch, roll] of every point; visited in this order, unless it is random"
+    )
     fraction: FractionSettings | None = Field(None, description="decimate the interior of the grid")
 
     @model_validator(mode="after")
@@ -57,10 +60,11 @@ class DesignSettings(Strict):
             "D": {"pitch_deg", "roll_deg"},
             "D0": {"pitch_deg", "roll_count"},
             "D1": {"pitch_max_deg", "pitch_count", "roll_count"},
+            "points": {"points_deg"},
             "T6": set(),
             "T4": set(),
         }[self.type]
-        optional = {"type", "roll_repeat_180", "fraction"} if needs else {"type"}
+        optional = {"type", "roll_repeat_180", "fraction"} if needs and self.type != "points" else {"type"}
         missing = sorted(name for name in needs if getattr(self, name) is None)
         extra = sorted(self.model_fields_set - needs - optional)
         if missing:
@@ -74,6 +78,8 @@ class DesignSettings(Strict):
         """The design of these settings. Raises ValueError if it cannot be built."""
         if self.type in ("T6", "T4"):
             return tumble(roll=self.type == "T6")
+        if self.type == "points":
+            return listed(self.points_deg or ())
         if self.type == "D1":
             assert self.pitch_max_deg is not None
             assert self.pitch_count is not None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
@@ -14,11 +14,13 @@ from fitter.arrays import FloatArray, IntArray
 from fitter.confirm import Together
 from fitter.confirm.runs import join
 from fitter.confirm.together import Candidates, Own
+from fitter.effects.hands import Done
 from procedures.attitude.data import AttitudeData
 from procedures.attitude.effects import Scene
 from procedures.attitude.model import attitude_columns
 from procedures.attitude.temperature import Temperature
 from procedures.attitude.trace import SensorTrace, Trace
+from procedures.attitude.trace.places import places_of
 from procedures.attitude.trace.problem import raw_columns
 
 
@@ -78,8 +80,12 @@ class AttitudeTogether(Together):
     noise: Mapping[str, SensorNoise]
 
     @classmethod
-    def of(cls, found: Trace, first: AttitudeData, later: AttitudeData, after_s: float) -> Self:
+    def of(
+        cls, found: Trace, first: AttitudeData, later: AttitudeData, after_s: float, done: Sequence[Done] = ()
+    ) -> Self:
         """A run, its trace, and a later run, `after_s` after the first's zero of elapsed time.
+
+        `done` are changes by a person in the later run, with masks over its observations.
 
         Raises:
             FitError: the later run lacks a sensor of the first.
@@ -89,7 +95,9 @@ class AttitudeTogether(Together):
         mounting = np.concatenate([mountings(run) for run in runs])
         both = join(*runs, after_s, mounting=mounting, axes=first.axes)
         noise = {name: SensorNoise.of(sensor, first, kept) for name, sensor in found.sensors.items()}
-        return cls(np.arange(len(both)) >= kept.size, replace(found.scene, data=both, roll=both.has_roll), noise)
+        scene = replace(found.scene, data=both, roll=both.has_roll)
+        changes = tuple(one.after_first(kept.size) for one in done)
+        return cls(np.arange(len(both)) >= kept.size, scene, noise, done=changes)
 
     @property
     def data(self) -> AttitudeData:
@@ -103,7 +111,9 @@ class AttitudeTogether(Together):
 
     @cached_property
     def realigned(self) -> bool:
-        """Whether the package was mounted again, or only the later run has roll."""
+        """Whether the package was mounted again or touched, or only the later run has roll."""
+        if any(done.anew for done in self.done):
+            return True
         turned = mountings(self.data)
         if not np.allclose(turned[self.fresh], turned[~self.fresh][0], atol=1e-9):
             return True
@@ -111,8 +121,11 @@ class AttitudeTogether(Together):
 
     @property
     def loose(self) -> FloatArray:
-        """(n, 0) or, if the package was mounted again, (n, 4) its offset and axes."""
-        return self._h if self.realigned else np.empty((len(self.data), 0))
+        """(n, 0) or, if the package was mounted again or touched, (n, 4) its offset and axes, each time again."""
+        if not self.realigned:
+            return np.empty((len(self.data), 0))
+        part = self._part
+        return np.column_stack([np.where((part == k)[:, None], self._h, 0.0) for k in np.unique(part[self.fresh])])
 
     @property
     def sigma(self) -> FloatArray:
@@ -130,8 +143,9 @@ class AttitudeTogether(Together):
 
     @cached_property
     def declared(self) -> tuple[FloatArray, ...]:
-        """(n, d) columns of the declared model for each sensor: again for every mounting."""
+        """(n, d) columns of the declared model for each sensor: again for every mounting, and after every change."""
         h, turned = self._h, np.round(mountings(self.data).reshape(len(self.data), 9), 9)
+        turned = np.column_stack([turned, self._part])
         which = np.ravel(np.unique(turned, axis=0, return_inverse=True)[1])
         columns = np.column_stack([np.where((which == k)[:, None], h, 0.0) for k in range(int(which.max()) + 1)])
         out = []
@@ -152,13 +166,35 @@ class AttitudeTogether(Together):
             out.append(tuple(Own.of(rows, columns[rows]) for rows in replications) if spread.any() else ())
         return tuple(out)
 
-    def raw(self, terms: Candidates) -> FloatArray:
+    @cached_property
+    def _part(self) -> IntArray:
+        """(n,) number of the part with parameters of its own: the parts of a later run with changes are all apart."""
+        anew = [done.after for done in self.done if done.anew]
+        return np.asarray(self.fresh + np.sum(anew, axis=0) if anew else np.zeros(len(self.data)), np.int64)
+
+    def untouched(self, terms: Candidates) -> FloatArray:
         """(S, n, q) V per unit coefficient."""
         return raw_columns(self.scene, terms)
 
+    def shapes(self, *, lasting: bool) -> Iterator[FloatArray]:
+        """See `Together`: the places where a trace looks for shapes without a name."""
+        count, n = len(self.sensors), len(self.data)
+        for place in places_of(self.scene):
+            if lasting and place.level != "replications":
+                continue
+            columns = place.block.columns
+            raw = np.zeros((count, n, columns.shape[1]))
+            if place.sensor is None:
+                raw[:] = columns.reshape(raw.shape)
+            else:
+                raw[place.sensor] = columns
+            yield raw * self.fresh[:, None]
+
     def only(self, rows: NDArray[np.bool_]) -> Self:
         """See `Together`."""
-        return replace(self, scene=self.scene.on(self.data.take(np.flatnonzero(rows))), fresh=self.fresh[rows])
+        done = tuple(one.at(rows) for one in self.done)
+        scene = self.scene.on(self.data.take(np.flatnonzero(rows)))
+        return replace(self, scene=scene, fresh=self.fresh[rows], done=done)
 
     @cached_property
     def _h(self) -> FloatArray:

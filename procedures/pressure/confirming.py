@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 from typing import Any
 
 import numpy as np
 
+from fitter.arrays import IntArray
 from fitter.confirm import Confirmation, Question
 from fitter.effects.entry import Entry
+from fitter.effects.hands import Done
 from procedures.blocks import Block
 from procedures.confirming import SETTLED, Confirming
 from procedures.effects_shown import show_confirmed
-from procedures.further_runs import Variation
+from procedures.further_runs import Variation, repeated
 from procedures.pressure.data import WholePlotData
+from procedures.pressure.effects import PRESSURE_CATALOGUE
 from procedures.pressure.effects.scene import PressureEffect
 from procedures.pressure.effects.separation import separate_pressure
 from procedures.pressure.evaluate import WholePlotFitted, WholePlotTraced, fit_whole_plots
@@ -38,6 +41,7 @@ class WholePlotConfirming(Confirming):
     output_unit = "mV"
     per_slope = 1.0
     drawn = "mpsi", 1e3
+    counts = 1, 2, 3, 4, 5, 6, 8, 10, 13, 16
     caution = (
         "of the standard errors between two explanations of whole plots about two thirds came in simulated worlds "
         "(half of them 0.5 to 0.9, docs/confirm.md): count on that much"
@@ -51,15 +55,46 @@ class WholePlotConfirming(Confirming):
         """See `Confirming`."""
         return whole_plot_data(table)
 
-    def beside(self, later: WholePlotData, after_s: float) -> WholePlotTogether:
+    def beside(self, later: WholePlotData, after_s: float, done: Sequence[Done] = ()) -> WholePlotTogether:
         """See `Confirming`."""
-        return WholePlotTogether.of(self.found, self.data, later, after_s)
+        return WholePlotTogether.of(self.found, self.data, later, after_s, done)
+
+    @property
+    def catalogue(self) -> Sequence[Entry]:
+        """See `Confirming`."""
+        return PRESSURE_CATALOGUE
+
+    def whole(self, group: Sequence[Variation], times: int) -> Variation:
+        """See `Confirming`: every pair of temperatures twice in a replication."""
+        largest = max(group, key=lambda variation: len(set(variation.procedure.design.pairs())))
+        design = largest.procedure.design
+        pairs = 2 * sorted(set(design.pairs()))
+        procedure = largest.procedure.model_copy(
+            update={"design": design.model_copy(update={"temperatures_degC": pairs})}
+        )
+        return repeated(replace(largest, procedure=procedure), times)
+
+    def units(self, run_list: RunList) -> IntArray:
+        """See `Confirming`: a visit to a pair of temperatures, in all replications."""
+        at = [(p.replication, p.setpoints[1:], p.whole_plot) for p in run_list.points]
+        numbers: dict[tuple[Any, ...], int] = {}
+        for replication in sorted({key[0] for key in at}):
+            plots = sorted({key[1:] for key in at if key[0] == replication})
+            numbers |= {(replication, *plot): number for number, plot in enumerate(plots)}
+        return np.array([numbers[key] for key in at], np.int64)
+
+    def chosen(self, whole: Variation, units: Sequence[int]) -> Variation:
+        """See `Confirming`."""
+        pairs = sorted(whole.procedure.design.pairs())
+        design = whole.procedure.design.model_copy(update={"temperatures_degC": [pairs[unit] for unit in units]})
+        return replace(whole, procedure=whole.procedure.model_copy(update={"design": design}))
 
     def ways(
         self, variation: Variation, run_list: RunList, questions: Sequence[Question], later_s: float
     ) -> list[WholePlotTogether]:
         """One course: the chamber sets the temperatures."""
-        return [self.beside(self._planned(run_list), later_s)]
+        done = [step.done([p.replication for p in run_list.points]) for step in variation.steps]
+        return [self.beside(self._planned(run_list), later_s, done)]
 
     def hours(self, variation: Variation, run_list: RunList) -> float:
         """See `Confirming`."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
@@ -13,9 +14,11 @@ from fitter.arrays import FloatArray
 from fitter.confirm import Together
 from fitter.confirm.runs import join
 from fitter.confirm.together import Candidates, Own
+from fitter.effects.hands import Done
 from procedures.pressure.data import WholePlotData
 from procedures.pressure.effects.scene import PressureScene
 from procedures.pressure.trace import WholePlotTrace
+from procedures.pressure.trace.places import places_of
 from procedures.pressure.trace.problem import raw_columns
 
 
@@ -32,14 +35,24 @@ class WholePlotTogether(Together):
     found: WholePlotTrace
 
     @classmethod
-    def of(cls, found: WholePlotTrace, first: WholePlotData, later: WholePlotData, after_s: float) -> Self:
+    def of(
+        cls,
+        found: WholePlotTrace,
+        first: WholePlotData,
+        later: WholePlotData,
+        after_s: float,
+        done: Sequence[Done] = (),
+    ) -> Self:
         """A run, its trace, and a later run, `after_s` after the first's zero of elapsed time.
+
+        `done` are changes by a person in the later run, with masks over its observations.
 
         Raises:
             FitError: the later run lacks a transducer of the first.
         """
         both = join(first, later, after_s)
-        return cls(np.arange(len(both)) >= len(first), replace(found.scene, data=both), found)
+        changes = tuple(one.after_first(len(first)) for one in done)
+        return cls(np.arange(len(both)) >= len(first), replace(found.scene, data=both), found, done=changes)
 
     @property
     def data(self) -> WholePlotData:
@@ -58,8 +71,17 @@ class WholePlotTogether(Together):
 
     @property
     def loose(self) -> FloatArray:
-        """(n, W) an offset of every whole plot, as if each were zeroed once (the papers' in-flight zero)."""
-        return np.eye(self.data.whole_plots.size)[self.data.whole_plot_index]
+        """(n, W) an offset of every whole plot, as if each were zeroed once (the papers' in-flight zero), and a
+        sensitivity after every change by a person.
+        """
+        return np.column_stack([np.eye(self.data.whole_plots.size)[self.data.whole_plot_index], self._anew])
+
+    @cached_property
+    def _anew(self) -> FloatArray:
+        """(n, 2 k) offset and sensitivity after each of k changes with which they change."""
+        after = [done.after.astype(np.float64) for done in self.done if done.anew]
+        columns = [column for own in after for column in (own, own * self.data.pressure_psia)]
+        return np.column_stack(columns) if columns else np.zeros((len(self.data), 0))
 
     @property
     def again(self) -> FloatArray:
@@ -87,7 +109,7 @@ class WholePlotTogether(Together):
         """(n, d) columns of the declared model for each transducer."""
         formula = self.found.formula
         columns = formula.columns(self.data.table, formula.levels(self.found.scene.data.table))[1]
-        return (columns,) * len(self.sensors)
+        return (np.column_stack([columns, self._anew]),) * len(self.sensors)
 
     @cached_property
     def own(self) -> tuple[tuple[Own, ...], ...]:
@@ -100,11 +122,21 @@ class WholePlotTogether(Together):
             out.append(tuple(Own.of(rows, (spread / self.sigma[i][rows])[:, None]) for rows in plots))
         return tuple(out)
 
-    def raw(self, terms: Candidates) -> FloatArray:
+    def untouched(self, terms: Candidates) -> FloatArray:
         """(S, n, q) mV per unit coefficient."""
         return raw_columns(self.scene, self.sensors, terms)
+
+    def shapes(self, *, lasting: bool) -> Iterator[FloatArray]:
+        """See `Together`: the places inside whole plots where a trace looks for shapes without a name."""
+        for place in places_of(self.scene):
+            if place.level != "subplot" or (lasting and not place.block.place.startswith("over the pressure")):
+                continue
+            for i in range(len(self.sensors)):
+                raw = np.zeros((len(self.sensors), len(self.data), place.block.columns.shape[1]))
+                raw[i] = place.block.columns * self.fresh[:, None]
+                yield raw
 
     def only(self, rows: NDArray[np.bool_]) -> Self:
         """See `Together`."""
         part = replace(self.scene, data=self.data.take(np.flatnonzero(rows)))
-        return replace(self, scene=part, fresh=self.fresh[rows])
+        return replace(self, scene=part, fresh=self.fresh[rows], done=tuple(one.at(rows) for one in self.done))

@@ -114,7 +114,13 @@ def confirm(
         if write is not None:
             lines = f"# {chosen.variation.what}: to confirm the effects found in {run_file.name}\n"
             lines += "# Turn the package first.\n" if chosen.variation.turned else ""
-            write_whole(write, lambda file: file.write(lines + procedure_text(chosen.variation.procedure)))
+            lines += "".join(
+                f"# {step.words}: the run waits, and `rig done` continues it.\n" for step in chosen.variation.steps
+            )
+            write_whole(
+                write,
+                lambda file: file.write(lines + procedure_text(chosen.variation.procedure, chosen.variation.steps)),
+            )
             err.print(f"procedure: {escape(str(write))}", soft_wrap=True)
         if as_json:
             print_json(_listed(first, proposals, never))
@@ -229,9 +235,14 @@ def _show_open(first: First, never: Sequence[Inseparable]) -> None:
         out.print(f"[bold]{escape(question.effect)}[/]: {escape(text)}", soft_wrap=True)
     for one in never:
         a, b = one.pair
+        does = (
+            f"a run with a change by a person does: {'; or '.join(one.by_hand)}"
+            if one.by_hand
+            else f"a person would have to change something: {one.would}"
+        )
         out.print(
             f"  [yellow]{escape(a)} or {escape(b)}: no run of this bench separates them (at most {one.sigmas:.1f} "
-            f"standard errors expected). A person would have to change something: {escape(one.would)}[/]",
+            f"standard errors expected) as it stands; {escape(does)}[/]",
             soft_wrap=True,
         )
 

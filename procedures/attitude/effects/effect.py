@@ -9,7 +9,9 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.effects.entry import Entry
+from fitter.effects.hands import ByHand
 from procedures.attitude.data import AttitudeData
+from procedures.attitude.effects.hands import FAMILIES
 from procedures.attitude.effects.scene import Scene
 
 Column = Callable[[Scene, str], FloatArray]
@@ -62,6 +64,12 @@ class Effect(Entry):
     terms: Callable[[AttitudeData], tuple[Term, ...]]
     needs: tuple[str, ...] = ()
     searched: bool = False
+
+    @property
+    def by_hand(self) -> tuple[ByHand, ...]:
+        """See `Entry`; nothing is known of a laboratory's own effects."""
+        families = {} if self.own else FAMILIES
+        return families.get(self.source, ()) if self.hand is None else self.hand
 
     def applies_to(self, data: AttitudeData) -> bool:
         """Whether these observations meet the requirements of the effect."""

@@ -12,10 +12,12 @@ import numpy as np
 
 from fitter.arrays import FloatArray, IntArray
 from fitter.effects.entry import Alias, Largest, Signed
+from fitter.effects.hands import resized_by
 from fitter.effects.sizes import amplitude, arcsec, each
 from procedures.attitude.data import AttitudeData
 from procedures.attitude.data import settings as settings_of
 from procedures.attitude.effects.effect import Effect, Term, fixed
+from procedures.attitude.effects.hands import OTHER_CABLE
 from procedures.attitude.effects.scene import Scene
 
 _BOTH_SIDES = "visit some points twice in one replication, once from each side"
@@ -396,6 +398,7 @@ CABLE = Effect(
     usual_size="1e-3 deg/turn",
     known_aliases={},
     needs=("roll",),
+    hand=(resized_by(OTHER_CABLE),),
 )
 
 

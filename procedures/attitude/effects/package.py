@@ -12,9 +12,11 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.effects.entry import Alias, Largest, Signed
+from fitter.effects.hands import removed_by
 from fitter.effects.sizes import arcsec, each
 from procedures.attitude.data import AttitudeData
 from procedures.attitude.effects.effect import Effect, Term, fixed
+from procedures.attitude.effects.hands import PADS_LOCKED
 from procedures.attitude.effects.head import REVERSED
 from procedures.attitude.effects.moments import Moment, evenly, near, starts
 from procedures.attitude.effects.scene import Scene
@@ -88,6 +90,7 @@ ISOLATION_PADS = Effect(
         ),
         "sensor-third-order": Alias("without roll, within +-30 deg of pitch", "go beyond +-60 deg of pitch"),
     },
+    hand=(removed_by(PADS_LOCKED),),
 )
 
 
@@ -193,4 +196,5 @@ SCALE_ATTITUDE = Effect(
         "cross-axis": Alias("for a sensor by itself", "read the common supply at several attitudes"),
     },
     needs=("several sensors",),
+    hand=(),
 )

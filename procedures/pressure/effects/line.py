@@ -6,7 +6,9 @@ from collections.abc import Callable, Mapping
 
 from fitter.arrays import FloatArray
 from fitter.effects.entry import Alias, Signed
+from fitter.effects.hands import resized_by
 from fitter.effects.sizes import each, micro
+from procedures.pressure.effects.hands import OTHER_GAUGE
 from procedures.pressure.effects.scene import (
     AT_EASE,
     SECOND_GAUGE,
@@ -86,6 +88,7 @@ REFERENCE_ZERO_DRIFT = PressureEffect(
         )
     },
     terms=fixed(("time", lambda s: s.hours)),
+    hand=(resized_by(OTHER_GAUGE),),
 )
 REFERENCE_DRIFT = PressureEffect(
     name="reference-drift",
@@ -100,6 +103,7 @@ REFERENCE_DRIFT = PressureEffect(
     usual_size="1 ppm/h",
     known_aliases={},
     terms=fixed(("P*time", lambda s: s.p * s.hours)),
+    hand=(resized_by(OTHER_GAUGE),),
 )
 LINE_LEAK = PressureEffect(
     name="line-leak",
@@ -139,6 +143,7 @@ HEAD_CORRECTION = PressureEffect(
     },
     terms=fixed(("P/T_sensor", lambda s: s.weight_per_m)),
     at_most=HIGHEST_M,
+    hand=(),
 )
 REFERENCE_NONLINEARITY = PressureEffect(
     name="reference-nonlinearity",
@@ -160,4 +165,5 @@ REFERENCE_NONLINEARITY = PressureEffect(
         PressureTerm("P^3", lambda s: s.p**3, unit="psi/psi^3"),
     ),
     on_suspicion=True,
+    hand=(resized_by(OTHER_GAUGE),),
 )

@@ -11,8 +11,10 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.effects.entry import Entry
+from fitter.effects.hands import ByHand
 from fitter.errors import FitError
 from procedures.pressure.data import WholePlotData
+from procedures.pressure.effects.hands import FAMILIES
 
 AMBIENT_PSIA = 14.7
 _FOR_A_CUBIC = 6
@@ -267,6 +269,12 @@ class PressureEffect(Entry):
     at_most: float = float("inf")
     of_noise: bool = False
     on_suspicion: bool = False
+
+    @property
+    def by_hand(self) -> tuple[ByHand, ...]:
+        """See `Entry`; nothing is known of a laboratory's own effects."""
+        families = {} if self.own else FAMILIES
+        return families.get(self.source, ()) if self.hand is None else self.hand
 
     def __post_init__(self) -> None:
         """Refuse a bound that the search of whole-plot runs does not use. Raises FitError."""

@@ -4,7 +4,16 @@ from rig.closed_loop.confirm.answers import Confirmed, chance, evidence, judge, 
 from rig.closed_loop.confirm.calibration import fit_confirmed
 from rig.closed_loop.confirm.first import First, open_traced
 from rig.closed_loop.confirm.plans import plan_for, procedure_text
-from rig.closed_loop.confirm.proposals import SURE, Inseparable, Proposal, consider, inseparable, otherwise, propose
+from rig.closed_loop.confirm.proposals import (
+    SURE,
+    Inseparable,
+    Proposal,
+    consider,
+    inseparable,
+    ordered,
+    otherwise,
+    propose,
+)
 
 __all__ = [
     "SURE",
@@ -19,6 +28,7 @@ __all__ = [
     "inseparable",
     "judge",
     "open_traced",
+    "ordered",
     "otherwise",
     "plan_for",
     "procedure_text",

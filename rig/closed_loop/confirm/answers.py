@@ -109,9 +109,9 @@ def judge(first: First, later: Path) -> Confirmed:
     Raises:
         UsageError: the run has another kind or other sensors, or is not later.
     """
-    data, after_s = read_later(first, later)
+    data, after_s, done = read_later(first, later)
     try:
-        both = first.confirming.beside(data, after_s)
+        both = first.confirming.beside(data, after_s, done)
         judged = confirm_all(both, first.questions)
     except FitError as error:
         raise UsageError(f"{later}: {error}") from error

@@ -10,12 +10,14 @@ from typing import Any
 import numpy as np
 
 from fitter.confirm import Question, questions_of
+from fitter.effects.hands import Done
 from procedures.confirming import Confirming
 from procedures.kind import Procedure, kind_of
 from rig.closed_loop import Traced, known, trace_table
 from rig.config import BenchConfig
 from rig.errors import UsageError
 from rig.plans import plan_of
+from rig.run_file.events.by_hand import DoneByHand
 from rig.run_file.reader import RunReader
 from rig.tables import run_table
 
@@ -103,8 +105,8 @@ def open_traced(path: Path, **options: Any) -> First:
     )
 
 
-def read_later(first: First, path: Path) -> tuple[Any, float]:
-    """A later run, and the time from the begin of the first to its begin, seconds.
+def read_later(first: First, path: Path) -> tuple[Any, float, tuple[Done, ...]]:
+    """A later run, the time from the begin of the first to its begin, seconds, and changes by a person in it.
 
     Raises:
         UsageError: it has another kind, began before the first, or only one of them is simulated.
@@ -122,6 +124,11 @@ def read_later(first: First, path: Path) -> tuple[Any, float]:
         )
     with RunReader.open(path) as reader:
         simulated, began_utc_s = reader.about().simulated, reader.genesis().utc_s
+        changes = [
+            (record.event.change, record.elapsed_s)
+            for record in reader.records(DoneByHand.kind)
+            if isinstance(record.event, DoneByHand)
+        ]
     if simulated != first.simulated:
         raise UsageError(
             f"one of {first.path} and {path} is simulated, the other is not: they cannot be judged together"
@@ -135,4 +142,6 @@ def read_later(first: First, path: Path) -> tuple[Any, float]:
             f"{path} began at the time of {first.path} or before it: a confirming run must be later"
             f"{dry if first.dry else ''}"
         )
-    return first.confirming.later(table), after_s
+    data = first.confirming.later(table)
+    done = tuple(Done(word, data.elapsed_s > at_s, first.confirming.anew(word)) for word, at_s in changes)
+    return data, after_s, done

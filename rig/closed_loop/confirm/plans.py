@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-from procedures.further_runs import Variation
+from procedures.further_runs import Step, Variation
 from procedures.kind import Procedure
 from rig.closed_loop.confirm.first import First
 from rig.config import parse_toml
@@ -13,18 +13,22 @@ from rig.plans import Plan, plan_of
 from rig.toml_text import toml_text
 
 
-def procedure_text(procedure: Procedure) -> str:
-    """A procedure as the text of its file."""
+def procedure_text(procedure: Procedure, steps: Sequence[Step] = ()) -> str:
+    """A procedure as the text of its file, with changes by a person."""
     values = procedure.model_dump(mode="json", exclude_none=True)
     design = procedure.design.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
-    return toml_text(values | {"design": design})  # a type of design refuses keys of another type
+    values |= {"design": design}  # a type of design refuses keys of another type
+    values.pop("by_hand", None)
+    if steps:
+        values |= {"by_hand": [step.table() for step in steps]}
+    return toml_text(values)
 
 
 def plan_for(
     first: First, variation: Variation, *, dry: bool, bench: str | None = None, world: str | None = None
 ) -> Plan:
     """The plan of a further run on the first run's bench, or on another file of the same bench; texts of files."""
-    documents = dict(first.documents) | {"procedure.toml": procedure_text(variation.procedure)}
+    documents = dict(first.documents) | {"procedure.toml": procedure_text(variation.procedure, variation.steps)}
     documents |= {name: text for name, text in (("bench.toml", bench), ("world.toml", world)) if text is not None}
     if not dry:
         documents.pop("world.toml", None)

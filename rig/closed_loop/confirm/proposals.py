@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from drivers.roles import Chamber
-from fitter.confirm import NOTHING, Pair, Separation, separation
+from fitter.confirm import NOTHING, Pair, Points, Separation, separation
+from fitter.effects.entry import Entry
+from fitter.effects.hands import Change
+from fitter.quantiles import DISTINGUISHED, t_limit
 from procedures.durations import duration
-from procedures.further_runs import Variation, possible
+from procedures.further_runs import Variation, possible, with_step
 from procedures.kind import kind_of
 from rig.bench import playing
 from rig.closed_loop.confirm.first import First
@@ -22,8 +25,18 @@ duration.
 """
 HARDLY = 0.2
 """Below this probability a run is not worth its duration."""
-TURN_H = 0.5
-"""Cost of mounting the package again, in addition to bench time, hours."""
+STEP = 0.05
+"""Difference of probabilities, summed over all questions, that is no advantage; those above `SURE` are equal."""
+PERSON_H = 0.5
+"""Cost of a person at the bench, to mount the package again or for a change by hand, in addition to bench time, hours.
+"""
+CHANGED = 3
+"""Number of the best kinds of runs that are also considered with a change by a person, besides those of the same bench.
+"""
+MORE_SIGMAS = 0.15
+"""Standard errors by which a longer run has to separate more than a shorter one."""
+WORTH_A_FORECAST = 0.5
+"""Standard errors below the limit by which a choice of points may fall short, and still be simulated."""
 
 
 class Weakest(NamedTuple):
@@ -60,6 +73,17 @@ class Proposal:
     def enough(self) -> bool:
         """Whether it will very likely settle all questions."""
         return all(chance >= SURE for s in self.separations for chance in s.chances.values())
+
+    def settles(self, pairs: frozenset[Pair] | None) -> bool:
+        """Whether it will very likely settle these questions; all for None."""
+        if pairs is None:
+            return self.enough
+        return all(chance >= SURE for s in self.separations for pair, chance in s.chances.items() if pair in pairs)
+
+    @property
+    def points(self) -> int:
+        """Number of its points."""
+        return len(self.variation.procedure.expand())
 
     @property
     def separated(self) -> tuple[int, int]:
@@ -104,22 +128,20 @@ class Proposal:
         return self.shown if self.nearest is None else min(self.shown, self.nearest)
 
     @property
-    def rank(self) -> tuple[float, float]:
-        """Sort key within a kind of run, smallest is best: number of separated pairs first, then cost."""
-        told = sum(chance for s in self.separations for chance in s.chances.values())
-        return -round(told, 1), self.cost_h
+    def told(self) -> float:
+        """Sum of the probabilities of settling a question, over all questions; above `SURE` they are equal."""
+        return sum(min(chance, SURE) for s in self.separations for chance in s.chances.values())
 
     @property
-    def place(self) -> tuple[float, float, float]:
-        """Sort key over all kinds, smallest is best: runs that are unlikely to succeed have no worth."""
-        chances = [chance for s in self.separations for chance in s.chances.values()]
-        fair = sum(chance for chance in chances if chance >= LIKELY)
-        return -round(fair, 1), self.cost_h, -sum(chances)
+    def worth(self) -> float:
+        """The same without questions that are unlikely to be settled."""
+        chances = [min(chance, SURE) for s in self.separations for chance in s.chances.values()]
+        return sum(chance for chance in chances if chance >= LIKELY)
 
     @property
     def cost_h(self) -> float:
         """Cost: hours of bench time and of a person."""
-        return self.hours + TURN_H * self.variation.turned
+        return self.hours + PERSON_H * self.variation.person
 
     @property
     def _alike(self) -> list[tuple[Separation, Pair]]:
@@ -127,12 +149,13 @@ class Proposal:
 
     def to_json(self) -> dict[str, Any]:
         """Values for `--json`."""
-        run = self.variation.procedure
         return {
             "what": self.variation.what,
             "mounting": None if self.mounting is None else dict(self.mounting),
             "turn_the_package": self.variation.turned,
-            "points": len(run.expand()),
+            "by_hand": [step.table() for step in self.variation.steps],
+            "person_hours": PERSON_H * self.variation.person,
+            "points": self.points,
             "hours": self.hours,
             "sigmas": [
                 {
@@ -149,26 +172,130 @@ class Proposal:
         }
 
 
-def consider(first: First) -> tuple[Proposal, ...]:
-    """The most informative run per cost of every kind; the best of all first."""
-    kind, best = first.confirming, dict[str, Proposal]()
-    for variation in possible(_further_runs(first), first.bench.limits):
-        known = best.get(variation.what)
-        if known is not None and known.enough:
-            continue  # the smallest sufficient run
-        run_list = variation.procedure.expand()
-        both = kind.ways(variation, run_list, first.questions, first.later_s)
-        run = variation.procedure
-        proposal = Proposal(
-            variation,
-            separation(both, first.questions),
-            kind.hours(variation, run_list),
-            kind.size(run),
-            kind.mounting(run),
-        )
-        if known is None or proposal.rank < known.rank:
-            best[variation.what] = proposal
-    return tuple(sorted(best.values(), key=lambda proposal: proposal.place))
+def consider(first: First, choice: type[Points] | None = Points) -> tuple[Proposal, ...]:
+    """The most informative run per cost of every kind; the best of all first.
+
+    Runs with a change by a person are considered for the pairs that no setting of the bench separates.
+
+    Args:
+        first: the traced run.
+        choice: how the points of runs are chosen; None for whole designs only.
+    """
+    groups = _groups(_further_runs(first), first)
+    best = {id(proposal): (proposal, group) for proposal, group in ((_best(first, g, choice), g) for g in groups)}
+    proposals = ordered(proposal for proposal, _ in best.values())
+    changes = {change.word: change for one in inseparable(first, proposals) for change in changes_for(first, one.pair)}
+    in_order = [best[id(proposal)][1] for proposal in proposals]
+    changed = [group for k, group in enumerate(in_order) if k < CHANGED or _untouched(group[0])]
+    for change in changes.values():
+        proposals += [_best(first, [with_step(variation, change) for variation in group], choice) for group in changed]
+    return tuple(ordered(proposals))
+
+
+def _groups(every: Iterable[Variation], first: First) -> list[list[Variation]]:
+    """Possible runs that differ in size only, from the smallest to the largest."""
+    groups: dict[str, list[Variation]] = {}
+    for variation in possible(every, first.bench.limits):
+        groups.setdefault(variation.what, []).append(variation)
+    return list(groups.values())
+
+
+def _untouched(variation: Variation) -> bool:
+    """Whether a run changes nothing but points and their order."""
+    return not (variation.turned or variation.warmer_degC or variation.by_weather)
+
+
+def _best(first: First, group: Sequence[Variation], choice: type[Points] | None) -> Proposal:
+    """The smallest sufficient run of a group; otherwise the most informative one."""
+    chosen, hopeful = _of_chosen_points(first, group, choice)
+    tried: list[Proposal] = []
+    for variation in chosen:
+        tried.append(_proposal(first, variation))
+        if tried[-1].settles(hopeful):
+            return _cheapest(tried)
+    largest = _proposal(first, group[-1])
+    if not tried or largest.told > max(proposal.told for proposal in tried) + STEP:
+        most = tried[-1].points if tried else 0
+        for variation in group[:-1]:
+            if len(variation.procedure.expand()) > most:
+                tried.append(_proposal(first, variation))
+                if tried[-1].settles(hopeful):
+                    break
+    return _cheapest([*tried, largest])
+
+
+def _cheapest(proposals: Sequence[Proposal]) -> Proposal:
+    """The cheapest of those that tell about as much as the best."""
+    most = max(proposal.told for proposal in proposals)
+    return min((p for p in proposals if p.told >= most - STEP), key=lambda proposal: proposal.cost_h)
+
+
+def ordered(proposals: Iterable[Proposal]) -> list[Proposal]:
+    """The best first, over all kinds of runs.
+
+    Runs that are unlikely to succeed have no worth. Of runs that are worth about as much, one without a change by a
+    person is better, then the cheaper one.
+    """
+    proposals = list(proposals)
+    most = max((proposal.worth for proposal in proposals), default=0.0)
+
+    def place(proposal: Proposal) -> tuple[int, bool, float, float]:
+        less = int((most - proposal.worth) / STEP)
+        return less, bool(proposal.variation.steps), proposal.cost_h, -proposal.told
+
+    return sorted(proposals, key=place)
+
+
+def _of_chosen_points(
+    first: First, group: Sequence[Variation], choice: type[Points] | None
+) -> tuple[list[Variation], frozenset[Pair] | None]:
+    """The run with the points that separate best, from short to long, without those that are certainly too short.
+
+    And the pairs that a run of the group can separate at all; None if that is unknown.
+    """
+    kind = first.confirming
+    found: list[tuple[float, float, Variation]] = []
+    pairs: frozenset[Pair] | None = None
+    most = max(len(variation.procedure.expand()) for variation in group)
+    for times in kind.passes:
+        whole = kind.whole(group, times)
+        if whole is None or choice is None:
+            break
+        run_list = whole.procedure.expand()
+        ways = kind.ways(whole, run_list, first.questions, first.later_s)
+        least = t_limit(DISTINGUISHED, ways[0].df) - WORTH_A_FORECAST
+        points = choice.of([ways[0], ways[-1]][: len(ways)], first.questions, kind.units(run_list), most)
+        pairs = points.pairs if pairs is None else pairs
+        for one in points.choose(kind.counts, least):
+            variation = kind.chosen(whole, one.units)
+            found.append((kind.hours(variation, variation.procedure.expand()), one.sigmas, variation))
+    best, kept = 0.0, []
+    for _, sigmas, variation in sorted(found, key=lambda one: one[0]):
+        if sigmas > best + MORE_SIGMAS:  # a longer run with less separation is not worth a forecast
+            best = sigmas
+            kept.append(variation)
+    return kept, pairs
+
+
+def _proposal(first: First, variation: Variation) -> Proposal:
+    kind, run = first.confirming, variation.procedure
+    run_list = run.expand()
+    both = kind.ways(variation, run_list, first.questions, first.later_s)
+    expected = separation(both, first.questions)
+    return Proposal(variation, expected, kind.hours(variation, run_list), kind.size(run), kind.mounting(run))
+
+
+def changes_for(first: First, pair: Pair) -> tuple[Change, ...]:
+    """Changes by a person that have different influences on two explanations."""
+    one, other = (_effect(first, name) for name in pair)
+    known = {own.change.word: own.change for effect in (one, other) for own in effect.by_hand}
+    return tuple(change for word, change in known.items() if one.influence(word) != other.influence(word))
+
+
+def _effect(first: First, name: str) -> Entry:
+    members = (member for question in first.questions for member in question.members)
+    effect: Entry = next(member.terms[0].effect for member in members if member.effect == name)
+    return effect
 
 
 def _further_runs(first: First) -> Iterator[Variation]:
@@ -183,30 +310,48 @@ def propose(considered: Sequence[Proposal]) -> tuple[Proposal, ...]:
 
 @dataclass(frozen=True)
 class Inseparable:
-    """Two explanations that no run of this bench separates.
+    """Two explanations that no run of this bench separates as the bench stands.
 
     Attributes:
         pair: their names.
-        sigmas: maximum expected standard errors between them in any run.
+        sigmas: maximum expected standard errors between them in any run without a change by a person.
         would: the change that a person would have to make, in words.
+        by_hand: what a person has to do in considered runs that may separate them.
     """
 
     pair: Pair
     sigmas: float
     would: str
+    by_hand: tuple[str, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """Values for `--json`."""
-        return {"pair": list(self.pair), "most_sigmas": self.sigmas, "would": self.would}
+        pair, by_hand = list(self.pair), list(self.by_hand)
+        return {"pair": pair, "most_sigmas": self.sigmas, "would": self.would, "by_hand": by_hand}
 
 
 def inseparable(first: First, considered: Sequence[Proposal]) -> tuple[Inseparable, ...]:
-    """Pairs of explanations that no considered run is likely to separate."""
-    told = [s for proposal in considered for s in proposal.separations]
+    """Pairs of explanations that no considered run is likely to separate without a change by a person."""
+    told = [s for proposal in considered if not proposal.variation.steps for s in proposal.separations]
     pairs = dict.fromkeys(pair for s in told for pair in s.chances if pair[1] != NOTHING)
     best = {pair: max(s.chances[pair] for s in told if pair in s.chances) for pair in pairs}
     most = {pair: max(s.sigmas[pair] for s in told if pair in s.sigmas) for pair in pairs}
-    return tuple(Inseparable(pair, most[pair], _would(first, pair)) for pair in pairs if best[pair] < HARDLY)
+    return tuple(
+        Inseparable(pair, most[pair], _would(first, pair), _by_hand(considered, pair))
+        for pair in pairs
+        if best[pair] < HARDLY
+    )
+
+
+def _by_hand(considered: Sequence[Proposal], pair: Pair) -> tuple[str, ...]:
+    """What a person has to do in the runs that may separate a pair."""
+    says = (
+        step.change.say
+        for proposal in considered
+        for step in proposal.variation.steps
+        if any(s.chances.get(pair, 0.0) >= HARDLY for s in proposal.separations)
+    )
+    return tuple(dict.fromkeys(says))
 
 
 def otherwise(first: First, proposal: Proposal, never: Sequence[Inseparable] = ()) -> Iterator[str]:
@@ -238,5 +383,4 @@ def otherwise(first: First, proposal: Proposal, never: Sequence[Inseparable] = (
 
 
 def _would(first: First, pair: Pair) -> str:
-    members = {m.effect: m.terms[0].effect for q in first.questions for m in q.members}
-    return first.confirming.separated_by(members[pair[0]], members[pair[1]])
+    return first.confirming.separated_by(*(_effect(first, name) for name in pair))

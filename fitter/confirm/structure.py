@@ -1,0 +1,54 @@
+"""Structure in the residuals of a later run: what a model leaves that no error makes.
+
+An explanation may be the best of its class without being true. If its residuals in the later run still follow a smooth
+curve of something that was recorded, it is not confirmed, however small they are: the error of the later run is taken
+from these residuals themselves, not from the first run.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from fitter.confirm.together import Together, left
+from fitter.linear import orthonormal
+from fitter.quantiles import f_tail
+
+ORDERS = 3, 6, 12
+"""Numbers of columns of a place that are tried together, the smoothest first."""
+LEAST_DF = 8
+"""Degrees of freedom beside a shape: with fewer the error is not known well enough."""
+INDEPENDENT = 1e-3
+"""Share of a column that remains beside the model, below which it is a part of the model."""
+
+
+def p_structured(both: Together, model: FloatArray, *, lasting: bool) -> float:
+    """Probability by chance of the clearest shape in a model's residuals in the later run, over all that were tried.
+
+    Args:
+        both: both runs.
+        model: (S n, q) its columns, as `Together.columns_of`.
+        lasting: whether causes of time and temperature are of no interest: their shapes are left out.
+    """
+    fresh = np.tile(both.fresh, len(both.sensors))
+    whole_rest = left(model, both.outputs)
+    rest = whole_rest[fresh]
+    basis = orthonormal(model)
+    df = rest.size - float(np.sum(basis[fresh] ** 2)) - both.leverage(both.fresh)
+    found, tried = 1.0, 0
+    for raw in both.shapes(lasting=lasting):
+        whole = np.sqrt(np.sum(np.stack([both.weigh(i, own) for i, own in enumerate(raw)]) ** 2, axis=(0, 1)))
+        columns = both.stacked(raw)
+        columns -= basis @ (basis.T @ columns)
+        columns = columns[:, np.linalg.norm(columns, axis=0) > INDEPENDENT * np.where(whole > 0, whole, 1.0)]
+        for order in dict.fromkeys(min(order, columns.shape[1]) for order in ORDERS):
+            shape = orthonormal(columns[:, :order])
+            rank = shape.shape[1]
+            if not rank or df - rank < LEAST_DF:
+                continue
+            along = shape.T @ whole_rest
+            scatter = float(np.sum((rest - shape[fresh] @ along) ** 2)) / (df - rank)
+            tried += 1
+            f = float(along @ along) / rank / max(scatter, np.finfo(float).tiny)
+            found = min(found, f_tail(f, rank, df - rank))
+    return min(found * tried, 1.0) if tried else 1.0
