@@ -39,7 +39,7 @@ class Step:
 
     @property
     def words(self) -> str:
-        """What is done, and when."""
+        """The instruction and its place in the run."""
         when = "the first point" if self.before_replication == 1 else f"replication {self.before_replication}"
         return f"before {when}: {self.change.say}"
 

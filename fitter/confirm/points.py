@@ -59,7 +59,8 @@ class Rival:
         cross = self.true_first[:, :-1] + f.reshape(len(f), -1) @ flat
         weights = cross @ inverse
         square = self.true_first[:, -1] + np.sum(f**2, axis=(1, 2)) - np.sum(weights * cross, axis=1)
-        return inverse, self.true_later - np.tensordot(weights, self.later, (1, 2)), np.maximum(square, 0.0)
+        missed = np.asarray(self.true_later - np.tensordot(weights, self.later, (1, 2)))
+        return np.asarray(inverse, np.float64), missed, np.asarray(np.maximum(square, 0.0))
 
     def changes(self, chosen: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:
         """(T, U) change of the squared distances if a unit is added, or removed if it is chosen; and (T,) these."""
@@ -241,10 +242,10 @@ def _rival(
     within = np.arange(at.size) - np.searchsorted(at, at)
     filled = np.zeros((int(units.max()) + 1, len(rows), int(within.max()) + 1, z.shape[2]))
     filled[at, :, within] = new[:, by_unit].transpose(1, 0, 2)
-    filled = filled.reshape(len(filled), -1, z.shape[2])
+    candidates = filled.reshape(len(filled), -1, z.shape[2])
     told = np.column_stack([products[p:, :p], np.diag(products)[p:]])
     start = products[:p, :p] + np.diag(prior[:p] + LITTLE)
-    return Rival(pairs, start, filled[..., :p], told, np.moveaxis(filled[..., p:], 2, 0))
+    return Rival(pairs, start, candidates[..., :p], told, np.moveaxis(candidates[..., p:], 2, 0))
 
 
 def _declared(both: Together, *, again: bool) -> tuple[list[FloatArray], FloatArray]:

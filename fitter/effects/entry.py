@@ -131,7 +131,7 @@ class Entry:
         return self.hand or ()
 
     def influence(self, word: str) -> Influence | None:
-        """What the change of this word does to it; None if it stays as it is."""
+        """Influence of the change of this word; None if it stays as it is."""
         return next((one.influence for one in self.by_hand if one.change.word == word), None)
 
     def sign(self, term: str) -> int:

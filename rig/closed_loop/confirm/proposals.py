@@ -344,7 +344,7 @@ def inseparable(first: First, considered: Sequence[Proposal]) -> tuple[Inseparab
 
 
 def _by_hand(considered: Sequence[Proposal], pair: Pair) -> tuple[str, ...]:
-    """What a person has to do in the runs that may separate a pair."""
+    """Instructions for a person in the runs that may separate a pair."""
     says = (
         step.change.say
         for proposal in considered
