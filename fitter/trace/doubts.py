@@ -8,6 +8,8 @@ DOUBT = 1e-2
 """Probability of a remainder at the place of an effect, below which the effect is doubtful."""
 BUNDLE = 3
 """Number of names found together in the same sensors at one level, from which on they may be parts of one shape."""
+PERIODS = 3.0
+"""Number of periods in the data, below which an oscillation in time is doubtful."""
 EARNED = 3.0
 """Minimum lead in nats of a name over the most probable shape without a name: odds of 20 to 1."""
 
@@ -39,6 +41,11 @@ def in_several(sensors: Sequence[str]) -> str:
 def beside(stronger: str) -> str:
     """Sentence about a stronger effect of a similar shape."""
     return f"it is small compared with {stronger}, and a small error in the law of {stronger} would look like this"
+
+
+def few_periods(count: float) -> str:
+    """Sentence about an oscillation of which the data have few periods."""
+    return f"the data have {count:.1f} of its periods: something that wanders slowly would look like this"
 
 
 def several_values(count: int) -> str:

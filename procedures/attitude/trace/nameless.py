@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
+from itertools import combinations
 
 import numpy as np
 from scipy import special
@@ -167,6 +168,8 @@ class Nameless:
                     out[name] = something_left(found.place.block.place, found.p)
             if len(names) >= BUNDLE:
                 out |= {name: bundle(names) for name in names if name not in out}
+            for one, other in self._over_one_angle(names):
+                out |= {name: bundle([one, other]) for name in (one, other) if name not in out}
             for name in names:
                 values = self._values_of(name)
                 if values and name not in out:
@@ -178,6 +181,15 @@ class Nameless:
             if named - nameless < EARNED:
                 out |= {name: no_better(names, where) for name in names if name not in out}
         return out
+
+    def _over_one_angle(self, names: Sequence[str]) -> Iterator[tuple[str, str]]:
+        """Pairs of errors of the head over one angle, if one has a searched constant: together they take any shape."""
+        effects = {c.effect.name: c.effect for c in self.problem.candidates if c.effect.name in names}
+        for one, other in combinations(names, 2):
+            first, second = effects[one], effects[other]
+            same = (first.source, first.against) == (second.source, second.against)
+            if same and first.stratum == second.stratum == "between-point" and (first.searched or second.searched):
+                yield one, other
 
     def _values_of(self, name: str) -> int:
         """Number of values of its searched constant on one sensor, if it is too many for one cause; else 0."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from fitter.arrays import FloatArray, IntArray
 from fitter.trace.aliases import DELTA
-from fitter.trace.doubts import BUNDLE, DOUBT, EARNED, bundle, no_better, something_left
+from fitter.trace.doubts import BUNDLE, DOUBT, EARNED, PERIODS, bundle, few_periods, no_better, something_left
 from fitter.trace.flexible import Block, Remainder, evidence, evidence_of, remainders, tried
 from fitter.trace.lines import Line, line
 from fitter.trace.search import names_of
@@ -191,6 +191,10 @@ class Nameless:
             ahead = judge.beats_wander(self.chosen, name) if name in jumping else None
             if ahead is not None and ahead <= DELTA and name not in out:
                 out[name] = no_better((name,), "a slow wander along the run")
+        for j in self.chosen:
+            effect, profile = candidates[j].effect, candidates[j].term.profile
+            if effect.family == "periodic" and effect.source == "time" and profile and profile.value < PERIODS:
+                out.setdefault(effect.name, few_periods(profile.value))
         for name, other in self._over_one_variable(names):
             out.setdefault(name, bundle([name, other]))
             out.setdefault(other, bundle([name, other]))
