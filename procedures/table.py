@@ -39,6 +39,8 @@ class Table:
         gaps: columns left out because of missing values, with the first such row of the file.
         rows: number in the file of every row, where the header is row 1; () if they follow it without gaps.
         kind: of calibration, if the source gives it.
+        units: of columns, where the source gives them in a row of units.
+        understood: how a table of others was read, as JSON values with "sentence"; {} for our own tables.
     """
 
     source: str
@@ -51,9 +53,11 @@ class Table:
     gaps: Mapping[str, int] = field(default_factory=dict)
     rows: Sequence[int] = ()
     kind: str = ""
+    units: Mapping[str, str] = field(default_factory=dict)
+    understood: Mapping[str, Any] = field(default_factory=dict)
 
     def __len__(self) -> int:
-        return len(next(iter(self.columns.values())))
+        return len(next(iter({**self.text, **self.columns}.values()), ()))
 
     @property
     def names(self) -> list[str]:

@@ -9,9 +9,11 @@ from procedures.table import Table
 from rig.errors import UsageError
 from rig.regular import open_regular
 from rig.tables.csv_files import read_any_csv, read_csv, read_gappy_csv, write_csv
+from rig.tables.of_others.asked import Asked
 from rig.tables.table_of_run import run_table
 
 __all__ = [
+    "Asked",
     "FileSource",
     "Table",
     "is_run",
@@ -37,18 +39,24 @@ def is_run(path: Path) -> bool:
     return start.startswith(b"SQLite format 3")
 
 
-def read_table(path: Path) -> Table:
+def read_table(path: Path, asked: Asked = Asked()) -> Table:
     """A table from a CSV file or from the accepted observations of a run file. Raises `UsageError` or
     `RunFileError`.
     """
-    return run_table(path) if is_run(path) else read_csv(path)
+    return run_table(path) if is_run(path) else read_csv(path, asked)
 
 
 @dataclass(frozen=True)
 class FileSource:
-    """A run file, or a CSV file, read at its first use. See `procedures.results.Source`."""
+    """A run file, or a CSV file, read at its first use. See `procedures.results.Source`.
+
+    Attributes:
+        path: the file.
+        asked: declarations of the user about a CSV file.
+    """
 
     path: Path
+    asked: Asked = Asked()
 
     @property
     def name(self) -> str:
@@ -58,8 +66,8 @@ class FileSource:
     @cached_property
     def table(self) -> Table:
         """The whole table. Raises `UsageError` or `RunFileError`."""
-        return read_table(self.path)
+        return read_table(self.path, self.asked)
 
     def read(self, needed: Collection[str]) -> Table:
         """Any CSV table. Raises `UsageError`."""
-        return read_any_csv(self.path, needed)
+        return read_any_csv(self.path, needed, self.asked)
