@@ -1,14 +1,15 @@
 """Reading and writing tables: CSV with units in the column names, and the observations of a run file."""
 
-from collections.abc import Collection
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 from procedures.table import Table
 from rig.errors import UsageError
 from rig.regular import open_regular
-from rig.tables.csv_files import read_any_csv, read_csv, read_gappy_csv, write_csv
+from rig.tables.csv_files import read_any_csv, read_csv, read_gappy_csv, read_seen_csv, write_csv
 from rig.tables.of_others.asked import Asked
 from rig.tables.table_of_run import run_table
 
@@ -58,6 +59,8 @@ class FileSource:
     path: Path
     asked: Asked = Asked()
 
+    _read: list[Table] = field(default_factory=list, repr=False, compare=False)
+
     @property
     def name(self) -> str:
         """Its path."""
@@ -66,8 +69,21 @@ class FileSource:
     @cached_property
     def table(self) -> Table:
         """The whole table. Raises `UsageError` or `RunFileError`."""
-        return read_table(self.path, self.asked)
+        return self._kept(read_table(self.path, self.asked))
 
     def read(self, needed: Collection[str]) -> Table:
         """Any CSV table. Raises `UsageError`."""
-        return read_any_csv(self.path, needed, self.asked)
+        return self._kept(read_any_csv(self.path, needed, self.asked))
+
+    def all_columns(self) -> Table:
+        """All columns and rows of any CSV table; NaN and "" for missing values. Raises `UsageError`."""
+        return read_seen_csv(self.path, self.asked)
+
+    @property
+    def understood(self) -> Mapping[str, Any]:
+        """How the table read last was understood; {} for our own tables."""
+        return self._read[-1].understood if self._read else {}
+
+    def _kept(self, table: Table) -> Table:
+        self._read[:] = [table]
+        return table

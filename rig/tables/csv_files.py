@@ -191,6 +191,14 @@ def _read_gappy_csv(path: Path, numbers: Collection[str]) -> Table:
     return Table(str(path), columns, False, provenance, text=text, rows=[number for number, _ in body])
 
 
+def read_seen_csv(path: Path, asked: Asked = Asked()) -> Table:
+    """All columns and rows of any table, NaN and "" for missing values, by its look alone. Raises `UsageError`."""
+    try:
+        return cells_of_others(path, asked).gappy()
+    except NoTable:
+        return _read_gappy_csv(path, ())
+
+
 def has_gaps(cells: Iterable[str]) -> bool:
     """Whether a column of text is one of numbers with words for missing values."""
     given = [cell for cell in cells if not is_missing(cell)]

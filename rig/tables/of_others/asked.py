@@ -49,5 +49,13 @@ class Asked:
             raise UsageError("--header: rows are counted from 1; 0 means that there are no names")
         return cls(found, sign, encoding or "", header)
 
+    def words(self) -> list[str]:
+        """The options as words of a command."""
+        names = {sign: word for word, sign in SEPARATORS.items()}
+        found = ["--separator", names[self.separator]] if self.separator else []
+        found += ["--decimal", "comma" if self.decimal == "," else "point"] if self.decimal else []
+        found += ["--encoding", self.encoding] if self.encoding else []
+        return found + (["--header", str(self.header)] if self.header is not None else [])
+
     def __bool__(self) -> bool:
         return bool(self.separator or self.decimal or self.encoding) or self.header is not None

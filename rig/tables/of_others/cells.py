@@ -53,6 +53,8 @@ class Cells:
         lines = list(lines_of(text))
         layout = layout_of(lines, str(path), asked)
         rows = [line.cells(layout.separator) for line in layout.body]
+        if len(layout.names) < 2:
+            raise NoTable(f"{path} holds no table that is recognised")
         for line, row in zip(layout.body, rows, strict=True):
             if any(row[len(layout.names) :]):
                 raise UsageError(
@@ -254,5 +256,3 @@ def _numbers(columns: dict[str, list[str]], layout: Layout) -> Iterator[tuple[in
         for line, cell in zip(layout.body, cells, strict=True):
             if not is_missing(cell):
                 yield line.row, cell
-
-

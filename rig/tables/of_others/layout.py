@@ -14,7 +14,9 @@ from rig.tables.of_others.units import bare, is_unit
 
 MOST_COLUMNS = 2000
 _SAMPLE = 400
-_TIME = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}(?:[T ].{4,30})?|\d{1,2}:\d{2}(?::\d{2}(?:[.,:]\d+)?)?(?: ?[APap][Mm])?")
+_TIME = re.compile(
+    r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}(?:[T ].{4,30})?|\d{1,2}:\d{2}(?::\d{2}(?:[.,:]\d+)?)?(?: ?[APap][Mm])?"
+)
 _ALIKE = 0.02
 _FEW, _TAIL = 2, 20
 _EXTRA = re.compile(r"comments?|notes?|remarks?", re.IGNORECASE)
@@ -77,7 +79,9 @@ def layout_of(lines: Sequence[Line], name: str, asked: Asked) -> Layout:
         )
     found.sort(key=lambda each: -each[0])
     best = found[0][1]
-    rivals = [block for merit, block in found[1:] if found[0][0] - merit < _ALIKE and not _same(best, block)]
+    near = [block for merit, block in found if found[0][0] - merit < _ALIKE]
+    best = next((block for block in near if block.separator != " "), best)  # blanks also stand beside separators
+    rivals = [block for block in near if block.separator not in (best.separator, " ") and not _same(best, block)]
     if rivals:
         words = {sign: word for word, sign in SEPARATORS.items()}
         raise UsageError(
@@ -140,7 +144,9 @@ def _block(lines: Sequence[Line], separator: str, asked: Asked) -> _Block | None
     tail = every[max(0, end - _TAIL) : end]
     count = max(tail, key=lambda n: (tail.count(n), n), default=0)
     begin = end
-    while begin and (every[begin - 1] == count or (1 < every[begin - 1] < count and _data(plain[begin - 1][1], separator))):
+    while begin and (
+        every[begin - 1] == count or (1 < every[begin - 1] < count and _data(plain[begin - 1][1], separator))
+    ):
         begin -= 1
     if count < 2 or count > MOST_COLUMNS or begin == end:
         return None
@@ -187,7 +193,9 @@ def _with_names(lines: Sequence[Line], block: _Block, name: str, asked: Asked) -
     if heads >= 2 and all(is_unit(cell) or is_missing(cell) for cell in rows[-1]):
         units = tuple(bare(cell) for cell in rows.pop())
     if len(rows) > 1 and asked.header:
-        raise UsageError(f"{name}, row {block.lines[1].row}: {rows[1][0]!r} is not a value; are there two rows of names?")
+        raise UsageError(
+            f"{name}, row {block.lines[1].row}: {rows[1][0]!r} is not a value; are there two rows of names?"
+        )
     if len(rows) > 1:
         full = [i for i, row in enumerate(rows) if all(row) and len(set(row)) == len(row)]
         if full != [len(rows) - 1]:
@@ -199,6 +207,8 @@ def _with_names(lines: Sequence[Line], block: _Block, name: str, asked: Asked) -
     if rows:
         return Layout(block.separator, tuple(rows[0]), first, units, block.lines[heads:], before, block.after)
     names, first, units, used = ((), 0, (), 0) if asked.header == 0 else _names_above(lines, block)
+    if not names and asked.header != 0:
+        _check_above(lines, block, name)
     named = names or tuple("" for _ in range(block.count))
     return Layout(block.separator, named, first, units, block.lines, before - used, block.after)
 
@@ -242,6 +252,19 @@ def _names_above(lines: Sequence[Line], block: _Block) -> tuple[tuple[str, ...],
             continue
         return tuple(cells), line.row, units, used
     return (), 0, (), 0
+
+
+def _check_above(lines: Sequence[Line], block: _Block, name: str) -> None:
+    """Refuse a line of names right above the block that has another number of cells."""
+    if block.separator == " " or not block.start or lines[block.start - 1].remark:
+        return
+    line = lines[block.start - 1]
+    cells = _trimmed(line.cells(block.separator))
+    if len(cells) > 1 and abs(len(cells) - block.count) == 1 and not any(map(looks_like_number, cells)):
+        raise UsageError(
+            f"{name}, row {line.row}: {len(cells)} names, and {block.count} values in the rows after it; correct the "
+            "row, or say --header 0 if they are no names"
+        )
 
 
 def _headings(text: str, block: _Block) -> list[str] | None:

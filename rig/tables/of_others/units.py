@@ -17,12 +17,18 @@ _WORDS = re.compile(
     re.IGNORECASE,
 )
 _BRACKETED = re.compile(r"[\[(]([^\[\]()]{0,20})[\])]")
-_IN_NAME = re.compile(r".*?\s*[\[(]([^\[\]()]{1,15})[\])]\s*|.*?_([A-Za-z%µΩ]{1,6}(?:_per_[A-Za-z]{1,5}|/[A-Za-z]{1,5})?)")
+_IN_NAME = re.compile(
+    r".*?\s*[\[(]([^\[\]()]{1,15})[\])]\s*|.*?_([A-Za-z%µΩ]{1,6}(?:_per_[A-Za-z]{1,5}|/[A-Za-z]{1,5})?)"
+)
 
 
 def is_unit(cell: str) -> bool:
     """Whether a cell is a unit by itself: in brackets, or a known one."""
-    return bool(cell == "#" or _BRACKETED.fullmatch(cell) or (len(cell) <= 20 and (_UNIT.fullmatch(cell) or _WORDS.fullmatch(cell))))
+    return bool(
+        cell == "#"
+        or _BRACKETED.fullmatch(cell)
+        or (len(cell) <= 20 and (_UNIT.fullmatch(cell) or _WORDS.fullmatch(cell)))
+    )
 
 
 def bare(cell: str) -> str:
@@ -36,4 +42,4 @@ def unit_in(name: str) -> str:
     """The unit at the end of a name, in brackets or after an underscore; "" if there is none."""
     found = _IN_NAME.fullmatch(name) if len(name) <= 200 else None
     unit = (found[1] or found[2] or "").strip() if found else ""
-    return unit if unit and (is_unit(unit) or found and found[1]) else ""
+    return unit if unit and (is_unit(unit) or (found and found[1])) else ""
