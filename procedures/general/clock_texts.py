@@ -39,14 +39,14 @@ def seconds_of(
     if dates is not None:
         days = _days(name, dates, order)
         seconds = np.array([_of_day(name, cell) for cell in cells]) + days
-        return seconds - seconds[0]
+        return np.asarray(seconds - seconds[0])
     if all(_CLOCK.fullmatch(cell) for cell in cells):
         found = np.array([_of_day(name, cell) for cell in cells])
         if (np.diff(found) < 0).any():
             raise FitError(f"--time: {name} has times of day that go back, as over midnight; name the date with --date")
-        return found - found[0]
+        return np.asarray(found - found[0])
     found = _days(name, cells, order)
-    return found - found[0]
+    return np.asarray(found - found[0])
 
 
 def _days(name: str, cells: Sequence[str], order: str | None) -> FloatArray:

@@ -34,7 +34,8 @@ class Roles:
         whole_plot: columns that together identify rows with a common error of the declared model.
         replicate: column of replications, whose offsets are declared too.
         time: column of the time.
-        direction: column of +-1, of words such as up and down, of a velocity, or a setting whose changes give the direction of approach.
+        direction: column of +-1, of words such as up and down, of a velocity, or a setting whose changes give the
+            direction of approach.
         candidates: the only other columns to be used; None for all.
         ignore: columns not to be used.
         date: column of the dates of a time of day.

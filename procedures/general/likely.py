@@ -79,20 +79,20 @@ def _fixed(table: Table) -> Iterator[tuple[str, str]]:
         taken.add(role)
         yield name, role
     for name, v in table.columns.items():
-        given = v[np.isfinite(v)]
-        levels = np.unique(given)
-        whole = bool(given.size) and bool((given == np.round(given)).all())
-        if levels.size < 2:
+        known = v[np.isfinite(v)]
+        distinct = np.unique(known)
+        whole = bool(known.size) and bool((known == np.round(known)).all())
+        if distinct.size < 2:
             yield name, "constant"
-        elif set(levels.tolist()) <= {-1.0, 0.0, 1.0} and _DIRECTION.search(name):
+        elif set(distinct.tolist()) <= {-1.0, 0.0, 1.0} and _DIRECTION.search(name):
             yield name, "direction"
-        elif whole and _ORDER.search(name) and (np.diff(given) > 0).mean() > 0.7:
+        elif whole and _ORDER.search(name) and (np.diff(known) > 0).mean() > 0.7:
             yield name, "order"
-        elif whole and levels.size <= given.size // 2 and _REPLICATE.search(name):
+        elif whole and distinct.size <= known.size // 2 and _REPLICATE.search(name):
             yield name, "replicate"
-        elif whole and levels.size <= given.size // 2 and _GROUP.search(name):
+        elif whole and distinct.size <= known.size // 2 and _GROUP.search(name):
             yield name, "group"
-        elif "time" not in taken and _TIME.search(name) and (np.diff(given) >= 0).mean() > 0.95:
+        elif "time" not in taken and _TIME.search(name) and (np.diff(known) >= 0).mean() > 0.95:
             taken.add("time")
             yield name, "time"
 
@@ -184,6 +184,7 @@ def _column(name: str, role: str, values: Any) -> SeenColumn:
             said += f", {levels.size} levels"
         return SeenColumn(name, role, said, int(values.size - given.size))
     words = [one for one in values.tolist() if one]
-    levels = list(dict.fromkeys(words))
-    said = ", ".join(one[:20] for one in levels[:4]) + (f", ... ({len(levels)} different)" if len(levels) > 4 else "")
+    different = list(dict.fromkeys(words))
+    said = ", ".join(one[:20] for one in different[:4])
+    said += f", ... ({len(different)} different)" if len(different) > 4 else ""
     return SeenColumn(name, role, said, int(values.size - len(words)))

@@ -26,6 +26,7 @@ from rig.results.inferred import Inferred, check_readings, infer_from
 from rig.results.observations import Observations
 from rig.results.result import Reported
 from rig.tables import Asked, FileSource, is_run
+from rig.tables.of_others.asked import NOTHING
 
 if TYPE_CHECKING:
     from rig.results.inferred import Readings
@@ -169,7 +170,7 @@ class Data:
         path: the file.
     """
 
-    def __init__(self, path: str | Path, asked: Asked) -> None:
+    def __init__(self, path: str | Path, asked: Asked = NOTHING) -> None:
         self.path = Path(path)
         self._run = is_run(self.path)
         self._source = FileSource(self.path, asked)

@@ -32,9 +32,10 @@ class SeenTable:
         self.table = table
         options = seen.fit if command == "fit" else seen.trace
         asked = source.asked.words()
-        flags = [f"--{name.replace('_', '-')}={value}" if value.startswith("-") else (f"--{name.replace('_', '-')}", value)
-                 for name, value in options.items()]  # fmt: skip
-        parts = [part for flag in flags for part in ([flag] if isinstance(flag, str) else flag)]
+        parts: list[str] = []
+        for option, value in options.items():
+            flag = f"--{option.replace('_', '-')}"
+            parts += [f"{flag}={value}"] if value.startswith("-") else [flag, value]
         name = f"./{source.name}" if source.name.startswith("-") else source.name
         self.command = shlex.join(["rig", command, name, *asked, *parts]) if options else ""
 

@@ -10,7 +10,7 @@ from procedures.table import Table
 from rig.errors import UsageError
 from rig.regular import open_regular
 from rig.tables.csv_files import read_any_csv, read_csv, read_gappy_csv, read_seen_csv, write_csv
-from rig.tables.of_others.asked import Asked
+from rig.tables.of_others.asked import NOTHING, Asked
 from rig.tables.table_of_run import run_table
 
 __all__ = [
@@ -40,7 +40,7 @@ def is_run(path: Path) -> bool:
     return start.startswith(b"SQLite format 3")
 
 
-def read_table(path: Path, asked: Asked = Asked()) -> Table:
+def read_table(path: Path, asked: Asked = NOTHING) -> Table:
     """A table from a CSV file or from the accepted observations of a run file. Raises `UsageError` or
     `RunFileError`.
     """
@@ -57,8 +57,7 @@ class FileSource:
     """
 
     path: Path
-    asked: Asked = Asked()
-
+    asked: Asked = NOTHING
     _read: list[Table] = field(default_factory=list, repr=False, compare=False)
 
     @property

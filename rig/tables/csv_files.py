@@ -19,7 +19,7 @@ from procedures.table import Table
 from rig.atomic import write_whole
 from rig.errors import UsageError
 from rig.regular import open_regular
-from rig.tables.of_others.asked import Asked
+from rig.tables.of_others.asked import NOTHING, Asked
 from rig.tables.of_others.cells import Cells
 from rig.tables.of_others.layout import NoTable
 from rig.tables.of_others.numbers import is_missing
@@ -47,7 +47,7 @@ def _regular(path: Path, most: int) -> BinaryIO:
     return file
 
 
-def read_csv(path: Path, asked: Asked = Asked()) -> Table:
+def read_csv(path: Path, asked: Asked = NOTHING) -> Table:
     """A CSV table of numbers; of others as they come, without gaps. Raises `UsageError`."""
     if asked:
         return cells_of_others(path, asked).strict()
@@ -69,7 +69,7 @@ def cells_of_others(path: Path, asked: Asked) -> Cells:
 def _of_others(path: Path, refusal: UsageError) -> Cells:
     """A table that is not like ours. Raises the refusal if there is none, or another `UsageError`."""
     try:
-        return cells_of_others(path, Asked())
+        return cells_of_others(path, NOTHING)
     except NoTable:
         raise refusal from None
 
@@ -86,7 +86,7 @@ def _read_csv(path: Path) -> Table:
     return Table(str(path), columns, simulated, {"file": path.name, "simulated": simulated}, rows=rows)
 
 
-def read_any_csv(path: Path, needed: Collection[str], asked: Asked = Asked()) -> Table:
+def read_any_csv(path: Path, needed: Collection[str], asked: Asked = NOTHING) -> Table:
     """A CSV table of any kind: columns that are not numbers are text.
 
     Args:
@@ -139,7 +139,7 @@ def _read_any_csv(path: Path, needed: Collection[str]) -> Table:
     return Table(str(path), columns, False, provenance, text=text, gaps=missing, rows=rows)
 
 
-def read_gappy_csv(path: Path, numbers: Collection[str], asked: Asked = Asked()) -> Table:
+def read_gappy_csv(path: Path, numbers: Collection[str], asked: Asked = NOTHING) -> Table:
     """A CSV table with missing values: NaN in a column of numbers, "" in one of text.
 
     Args:
@@ -191,7 +191,7 @@ def _read_gappy_csv(path: Path, numbers: Collection[str]) -> Table:
     return Table(str(path), columns, False, provenance, text=text, rows=[number for number, _ in body])
 
 
-def read_seen_csv(path: Path, asked: Asked = Asked()) -> Table:
+def read_seen_csv(path: Path, asked: Asked = NOTHING) -> Table:
     """All columns and rows of any table, NaN and "" for missing values, by its look alone. Raises `UsageError`."""
     try:
         return cells_of_others(path, asked).gappy()

@@ -59,3 +59,7 @@ class Asked:
 
     def __bool__(self) -> bool:
         return bool(self.separator or self.decimal or self.encoding) or self.header is not None
+
+
+NOTHING = Asked()
+"""Everything is recognised."""

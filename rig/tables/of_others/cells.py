@@ -18,7 +18,7 @@ from rig.tables.of_others.layout import Layout, NoTable, is_time, layout_of
 from rig.tables.of_others.lines import lines_of
 from rig.tables.of_others.numbers import Notation, finite, is_missing, looks_like_number, notation_of
 
-_SHOWN = 8
+_SHOWN, _FEW = 8, 3
 _SAID = {";": "semicolons", "\t": "tabs", "|": "pipes", " ": "blanks"}
 
 
@@ -82,7 +82,7 @@ class Cells:
     def plain(self) -> bool:
         """Whether the file is written as our own tables are."""
         ordinary = self.encoding in ("utf-8", "utf-8-sig") and self.layout.separator == "," and not self.layout.units
-        return ordinary and self.layout.header == 1 and self.notation == Notation() and not self.renamed
+        return ordinary and self.layout.header == 1 and self.notation == Notation()
 
     def any(self, needed: Collection[str]) -> Table:
         """All columns; rows without a value in a needed column are left out, and other columns with gaps.
@@ -137,8 +137,7 @@ class Cells:
                     where = f"{self.path}, row {row}, column {name}"
                     raise UsageError(f"{where}: the value is missing; fill it in or remove the row")
             columns[name] = self._values(name, np.ones(len(self.rows), bool), numeric=True)
-        table = self._table(columns, {}, self.rows, self._understood({}))
-        return table
+        return self._table(columns, {}, self.rows, self._understood({}))
 
     def _table(
         self,
@@ -183,11 +182,11 @@ class Cells:
             where = f"{self.path}, row {self.rows[bad[0]]}, column {name}"
             raise UsageError(f"{where}: {cells[bad[0]][:40]!r} is not a number")
         if bad or (missing.all() and not numeric):
-            return np.array(cells)[kept]
+            return np.asarray(np.array(cells)[kept])
         for i, value in enumerate(values):
             if value is not None:
                 finite(value, cells[i], f"{self.path}, row {self.rows[i]}, column {name}")
-        return np.array([np.nan if value is None else value for value in values])[kept]
+        return np.asarray(np.array([np.nan if value is None else value for value in values])[kept])
 
     def _understood(self, gaps: dict[str, list[int]]) -> dict[str, Any]:
         """What was understood, as JSON values with a sentence; {} for a table like our own."""
@@ -221,7 +220,8 @@ class Cells:
         if self.encoding not in ("utf-8", "utf-8-sig"):
             yield f"encoding {self.encoding}"
         if not layout.header:
-            yield f"no names: the columns are {', '.join(list(self.columns)[:3])}{', ...' if len(self.columns) > 3 else ''}"
+            more = ", ..." if len(self.columns) > _FEW else ""
+            yield f"no names: the columns are {', '.join(list(self.columns)[:_FEW])}{more}"
         elif layout.header > 1 or layout.before:
             yield f"names in row {layout.header}"
         if self.units:

@@ -38,7 +38,8 @@ def text_of(data: bytes, name: str, asked: str = "") -> tuple[str, str]:
         text = data.decode(encoding)
     except (UnicodeDecodeError, ValueError) as error:
         if asked or mark:
-            raise UsageError(f"{name} is not text in {encoding} ({error}); name another --encoding") from None
+            start = "is neither a run file nor UTF-8 text, and" if mark else "is"
+            raise UsageError(f"{name} {start} not text in {encoding} ({error}); name another --encoding") from None
         text, encoding = _western(data, name), "cp1252"
     if "\0" in text:
         wide = data[:200].count(b"\0") > len(data[:200]) // 3
