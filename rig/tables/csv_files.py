@@ -22,7 +22,7 @@ from rig.regular import open_regular
 from rig.tables.of_others.asked import NOTHING, Asked
 from rig.tables.of_others.cells import Cells
 from rig.tables.of_others.layout import NoTable
-from rig.tables.of_others.numbers import is_missing
+from rig.tables.of_others.numbers import is_missing, looks_like_number
 
 _MOST_COLUMNS = 2000
 _BLANK = frozenset(("\n", "\r\n", "\r"))
@@ -105,7 +105,7 @@ def read_any_csv(path: Path, needed: Collection[str], asked: Asked = NOTHING) ->
     except UsageError as refusal:
         return _of_others(path, refusal).any(needed)
     numbers = [name for name in needed if name in table.text]
-    if table.columns and not any(has_gaps(table.text[name]) for name in numbers):
+    if table.columns and not any(_of_numbers(table.text[name]) for name in numbers):
         return table
     try:
         return cells_of_others(path, asked).any(needed)
@@ -199,10 +199,10 @@ def read_seen_csv(path: Path, asked: Asked = NOTHING) -> Table:
         return _read_gappy_csv(path, ())
 
 
-def has_gaps(cells: Iterable[str]) -> bool:
-    """Whether a column of text is one of numbers with words for missing values."""
+def _of_numbers(cells: Iterable[str]) -> bool:
+    """Whether a column of text is one of numbers in another notation, or with words for missing values."""
     given = [cell for cell in cells if not is_missing(cell)]
-    return bool(given) and all(_is_number(cell) for cell in given)
+    return bool(given) and all(looks_like_number(cell) for cell in given)
 
 
 def _all_numbers(path: Path) -> tuple[dict[str, FloatArray], Sequence[int]] | None:

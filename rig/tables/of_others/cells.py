@@ -34,7 +34,7 @@ class Cells:
         columns: cells by column name.
         units: by column name, from a row of units.
         renamed: names that occurred twice.
-        remarks: number of lines of remarks.
+        remarks: rows of remarks among the values.
     """
 
     path: Path
@@ -44,7 +44,7 @@ class Cells:
     columns: dict[str, list[str]]
     units: dict[str, str]
     renamed: tuple[str, ...]
-    remarks: int
+    remarks: tuple[int, ...]
 
     @classmethod
     def read(cls, path: Path, data: bytes, asked: Asked) -> Cells:
@@ -70,7 +70,8 @@ class Cells:
         units = {name: layout.units[i] for name, i in zip(names, kept, strict=True) if layout.units and layout.units[i]}
         numbers = _numbers(columns, layout)
         notation = notation_of(numbers, layout.separator, str(path), asked.decimal)
-        remarks = sum(1 for line in lines if line.remark)
+        first, last = layout.body[0].row, layout.body[-1].row
+        remarks = tuple(line.row for line in lines if line.remark and first < line.row < last)
         return cls(path, encoding, layout, notation, columns, units, renamed, remarks)
 
     @property
@@ -192,10 +193,8 @@ class Cells:
         """What was understood, as JSON values with a sentence; {} for a table like our own."""
         said = list(self._parts())
         for name, rows in gaps.items():
-            more = f" and {len(rows) - _SHOWN} more" if len(rows) > _SHOWN else ""
             many = "rows" if len(rows) > 1 else "row"
-            shown = ", ".join(map(str, rows[:_SHOWN]))
-            said.append(f"{len(rows)} {many} left out without a value in {name} ({many} {shown}{more})")
+            said.append(f"{len(rows)} {many} left out without a value in {name} ({_rows(rows)})")
         if not said:
             return {}
         return {
@@ -206,6 +205,7 @@ class Cells:
             "header_row": self.layout.header,
             "units": self.units,
             "rows_without_value": gaps,
+            "rows_of_remarks": list(self.remarks),
             "rows_after": list(self.layout.after),
         }
 
@@ -228,10 +228,15 @@ class Cells:
             yield "units " + ", ".join(f"{name} {unit}" for name, unit in self.units.items())
         for name in self.renamed:
             yield f"{name} names several columns, which are {name} (column N)"
-        if self.remarks and layout.header <= 1:
-            yield f"{self.remarks} lines of remarks"
+        if self.remarks:
+            yield f"{_rows(self.remarks)} left out as {'remarks' if len(self.remarks) > 1 else 'a remark'}"
         if layout.after:
             yield f"what follows the table from row {layout.after[0]} on was not read"
+
+
+def _rows(rows: Sequence[int]) -> str:
+    more = f" and {len(rows) - _SHOWN} more" if len(rows) > _SHOWN else ""
+    return f"row{'s' if len(rows) > 1 else ''} {', '.join(map(str, rows[:_SHOWN]))}{more}"
 
 
 def _named(names: Sequence[str], places: Sequence[int]) -> tuple[list[str], tuple[str, ...]]:

@@ -95,7 +95,7 @@ def layout_of(lines: Sequence[Line], name: str, asked: Asked) -> Layout:
 def _check_only(lines: Sequence[Line], block: _Block, name: str) -> None:
     """Refuse other rows of values before the block."""
     above = [line for line in lines[: block.start] if not line.remark]
-    values = [line for line in above if len(line.cells(block.separator)) > 1 and _data(line, block.separator)]
+    values = [line for line in above if _data(line.cells(block.separator))]
     if above and values and values[-1] is above[-1]:
         many = len(_trimmed(above[-1].cells(block.separator)))
         raise UsageError(
@@ -137,16 +137,15 @@ def _block(lines: Sequence[Line], separator: str, asked: Asked) -> _Block | None
         plain = [(i, line) for i, line in plain if line.row >= asked.header]
     if not plain:
         return None
-    every = [len(_trimmed(line.cells(separator))) for _, line in plain]
+    cells = [line.cells(separator) for _, line in plain]
+    every = [len(_trimmed(row)) for row in cells]
     end = len(plain)
-    while end and every[end - 1] <= 1:
+    while end and len(cells[end - 1]) <= 1:
         end -= 1
     tail = every[max(0, end - _TAIL) : end]
     count = max(tail, key=lambda n: (tail.count(n), n), default=0)
     begin = end
-    while begin and (
-        every[begin - 1] == count or (1 < every[begin - 1] < count and _data(plain[begin - 1][1], separator))
-    ):
+    while begin and (every[begin - 1] == count or (every[begin - 1] < count and _data(cells[begin - 1]))):
         begin -= 1
     if count < 2 or count > MOST_COLUMNS or begin == end:
         return None
@@ -156,9 +155,9 @@ def _block(lines: Sequence[Line], separator: str, asked: Asked) -> _Block | None
     return _Block(separator, count, plain[begin][0], taken, after, sample)
 
 
-def _data(line: Line, separator: str) -> bool:
-    """Whether a line holds nothing but values."""
-    return all(is_value(cell) for cell in line.cells(separator))
+def _data(cells: Sequence[str]) -> bool:
+    """Whether a line has several cells, and nothing but values."""
+    return len(cells) > 1 and all(is_value(cell) for cell in cells)
 
 
 def _trimmed(cells: list[str]) -> list[str]:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 _BREAK = re.compile(r"\r\n|\n|\r")
-_REMARK = re.compile(r" *(?:[#%!*]|//|;(?!.*;.*\d))")
+_REMARK = re.compile(r" *(?:[#%!*]|//)")
 _RULE = re.compile(r"[\s=+_.|~-]*")
 _JOINED = 20
 
