@@ -60,6 +60,7 @@ MESSY = {
     "quoted numbers": '"x";"y"\n' + rows(";", lambda t: f'"{comma(t)}"'),
     "decimal comma in quotes": '"x","y"\n' + rows(",", lambda t: f'"{comma(t)}"'),
     "separators at the ends of rows": "x;y;\n" + rows(";", comma, extra=lambda i: [""]),
+    "constants above the table": "Cal file\na0, a1, a2\n-9.5, 1.5, 2.5\n\nx, y\n" + rows(", "),
     "a footer": "x;y\n" + rows(";", comma) + "\nEND OF DATA\n",
     "a ruled line": "x    y\n-------\n" + rows("  "),
     "a name over columns, as NIST writes it": "Description here\n1 Factor\n\nData:   x      y\n" + rows("   "),

@@ -38,10 +38,9 @@ def infer(
     Example: `rig infer calibration.json readings.csv --out inferred.csv`
     """
     from rig.results.inferred import infer as infer_readings  # noqa: PLC0415
-    from rig.tables import Asked  # noqa: PLC0415
 
-    asked = Asked.of(separator, decimal, encoding, header)
-    found = infer_readings(calibration, data, out=out_file, asked=asked, **given)
+    how: dict[str, Any] = {"separator": separator, "decimal": decimal, "encoding": encoding, "header": header}
+    found = infer_readings(calibration, data, out=out_file, **how, **given)
     show_notes(found)
     err.print(f"{mark(found.simulated)}{escape(str(out_file))}: {found.words}", soft_wrap=True)
     if as_json:

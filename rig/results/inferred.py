@@ -110,7 +110,10 @@ def infer(
     readings: Readings,
     *,
     out: str | Path | None = None,
-    asked: Asked = NOTHING,
+    separator: str | None = None,
+    decimal: str | None = None,
+    encoding: str | None = None,
+    header: int | None = None,
     **options: Any,
 ) -> Inferred:
     """Infer the measured quantities of a calibration file.
@@ -119,7 +122,10 @@ def infer(
         calibration: file of `rig fit --out` or `Calibration.save`.
         readings: a CSV file, or columns by name, in which values may be missing.
         out: a CSV file to write; None for none.
-        asked: how the CSV file is written, if that is not recognised.
+        separator: of the CSV file; this and the next three as for `rig.open`.
+        decimal: "point" or "comma".
+        encoding: of its text.
+        header: row of its column names; 0 for none.
         options: of `rig infer`, with underscores for hyphens.
 
     Raises:
@@ -128,6 +134,7 @@ def infer(
     """
     path = Path(calibration)
     check_readings(readings, out, [path], options)
+    asked = Asked.of(separator, decimal, encoding, header)
     return infer_from(read_calibration(path), readings, out, options, asked)
 
 

@@ -96,7 +96,8 @@ def _check_only(lines: Sequence[Line], block: _Block, name: str) -> None:
     """Refuse other rows of values before the block."""
     above = [line for line in lines[: block.start] if not line.remark]
     values = [line for line in above if _data(line.cells(block.separator))]
-    if above and values and values[-1] is above[-1]:
+    headed = not _data(block.lines[0].cells(block.separator))
+    if not headed and values and values[-1] is above[-1]:
         many = len(_trimmed(above[-1].cells(block.separator)))
         raise UsageError(
             f"{name}, row {above[-1].row}: {many} values, and {block.count} in the rows after it; correct the row"
