@@ -97,6 +97,17 @@ def test_rows_without_a_value_are_left_out_and_named(tmp_path, word, separator):
     assert "1 row left out without a value in y (row 3)" in table.understood["sentence"]
 
 
+def test_a_row_with_text_and_a_gap_at_its_end_belongs_to_the_table(tmp_path):
+    table = read_any_csv(written(tmp_path, "x;side;y;z\n1;up;5;7\n2;up;;\n3;up;6;9\n4;up;7;8\n"), ("x", "side"))
+    assert table.columns["x"].tolist() == [1, 2, 3, 4]
+    assert table.gaps == {"y": 3, "z": 3}
+
+
+def test_constants_in_the_first_row_alone(tmp_path):
+    table = read_any_csv(written(tmp_path, "x;y;T\n1;2;20\n" + "2;3;\n" * 30), ("x", "y"))
+    assert len(table) == 31
+
+
 def test_a_row_that_is_a_remark_is_named(tmp_path):
     table = read_any_csv(written(tmp_path, "x;y\n1;2\n# 2;9\n3;4\n"), ("x", "y"))
     assert table.columns["x"].tolist() == [1, 3]
@@ -134,9 +145,10 @@ def test_groups_of_digits_where_they_are_clear(tmp_path, text, expected):
         ("x;y\n1;1.234\n2;5.678\n", "may be 1.234 or 1234; say --decimal"),
         ("x;y\n1;1.5\n2;5,6\n", "1.5 in row 2 has a decimal point, 5,6 in row 3 a decimal comma; say --decimal"),
         ('x,y\n1,"1,234"\n2,"5,678"\n', "say --decimal"),
-        ("a;b\nc;d\n1;2\n3;4\n", "may all hold the names of the columns; say --header"),
+        ("a;b\nc;d\n1;2\n3;4\n", "rows 1 and 2 may both hold the names of the columns; say --header"),
         ("a;b\n1;2;3\n4;5;6\n", "2 names, and 3 values in the rows after it"),
         ("x;y\n1;2\n3;4;5\n6;7\n8;9\n", "3 values, and 2 in the rows after it; correct the row"),
+        ("x;side;y\n1;up;2;7\n2;up;3\n3;up;4\n", "row 2: 4 values, and 3 in the rows after it"),
         ("x;y\n1;2\n2;3\n3;4\nnew\nx;y\n1;2\n2;3\n", "holds several tables"),
         ("температура;y\n1,5;2\n2,5;3\n".encode("cp1251"), "say it with --encoding"),
         ("x;y\n1,5;2\n2,5;3\n".encode("utf-16-le"), "say --encoding utf-16-le"),

@@ -99,7 +99,7 @@ def _fixed(table: Table) -> Iterator[tuple[str, str]]:
 
 def _pairs(table: Table, free: Sequence[str]) -> Iterator[tuple[str, tuple[str, ...]]]:
     """Responses with settings, the likeliest first."""
-    full = [name for name in free if np.isfinite(table.columns[name]).sum() >= max(3, 0.5 * len(table))]
+    full = [name for name in free if np.isfinite(table.columns[name]).sum() >= max(3, 0.2 * len(table))]
     if len(full) < 2:
         return
     responses = sorted(full, key=lambda name: (-_merit(name, table), -full.index(name)))

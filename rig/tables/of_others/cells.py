@@ -110,7 +110,7 @@ class Cells:
             if name not in needed and missing.any():
                 left[name] = self.rows[int(np.flatnonzero(missing)[0])]
                 continue
-            values = self._values(name, kept)
+            values = self._values(name, kept, self._missing(name))
             (columns if values.dtype.kind == "f" else text)[name] = values
         rows = [row for row, keep in zip(self.rows, kept, strict=True) if keep]
         return self._table(columns, text, rows, self._understood(gaps), left)
@@ -122,7 +122,9 @@ class Cells:
         every = np.ones(len(self.rows), bool)
         for name, cells in self.columns.items():
             missing = self._missing(name)
-            values = self._values(name, every, numeric=name in numbers)
+            if name not in numbers:
+                missing |= self._endless(name)
+            values = self._values(name, every, missing, numeric=name in numbers)
             if values.dtype.kind == "f":
                 columns[name] = values
             else:
@@ -137,7 +139,7 @@ class Cells:
                 if is_missing(cell):
                     where = f"{self.path}, row {row}, column {name}"
                     raise UsageError(f"{where}: the value is missing; fill it in or remove the row")
-            columns[name] = self._values(name, np.ones(len(self.rows), bool), numeric=True)
+            columns[name] = self._values(name, np.ones(len(self.rows), bool), self._missing(name), numeric=True)
         return self._table(columns, {}, self.rows, self._understood({}))
 
     def _table(
@@ -174,9 +176,11 @@ class Cells:
         """(n,) whether a cell is an infinite number."""
         return np.array([self.notation.number(cell) in (np.inf, -np.inf) for cell in self.columns[name]])
 
-    def _values(self, name: str, kept: np.ndarray[Any, Any], *, numeric: bool = False) -> np.ndarray[Any, Any]:
+    def _values(
+        self, name: str, kept: np.ndarray[Any, Any], missing: np.ndarray[Any, Any], *, numeric: bool = False
+    ) -> np.ndarray[Any, Any]:
         """(n kept,) values of a column: numbers, with NaN for missing ones, if all are or must be; otherwise text."""
-        cells, missing = self.columns[name], self._missing(name)
+        cells = self.columns[name]
         values = [None if gap else self.notation.number(cell) for cell, gap in zip(cells, missing, strict=True)]
         bad = [i for i, value in enumerate(values) if value is None and not missing[i]]
         if bad and numeric:

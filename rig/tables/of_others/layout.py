@@ -88,20 +88,21 @@ def layout_of(lines: Sequence[Line], name: str, asked: Asked) -> Layout:
             f"{name}, row {best.lines[0].row}: its cells may be separated by {words[best.separator]} or by "
             f"{words[rivals[0].separator]}; say --separator"
         )
-    _check_only(lines, best, name)
+    _check_only(lines, best, name, asked)
     return _with_names(lines, best, name, asked)
 
 
-def _check_only(lines: Sequence[Line], block: _Block, name: str) -> None:
+def _check_only(lines: Sequence[Line], block: _Block, name: str, asked: Asked) -> None:
     """Refuse other rows of values before the block."""
     above = [line for line in lines[: block.start] if not line.remark]
     values = [line for line in above if _data(line.cells(block.separator))]
-    headed = not _data(block.lines[0].cells(block.separator))
-    if not headed and values and values[-1] is above[-1]:
-        many = len(_trimmed(above[-1].cells(block.separator)))
-        raise UsageError(
-            f"{name}, row {above[-1].row}: {many} values, and {block.count} in the rows after it; correct the row"
-        )
+    if asked.header != 0 and above and not _heads(block):
+        cells = _trimmed(above[-1].cells(block.separator))
+        if len(cells) > 1 and any(looks_like_number(cell) for cell in cells):
+            raise UsageError(
+                f"{name}, row {above[-1].row}: {len(cells)} values, and {block.count} in the rows after it; correct "
+                "the row, or say --header 0 if it does not belong to the table"
+            )
     alike = [line for line in values if len(_trimmed(line.cells(block.separator))) == block.count]
     if len(alike) > _FEW:
         raise UsageError(
@@ -143,11 +144,16 @@ def _block(lines: Sequence[Line], separator: str, asked: Asked) -> _Block | None
     end = len(plain)
     while end and len(cells[end - 1]) <= 1:
         end -= 1
-    tail = every[max(0, end - _TAIL) : end]
-    count = max(tail, key=lambda n: (tail.count(n), n), default=0)
+    raw = [len(row) for row in cells]
+    tail = range(max(0, end - _TAIL), end)
+    usual = max((raw[i] for i in tail), key=[raw[i] for i in tail].count, default=0)
+    most = max((every[i] for i in tail if raw[i] == usual), default=0)
     begin = end
-    while begin and (every[begin - 1] == count or (every[begin - 1] < count and _data(cells[begin - 1]))):
+    while begin and (
+        raw[begin - 1] == usual or every[begin - 1] == most or (every[begin - 1] < most and _data(cells[begin - 1]))
+    ):
         begin -= 1
+    count = max((every[i] for i in range(begin, end) if raw[i] == usual or every[i] == most), default=0)
     if count < 2 or count > MOST_COLUMNS or begin == end:
         return None
     taken = [line for _, line in plain[begin:end]]
@@ -197,11 +203,11 @@ def _with_names(lines: Sequence[Line], block: _Block, name: str, asked: Asked) -
             f"{name}, row {block.lines[1].row}: {rows[1][0]!r} is not a value; are there two rows of names?"
         )
     if len(rows) > 1:
-        full = [i for i, row in enumerate(rows) if all(row) and len(set(row)) == len(row)]
-        if full != [len(rows) - 1]:
-            first, last = block.lines[0].row, block.lines[len(rows) - 1].row
+        full = [all(row) and len(set(row)) == len(row) and not any(map(is_value, row)) for row in rows[-2:]]
+        if full != [False, True]:
+            first, last = block.lines[len(rows) - 2].row, block.lines[len(rows) - 1].row
             raise UsageError(
-                f"{name}: rows {first} to {last} may all hold the names of the columns; say --header with the row"
+                f"{name}: rows {first} and {last} may both hold the names of the columns; say --header with the row"
             )
         before, first, rows = before + len(rows) - 1, block.lines[len(rows) - 1].row, rows[-1:]
     if rows:
@@ -225,7 +231,7 @@ def _heads(block: _Block) -> int:
         for i in range(block.count)
     ]
     heads = 0
-    for row in block.sample[:4]:
+    for row in block.sample[: _SAMPLE // 2]:
         if not any(cell and not is_value(cell) for cell, value in zip(row, values, strict=False) if value):
             break
         heads += 1
