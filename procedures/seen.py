@@ -1,4 +1,4 @@
-"""What is seen in a table that nobody has described: its columns, and options to begin with."""
+"""Description of an unknown table: its columns, and options to begin with."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`rig fit FILE` and `rig trace FILE` of a table that nobody has described: what it holds, and the next command."""
+"""`rig fit FILE` and `rig trace FILE` of an unknown table: its columns, and the next command."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ _SHOWN = 40
 
 
 def look_at(source: FileSource, command: str, given: Mapping[str, Any]) -> SeenTable | None:
-    """What is seen in a table that no kind recognises and no option describes; None for any other.
+    """Description of a table that no kind recognises and no option describes; None for any other.
 
     Raises:
         UsageError: the file can be read in several ways.

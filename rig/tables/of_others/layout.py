@@ -145,7 +145,10 @@ def _block(lines: Sequence[Line], separator: str, asked: Asked) -> _Block | None
     while end and len(cells[end - 1]) <= 1:
         end -= 1
     raw = [len(row) for row in cells]
-    tail = range(max(0, end - _TAIL), end)
+    run = end
+    while run and _data(cells[run - 1]) and raw[run - 1] == raw[end - 1]:
+        run -= 1
+    tail = range(max(run if end - run > 1 else 0, end - _TAIL), end)
     usual = max((raw[i] for i in tail), key=[raw[i] for i in tail].count, default=0)
     most = max((every[i] for i in tail if raw[i] == usual), default=0)
     begin = end
