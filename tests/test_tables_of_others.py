@@ -103,6 +103,13 @@ def test_a_row_with_text_and_a_gap_at_its_end_belongs_to_the_table(tmp_path):
     assert table.gaps == {"y": 3, "z": 3}
 
 
+def test_another_table_before_it_is_told(tmp_path):
+    first = "t;v;i;z\n" + "1;2;3;up\n" * 9
+    table = read_any_csv(written(tmp_path, first + "CURVE 2\nx;y\n" + "1,5;2\n" * 9), ("x", "y"))
+    assert len(table) == 9
+    assert "another table before it, up to row 10, was not read" in table.understood["sentence"]
+
+
 def test_constants_in_the_first_row_alone(tmp_path):
     table = read_any_csv(written(tmp_path, "x;y;T\n1;2;20\n" + "2;3;\n" * 30), ("x", "y"))
     assert len(table) == 31
@@ -352,3 +359,38 @@ def test_the_likely_roles_of_a_table(tmp_path):
     assert roles == {"Load (kN)": "setting", "Output (mV)": "response", "Time": "time", "direction": "direction"}
     assert {each["column"]: each["unit"] for each in told["columns"]}["Load (kN)"] == "kN"
     assert "--time Time --direction direction" in told["next"]
+
+
+@pytest.mark.parametrize("seed", range(200))
+def test_a_table_in_any_notation_is_read_right_or_asked_about_never_otherwise(tmp_path, seed):
+    """Numbers, text and gaps, written with any separator, sign, end of line, encoding, preamble, units and footer."""
+    rng = np.random.default_rng(seed)
+    count, columns = int(rng.integers(2, 40)), int(rng.integers(2, 6))
+    separator, decimal = str(rng.choice([",", ";", "\t", "|", " "])), str(rng.choice([".", ","]))
+    if separator == decimal:
+        decimal = "."
+    values = rng.normal(0, 10 ** rng.uniform(-2, 4), (count, columns)).round(int(rng.integers(0, 5)))
+    text = rng.choice(["up", "down"], count)
+    gaps = (rng.random((count, columns)) < 0.05) & (np.arange(count) > 0)[:, None]
+    word = str(rng.choice(["NA", "n/a", "NaN"] if separator == " " else ["", "NA", "n/a", "NaN", "-"]))
+    names = [f"c{i}" for i in range(columns)] + ["side"]
+    lines = ["Logger 7", "made by hand"] * int(rng.integers(0, 2)) + [separator.join(names)]
+    if rng.random() < 0.3:
+        lines += [separator.join(["mV"] * columns + ["-"])]
+    for row, gap, side in zip(values, gaps, text, strict=True):
+        cells = [word if g else repr(float(v)).replace(".", decimal) for v, g in zip(row, gap, strict=True)]
+        lines.append(separator.join([*cells, str(side)]))
+    lines += ["", "END"] if rng.random() < 0.2 else []
+    ends = str(rng.choice(["\n", "\r\n", "\r"]))
+    path = written(
+        tmp_path, (ends.join(lines) + ends).encode(str(rng.choice(["utf-8", "utf-8-sig", "utf-16", "cp1252"])))
+    )
+    needed = [f"c{i}" for i in range(columns)]
+    kept = ~gaps.any(axis=1)
+    try:
+        table = read_any_csv(path, [*needed, "side"])
+    except UsageError as asked:
+        assert "--" in str(asked) or not kept.any(), asked
+        return
+    np.testing.assert_array_equal(np.column_stack([table.columns[name] for name in needed]), values[kept])
+    assert table.text["side"].tolist() == text[kept].tolist()

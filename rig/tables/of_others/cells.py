@@ -194,7 +194,7 @@ class Cells:
         return np.asarray(np.array([np.nan if value is None else value for value in values])[kept])
 
     def _understood(self, gaps: dict[str, list[int]]) -> dict[str, Any]:
-        """What was understood, as JSON values with a sentence; {} for a table like our own."""
+        """How the table was read, as JSON values with a sentence; {} for a table like our own."""
         said = list(self._parts())
         for name, rows in gaps.items():
             many = "rows" if len(rows) > 1 else "row"
@@ -228,6 +228,8 @@ class Cells:
             yield f"no names: the columns are {', '.join(list(self.columns)[:_FEW])}{more}"
         elif layout.header > 1 or layout.before:
             yield f"names in row {layout.header}"
+        if layout.earlier:
+            yield f"another table before it, up to row {layout.earlier}, was not read"
         if self.units:
             yield "units " + ", ".join(f"{name} {unit}" for name, unit in self.units.items())
         for name in self.renamed:

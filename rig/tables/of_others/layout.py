@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from rig.errors import UsageError
 from rig.tables.of_others.asked import SEPARATORS, Asked
@@ -18,7 +18,7 @@ _TIME = re.compile(
     r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}(?:[T ].{4,30})?|\d{1,2}:\d{2}(?::\d{2}(?:[.,:]\d+)?)?(?: ?[APap][Mm])?"
 )
 _ALIKE = 0.02
-_FEW, _TAIL = 2, 20
+_FEW, _TAIL = 4, 20
 _EXTRA = re.compile(r"comments?|notes?|remarks?", re.IGNORECASE)
 
 
@@ -38,6 +38,7 @@ class Layout:
         body: lines of values.
         before: number of lines before the names that are not remarks.
         after: rows of lines after the table, which do not belong to it.
+        earlier: last row of another table before this one; 0 if there is none.
     """
 
     separator: str
@@ -47,6 +48,7 @@ class Layout:
     body: Sequence[Line]
     before: int
     after: tuple[int, ...]
+    earlier: int = 0
 
 
 def is_value(cell: str) -> bool:
@@ -89,7 +91,17 @@ def layout_of(lines: Sequence[Line], name: str, asked: Asked) -> Layout:
             f"{words[rivals[0].separator]}; say --separator"
         )
     _check_only(lines, best, name, asked)
-    return _with_names(lines, best, name, asked)
+    return replace(_with_names(lines, best, name, asked), earlier=_earlier(lines[: best.start], best.separator))
+
+
+def _earlier(above: Sequence[Line], separator: str) -> int:
+    """The last row of a table among lines; 0 if there are only a few rows with several numbers."""
+    numbers = [
+        line.row
+        for line in above
+        if not line.remark and sum(1 for cell in line.cells(separator) if looks_like_number(cell)) > 1
+    ]
+    return numbers[-1] if len(numbers) > _FEW and separator != " " else 0
 
 
 def _check_only(lines: Sequence[Line], block: _Block, name: str, asked: Asked) -> None:
