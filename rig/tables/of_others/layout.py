@@ -18,7 +18,7 @@ _TIME = re.compile(
     r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}(?:[T ].{4,30})?|\d{1,2}:\d{2}(?::\d{2}(?:[.,:]\d+)?)?(?: ?[APap][Mm])?"
 )
 _ALIKE = 0.02
-_FEW, _TAIL = 4, 20
+_FEW, _MANY, _TAIL = 2, 4, 20
 _EXTRA = re.compile(r"comments?|notes?|remarks?", re.IGNORECASE)
 
 
@@ -101,7 +101,7 @@ def _earlier(above: Sequence[Line], separator: str) -> int:
         for line in above
         if not line.remark and sum(1 for cell in line.cells(separator) if looks_like_number(cell)) > 1
     ]
-    return numbers[-1] if len(numbers) > _FEW and separator != " " else 0
+    return numbers[-1] if len(numbers) > _MANY and separator != " " else 0
 
 
 def _check_only(lines: Sequence[Line], block: _Block, name: str, asked: Asked) -> None:
