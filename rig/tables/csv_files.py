@@ -54,10 +54,23 @@ def read_csv(path: Path, asked: Asked = NOTHING) -> Table:
     try:
         return _read_csv(path)
     except UsageError as refusal:
-        found = _of_others(path, refusal)
+        try:
+            found = _of_others(path, refusal)
+        except UsageError:
+            if _is_like_ours(path):
+                raise refusal from None
+            raise
         if found.plain:
             raise
         return found.strict()
+
+
+def _is_like_ours(path: Path) -> bool:
+    """Whether a file has names and rows of several cells, separated by commas."""
+    try:
+        return len(_cells_of(path)[0]) > 1
+    except UsageError:
+        return False
 
 
 def cells_of_others(path: Path, asked: Asked) -> Cells:
