@@ -54,15 +54,20 @@ def read_csv(path: Path, asked: Asked = NOTHING) -> Table:
     try:
         return _read_csv(path)
     except UsageError as refusal:
-        try:
-            found = _of_others(path, refusal)
-        except UsageError:
-            if _is_like_ours(path):
-                raise refusal from None
-            raise
+        found = _of_others_alone(path, refusal)
         if found.plain:
             raise
         return found.strict()
+
+
+def _of_others_alone(path: Path, refusal: UsageError) -> Cells:
+    """`_of_others`; where there is a question about a table like ours, the refusal is raised instead."""
+    try:
+        return _of_others(path, refusal)
+    except UsageError:
+        if _is_like_ours(path):
+            raise refusal from None
+        raise
 
 
 def _is_like_ours(path: Path) -> bool:
@@ -170,7 +175,7 @@ def read_gappy_csv(path: Path, numbers: Collection[str], asked: Asked = NOTHING)
     try:
         table = _read_gappy_csv(path, numbers)
     except UsageError as refusal:
-        found = _of_others(path, refusal)
+        found = _of_others_alone(path, refusal)
         if found.plain and set(numbers) <= set(found.columns):
             raise
         return found.gappy(numbers)
