@@ -36,6 +36,7 @@ from procedures.inference import Inference
 from procedures.precision import Precision
 from procedures.results import Compared, Fitted, Options, Source, Traced
 from procedures.run_list import RunList
+from procedures.seen import Seen
 from procedures.settings import Acceptance, WarningSettings
 from procedures.table import Reader, Table
 from procedures.unused import Unused
@@ -223,6 +224,18 @@ class Kind(ABC):
     def recognises(self, columns: Collection[str]) -> bool:
         """Whether a table without a declared kind is of this one, by its columns."""
         return False
+
+    def look(self, source: Source, table: Table) -> Seen | None:
+        """Likely roles of the columns of a table that nobody has described, and options to begin with.
+
+        Args:
+            source: the file, as commands read it.
+            table: the same with all columns and rows; NaN and "" for missing values.
+
+        Returns:
+            None if tables of this kind have fixed columns.
+        """
+        return None
 
     def check_design(self, procedure: Any, run_list: RunList) -> None:  # noqa: B027 - most refuse none
         """Refuse a design that cannot estimate what the procedure declares. Raises `FitError`."""

@@ -42,6 +42,8 @@ class Table:
         kind: of calibration, if the source gives it.
         by_hand: changes that a person made between the rows, or before the first, in order. Every one of them begins a
             new number in the column `block`, as an interruption does.
+        units: of columns, where the source gives them in a row of units.
+        understood: how a table of others was read, as JSON values with "sentence"; {} for our own tables.
     """
 
     source: str
@@ -55,9 +57,11 @@ class Table:
     rows: Sequence[int] = ()
     kind: str = ""
     by_hand: tuple[Made, ...] = ()
+    units: Mapping[str, str] = field(default_factory=dict)
+    understood: Mapping[str, Any] = field(default_factory=dict)
 
     def __len__(self) -> int:
-        return len(next(iter(self.columns.values())))
+        return len(next(iter({**self.text, **self.columns}.values()), ()))
 
     @property
     def names(self) -> list[str]:

@@ -2,14 +2,37 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from procedures.errors import DataError
+from procedures.order_through import counts_through, through
 from procedures.table import UNITS, Table
 
 _LARGEST = 2.0**53
+
+
+def order_of(
+    table: Table, order: np.ndarray[Any, np.dtype[np.int64]], blocks: Sequence[str]
+) -> np.ndarray[Any, np.dtype[np.int64]]:
+    """(n,) executed positions through the run, each once; they may begin anew in each of the named blocks.
+
+    Raises:
+        DataError: a position occurs twice.
+    """
+    if not counts_through(order):
+        named = [integers(table, name) for name in blocks if name in table.columns]
+        pairs = [
+            *named,
+            *([np.unique(np.column_stack(named), axis=0, return_inverse=True)[1].reshape(-1)] if named else []),
+        ]
+        found = through(order, pairs, table.columns.get("elapsed_s"))
+        if found is not None:
+            return found
+    check_order(table, order)
+    return order
 
 
 def check_order(table: Table, order: np.ndarray[Any, np.dtype[np.int64]]) -> None:

@@ -356,9 +356,12 @@ PUBLIC = {
     "chart": "(calibrations: 'Sequence[str | Path | Data]', *, tolerance: 'float | None' = None, usage: 'float | None' "
     "= None, sensors: 'Sequence[str]' = (), formula: 'str | None' = None, today: 'str | date | None' = None) -> "
     "'ControlChart'",
-    "infer": "(calibration: 'str | Path', readings: 'Readings', *, out: 'str | Path | None' = None, **options: 'Any') "
+    "infer": "(calibration: 'str | Path', readings: 'Readings', *, out: 'str | Path | None' = None, "
+    "separator: 'str | None' = None, decimal: 'str | None' = None, encoding: 'str | None' = None, "
+    "header: 'int | None' = None, **options: 'Any') "
     "-> 'Inferred'",
-    "open": "(path: 'str | Path') -> 'Data'",
+    "open": "(path: 'str | Path', *, separator: 'str | None' = None, decimal: 'str | None' = None, "
+    "encoding: 'str | None' = None, header: 'int | None' = None) -> 'Data'",
     "plan": "(procedure: 'str | Path', bench: 'str | Path', *, out: 'str | Path' = 'runs', usage: 'float | None' = "
     "None, on_progress: 'Callable[[Progress], None]' = <lambda>) -> 'Plan'",
     "run": "(procedure: 'str | Path', bench: 'str | Path', *, dry: 'bool' = True, world: 'str | Path | None' = None, "

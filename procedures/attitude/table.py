@@ -11,7 +11,7 @@ from procedures.attitude.data import AttitudeData
 from procedures.attitude.model import mounting_matrix
 from procedures.errors import DataError
 from procedures.table import Table
-from procedures.table_checks import check_order, check_units, integers
+from procedures.table_checks import check_units, integers, order_of
 
 PITCH_ROLL = ("replicate", "order", "elapsed_s", "pitch_deg", "roll_deg", "sensor_temperature_degC")
 """Columns of every pitch-roll table, in addition to one `NAME_V` for each sensor."""
@@ -42,8 +42,7 @@ def attitude_data(table: Table) -> AttitudeData:
         raise DataError(f"{table.source}: there is no sensor output; name the columns x_V, y_V, z_V")
     numbers = {name: integers(table, name) for name in ("replicate", "order")}
     numbers |= {name: integers(table, name) for name in _OPTIONAL if name in table.columns}
-    order = numbers["order"]
-    check_order(table, order)
+    order = order_of(table, numbers["order"], ("replicate",))
     known: dict[str, Any] = {name: numbers[name] for name in _OPTIONAL if name in numbers}
     known["axes"] = {name: axis for name, axis in table.axes.items() if name in outputs} or None
     try:

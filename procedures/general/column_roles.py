@@ -15,6 +15,8 @@ from fitter.errors import FitError
 from fitter.formula import Formula
 from procedures.errors import DataError
 from procedures.file_rows import rows_of_file
+from procedures.general.clock_texts import is_clock
+from procedures.general.directions import SIDES, are_directions
 from procedures.general.effects.scene import Grouping, TableScene
 from procedures.general.order import Parts, alike, identities, time_of
 from procedures.general.trace import TableData
@@ -32,9 +34,12 @@ class Roles:
         whole_plot: columns that together identify rows with a common error of the declared model.
         replicate: column of replications, whose offsets are declared too.
         time: column of the time.
-        direction: column of +-1, of a velocity, or a setting whose changes give the direction of approach.
+        direction: column of +-1, of words such as up and down, of a velocity, or a setting whose changes give the
+            direction of approach.
         candidates: the only other columns to be used; None for all.
         ignore: columns not to be used.
+        date: column of the dates of a time of day.
+        date_order: "dmy" or "mdy", for dates that do not show it.
         wrap: period of the response, symmetric about zero; None if it is not an angle.
     """
 
@@ -48,6 +53,8 @@ class Roles:
     candidates: tuple[str, ...] | None = None
     ignore: tuple[str, ...] = ()
     wrap: float | None = None
+    date: str | None = None
+    date_order: str | None = None
 
     @property
     def label(self) -> str:
@@ -57,7 +64,7 @@ class Roles:
     @property
     def named(self) -> tuple[str, ...]:
         """Columns with their own role, which are not covariates."""
-        given = (self.replicate, self.time, self.direction)
+        given = (self.replicate, self.time, self.date, self.direction)
         return (*self.group, *self.whole_plot, *(name for name in given if name is not None))
 
 
@@ -101,6 +108,9 @@ def _roles(table: Table, roles: Roles, formula: Formula, response: Formula) -> t
         free=tuple(free),
         time=roles.time,
         direction=roles.direction,
+        date=roles.date,
+        date_order=roles.date_order,
+        blocks=(*((roles.replicate,) if roles.replicate else ()), *roles.whole_plot),
     )
     time, along = time_of(table, parts, notes)
     order = np.arange(len(table)) if time is None else np.argsort(time.values, kind="stable")
@@ -180,6 +190,8 @@ def _not_looked_at(table: Table, roles: Roles, used: Sequence[str]) -> list[str]
         count = len(np.unique(table.text[name]))
         if name not in told and count > 1:
             group = f"; --group {name}" if 2 * count <= len(table) else ", and hardly repeats"
+            if is_clock(table.text[name].tolist()):
+                group = f"; --time {name} if it is the time"
             found.append(f"{name} holds text and was not looked at{group}")
     return found
 
@@ -233,7 +245,13 @@ def _direction(roles: Roles, settings: Sequence[str], columns: Mapping[str, Any]
         return None
     v = columns[roles.direction]
     if v.dtype.kind not in "fiu":
-        raise FitError(f"--direction: {roles.direction} is text; give +1 and -1, a velocity or a setting")
+        if not are_directions(v.tolist()):
+            other = next(word for word in v.tolist() if not are_directions([word]))
+            raise FitError(
+                f"--direction: {roles.direction} has {other[:40]!r}; give +1 and -1, up and down (or increasing and "
+                "decreasing, loading and unloading), a velocity or a setting"
+            )
+        v = np.array([SIDES[word.strip().lower()] for word in v.tolist()])
     if roles.direction not in settings:
         side = np.sign(v)
         if len(np.unique(side)) < 2:
@@ -249,7 +267,12 @@ def _direction(roles: Roles, settings: Sequence[str], columns: Mapping[str, Any]
 def _speed(roles: Roles, settings: Sequence[str], columns: Mapping[str, Any]) -> tuple[str, FloatArray] | None:
     """The column of direction, if it is a velocity and not only a sign."""
     name = roles.direction
-    if name is None or name in settings or len(np.unique(np.abs(columns[name]))) < 3:
+    if (
+        name is None
+        or name in settings
+        or columns[name].dtype.kind not in "fiu"
+        or len(np.unique(np.abs(columns[name]))) < 3
+    ):
         return None
     return name, np.asarray(columns[name], np.float64)
 

@@ -14,7 +14,8 @@ from procedures.general.options import FitOptions, InferOptions, TraceOptions
 from procedures.inference import Inference
 from procedures.kind import Kind
 from procedures.results import Fitted, Source, Traced
-from procedures.table import Reader
+from procedures.seen import Seen
+from procedures.table import Reader, Table
 
 if TYPE_CHECKING:
     from procedures.general.infer import CurveCalibration
@@ -60,8 +61,16 @@ class GeneralKind(Kind):
             candidates=None if options.candidates is None else _names(options.candidates),
             ignore=_names(options.ignore),
             wrap=options.wrap,
+            date=options.date,
+            date_order=options.date_order,
         )
         return trace_general_table(source.read, roles)
+
+    def look(self, source: Source, table: Table) -> Seen | None:
+        """See `Kind`."""
+        from procedures.general.likely import likely  # noqa: PLC0415
+
+        return likely(source, table)
 
     def calibration_of(self, given: Mapping[str, Any]) -> CurveCalibration:
         """See `Kind`."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from pydantic import Field
 
 from procedures.results import Options
@@ -28,9 +30,15 @@ class TraceOptions(Options):
     )
     whole_plot: str | None = Field(None, description="column(s, comma between) of whole plots, whose error is declared")
     replicate: str | None = Field(None, description="column of repeats, whose offsets are declared")
-    time: str | None = Field(None, description="column of the time, in any unit")
+    time: str | None = Field(None, description="column of the time, in any unit, or of dates and times as text")
+    date: str | None = Field(None, description="column of the date, if --time is a column of times of day")
+    date_order: Literal["dmy", "mdy"] | None = Field(
+        None, description="day or month first, for dates such as 03/04/2026"
+    )
     direction: str | None = Field(
-        None, description="column of +-1 or of a velocity; or a setting, for the side it was approached from"
+        None,
+        description="column of +-1, of words (up, down), or of a velocity; or a setting, for the side it was "
+        "approached from",
     )
     candidates: list[str] | None = Field(None, description="the only other columns to look at; repeatable, or a,b")
     ignore: list[str] | None = Field(None, description="column(s) not to look at; repeatable, or a,b")

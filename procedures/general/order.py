@@ -11,7 +11,9 @@ import numpy as np
 
 from fitter.arrays import FloatArray, IntArray
 from fitter.errors import FitError
+from procedures.general.clock_texts import seconds_of
 from procedures.general.effects.scene import Timeline, seconds_per_unit
+from procedures.order_through import through
 from procedures.table import Table
 
 _CLOCKS = re.compile(
@@ -34,6 +36,9 @@ class Parts:
         free: unused columns of numbers.
         time: the declared column; None if none was.
         direction: the same.
+        date: column of the dates of a time of day; None if there is none.
+        date_order: of day and month in dates; None if dates must show it.
+        blocks: columns in whose levels an order may begin anew.
     """
 
     settings: tuple[str, ...]
@@ -41,6 +46,9 @@ class Parts:
     free: tuple[str, ...]
     time: str | None
     direction: str | None
+    date: str | None = None
+    date_order: str | None = None
+    blocks: tuple[str, ...] = ()
 
 
 def time_of(table: Table, parts: Parts, notes: list[str]) -> tuple[Timeline | None, bool]:
@@ -49,9 +57,7 @@ def time_of(table: Table, parts: Parts, notes: list[str]) -> tuple[Timeline | No
     The column is the declared one, or found by its name if its values increase, or the order of rows if possible.
     """
     if parts.time is not None:
-        if parts.time not in table.columns:
-            raise FitError(f"--time: {parts.time} is text; give a column of numbers, such as seconds or decimal years")
-        return Timeline(parts.time, table.columns[parts.time], seconds_per_unit(parts.time)), False
+        return _declared(table, parts, notes), False
     for pattern in (_CLOCKS, _COUNTERS):
         for name in parts.free:
             v = table.columns[name]
@@ -61,6 +67,13 @@ def time_of(table: Table, parts: Parts, notes: list[str]) -> tuple[Timeline | No
                 what = "the order of measurement" if counts else "the time"
                 notes.append(f"{name} is used as {what}; --ignore {name} leaves it out{more}")
                 return Timeline(name, v, seconds_per_unit(name), presumed=pattern is _COUNTERS), False
+    for name in parts.free:
+        anew = _anew(table, parts, name) if _COUNTERS.search(name) else None
+        if anew is not None:
+            notes.append(
+                f"{name} begins anew in each {' and '.join(parts.blocks)} and is used as the order through the run"
+            )
+            return Timeline(name, anew, presumed=True), False
     by = _sorted_by(table, parts)
     if by is not None and parts.direction not in parts.settings:
         along = by in {*parts.settings, *parts.free} and _rises(table.columns[by])
@@ -71,6 +84,39 @@ def time_of(table: Table, parts: Parts, notes: list[str]) -> tuple[Timeline | No
         return None, along
     notes.append(f"rows are assumed to be in the order of measurement; with --time COLUMN, {_MORE}")
     return Timeline("row", np.arange(1.0, len(table) + 1.0), presumed=True), False
+
+
+def _declared(table: Table, parts: Parts, notes: list[str]) -> Timeline:
+    """The declared column of time: numbers, or dates and times."""
+    name = parts.time or ""
+    dates = None
+    if parts.date is not None:
+        if parts.date not in table.text:
+            raise FitError(f"--date: {parts.date} holds numbers; give a column of dates, such as 2026-01-15")
+        dates = table.text[parts.date].tolist()
+    if name in table.text:
+        values = seconds_of(name, table.text[name].tolist(), dates, parts.date_order)
+        return Timeline(name, values, 1.0)
+    if dates is not None:
+        raise FitError(f"--time: {name} holds numbers, and --date goes with times of day, such as 09:30:00")
+    anew = _anew(table, parts, name)
+    if anew is not None:
+        notes.append(f"{name} begins anew in each {' and '.join(parts.blocks)} and is counted through the run")
+        return Timeline(name, anew, None)
+    unit = table.units.get(name)
+    return Timeline(
+        name, table.columns[name], seconds_per_unit(f"t_{unit}" if unit else name) or seconds_per_unit(name)
+    )
+
+
+def _anew(table: Table, parts: Parts, name: str) -> FloatArray | None:
+    """(n,) positions counted through the run, if they begin anew in each block; None otherwise."""
+    v = table.columns[name]
+    if not parts.blocks or np.unique(v).size == v.size or (v != np.round(v)).any():
+        return None
+    every = {**table.columns, **table.text}
+    found = through(v, [identities(every, parts.blocks), *(codes(every[one]) for one in parts.blocks)])
+    return None if found is None else found.astype(np.float64)
 
 
 def _sorted_by(table: Table, parts: Parts) -> str | None:

@@ -10,7 +10,7 @@ from fitter.errors import FitError
 from procedures.errors import DataError
 from procedures.pressure.data import WholePlotData
 from procedures.table import Table
-from procedures.table_checks import check_order, check_units, integers
+from procedures.table_checks import check_units, integers, order_of
 
 WHOLE_PLOT = (
     "whole_plot",
@@ -64,7 +64,7 @@ def whole_plot_data(table: Table) -> WholePlotData:
                 f"{table.source}, row {table.row(row)}, column {name}: {value:g} is wrong; correct or remove the row"
             )
     whole_plot, order = (integers(table, name) for name in ("whole_plot", "order"))
-    check_order(table, order)
+    order = order_of(table, order, ("replicate", "whole_plot"))
     given: dict[str, Any] = {n: integers(table, n) for n in _OPTIONAL if n in table.columns}
     given |= {ours: table.columns[name] for name, ours in _SETTINGS.items() if name in table.columns}
     try:

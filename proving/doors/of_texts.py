@@ -100,6 +100,41 @@ _COLUMNS = (
 )
 
 
+_LINES = (
+    "",
+    "# remark",
+    "x;y",
+    "kN;mV",
+    "a b c",
+    "1;2;3",
+    "***End***",
+    "---",
+    '"quoted',
+    "Data:  y  x",
+    "1.234;5,6",
+    "03/04/2026",
+)
+
+
+def _as_others_write(text: str, rng: random.Random) -> str:
+    """A table with another separator and decimal sign, and with lines around it."""
+    separator = rng.choice(";\t| ,")
+    if separator != ",":
+        text = text.replace(",", separator)
+        text = text.replace(".", ",") if rng.random() < 0.5 else text
+    lines = text.split("\n")
+    for _ in range(rng.randrange(4)):
+        lines.insert(rng.choice((0, 0, 1, rng.randrange(len(lines) + 1), len(lines))), rng.choice(_LINES))
+    for _ in range(rng.randrange(3)):
+        at = rng.randrange(len(lines))
+        cells = lines[at].split(separator)
+        cells[rng.randrange(len(cells))] = rng.choice(
+            ("NA", "-", "1,234", "1.234", "2026-01-15", "up", "+", "1'234,5", "\u2212")
+        )
+        lines[at] = separator.join(cells)
+    return rng.choice(("\n", "\n", "\r\n", "\r")).join(lines)
+
+
 def csv(rng: random.Random, material: Material) -> Acts:
     """Tables."""
     names = list(rng.choice(_COLUMNS))
@@ -113,12 +148,18 @@ def csv(rng: random.Random, material: Material) -> Acts:
     text = "\n".join(map(",".join, lines))
     if rng.random() < 0.002:
         text = ",".join(f"c{n}" for n in range(100_000)) + "\n" + ",".join([rng.choice(_CELLS[:4])] * 100_000)
+    if rng.random() < 0.4:
+        text = _as_others_write(text, rng)
+    encoding = rng.choice(("utf-8", "utf-8", "utf-8", "utf-16", "cp1252", "cp1251"))
+    data = text.encode(encoding, "replace")
     path = material.path("table.csv")
-    path.write_bytes(damaged(text.encode(), rng) if rng.random() < 0.1 else text.encode())
+    path.write_bytes(damaged(data, rng) if rng.random() < 0.1 else data)
     out, response = material.folder / "answer.csv", names[2]
     asked: list[tuple[object, ...]] = [
         *[("fit", path, "--json", "--response", response, "--formula", f"1 + {names[0]}")] * 5,
         *[("fit", path, "--json")] * 5,
+        ("trace", path, "--json"),
+        ("fit", path, "--header", rng.randrange(4), "--decimal", rng.choice(("point", "comma")), "--json"),
         ("fit", path, "--out", out, "--response", response, "--formula", "1 + a", "--whole-plot", names[-2]),
         ("chart", f"{path}@2026-01-01", f"{path}@2026-02-01", "--json"),
         ("infer", _calibration_path(material), path, "--out", out, "--json"),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.markup import escape
@@ -14,9 +14,13 @@ from rig.atomic import check_files
 from rig.cli import app
 from rig.cli.kind_options import with_options_of_kinds
 from rig.cli.run import JsonOption
-from rig.cli.show import err, out, show_notes, show_result, write_report
+from rig.cli.show import err, out, print_json, show_notes, show_result, write_report
+from rig.cli.table_options import DecimalOption, EncodingOption, HeaderOption, SeparatorOption
 from rig.errors import ExitCode
 from rig.present.terminal import show
+
+if TYPE_CHECKING:
+    from rig.tables import FileSource
 
 DataArgument = Annotated[Path, typer.Argument(help="a run file, or a CSV table", show_default=False)]
 
@@ -49,6 +53,10 @@ def fit(
             show_default=False,
         ),
     ] = None,
+    separator: SeparatorOption = None,
+    decimal: DecimalOption = None,
+    encoding: EncodingOption = None,
+    header: HeaderOption = None,
     *,
     given: dict[str, Any],
 ) -> int:
@@ -58,10 +66,13 @@ def fit(
     `rig fit RUN --points 73`, `rig fit table.csv --response y --formula "1 + x"`
     """
     from rig.results.data import fit_source  # noqa: PLC0415
-    from rig.tables import FileSource  # noqa: PLC0415
+    from rig.tables import Asked, FileSource  # noqa: PLC0415
 
     check_files([out_file, report], [data, *filter(None, (confirmed_by,))])
-    fitted = fit_source(FileSource(data), given, leave_out or (), confirmed_by, keep=out_file is not None)
+    source = FileSource(data, Asked.of(separator, decimal, encoding, header))
+    if not leave_out and confirmed_by is None and _seen(source, "fit", given, as_json=as_json):
+        return ExitCode.USAGE
+    fitted = fit_source(source, given, leave_out or (), confirmed_by, keep=out_file is not None)
     write_report(fitted, report)
     if out_file is not None:
         fitted.save(out_file)
@@ -76,6 +87,10 @@ def trace(
     data: DataArgument,
     as_json: JsonOption = False,
     report: Annotated[Path | None, typer.Option(help="write a self-contained HTML report", show_default=False)] = None,
+    separator: SeparatorOption = None,
+    decimal: DecimalOption = None,
+    encoding: EncodingOption = None,
+    header: HeaderOption = None,
     *,
     given: dict[str, Any],
 ) -> int:
@@ -85,10 +100,13 @@ def trace(
     --formula "1 + x" --group batch --time t_s`
     """
     from rig.results.data import trace_source  # noqa: PLC0415
-    from rig.tables import FileSource  # noqa: PLC0415
+    from rig.tables import Asked, FileSource  # noqa: PLC0415
 
     check_files([report], [data])
-    found = trace_source(FileSource(data), given)
+    source = FileSource(data, Asked.of(separator, decimal, encoding, header))
+    if _seen(source, "trace", given, as_json=as_json):
+        return ExitCode.USAGE
+    found = trace_source(source, given)
     write_report(found, report)
     if as_json:
         show_result(found, as_json=True)
@@ -96,6 +114,22 @@ def trace(
         _show_trace(found.kind, found.traced)
         show_notes(found)
     return ExitCode.DONE
+
+
+def _seen(source: FileSource, command: str, given: dict[str, Any], *, as_json: bool) -> bool:
+    """Say what is in a table that nobody has described; False for any other."""
+    from rig.results.seen import look_at  # noqa: PLC0415
+
+    found = look_at(source, command, {name: value for name, value in given.items() if value is not None})
+    if found is None:
+        return False
+    if found.table.understood:
+        err.print(f"[yellow]{escape(found.table.understood['sentence'])}[/]", soft_wrap=True)
+    if as_json:
+        print_json(found.to_json())
+    else:
+        show(found.blocks(), out)
+    return True
 
 
 def _show_trace(kind: Kind, traced: Traced) -> None:

@@ -12,6 +12,7 @@ from rig.cli import app
 from rig.cli.kind_options import with_options_of_kinds
 from rig.cli.run import JsonOption
 from rig.cli.show import err, mark, print_json, show_notes
+from rig.cli.table_options import DecimalOption, EncodingOption, HeaderOption, SeparatorOption
 from rig.errors import ExitCode
 
 
@@ -22,6 +23,10 @@ def infer(
     data: Annotated[Path, typer.Argument(help="CSV with the outputs", show_default=False)],
     out_file: Annotated[Path, typer.Option("--out", "-o", help="the CSV file to write", show_default=False)],
     as_json: JsonOption = False,
+    separator: SeparatorOption = None,
+    decimal: DecimalOption = None,
+    encoding: EncodingOption = None,
+    header: HeaderOption = None,
     *,
     given: dict[str, Any],
 ) -> int:
@@ -34,7 +39,8 @@ def infer(
     """
     from rig.results.inferred import infer as infer_readings  # noqa: PLC0415
 
-    found = infer_readings(calibration, data, out=out_file, **given)
+    how: dict[str, Any] = {"separator": separator, "decimal": decimal, "encoding": encoding, "header": header}
+    found = infer_readings(calibration, data, out=out_file, **how, **given)
     show_notes(found)
     err.print(f"{mark(found.simulated)}{escape(str(out_file))}: {found.words}", soft_wrap=True)
     if as_json:

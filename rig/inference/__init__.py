@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
-from dataclasses import replace
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -12,9 +13,10 @@ from procedures.inference import Inference
 from procedures.results import Options
 from procedures.table import Reader, Table
 from rig.inference.calibration_file import CalibrationFile, calibration_in, read_calibration
-from rig.tables import read_gappy_csv
+from rig.tables import Asked, read_gappy_csv
+from rig.tables.of_others.asked import NOTHING
 
-__all__ = ["CalibrationFile", "Inference", "calibration_in", "csv_reader", "infer", "read_calibration"]
+__all__ = ["CalibrationFile", "CsvReader", "Inference", "calibration_in", "csv_reader", "infer", "read_calibration"]
 
 
 def infer(file: CalibrationFile, read: Reader, options: Options) -> Inference:
@@ -39,10 +41,27 @@ def infer(file: CalibrationFile, read: Reader, options: Options) -> Inference:
     return found
 
 
+@dataclass
+class CsvReader:
+    """Reads a CSV file in which values may be missing.
+
+    Attributes:
+        path: the file.
+        asked: declarations of the user about it.
+        understood: how a table of others was read; {} for our own, and before it is read.
+    """
+
+    path: Path
+    asked: Asked = NOTHING
+    understood: Mapping[str, Any] = field(default_factory=dict)
+
+    def __call__(self, needed: Collection[str]) -> Table:
+        """The table. Raises `UsageError`."""
+        table = read_gappy_csv(self.path, needed, self.asked)
+        self.understood = table.understood
+        return table
+
+
 def csv_reader(path: Path) -> Reader:
     """Reads a CSV file in which values may be missing."""
-
-    def read(needed: Collection[str]) -> Table:
-        return read_gappy_csv(path, needed)
-
-    return read
+    return CsvReader(path)

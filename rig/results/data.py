@@ -25,7 +25,8 @@ from rig.results.frames import Frame, of_rows
 from rig.results.inferred import Inferred, check_readings, infer_from
 from rig.results.observations import Observations
 from rig.results.result import Reported
-from rig.tables import FileSource, is_run
+from rig.tables import Asked, FileSource, is_run
+from rig.tables.of_others.asked import NOTHING
 
 if TYPE_CHECKING:
     from rig.results.inferred import Readings
@@ -43,25 +44,33 @@ class Evaluated(Reported):
     Attributes:
         kind: of calibration.
         source: the file.
+        understood: how a table of others was read; {} for our own.
 
     """
 
-    def __init__(self, evaluated: Fitted | Traced, kind: Kind, source: str) -> None:
+    def __init__(
+        self, evaluated: Fitted | Traced, kind: Kind, source: str, understood: Mapping[str, Any] | None = None
+    ) -> None:
         self._evaluated = evaluated
         self.kind = kind
         self.source = source
+        self.understood = dict(understood or {})
 
     @cached_property
     def _told(self) -> dict[str, Any]:
-        return self._evaluated.to_json()
+        told = self._evaluated.to_json()
+        if self.understood:
+            told = {**told, "data": {**told.get("data", {}), "understood": self.understood}}
+        return told
 
     def blocks(self) -> Iterable[Block]:
         """Lines for people."""
         return self._evaluated.blocks()
 
     def notes(self) -> Sequence[str]:
-        """Unused columns and rows."""
-        return sentences(self._told["unused"])
+        """How the table was read, and unused columns and rows."""
+        first = [self.understood["sentence"]] if self.understood else []
+        return [*first, *sentences(self._told["unused"])]
 
 
 def first_endless(told: JsonValue, key: str = "") -> str | None:
@@ -81,8 +90,8 @@ class Calibration(Evaluated):
 
     """
 
-    def __init__(self, fitted: Fitted, kind: Kind, source: str) -> None:
-        super().__init__(fitted, kind, source)
+    def __init__(self, fitted: Fitted, kind: Kind, source: str, understood: Mapping[str, Any] | None = None) -> None:
+        super().__init__(fitted, kind, source, understood)
         self.fitted = fitted
 
     @cached_property
@@ -132,8 +141,8 @@ class Trace(Evaluated):
 
     """
 
-    def __init__(self, traced: Traced, kind: Kind, source: str) -> None:
-        super().__init__(traced, kind, source)
+    def __init__(self, traced: Traced, kind: Kind, source: str, understood: Mapping[str, Any] | None = None) -> None:
+        super().__init__(traced, kind, source, understood)
         self.traced = traced
 
     @property
@@ -161,10 +170,10 @@ class Data:
         path: the file.
     """
 
-    def __init__(self, path: str | Path) -> None:
+    def __init__(self, path: str | Path, asked: Asked = NOTHING) -> None:
         self.path = Path(path)
         self._run = is_run(self.path)
-        self._source = FileSource(self.path)
+        self._source = FileSource(self.path, asked)
 
     @cached_property
     def table(self) -> Observations:
@@ -210,9 +219,27 @@ class Data:
         return f"rig.open({str(self.path)!r})"
 
 
-def open(path: str | Path) -> Data:  # noqa: A001 - rig.open, as one opens a file
-    """A run file or a CSV table. Raises `UsageError` if the file does not exist."""
-    return Data(path)
+def open(  # noqa: A001 - rig.open, as one opens a file
+    path: str | Path,
+    *,
+    separator: str | None = None,
+    decimal: str | None = None,
+    encoding: str | None = None,
+    header: int | None = None,
+) -> Data:
+    """A run file or a CSV table, of others too.
+
+    Args:
+        path: the file.
+        separator: between cells, if it is not recognised: "comma", "semicolon", "tab", "pipe", "space".
+        decimal: "point" or "comma".
+        encoding: of the text, such as "cp1252".
+        header: row of the column names; 0 for none.
+
+    Raises:
+        UsageError: the file does not exist, or an argument is wrong.
+    """
+    return Data(path, Asked.of(separator, decimal, encoding, header))
 
 
 def fit_source(
@@ -234,13 +261,14 @@ def fit_source(
         fitted = fit_confirmed(source.path, confirmed_by, options)
     else:
         fitted = kind.fit(source, options, leave_out=leave_out, own=laboratory_effects(), keep=keep)
-    return Calibration(fitted, kind, source.name)
+    return Calibration(fitted, kind, source.name, source.understood)
 
 
 def trace_source(source: FileSource, given: Mapping[str, Any]) -> Trace:
     """`rig trace`: arguments and errors as for `Data.trace`."""
     kind, options = chosen(source, _asked(given), lambda one: one.trace_options)
-    return Trace(kind.trace(source, options, own=laboratory_effects()), kind, source.name)
+    traced = kind.trace(source, options, own=laboratory_effects())
+    return Trace(traced, kind, source.name, source.understood)
 
 
 def _asked(given: Mapping[str, Any]) -> dict[str, Any]:

@@ -15,13 +15,15 @@ from procedures.table import Reader
 from procedures.unused import sentences
 from rig import inference
 from rig.atomic import check_files
-from rig.inference import CalibrationFile, csv_reader, read_calibration
+from rig.inference import CalibrationFile, CsvReader, read_calibration
 from rig.options import options_of
 from rig.results.frames import Frame, of_columns
 from rig.results.observations import Columned
 from rig.results.result import Plots
+from rig.tables import Asked
 from rig.tables.csv_files import write_csv
 from rig.tables.given import table_given
+from rig.tables.of_others.asked import NOTHING
 
 if TYPE_CHECKING:
     from rig.tables.given import Columns
@@ -39,8 +41,16 @@ class Inferred(Columned):
         file: the written file; None if there is none.
     """
 
-    def __init__(self, found: Inference, *, simulated: bool, file: Path | None) -> None:
+    def __init__(
+        self,
+        found: Inference,
+        *,
+        simulated: bool,
+        file: Path | None,
+        understood: Mapping[str, Any] | None = None,
+    ) -> None:
         self.found = found
+        self.understood = dict(understood or {})
         self.simulated = simulated
         self.file = file
 
@@ -53,7 +63,8 @@ class Inferred(Columned):
     def _told(self) -> dict[str, Any]:
         """With "file" None where none was written."""
         file = None if self.file is None else str(self.file)
-        return {"file": file, "simulated": self.simulated, **self.found.to_json()}
+        told = {"file": file, "simulated": self.simulated, **self.found.to_json()}
+        return {**told, "understood": self.understood} if self.understood else told
 
     @property
     def words(self) -> str:
@@ -68,7 +79,8 @@ class Inferred(Columned):
 
     def notes(self) -> Sequence[str]:
         """Notes about the calibration and the readings, and unused columns."""
-        return (*self.found.notes, *sentences(self.found.unused.to_json()))
+        first = (self.understood["sentence"],) if self.understood else ()
+        return (*first, *self.found.notes, *sentences(self.found.unused.to_json()))
 
     def frame(self) -> Frame:
         """All columns."""
@@ -93,13 +105,27 @@ class Inferred(Columned):
         return f"<rig.Inferred: {self.words}>"
 
 
-def infer(calibration: str | Path, readings: Readings, *, out: str | Path | None = None, **options: Any) -> Inferred:
+def infer(
+    calibration: str | Path,
+    readings: Readings,
+    *,
+    out: str | Path | None = None,
+    separator: str | None = None,
+    decimal: str | None = None,
+    encoding: str | None = None,
+    header: int | None = None,
+    **options: Any,
+) -> Inferred:
     """Infer the measured quantities of a calibration file.
 
     Args:
         calibration: file of `rig fit --out` or `Calibration.save`.
         readings: a CSV file, or columns by name, in which values may be missing.
         out: a CSV file to write; None for none.
+        separator: of the CSV file; this and the next three as for `rig.open`.
+        decimal: "point" or "comma".
+        encoding: of its text.
+        header: row of its column names; 0 for none.
         options: of `rig infer`, with underscores for hyphens.
 
     Raises:
@@ -108,19 +134,27 @@ def infer(calibration: str | Path, readings: Readings, *, out: str | Path | None
     """
     path = Path(calibration)
     check_readings(readings, out, [path], options)
-    return infer_from(read_calibration(path), readings, out, options)
+    asked = Asked.of(separator, decimal, encoding, header)
+    return infer_from(read_calibration(path), readings, out, options, asked)
 
 
 def infer_from(
-    file: CalibrationFile, readings: Readings, out: str | Path | None, options: Mapping[str, Any]
+    file: CalibrationFile,
+    readings: Readings,
+    out: str | Path | None,
+    options: Mapping[str, Any],
+    asked: Asked = NOTHING,
 ) -> Inferred:
     """The same with a calibration that has been read; arguments and errors as for `infer`."""
     given = {name: value for name, value in options.items() if value is not None}
     chosen = options_of(file.kind, given, lambda kind: kind.infer_options, f"this calibration is of {file.kind.title}")
-    found = inference.infer(file, _reader(readings), chosen)
+    reader = _reader(readings, asked)
+    found = inference.infer(file, reader, chosen)
+    understood = reader.understood if isinstance(reader, CsvReader) else {}
     if out is not None:
         write_csv(found.columns, Path(out))
-    return Inferred(found, simulated=file.simulated, file=None if out is None else Path(out))
+    written = None if out is None else Path(out)
+    return Inferred(found, simulated=file.simulated, file=written, understood=understood)
 
 
 def check_readings(
@@ -132,8 +166,8 @@ def check_readings(
     check_files([None if out is None else Path(out)], [*read, *map(Path, files), *named])
 
 
-def _reader(readings: Readings) -> Reader:
+def _reader(readings: Readings, asked: Asked) -> Reader:
     if isinstance(readings, (str, Path)):
-        return csv_reader(Path(readings))
+        return CsvReader(Path(readings), asked)
     table = table_given(readings)
     return lambda needed: table

@@ -1,17 +1,20 @@
 """Reading and writing tables: CSV with units in the column names, and the observations of a run file."""
 
-from collections.abc import Collection
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 from procedures.table import Table
 from rig.errors import UsageError
 from rig.regular import open_regular
-from rig.tables.csv_files import read_any_csv, read_csv, read_gappy_csv, write_csv
+from rig.tables.csv_files import read_any_csv, read_csv, read_gappy_csv, read_seen_csv, write_csv
+from rig.tables.of_others.asked import NOTHING, Asked
 from rig.tables.table_of_run import run_table
 
 __all__ = [
+    "Asked",
     "FileSource",
     "Table",
     "is_run",
@@ -37,18 +40,25 @@ def is_run(path: Path) -> bool:
     return start.startswith(b"SQLite format 3")
 
 
-def read_table(path: Path) -> Table:
+def read_table(path: Path, asked: Asked = NOTHING) -> Table:
     """A table from a CSV file or from the accepted observations of a run file. Raises `UsageError` or
     `RunFileError`.
     """
-    return run_table(path) if is_run(path) else read_csv(path)
+    return run_table(path) if is_run(path) else read_csv(path, asked)
 
 
 @dataclass(frozen=True)
 class FileSource:
-    """A run file, or a CSV file, read at its first use. See `procedures.results.Source`."""
+    """A run file, or a CSV file, read at its first use. See `procedures.results.Source`.
+
+    Attributes:
+        path: the file.
+        asked: declarations of the user about a CSV file.
+    """
 
     path: Path
+    asked: Asked = NOTHING
+    _read: list[Table] = field(default_factory=list, repr=False, compare=False)
 
     @property
     def name(self) -> str:
@@ -58,8 +68,21 @@ class FileSource:
     @cached_property
     def table(self) -> Table:
         """The whole table. Raises `UsageError` or `RunFileError`."""
-        return read_table(self.path)
+        return self._kept(read_table(self.path, self.asked))
 
     def read(self, needed: Collection[str]) -> Table:
         """Any CSV table. Raises `UsageError`."""
-        return read_any_csv(self.path, needed)
+        return self._kept(read_any_csv(self.path, needed, self.asked))
+
+    def all_columns(self) -> Table:
+        """All columns and rows of any CSV table; NaN and "" for missing values. Raises `UsageError`."""
+        return read_seen_csv(self.path, self.asked)
+
+    @property
+    def understood(self) -> Mapping[str, Any]:
+        """How the table read last was understood; {} for our own tables."""
+        return self._read[-1].understood if self._read else {}
+
+    def _kept(self, table: Table) -> Table:
+        self._read[:] = [table]
+        return table

@@ -19,6 +19,10 @@ from procedures.table import Table
 from rig.atomic import write_whole
 from rig.errors import UsageError
 from rig.regular import open_regular
+from rig.tables.of_others.asked import NOTHING, Asked
+from rig.tables.of_others.cells import Cells
+from rig.tables.of_others.layout import NoTable
+from rig.tables.of_others.numbers import is_missing, looks_like_number
 
 _MOST_COLUMNS = 2000
 _BLANK = frozenset(("\n", "\r\n", "\r"))
@@ -43,8 +47,52 @@ def _regular(path: Path, most: int) -> BinaryIO:
     return file
 
 
-def read_csv(path: Path) -> Table:
-    """A CSV table of numbers. Raises `UsageError`."""
+def read_csv(path: Path, asked: Asked = NOTHING) -> Table:
+    """A CSV table of numbers; of others as they come, without gaps. Raises `UsageError`."""
+    if asked:
+        return cells_of_others(path, asked).strict()
+    try:
+        return _read_csv(path)
+    except UsageError as refusal:
+        found = _of_others_alone(path, refusal)
+        if found.plain:
+            raise
+        return found.strict()
+
+
+def _of_others_alone(path: Path, refusal: UsageError) -> Cells:
+    """`_of_others`; where there is a question about a table like ours, the refusal is raised instead."""
+    try:
+        return _of_others(path, refusal)
+    except UsageError:
+        if _is_like_ours(path):
+            raise refusal from None
+        raise
+
+
+def _is_like_ours(path: Path) -> bool:
+    """Whether a file has names and rows of several cells, separated by commas."""
+    try:
+        return len(_cells_of(path)[0]) > 1
+    except UsageError:
+        return False
+
+
+def cells_of_others(path: Path, asked: Asked) -> Cells:
+    """A table of others. Raises `UsageError`."""
+    with _regular(path, _MOST_CELLS) as file:
+        return Cells.read(path, file.read(), asked)
+
+
+def _of_others(path: Path, refusal: UsageError) -> Cells:
+    """A table that is not like ours. Raises the refusal if there is none, or another `UsageError`."""
+    try:
+        return cells_of_others(path, NOTHING)
+    except NoTable:
+        raise refusal from None
+
+
+def _read_csv(path: Path) -> Table:
     known = _all_numbers(path)
     if known is None:
         names, body = _cells_of(path)
@@ -56,16 +104,34 @@ def read_csv(path: Path) -> Table:
     return Table(str(path), columns, simulated, {"file": path.name, "simulated": simulated}, rows=rows)
 
 
-def read_any_csv(path: Path, needed: Collection[str]) -> Table:
+def read_any_csv(path: Path, needed: Collection[str], asked: Asked = NOTHING) -> Table:
     """A CSV table of any kind: columns that are not numbers are text.
 
     Args:
         path: the file.
-        needed: required columns, without gaps; others may have gaps, and are then left out.
+        needed: required columns; rows without a value in one of them are left out, and so are other columns with
+            gaps.
+        asked: declarations of the user about the file.
 
     Raises:
-        UsageError: a required column is missing, or a value in it is.
+        UsageError: a required column is missing, or the file can be read in several ways.
     """
+    if asked:
+        return cells_of_others(path, asked).any(needed)
+    try:
+        table = _read_any_csv(path, needed)
+    except UsageError as refusal:
+        return _of_others(path, refusal).any(needed)
+    numbers = [name for name in needed if name in table.text]
+    if table.columns and not any(_of_numbers(table.text[name]) for name in numbers):
+        return table
+    try:
+        return cells_of_others(path, asked).any(needed)
+    except NoTable:
+        return table
+
+
+def _read_any_csv(path: Path, needed: Collection[str]) -> Table:
     known = _all_numbers(path)
     names, body = (list(known[0]), []) if known is not None else _cells_of(path)
     for name in needed:
@@ -91,18 +157,37 @@ def read_any_csv(path: Path, needed: Collection[str]) -> Table:
     return Table(str(path), columns, False, provenance, text=text, gaps=missing, rows=rows)
 
 
-def read_gappy_csv(path: Path, numbers: Collection[str]) -> Table:
+def read_gappy_csv(path: Path, numbers: Collection[str], asked: Asked = NOTHING) -> Table:
     """A CSV table with missing values: NaN in a column of numbers, "" in one of text.
 
     Args:
         path: the file.
         numbers: columns of numbers, if they exist. Other columns are numbers if every value is.
+        asked: declarations of the user about the file.
 
     Raises:
         UsageError: the file cannot be read, or one of those columns has a value that is not a number.
     """
     if not path.is_file():
         raise UsageError(f"there is no file {path}")
+    if asked:
+        return cells_of_others(path, asked).gappy(numbers)
+    try:
+        table = _read_gappy_csv(path, numbers)
+    except UsageError as refusal:
+        found = _of_others_alone(path, refusal)
+        if found.plain and set(numbers) <= set(found.columns):
+            raise
+        return found.gappy(numbers)
+    if set(numbers) & {*table.columns, *table.text}:
+        return table
+    try:
+        return cells_of_others(path, asked).gappy(numbers)
+    except UsageError:
+        return table
+
+
+def _read_gappy_csv(path: Path, numbers: Collection[str]) -> Table:
     provenance = {"file": path.name, "simulated": False}
     known = _all_numbers(path)
     if known is not None:
@@ -122,6 +207,20 @@ def read_gappy_csv(path: Path, numbers: Collection[str]) -> Table:
         else:
             text[name] = np.array(cells)
     return Table(str(path), columns, False, provenance, text=text, rows=[number for number, _ in body])
+
+
+def read_seen_csv(path: Path, asked: Asked = NOTHING) -> Table:
+    """All columns and rows of any table, NaN and "" for missing values, by its look alone. Raises `UsageError`."""
+    try:
+        return cells_of_others(path, asked).gappy()
+    except NoTable:
+        return _read_gappy_csv(path, ())
+
+
+def _of_numbers(cells: Iterable[str]) -> bool:
+    """Whether a column of text is one of numbers in another notation, or with words for missing values."""
+    given = [cell for cell in cells if not is_missing(cell)]
+    return bool(given) and all(looks_like_number(cell) for cell in given)
 
 
 def _all_numbers(path: Path) -> tuple[dict[str, FloatArray], Sequence[int]] | None:

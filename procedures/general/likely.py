@@ -1,0 +1,190 @@
+"""Likely roles of the columns of a table, from names, units and values. They are proposals: nothing is done by them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from fitter.arithmetic import NAME
+from fitter.arrays import FloatArray
+from fitter.errors import FitError
+from procedures.errors import DataError
+from procedures.general.clock_texts import is_clock
+from procedures.general.column_roles import Roles, read_roles
+from procedures.general.directions import are_directions
+from procedures.general.fit import fit_general
+from procedures.results import Source
+from procedures.seen import Seen, SeenColumn
+from procedures.table import Table
+
+_TIME = re.compile(r"time|elapsed|timestamp|(^|[ _])t([ _(\[]?(s|sec|min|h)[)\]]?)?$|zeit|^date", re.IGNORECASE)
+_ORDER = re.compile(
+    r"^(seq|sequence|order|index|row|reading|n|no\.?|nr\.?|number|pt|point|run_?order|#|column_1)$", re.IGNORECASE
+)
+_REPLICATE = re.compile(r"repl|^rep(eat)?s?$|cycle|series|trial|^run$|^pass$", re.IGNORECASE)
+_GROUP = re.compile(r"whole_?plot|batch|block|group|operator|serial|sensor|channel|^day$|shape|type", re.IGNORECASE)
+_DIRECTION = re.compile(r"^dir|direction|updown|sense|side", re.IGNORECASE)
+_RESPONSE = re.compile(
+    r"output|reading|response|signal|indicat|bridge|voltage|volt|measured|meas\b|dut|uut|counts?|deflection|"
+    r"(^|[ _(\[])(m|u|µ|n)?V(/V)?[)\]]?$|ohm|^y$|ausgang|anzeige",
+    re.IGNORECASE,
+)
+_SETTING = re.compile(
+    r"set|nominal|ref|load|force|applied|true|standard|^x$|press|mass|weight|temp|flow|level|kraft|druck|soll|"
+    r"frequency|freq|wavelength|dark|_k?N$",
+    re.IGNORECASE,
+)
+
+
+def likely(source: Source, table: Table) -> Seen:
+    """The columns of a table with likely roles, and options for a first fit and trace that were tried."""
+    roles = dict(_fixed(table))
+    free = [name for name in table.columns if name not in roles]
+    if len(free) == 1:  # a quantity over time
+        free = [*(name for name, role in roles.items() if role in ("time", "order") and name in table.columns), *free]
+        roles = {name: role for name, role in roles.items() if name not in free}
+    tried = ""
+    for response, settings in _pairs(table, free):
+        formula = " + ".join(["1", *map(_quoted, settings)])
+        fit = {"response": response, "formula": formula}
+        trace = {**fit, "response": _quoted(response), **_options(table, roles)}
+        try:
+            fit_general(source.read, response, formula)
+            read_roles(source.read, _roles(trace))
+        except (DataError, FitError) as error:
+            tried = tried or str(error)
+            continue
+        found = roles | dict.fromkeys(free, "covariate") | dict.fromkeys(settings, "setting") | {response: "response"}
+        return Seen(_columns(table, found), fit, trace)
+    why = tried or "it takes two columns of numbers that vary: a response and a setting"
+    return Seen(_columns(table, roles | dict.fromkeys(free, "covariate")), {}, {}, why)
+
+
+def _fixed(table: Table) -> Iterator[tuple[str, str]]:
+    """Columns whose role shows in their name or in their values."""
+    taken: set[str] = set()
+    for name, cells in table.text.items():
+        given = [cell for cell in cells.tolist() if cell]
+        levels = len(set(given))
+        role = "text"
+        if given and is_clock(given) and "time" not in taken:
+            role = "date" if not any(":" in cell for cell in given) else "time"
+        elif levels == 2 and are_directions(given):
+            role = "direction"
+        elif 2 <= levels <= len(given) // 3:
+            role = "group"
+        taken.add(role)
+        yield name, role
+    for name, v in table.columns.items():
+        known = v[np.isfinite(v)]
+        distinct = np.unique(known)
+        whole = bool(known.size) and bool((known == np.round(known)).all())
+        if distinct.size < 2:
+            yield name, "constant"
+        elif set(distinct.tolist()) <= {-1.0, 0.0, 1.0} and _DIRECTION.search(name):
+            yield name, "direction"
+        elif whole and _ORDER.search(name) and (np.diff(known) > 0).mean() > 0.7:
+            yield name, "order"
+        elif whole and distinct.size <= known.size // 2 and _REPLICATE.search(name):
+            yield name, "replicate"
+        elif whole and distinct.size <= known.size // 2 and _GROUP.search(name):
+            yield name, "group"
+        elif "time" not in taken and _TIME.search(name) and (np.diff(known) >= 0).mean() > 0.95:
+            taken.add("time")
+            yield name, "time"
+
+
+def _pairs(table: Table, free: Sequence[str]) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """Responses with settings, the likeliest first."""
+    full = [name for name in free if np.isfinite(table.columns[name]).sum() >= max(3, 0.2 * len(table))]
+    if len(full) < 2:
+        return
+    responses = sorted(full, key=lambda name: (-_merit(name, table), -full.index(name)))
+    for response in responses[:4]:
+        others = [name for name in full if name != response]
+        named = [name for name in others if _SETTING.search(name) and not _RESPONSE.search(name)]
+        designed = [name for name in named if np.unique(table.columns[name]).size <= len(table) // 3]
+        follows = sorted(others, key=lambda name: -_follows(table.columns[name], table.columns[response]))
+        best = next((name for name in follows if name in named), follows[0])
+        if 1 < len(designed) <= 4 and best in designed:
+            yield response, tuple(designed)
+        yield response, (best,)
+        if follows[0] != best:
+            yield response, (follows[0],)
+
+
+def _merit(name: str, table: Table) -> float:
+    """How likely a column is the response, by its name and its unit."""
+    unit = table.units.get(name, "")
+    electrical = bool(re.fullmatch(r"(m|u|µ|n)?V(/V)?|ohms?|Ω|counts?", unit))
+    return 2.0 * bool(_RESPONSE.search(name)) + 2.0 * electrical - bool(_SETTING.search(name))
+
+
+def _follows(one: FloatArray, other: FloatArray) -> float:
+    """Size of the correlation of two columns, where both have values."""
+    both = np.isfinite(one) & np.isfinite(other)
+    if both.sum() < 3 or np.ptp(one[both]) == 0 or np.ptp(other[both]) == 0:
+        return 0.0
+    with np.errstate(all="ignore"):
+        found = abs(float(np.corrcoef(one[both], other[both])[0, 1]))
+    return found if np.isfinite(found) else 0.0
+
+
+def _options(table: Table, roles: Mapping[str, str]) -> dict[str, str]:
+    """Options of a trace for the columns with fixed roles."""
+    by_role: dict[str, list[str]] = {}
+    for name, role in roles.items():
+        full = name in table.text and "" not in table.text[name].tolist()
+        if full or (name in table.columns and np.isfinite(table.columns[name]).all()):
+            by_role.setdefault(role, []).append(name)
+    found: dict[str, str] = {}
+    if "time" in by_role:
+        name = by_role["time"][0]
+        found["time"] = name
+        of_day = name in table.text and not any(
+            "-" in c or "/" in c or c.count(".") > 1 for c in table.text[name].tolist()
+        )
+        if "date" in by_role and of_day:
+            found["date"] = by_role["date"][0]
+    elif "order" in by_role:
+        found["time"] = by_role["order"][0]
+    for role in ("direction", "replicate", "group"):
+        if role in by_role and "," not in by_role[role][0]:
+            found[role] = by_role[role][0]
+    return found
+
+
+def _roles(options: Mapping[str, str]) -> Roles:
+    group = (options["group"],) if "group" in options else ()
+    return Roles(
+        options["response"], options["formula"], group=group, replicate=options.get("replicate"),
+        time=options.get("time"), date=options.get("date"), direction=options.get("direction"),
+    )  # fmt: skip
+
+
+def _quoted(name: str) -> str:
+    """A column in a formula."""
+    return name if re.fullmatch(NAME, name) else "`" + name.replace("`", "``") + "`"
+
+
+def _columns(table: Table, roles: Mapping[str, str]) -> tuple[SeenColumn, ...]:
+    return tuple(_column(name, roles.get(name, "text"), {**table.columns, **table.text}[name]) for name in table.names)
+
+
+def _column(name: str, role: str, values: Any) -> SeenColumn:
+    """A column with its values in words."""
+    if values.dtype.kind == "f":
+        given = values[np.isfinite(values)]
+        levels = np.unique(given)
+        said = f"{given.min():g} to {given.max():g}" if given.size else "none"
+        if 1 < levels.size <= min(10, given.size // 2):
+            said += f", {levels.size} levels"
+        return SeenColumn(name, role, said, int(values.size - given.size))
+    words = [one for one in values.tolist() if one]
+    different = list(dict.fromkeys(words))
+    said = ", ".join(one[:20] for one in different[:4])
+    said += f", ... ({len(different)} different)" if len(different) > 4 else ""
+    return SeenColumn(name, role, said, int(values.size - len(words)))

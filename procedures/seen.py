@@ -1,0 +1,41 @@
+"""Description of an unknown table: its columns, and options to begin with."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class SeenColumn:
+    """A column.
+
+    Attributes:
+        name: as in the file.
+        role: likely role: "response", "setting", "covariate", "time", "order", "direction", "group", "replicate",
+            "constant", "text".
+        values: its values in words.
+        missing: number of missing values.
+    """
+
+    name: str
+    role: str
+    values: str
+    missing: int
+
+
+@dataclass(frozen=True)
+class Seen:
+    """A table.
+
+    Attributes:
+        columns: in the order of the file.
+        fit: options of `rig fit`, by name; {} if nothing can be fitted.
+        trace: options of `rig trace`, by name.
+        why_not: why there are no options; "" if there are.
+    """
+
+    columns: tuple[SeenColumn, ...]
+    fit: Mapping[str, str]
+    trace: Mapping[str, str]
+    why_not: str = ""

@@ -1,0 +1,269 @@
+"""A table of others as columns: of numbers, of text, with gaps."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from procedures.table import Table
+from rig.errors import UsageError
+from rig.tables.of_others.asked import Asked
+from rig.tables.of_others.encoding import text_of
+from rig.tables.of_others.layout import Layout, NoTable, is_time, layout_of
+from rig.tables.of_others.lines import lines_of
+from rig.tables.of_others.numbers import Notation, finite, is_missing, looks_like_number, notation_of
+
+_SHOWN, _FEW = 8, 3
+_SAID = {";": "semicolons", "\t": "tabs", "|": "pipes", " ": "blanks"}
+
+
+@dataclass(frozen=True)
+class Cells:
+    """A table, with its cells as text.
+
+    Attributes:
+        path: the file.
+        encoding: of its text.
+        layout: the place of the table.
+        notation: of its numbers.
+        columns: cells by column name.
+        units: by column name, from a row of units.
+        renamed: names that occurred twice.
+        remarks: rows of remarks among the values.
+    """
+
+    path: Path
+    encoding: str
+    layout: Layout
+    notation: Notation
+    columns: dict[str, list[str]]
+    units: dict[str, str]
+    renamed: tuple[str, ...]
+    remarks: tuple[int, ...]
+
+    @classmethod
+    def read(cls, path: Path, data: bytes, asked: Asked) -> Cells:
+        """The table in the bytes of a file. Raises `UsageError`."""
+        text, encoding = text_of(data, str(path), asked.encoding)
+        lines = list(lines_of(text))
+        layout = layout_of(lines, str(path), asked)
+        rows = [line.cells(layout.separator) for line in layout.body]
+        if len(layout.names) < 2:
+            raise NoTable(f"{path} holds no table that is recognised")
+        for line, row in zip(layout.body, rows, strict=True):
+            if any(row[len(layout.names) :]):
+                raise UsageError(
+                    f"{path}, row {line.row}: {len(row)} values for {len(layout.names)} columns; correct the row"
+                )
+        if not rows:
+            raise NoTable(f"{path} has column names and no rows")
+        count = len(layout.names)
+        each = [[row[i] if i < len(row) else "" for row in rows] for i in range(count)]
+        kept = [i for i in range(count) if layout.names[i] or any(each[i])]
+        names, renamed = _named([layout.names[i] for i in kept], kept)
+        columns = {name: each[i] for name, i in zip(names, kept, strict=True)}
+        units = {name: layout.units[i] for name, i in zip(names, kept, strict=True) if layout.units and layout.units[i]}
+        numbers = _numbers(columns, layout)
+        notation = notation_of(numbers, layout.separator, str(path), asked.decimal)
+        first, last = layout.body[0].row, layout.body[-1].row
+        remarks = tuple(line.row for line in lines if line.remark and first < line.row < last)
+        return cls(path, encoding, layout, notation, columns, units, renamed, remarks)
+
+    @property
+    def rows(self) -> list[int]:
+        """Number in the file of every row."""
+        return [line.row for line in self.layout.body]
+
+    @property
+    def plain(self) -> bool:
+        """Whether the file is written as our own tables are."""
+        ordinary = self.encoding in ("utf-8", "utf-8-sig") and self.layout.separator == "," and not self.layout.units
+        return ordinary and self.layout.header == 1 and self.notation == Notation()
+
+    def any(self, needed: Collection[str]) -> Table:
+        """All columns; rows without a value in a needed column are left out, and other columns with gaps.
+
+        Raises:
+            UsageError: a needed column is missing, or no row has all values.
+        """
+        self._check(needed)
+        kept = np.ones(len(self.rows), bool)
+        gaps: dict[str, list[int]] = {}
+        for name in needed:
+            missing = self._missing(name)
+            if missing.any():
+                gaps[name] = [self.rows[i] for i in np.flatnonzero(missing)]
+                kept &= ~missing
+        if not kept.any():
+            names = " and ".join(gaps)
+            raise UsageError(f"{self.path}: no row has a value in {names}; choose columns that have values")
+        columns: dict[str, Any] = {}
+        text: dict[str, Any] = {}
+        left: dict[str, int] = {}
+        for name in self.columns:
+            missing = (self._missing(name) | self._endless(name)) & kept
+            if name not in needed and missing.any():
+                left[name] = self.rows[int(np.flatnonzero(missing)[0])]
+                continue
+            values = self._values(name, kept, self._missing(name))
+            (columns if values.dtype.kind == "f" else text)[name] = values
+        rows = [row for row, keep in zip(self.rows, kept, strict=True) if keep]
+        return self._table(columns, text, rows, self._understood(gaps), left)
+
+    def gappy(self, numbers: Collection[str] = ()) -> Table:
+        """All columns and rows: NaN for a missing number, "" for missing text. Raises `UsageError`."""
+        columns: dict[str, Any] = {}
+        text: dict[str, Any] = {}
+        every = np.ones(len(self.rows), bool)
+        for name, cells in self.columns.items():
+            missing = self._missing(name)
+            if name not in numbers:
+                missing |= self._endless(name)
+            values = self._values(name, every, missing, numeric=name in numbers)
+            if values.dtype.kind == "f":
+                columns[name] = values
+            else:
+                text[name] = np.array(["" if gap else cell for cell, gap in zip(cells, missing, strict=True)])
+        return self._table(columns, text, self.rows, self._understood({}))
+
+    def strict(self) -> Table:
+        """All columns as numbers without gaps. Raises `UsageError`."""
+        columns: dict[str, Any] = {}
+        for name, cells in self.columns.items():
+            for row, cell in zip(self.rows, cells, strict=True):
+                if is_missing(cell):
+                    where = f"{self.path}, row {row}, column {name}"
+                    raise UsageError(f"{where}: the value is missing; fill it in or remove the row")
+            columns[name] = self._values(name, np.ones(len(self.rows), bool), self._missing(name), numeric=True)
+        return self._table(columns, {}, self.rows, self._understood({}))
+
+    def _table(
+        self,
+        columns: dict[str, Any],
+        text: dict[str, Any],
+        rows: Sequence[int],
+        understood: dict[str, Any],
+        gaps: dict[str, int] | None = None,
+    ) -> Table:
+        simulated = bool(np.any(columns.get("simulated", 0.0)))
+        provenance = {"file": self.path.name, "simulated": simulated}
+        return Table(
+            str(self.path), columns, simulated, provenance, text=text, gaps=gaps or {}, rows=rows, units=self.units,
+            understood=understood,
+        )  # fmt: skip
+
+    def _check(self, needed: Collection[str]) -> None:
+        for name in needed:
+            if name in self.columns:
+                continue
+            if name in self.renamed:
+                several = [one for one in self.columns if one.startswith(f"{name} (column ")]
+                raise UsageError(f"{self.path}: {name!r} is the name of several columns: say {' or '.join(several)}")
+            raise UsageError(f"{self.path}: there is no column {name!r}; it has {', '.join(self.columns)}")
+
+    def _missing(self, name: str) -> np.ndarray[Any, np.dtype[np.bool_]]:
+        """(n,) whether a cell has no value; "-" beside "+" is a direction."""
+        cells = self.columns[name]
+        signs = {cell for cell in cells if cell} <= {"+", "-"} and "+" in cells
+        return np.array([cell == "" or (is_missing(cell) and not signs) for cell in cells])
+
+    def _endless(self, name: str) -> np.ndarray[Any, np.dtype[np.bool_]]:
+        """(n,) whether a cell is an infinite number."""
+        return np.array([self.notation.number(cell) in (np.inf, -np.inf) for cell in self.columns[name]])
+
+    def _values(
+        self, name: str, kept: np.ndarray[Any, Any], missing: np.ndarray[Any, Any], *, numeric: bool = False
+    ) -> np.ndarray[Any, Any]:
+        """(n kept,) values of a column: numbers, with NaN for missing ones, if all are or must be; otherwise text."""
+        cells = self.columns[name]
+        values = [None if gap else self.notation.number(cell) for cell, gap in zip(cells, missing, strict=True)]
+        bad = [i for i, value in enumerate(values) if value is None and not missing[i]]
+        if bad and numeric:
+            where = f"{self.path}, row {self.rows[bad[0]]}, column {name}"
+            raise UsageError(f"{where}: {cells[bad[0]][:40]!r} is not a number")
+        if bad or (missing.all() and not numeric):
+            return np.asarray(np.array(cells)[kept])
+        for i, value in enumerate(values):
+            if value is not None:
+                finite(value, cells[i], f"{self.path}, row {self.rows[i]}, column {name}")
+        return np.asarray(np.array([np.nan if value is None else value for value in values])[kept])
+
+    def _understood(self, gaps: dict[str, list[int]]) -> dict[str, Any]:
+        """How the table was read, as JSON values with a sentence; {} for a table like our own."""
+        said = list(self._parts())
+        for name, rows in gaps.items():
+            many = "rows" if len(rows) > 1 else "row"
+            said.append(f"{len(rows)} {many} left out without a value in {name} ({_rows(rows)})")
+        if not said:
+            return {}
+        return {
+            "sentence": f"{self.path.name} was read as follows: {'; '.join(said)}",
+            "encoding": self.encoding,
+            "separator": self.layout.separator,
+            "decimal": self.notation.decimal,
+            "header_row": self.layout.header,
+            "units": self.units,
+            "rows_without_value": gaps,
+            "rows_of_remarks": list(self.remarks),
+            "rows_after": list(self.layout.after),
+        }
+
+    def _parts(self) -> Iterator[str]:
+        layout = self.layout
+        if layout.separator != ",":
+            yield f"cells separated by {_SAID[layout.separator]}"
+        if self.notation.decimal == ",":
+            yield "decimal comma"
+        if self.notation.grouped:
+            yield f"digits in groups, such as {self.notation.grouped}"
+        if self.encoding not in ("utf-8", "utf-8-sig"):
+            yield f"encoding {self.encoding}"
+        if not layout.header:
+            more = ", ..." if len(self.columns) > _FEW else ""
+            yield f"no names: the columns are {', '.join(list(self.columns)[:_FEW])}{more}"
+        elif layout.header > 1 or layout.before:
+            yield f"names in row {layout.header}"
+        if layout.earlier:
+            yield f"another table before it, up to row {layout.earlier}, was not read"
+        if self.units:
+            yield "units " + ", ".join(f"{name} {unit}" for name, unit in self.units.items())
+        for name in self.renamed:
+            yield f"{name} names several columns, which are {name} (column N)"
+        if self.remarks:
+            yield f"{_rows(self.remarks)} left out as {'remarks' if len(self.remarks) > 1 else 'a remark'}"
+        if layout.after:
+            yield f"what follows the table from row {layout.after[0]} on was not read"
+
+
+def _rows(rows: Sequence[int]) -> str:
+    more = f" and {len(rows) - _SHOWN} more" if len(rows) > _SHOWN else ""
+    return f"row{'s' if len(rows) > 1 else ''} {', '.join(map(str, rows[:_SHOWN]))}{more}"
+
+
+def _named(names: Sequence[str], places: Sequence[int]) -> tuple[list[str], tuple[str, ...]]:
+    """Names of columns, each once, and the names that occurred twice."""
+    tidy = [re.sub(r"\s+", " ", name).strip() for name in names]
+    twice = tuple(dict.fromkeys(name for name in tidy if name and tidy.count(name) > 1))
+    found: list[str] = []
+    for name, place in zip(tidy, places, strict=True):
+        new = name if name and name not in twice else f"{name} (column {place + 1})" if name else f"column_{place + 1}"
+        while new in found:
+            new += "'"
+        found.append(new)
+    return found, twice
+
+
+def _numbers(columns: dict[str, list[str]], layout: Layout) -> Iterator[tuple[int, str]]:
+    """Row and cell of every cell in columns of numbers."""
+    for cells in columns.values():
+        given = [cell for cell in cells if not is_missing(cell)]
+        if not given or sum(map(looks_like_number, given)) < 0.5 * len(given) or all(map(is_time, given)):
+            continue
+        for line, cell in zip(layout.body, cells, strict=True):
+            if not is_missing(cell):
+                yield line.row, cell

@@ -1,0 +1,129 @@
+"""Numbers as others write them: decimal point or comma, groups of three digits, words for a missing value."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from rig.errors import UsageError
+
+MISSING = frozenset(("", "na", "n/a", "#n/a", "#nv", "nan", "null", "-", "--", "---", "\u2013", "\u2014"))
+"""Words for a missing value, in lower case."""
+_EXPONENT = r"(?:[eEdD][+-]?\d{1,4})?"
+_SPACES = " \u00a0\u202f\u2009"
+_PLAIN = re.compile(rf"[+-]?(?:\d+|\d+(?P<d>[.,])\d*|(?P<b>[.,])\d+){_EXPONENT}")
+_GROUPED = re.compile(rf"[+-]?\d{{1,3}}(?:(?P<g>[.,'\u2019{_SPACES}])\d{{3}})(?:(?P=g)\d{{3}})*(?:(?P<d>[.,])\d*)?")
+_EITHER = re.compile(r"[+-]?[1-9]\d{0,2}[.,]\d{3}")
+_ENDLESS = re.compile(r"[+-]?(?:inf|infinity)", re.IGNORECASE)
+_LONGEST = 400
+
+
+def is_missing(cell: str) -> bool:
+    """Whether a cell says that there is no value."""
+    return cell.lower() in MISSING
+
+
+def looks_like_number(cell: str) -> bool:
+    """Whether a cell is a number in some notation."""
+    text = minus(cell)
+    if len(text) > _LONGEST:
+        return False
+    return any(one.fullmatch(text) for one in (_PLAIN, _GROUPED, _ENDLESS))
+
+
+def minus(cell: str) -> str:
+    """A cell with the plain minus sign."""
+    return cell.replace("\u2212", "-")
+
+
+@dataclass(frozen=True)
+class Notation:
+    """How numbers are written.
+
+    Attributes:
+        decimal: "." or ",".
+        grouped: an example of a number with groups of digits; "" if there was none.
+    """
+
+    decimal: str = "."
+    grouped: str = ""
+
+    def number(self, cell: str) -> float | None:
+        """The value of a cell; None if it is not a number. May be infinite, and NaN is not a number."""
+        text = minus(cell)
+        if _ENDLESS.fullmatch(text):
+            return float(text)
+        if len(text) > _LONGEST:
+            return None
+        other = "," if self.decimal == "." else "."
+        if (found := _PLAIN.fullmatch(text)) and other not in (found["d"], found["b"]):
+            if self.decimal == "," and text.endswith(","):
+                return None
+            return float(text.replace(",", ".").replace("D", "e").replace("d", "e"))
+        found = _GROUPED.fullmatch(text)
+        if found and found["g"] != self.decimal and found["d"] in (None, self.decimal):
+            whole, _, rest = text.partition(self.decimal)
+            return float(f"{whole.replace(found['g'], '')}.{rest}")
+        return None
+
+
+def notation_of(cells: Iterable[tuple[int, str]], separator: str, name: str, asked: str = "") -> Notation:
+    """The notation of all numbers of a file.
+
+    Args:
+        cells: (row, cell) of every cell that may be a number.
+        separator: between cells.
+        name: of the file, for messages.
+        asked: the declared decimal sign; "" to recognise it.
+
+    Raises:
+        UsageError: both signs are decimal, or "1,234" may be 1.234 or 1234.
+    """
+    sure: dict[str, tuple[int, str]] = {}
+    either: dict[str, tuple[int, str]] = {}
+    grouped = ""
+    for row, cell in cells:
+        if cell.isdigit() or len(cell) > _LONGEST:
+            continue
+        text = minus(cell)
+        if _EITHER.fullmatch(text):
+            either.setdefault("," if "," in text else ".", (row, cell))
+        elif found := _PLAIN.fullmatch(text):
+            sign = found["d"] or found["b"]
+            if sign:
+                sure.setdefault(sign, (row, cell))
+        elif found := _GROUPED.fullmatch(text):
+            grouped = grouped or cell
+            if found["d"] and found["d"] != found["g"]:
+                sure.setdefault(found["d"], (row, cell))
+            elif found["g"] in ".,":  # two groups or more
+                sure.setdefault("," if found["g"] == "." else ".", (row, cell))
+    if asked:
+        other = either.get("," if asked == "." else ".")
+        return Notation(asked, grouped or (other[1] if other else ""))
+    if len(sure) == 2:
+        (row, cell), (other_row, other_cell) = sure["."], sure[","]
+        raise UsageError(
+            f"{name}: {cell} in row {row} has a decimal point, {other_cell} in row {other_row} a decimal comma; say "
+            f"--decimal point or --decimal comma"
+        )
+    if sure:
+        decimal = next(iter(sure))
+        other = either.get("," if decimal == "." else ".")
+        return Notation(decimal, grouped or (other[1] if other else ""))
+    if "," in either or ("." in either and separator == ";"):
+        row, cell = either.get(",") or either["."]
+        raise UsageError(
+            f"{name}, row {row}: {cell} may be {cell.replace(',', '.')} or {cell.replace(',', '').replace('.', '')}; "
+            f"say --decimal point or --decimal comma"
+        )
+    return Notation(".", grouped)
+
+
+def finite(value: float, cell: str, where: str) -> float:
+    """The value if it is finite. Raises `UsageError`."""
+    if not math.isfinite(value):
+        raise UsageError(f"{where}: {cell[:40]} is not a finite number; remove the row if there was no reading")
+    return value

@@ -1,0 +1,45 @@
+"""Units in names of columns and in a row under them."""
+
+from __future__ import annotations
+
+import re
+
+_PREFIX = "(?:da|[YZEPTGMkhdcmuµμnpfazy])?"
+_BASE = (
+    "(?:mHg|H2O|Hz|Pa|psi[adg]?|bar|Torr|torr|ohms?|Ohms?|Ω|deg[CFK]?|rad|rpm|cps|min|sec|lbf?|kgf?|inch|inHg|counts?"
+    "|cts|ppm|ppb|pct|FS|RH|rH|dB|°[CFK]?|[smgNVAKWJTCFLlhbdH]|eV|Nm|mol|lx|lux|a\\.u\\.|digits?|LSB|ft|Sv|Bq|%|‰)"
+)
+_PART = rf"(?:{_PREFIX}{_BASE}|1)(?:\^?-?[0-9²³]|²|³)?"
+_UNIT = re.compile(rf"{_PART}(?:[*·./ ]{_PART})*")
+_WORDS = re.compile(
+    r"(?:milli|micro|kilo|mega|nano)?(?:volts?|amperes?|newtons?|seconds?|minutes?|hours?|celsius|fahrenheit|kelvin|"
+    r"percent|grams?|met(?:er|re)s?|pascals?|degrees?(?: celsius)?|sekunden?|stunden?|grad)",
+    re.IGNORECASE,
+)
+_BRACKETED = re.compile(r"[\[(]([^\[\]()]{0,20})[\])]")
+_IN_NAME = re.compile(
+    r".*?\s*[\[(]([^\[\]()]{1,15})[\])]\s*|.*?_([A-Za-z%µΩ]{1,6}(?:_per_[A-Za-z]{1,5}|/[A-Za-z]{1,5})?)"
+)
+
+
+def is_unit(cell: str) -> bool:
+    """Whether a cell is a unit by itself: in brackets, or a known one."""
+    return bool(
+        cell == "#"
+        or _BRACKETED.fullmatch(cell)
+        or (len(cell) <= 20 and (_UNIT.fullmatch(cell) or _WORDS.fullmatch(cell)))
+    )
+
+
+def bare(cell: str) -> str:
+    """A unit without its brackets; "" for marks that mean none."""
+    inside = _BRACKETED.fullmatch(cell)
+    unit = inside[1].strip() if inside else cell
+    return "" if unit in ("-", "--", "1", "#") else unit
+
+
+def unit_in(name: str) -> str:
+    """The unit at the end of a name, in brackets or after an underscore; "" if there is none."""
+    found = _IN_NAME.fullmatch(name) if len(name) <= 200 else None
+    unit = (found[1] or found[2] or "").strip() if found else ""
+    return unit if unit and (is_unit(unit) or (found and found[1])) else ""

@@ -1,0 +1,396 @@
+"""Tables that others wrote are read right, or asked about: one message, exit code 2, the option that settles it.
+
+All tables here are written by hand, after what instruments and spreadsheets write.
+"""
+
+from __future__ import annotations
+
+import json
+import shlex
+
+import numpy as np
+import pytest
+from command import rig
+
+from procedures.attitude.table import attitude_data
+from procedures.errors import DataError
+from rig.errors import UsageError
+from rig.tables import Asked, read_any_csv, read_table
+
+X = np.array([0.0, 1.0, 2.0, 5.0, 10.0, 5.0, 2.0, 1.0])
+Y = 0.125 + 2.0 * X + np.array([0.01, -0.02, 0.03, -0.01, 0.02, 0.01, -0.03, -0.01])
+
+
+def rows(separator, form=str, ends="\n", extra=lambda i: ()):
+    return ends.join(
+        separator.join([form(f"{x:.2f}"), form(f"{y:.4f}"), *extra(i)])
+        for i, (x, y) in enumerate(zip(X, Y, strict=True))
+    )
+
+
+def comma(text):
+    return text.replace(".", ",")
+
+
+SEMICOLON = "x;y\n" + rows(";", comma)
+NAMED = "Load (kN);Output (mV/V)\n" + rows(";", comma)
+PREAMBLE = "Logger 7, serial 1234\nStart: 2026-01-15 09:30\nChannels: 2\n\n"
+LVM = (
+    "LabVIEW Measurement\t\nWriter_Version\t2\nSeparator\tTab\nDecimal_Separator\t,\n***End_of_Header***\t\n\t\n"
+    "Channels\t1\t\t\nSamples\t8\t\t\nDate\t2026/01/15\t\t\nX0\t0,0000E+0\t\t\n***End_of_Header***\t\t\t\n"
+    "x\ty\tComment\n" + rows("\t", comma)
+)
+MESSY = {
+    "semicolon and decimal comma": SEMICOLON,
+    "tabs": "x\ty\n" + rows("\t"),
+    "tabs and decimal comma": "x\ty\n" + rows("\t", comma),
+    "pipes": "x|y\n" + rows("|"),
+    "runs of blanks": "   x      y\n" + rows("    "),
+    "latin-1": ("x;y;T °C\n" + rows(";", comma, extra=lambda i: ["21,5 µ"])).encode("latin-1"),
+    "utf-16": ("x\ty\n" + rows("\t")).encode("utf-16"),
+    "byte-order mark": ("\ufeff" + SEMICOLON).encode(),
+    "crlf": SEMICOLON.replace("\n", "\r\n").encode(),
+    "cr": SEMICOLON.replace("\n", "\r").encode(),
+    "a row of units": "x;y\nkN;mV/V\n" + rows(";", comma),
+    "units in brackets": "x,y\n[kN],(mV)\n" + rows(","),
+    "comment lines": "# a table\n# of others\nx,y\n" + rows(","),
+    "names in a comment": "# x y\n" + rows(" "),
+    "a preamble": PREAMBLE + "x;y\n" + rows(";", comma),
+    "a labview file": LVM,
+    "quoted numbers": '"x";"y"\n' + rows(";", lambda t: f'"{comma(t)}"'),
+    "decimal comma in quotes": '"x","y"\n' + rows(",", lambda t: f'"{comma(t)}"'),
+    "separators at the ends of rows": "x;y;\n" + rows(";", comma, extra=lambda i: [""]),
+    "constants above the table": "Cal file\na0, a1, a2\n-9.5, 1.5, 2.5\n\nx, y\n" + rows(", "),
+    "a footer": "x;y\n" + rows(";", comma) + "\nEND OF DATA\n",
+    "a ruled line": "x    y\n-------\n" + rows("  "),
+    "a name over columns, as NIST writes it": "Description here\n1 Factor\n\nData:   x      y\n" + rows("   "),
+}  # fmt: skip
+
+
+def written(tmp_path, text, name="data.csv"):
+    path = tmp_path / name
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return path
+
+
+@pytest.mark.parametrize("text", MESSY.values(), ids=MESSY)
+def test_messy_tables_are_read_to_the_last_digit(tmp_path, text):
+    table = read_any_csv(written(tmp_path, text), ("x", "y"))
+    np.testing.assert_array_equal(table.columns["x"], X)
+    np.testing.assert_array_equal(table.columns["y"], np.round(Y, 4))
+    assert len(table.rows) == 8
+    assert table.understood or text == MESSY["comment lines"]
+
+
+def test_units_of_a_row_are_kept(tmp_path):
+    assert read_any_csv(written(tmp_path, MESSY["a row of units"]), ("x",)).units == {"x": "kN", "y": "mV/V"}
+
+
+@pytest.mark.parametrize("word", ["", "NA", "n/a", "NaN", "nan", "-", "#N/A"])
+@pytest.mark.parametrize("separator", [",", ";"])
+def test_rows_without_a_value_are_left_out_and_named(tmp_path, word, separator):
+    lines = ["x,y", "1,2.5", "2,?", "3,4.5", "4,5.5"]
+    path = written(tmp_path, "\n".join(lines).replace(",", separator).replace("?", word))
+    table = read_any_csv(path, ("x", "y"))
+    assert table.columns["x"].tolist() == [1, 3, 4]
+    assert list(table.rows) == [2, 4, 5]
+    assert "1 row left out without a value in y (row 3)" in table.understood["sentence"]
+
+
+def test_a_row_with_text_and_a_gap_at_its_end_belongs_to_the_table(tmp_path):
+    table = read_any_csv(written(tmp_path, "x;side;y;z\n1;up;5;7\n2;up;;\n3;up;6;9\n4;up;7;8\n"), ("x", "side"))
+    assert table.columns["x"].tolist() == [1, 2, 3, 4]
+    assert table.gaps == {"y": 3, "z": 3}
+
+
+def test_another_table_before_it_is_told(tmp_path):
+    first = "t;v;i;z\n" + "1;2;3;up\n" * 9
+    table = read_any_csv(written(tmp_path, first + "CURVE 2\nx;y\n" + "1,5;2\n" * 9), ("x", "y"))
+    assert len(table) == 9
+    assert "another table before it, up to row 10, was not read" in table.understood["sentence"]
+
+
+def test_constants_in_the_first_row_alone(tmp_path):
+    table = read_any_csv(written(tmp_path, "x;y;T\n1;2;20\n" + "2;3;\n" * 30), ("x", "y"))
+    assert len(table) == 31
+
+
+def test_a_row_that_is_a_remark_is_named(tmp_path):
+    table = read_any_csv(written(tmp_path, "x;y\n1;2\n# 2;9\n3;4\n"), ("x", "y"))
+    assert table.columns["x"].tolist() == [1, 3]
+    assert "row 3 left out as a remark" in table.understood["sentence"]
+
+
+def test_a_column_that_nobody_needs_may_have_gaps(tmp_path):
+    table = read_any_csv(written(tmp_path, "x;y;z\n1;2;\n3;4;5\n"), ("x", "y"))
+    assert len(table) == 2
+    assert table.gaps == {"z": 2}
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ('x,y\n1,"1,234.5"\n2,"12,345.25"\n', [1234.5, 12345.25]),
+        ("x;y\n1;1.234,5\n2;12.345,25\n", [1234.5, 12345.25]),
+        ("x;y\n1;1'234.5\n2;12'345.25\n", [1234.5, 12345.25]),
+        ("x;y\n1;1 234,5\n2;12 345,25\n", [1234.5, 12345.25]),
+        ("x;y\n1;1,234,567\n2;2,345,678\n", [1234567, 2345678]),
+        ("x;y\n1;0,123\n2;1,234\n", [0.123, 1.234]),
+        ("x;y\n1;0.123\n2;1.234\n", [0.123, 1.234]),
+        ("x;y\n1;−1,5\n2;2,5e-3\n", [-1.5, 0.0025]),
+        ("x\ty\n1\t1.234\n2\t2.345\n", [1.234, 2.345]),
+    ],
+)
+def test_groups_of_digits_where_they_are_clear(tmp_path, text, expected):
+    assert read_any_csv(written(tmp_path, text), ("y",)).columns["y"].tolist() == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("x;y\n1;1,234\n2;5,678\n", "may be 1.234 or 1234; say --decimal"),
+        ("x;y\n1;1.234\n2;5.678\n", "may be 1.234 or 1234; say --decimal"),
+        ("x;y\n1;1.5\n2;5,6\n", "1.5 in row 2 has a decimal point, 5,6 in row 3 a decimal comma; say --decimal"),
+        ('x,y\n1,"1,234"\n2,"5,678"\n', "say --decimal"),
+        ("a;b\nc;d\n1;2\n3;4\n", "rows 1 and 2 may both hold the names of the columns; say --header"),
+        ("a;b\n1;2;3\n4;5;6\n", "2 names, and 3 values in the rows after it"),
+        ("x;y\n1;2\n3;4;5\n6;7\n8;9\n", "3 values, and 2 in the rows after it; correct the row"),
+        ("x;side;y\n1;up;2;7\n2;up;3\n3;up;4\n", "row 2: 4 values, and 3 in the rows after it"),
+        ("x;y\n1;2\n2;3\n3;4\nnew\nx;y\n1;2\n2;3\n", "holds several tables"),
+        ("температура;y\n1,5;2\n2,5;3\n".encode("cp1251"), "say it with --encoding"),
+        ("x;y\n1,5;2\n2,5;3\n".encode("utf-16-le"), "say --encoding utf-16-le"),
+        ("x;x;y\n1;2;3\n2;3;5\n", "'x' is the name of several columns: say x (column 1) or x (column 2)"),
+    ],
+)  # fmt: skip
+def test_what_is_ambiguous_is_asked_in_one_line(tmp_path, text, says):
+    path = written(tmp_path, text)
+    done = rig("fit", path, "--response", "y", "--formula", "1 + x")
+    assert done.returncode == 2
+    assert says in done.stderr
+    assert done.stderr.count("\n") == 1
+    assert done.stdout == ""
+
+
+def test_the_option_that_is_asked_for_settles_it(tmp_path):
+    path = written(tmp_path, "x;y\n1;1,234\n2;5,678\n")
+    assert read_any_csv(path, ("y",), Asked.of(None, "comma", None, None)).columns["y"].tolist() == [1.234, 5.678]
+    assert read_any_csv(path, ("y",), Asked.of("semicolon", "point", None, None)).columns["y"].tolist() == [1234, 5678]
+    cyrillic = written(tmp_path, "сила;y\n1,5;2\n2,5;3\n".encode("cp1251"), "cyrillic.csv")
+    table = read_any_csv(cyrillic, ("сила",), Asked.of(None, None, "cp1251", None))
+    assert table.columns["сила"].tolist() == [1.5, 2.5]
+    two = written(tmp_path, "a;b\nc;d\n1;2\n3;4\n", "two.csv")
+    assert list(read_any_csv(two, ("c",), Asked.of(None, None, None, 2)).columns) == ["c", "d"]
+    none = written(tmp_path, "1;2\n3;4\n", "none.csv")
+    assert read_any_csv(none, ("column_2",), Asked.of(None, None, None, 0)).columns["column_2"].tolist() == [2, 4]
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [("xx", None, None, None), (None, ";", None, None), (None, None, "klingon", None), ("comma", "comma", None, None)],
+)
+def test_wrong_options_are_refused(wrong):
+    with pytest.raises(UsageError, match="--"):
+        Asked.of(*wrong)
+
+
+def test_what_was_understood_is_said_once_and_in_json(tmp_path):
+    path = written(tmp_path, PREAMBLE + NAMED.replace("1,00;", ";", 1))
+    done = rig("fit", path, "--response", "Output (mV/V)", "--formula", "1 + `Load (kN)`", "--json")
+    assert done.returncode == 0, done.stderr
+    said = "semicolons; decimal comma; names in row 5; 1 row left out without a value in Load (kN) (row 7)"
+    assert done.stderr.count(said) == 1
+    told = json.loads(done.stdout)["data"]
+    assert told["points"] == 7
+    assert told["understood"]["separator"] == ";"
+    assert told["understood"]["decimal"] == ","
+    assert told["understood"]["header_row"] == 5
+    assert told["understood"]["rows_without_value"] == {"Load (kN)": [7]}
+
+
+def test_tables_like_ours_are_read_as_before_and_nothing_is_said(tmp_path):
+    path = written(tmp_path, "x,y,note\n" + rows(",", extra=lambda i: ["NA" if i else "a"]))
+    table = read_any_csv(path, ("x", "y"))
+    assert table.understood == {}
+    assert table.text["note"].tolist() == ["a", *["NA"] * 7]
+    done = rig("fit", path, "--response", "y", "--formula", "1 + x", "--json")
+    assert "understood" not in json.loads(done.stdout)["data"]
+
+
+def test_our_own_tables_are_read_from_a_german_spreadsheet_but_never_with_gaps(tmp_path):
+    head = "replicate;order;elapsed_s;pitch_deg;roll_deg;sensor_temperature_degC;x_V"
+    body = [
+        f"{1 + i // 4};{i + 1};{30 * i};{(-30, -10, 10, 30)[i % 4]};{90 * (i % 3)};23,1;{0.1 * i:.2f}" for i in range(8)
+    ]
+    path = written(tmp_path, "\n".join([head, *body]).replace(".", ","))
+    assert attitude_data(read_table(path)).sensors == ("x_V",)
+    gappy = written(tmp_path, "\n".join([head, *body]).replace(".", ",").replace("23,1", "NA", 1), "gappy.csv")
+    with pytest.raises(UsageError, match="row 2, column sensor_temperature_degC: the value is missing"):
+        read_table(gappy)
+
+
+def test_order_may_begin_anew_in_each_replication(tmp_path):
+    head = "replicate,order,elapsed_s,pitch_deg,roll_deg,sensor_temperature_degC,x_V"
+    body = [
+        f"{1 + i // 4},{1 + i % 4},{30 * i},{(-30, -10, 10, 30)[i % 4]},{90 * (i % 3)},23.1,{0.1 * i}" for i in range(8)
+    ]
+    assert attitude_data(read_table(written(tmp_path, "\n".join([head, *body])))).order.tolist() == list(range(1, 9))
+    with pytest.raises(DataError, match="order 1 is there twice"):
+        attitude_data(read_table(written(tmp_path, "\n".join([head, *body, body[0]]), "twice.csv")))
+
+
+def trace_lines(time, sides=None, n=48, names="x,y,t,side"):
+    rng = np.random.default_rng(3)
+    side = [1 if i % 12 < 6 else -1 for i in range(n)]
+    words = sides or ("up", "down")
+    lines = [names]
+    for i in range(n):
+        x = (i % 12 if i % 12 < 6 else 11 - i % 12) + 0.0
+        y = 1 + 2 * x + 0.3 * side[i] + 0.02 * rng.standard_normal()
+        lines.append(f"{x},{y:.4f},{time(i)},{words[side[i] < 0]}")
+    return "\n".join(lines) + "\n"
+
+
+def roles_of(path, *more):
+    done = rig("trace", path, "--response", "y", "--formula", "1 + x", "--json", *more)
+    return done, json.loads(done.stdout)["sensors"]["y"]["roles"] if done.returncode == 0 else None
+
+
+@pytest.mark.parametrize(
+    "words",
+    [("up", "down"), ("Increasing", "Decreasing"), ("ascending", "descending"), ("loading", "unloading"), ("+", "-")],
+)
+def test_words_for_a_direction(tmp_path, words):
+    path = written(tmp_path, trace_lines(lambda i: 10 * i, words))
+    done, roles = roles_of(path, "--time", "t", "--direction", "side")
+    assert done.returncode == 0, done.stderr
+    assert roles["direction"] == "sign(side)"
+    found = json.loads(done.stdout)["sensors"]["y"]["effects"]
+    assert found[0]["effect"].startswith("direction")
+
+
+def test_another_word_for_a_direction_is_asked_about(tmp_path):
+    done, _ = roles_of(written(tmp_path, trace_lines(lambda i: i, ("hin", "her"))), "--direction", "side")
+    assert done.returncode == 2
+    assert "side has 'hin'; give +1 and -1, up and down" in done.stderr
+
+
+@pytest.mark.parametrize(
+    "stamp",
+    [
+        lambda i: f"2026-01-15T09:{i:02d}:30",
+        lambda i: f"2026-01-15 09:{i:02d}:30.250",
+        lambda i: f"2026-01-15T09:{i:02d}:30Z",
+        lambda i: f"15/01/2026 09:{i:02d}",
+        lambda i: f"15.01.2026 09:{i:02d}:00",
+        lambda i: f"09:{i:02d}:30",
+    ],
+)
+def test_dates_and_times_are_a_time(tmp_path, stamp):
+    done, roles = roles_of(written(tmp_path, trace_lines(stamp)), "--time", "t")
+    assert done.returncode == 0, done.stderr
+    assert roles["time"] == "t"
+
+
+def test_a_date_and_a_time_of_day_across_midnight(tmp_path):
+    lines = trace_lines(
+        lambda i: f"2026-01-{15 + (i > 20)},{(23 + (i > 20)) % 24:02d}:{i:02d}:00", names="x,y,date,t,side"
+    )
+    path = written(tmp_path, lines)
+    done, _ = roles_of(path, "--time", "t")
+    assert "name the date with --date" in done.stderr
+    done, roles = roles_of(path, "--time", "t", "--date", "date")
+    assert done.returncode == 0, done.stderr
+    assert roles["time"] == "t"
+
+
+def test_a_date_that_can_be_read_in_two_ways_is_asked_about(tmp_path):
+    path = written(tmp_path, trace_lines(lambda i: f"03/04/2026 09:{i:02d}"))
+    done, _ = roles_of(path, "--time", "t")
+    assert done.returncode == 2
+    assert "--date-order dmy or --date-order mdy" in done.stderr
+    done, _ = roles_of(path, "--time", "t", "--date-order", "dmy")
+    assert done.returncode == 0, done.stderr
+
+
+def test_an_order_that_begins_anew_in_a_trace(tmp_path):
+    lines = trace_lines(lambda i: f"{1 + i % 12},{1 + i // 12}", names="x,y,order,rep,side")
+    _, roles = roles_of(written(tmp_path, lines), "--replicate", "rep")
+    assert roles["time"] == "order"
+    assert "order" not in roles["covariates"]
+
+
+SEEN = {
+    "plain": "x,y\n" + rows(","),
+    "named": PREAMBLE + NAMED,
+    "labview": LVM,
+    "directions": trace_lines(lambda i: f"2026-01-15T09:{i:02d}:30"),
+    "semicolon": trace_lines(lambda i: f"2026-01-15T09:{i:02d}:30").replace(",", ";"),
+    "no names": "\n".join(rows("\t").splitlines()),
+    "a dash in front": "-x;y\n" + rows(";", comma),
+}
+
+
+@pytest.mark.parametrize("command", ["fit", "trace"])
+@pytest.mark.parametrize("text", SEEN.values(), ids=SEEN)
+def test_an_unknown_table_is_described_and_the_next_command_works_when_pasted(tmp_path, command, text):
+    path = written(tmp_path, text, "a table.csv")
+    done = rig(command, path)
+    assert done.returncode == 2
+    assert "Nothing was fitted" in done.stdout
+    (line,) = [line for line in done.stdout.splitlines() if line.startswith("  rig ")]
+    words = shlex.split(line)
+    assert words[:2] == ["rig", command]
+    again = rig(*words[1:])
+    assert again.returncode == 0, again.stderr
+    told = json.loads(rig(command, path, "--json").stdout)
+    assert told["next"] == line.strip()
+    assert {each["role"] for each in told["columns"]} >= {"response", "setting"}
+
+
+def test_the_likely_roles_of_a_table(tmp_path):
+    path = written(
+        tmp_path,
+        trace_lines(lambda i: f"2026-01-15T09:{i:02d}:30").replace(
+            "x,y,t,side", "Load (kN),Output (mV),Time,direction"
+        ),
+    )
+    told = json.loads(rig("trace", path, "--json").stdout)
+    roles = {each["column"]: each["role"] for each in told["columns"]}
+    assert roles == {"Load (kN)": "setting", "Output (mV)": "response", "Time": "time", "direction": "direction"}
+    assert {each["column"]: each["unit"] for each in told["columns"]}["Load (kN)"] == "kN"
+    assert "--time Time --direction direction" in told["next"]
+
+
+@pytest.mark.parametrize("seed", range(200))
+def test_a_table_in_any_notation_is_read_right_or_asked_about_never_otherwise(tmp_path, seed):
+    """Numbers, text and gaps, written with any separator, sign, end of line, encoding, preamble, units and footer."""
+    rng = np.random.default_rng(seed)
+    count, columns = int(rng.integers(2, 40)), int(rng.integers(2, 6))
+    separator, decimal = str(rng.choice([",", ";", "\t", "|", " "])), str(rng.choice([".", ","]))
+    if separator == decimal:
+        decimal = "."
+    values = rng.normal(0, 10 ** rng.uniform(-2, 4), (count, columns)).round(int(rng.integers(0, 5)))
+    text = rng.choice(["up", "down"], count)
+    gaps = (rng.random((count, columns)) < 0.05) & (np.arange(count) > 0)[:, None]
+    word = str(rng.choice(["NA", "n/a", "NaN"] if separator == " " else ["", "NA", "n/a", "NaN", "-"]))
+    names = [f"c{i}" for i in range(columns)] + ["side"]
+    lines = ["Logger 7", "made by hand"] * int(rng.integers(0, 2)) + [separator.join(names)]
+    if rng.random() < 0.3:
+        lines += [separator.join(["mV"] * columns + ["-"])]
+    for row, gap, side in zip(values, gaps, text, strict=True):
+        cells = [word if g else repr(float(v)).replace(".", decimal) for v, g in zip(row, gap, strict=True)]
+        lines.append(separator.join([*cells, str(side)]))
+    lines += ["", "END"] if rng.random() < 0.2 else []
+    ends = str(rng.choice(["\n", "\r\n", "\r"]))
+    path = written(
+        tmp_path, (ends.join(lines) + ends).encode(str(rng.choice(["utf-8", "utf-8-sig", "utf-16", "cp1252"])))
+    )
+    needed = [f"c{i}" for i in range(columns)]
+    kept = ~gaps.any(axis=1)
+    try:
+        table = read_any_csv(path, [*needed, "side"])
+    except UsageError as asked:
+        assert "--" in str(asked) or not kept.any(), asked
+        return
+    np.testing.assert_array_equal(np.column_stack([table.columns[name] for name in needed]), values[kept])
+    assert table.text["side"].tolist() == text[kept].tolist()
