@@ -162,3 +162,28 @@ def test_a_name_that_is_earned_has_no_doubt():
     assert (effect.effect, effect.doubtful) == ("oscillation:t_s", None)
     assert result.unnamed == ()
     assert result.verdict == "explained"
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_an_oscillation_that_has_not_come_back_twice_is_doubtful(seed):
+    def slow(c):
+        return 4.0 * np.sin(2.0 * np.pi * 1.6 * (c["t_s"] - c["t_s"][0]) / np.ptp(c["t_s"]))
+
+    result = traced(sensor_of(150, seed, slow), response="y", formula="1 + x", time="t_s")
+    waves = [effect for effect in result.added if effect.effect.startswith("oscillation")]
+    assert waves or any("along" in rest.where or "t_s" in rest.where for rest in result.unnamed)
+    assert all(effect.doubtful for effect in waves)
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_two_effects_of_one_column_are_doubtful_if_one_has_a_searched_constant(seed):
+    """A logger that truncates toward zero is no dead zone, and no period, but looks like both."""
+
+    def truncated(c):
+        y = 3.0 + 2.0 * c["x"]
+        return 4.0 * (np.trunc(y / 2.0) - y / 2.0)
+
+    result = traced(sensor_of(160, seed, truncated), response="y", formula="1 + x", time="t_s")
+    over_x = [effect for effect in result.added if effect.effect.endswith(":x")]
+    assert over_x
+    assert all(effect.doubtful for effect in over_x)
