@@ -187,7 +187,7 @@ def test_a_certificate_says_that_nothing_was_found():
 
 def test_what_is_too_small_to_tell_is_told_as_that():
     assert chance({"p_adjusted": 1e-40}) == "< 1e-06"
-    assert [percent(part) for part in (0.0, 0.004, 0.01, 0.579)] == ["0 %", "less than 1 %", "1 %", "57 %"]
+    assert [percent(share) for share in (0.0, 0.004, 0.01, 0.579)] == ["0 %", "less than 1 %", "1 %", "57 %"]
     assert [part(share) for share in (0.004, 0.989, 0.995, 1.0)] == ["less than 1 %", "98 %", "nearly all", "all"]
 
 

@@ -179,9 +179,10 @@ def separation(both: Together | Sequence[Together], questions: Sequence[Question
 
 
 def _separation(ways: Sequence[Together], question: Question) -> Separation:
-    limit, likely = t_limit(DISTINGUISHED, ways[0].df), Could(ways[0], question).likely
+    could, judges = [Could(both, question) for both in ways], [Comparison(both, question) for both in ways]
+    limit, likely = t_limit(DISTINGUISHED, ways[0].df), could[0].likely
     counts = np.maximum(np.round(DRAWS / len(ways) * likely).astype(int), LEAST_OF_A_PAIR)
-    told = [_drawn(ways, question, j, int(count)) for j, count in enumerate(counts)]
+    told = [_drawn(could, judges, j, int(count)) for j, count in enumerate(counts)]
     counts *= len(ways)
     weight = likely / counts
     names = [member.effect for member in question.members]
@@ -201,9 +202,9 @@ def _separation(ways: Sequence[Together], question: Question) -> Separation:
     )
 
 
-def _drawn(ways: Sequence[Together], question: Question, member: int, count: int) -> Apart:
+def _drawn(could: Sequence[Could], judges: Sequence[Comparison], member: int, count: int) -> Apart:
     """Results of the judge for this many runs of each course, if a member is true."""
-    told = [Comparison(both, question).apart(Could(both, question).outputs(member, count)) for both in ways]
+    told = [judge.apart(course.outputs(member, count)) for course, judge in zip(could, judges, strict=True)]
     return Apart(np.hstack([one.costs for one in told]), np.hstack([one.shown for one in told]))
 
 

@@ -146,7 +146,9 @@ class AttitudeTogether(Together):
         """(n, d) columns of the declared model for each sensor: again for every mounting, and after every change."""
         h, turned = self._h, np.round(mountings(self.data).reshape(len(self.data), 9), 9)
         turned = np.column_stack([turned, self._part])
-        which = np.ravel(np.unique(turned, axis=0, return_inverse=True)[1])
+        # orientations last for many rows: only the first row of each stretch is sorted
+        starts = np.concatenate([[True], np.any(turned[1:] != turned[:-1], axis=1)])
+        which = np.ravel(np.unique(turned[starts], axis=0, return_inverse=True)[1])[np.cumsum(starts) - 1]
         columns = np.column_stack([np.where((which == k)[:, None], h, 0.0) for k in range(int(which.max()) + 1)])
         out = []
         for sensor in self.sensors:

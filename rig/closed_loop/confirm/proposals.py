@@ -208,20 +208,38 @@ def _untouched(variation: Variation) -> bool:
 def _best(first: First, group: Sequence[Variation], choice: type[Points] | None) -> Proposal:
     """The smallest sufficient run of a group; otherwise the most informative one."""
     chosen, hopeful = _of_chosen_points(first, group, choice)
-    tried: list[Proposal] = []
-    for variation in chosen:
-        tried.append(_proposal(first, variation))
-        if tried[-1].settles(hopeful):
-            return _cheapest(tried)
+    tried = _bisected(first, chosen, hopeful)
+    settled = [proposal.hours for proposal in tried if proposal.settles(hopeful)]
+    if settled:
+        return _cheapest([proposal for proposal in tried if proposal.hours <= min(settled)])
     largest = _proposal(first, group[-1])
     if not tried or largest.told > max(proposal.told for proposal in tried) + STEP:
-        most = tried[-1].points if tried else 0
+        most = max((proposal.points for proposal in tried), default=0)
         for variation in group[:-1]:
             if len(variation.procedure.expand()) > most:
                 tried.append(_proposal(first, variation))
                 if tried[-1].settles(hopeful):
                     break
     return _cheapest([*tried, largest])
+
+
+def _bisected(first: First, runs: Sequence[Variation], pairs: frozenset[Pair] | None) -> list[Proposal]:
+    """The longest of these runs, from short to long, and others that find the shortest which tells as much or settles.
+
+    A longer run tells more, so that a few forecasts are enough.
+    """
+    if not runs:
+        return []
+    tried = [_proposal(first, runs[-1])]
+    low, high = 0, len(runs) - 1
+    while low < high:
+        middle = (low + high) // 2
+        tried.append(_proposal(first, runs[middle]))
+        if tried[-1].settles(pairs) or tried[-1].told >= tried[0].told - STEP:
+            high = middle
+        else:
+            low = middle + 1
+    return tried
 
 
 def _cheapest(proposals: Sequence[Proposal]) -> Proposal:
