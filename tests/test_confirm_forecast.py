@@ -85,7 +85,7 @@ def of_attitude(seed: int) -> Told:
     ]
 
 
-@pytest.mark.parametrize(("of_world", "worlds"), [(of_attitude, 6), (of_pressure, 7)])
+@pytest.mark.parametrize(("of_world", "worlds"), [(of_attitude, 12), (of_pressure, 7)])
 def test_what_comes_is_what_was_promised(of_world, worlds: int) -> None:
     promised, low, high, came = np.array([told for seed in range(worlds) for told in of_world(seed)]).T
     worth = promised >= 0.5
