@@ -1,6 +1,6 @@
 """Drivers: what the controller requires of a driver's class.
 
-A driver is found by its name in entry-point group `rig.drivers`. It satisfies one or more protocols of `drivers.roles`;
+A driver is found by its name in entry-point group `rig.drivers` of `pyproject.toml`, its twin in `rig.twins`. It satisfies one or more protocols of `drivers.roles`;
 further properties are attributes of its class.
 """
 

@@ -1,4 +1,4 @@
-"""The command `rig status`: of a run, which `rig.results.status` puts into words, and of a folder of runs."""
+"""The command `rig status`: of a run, whose words are in `rig.results.status`, and of a folder of runs, whose words are here."""
 
 from __future__ import annotations
 

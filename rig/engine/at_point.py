@@ -1,6 +1,7 @@
 """Actions at a point: approach, settling, readings, record. Each state has one handler.
 
-Every handler returns the next trigger. Failures are raised; the sequencer decides about them.
+Every handler returns the next trigger. Repeats of too noisy readings are here; other failures are raised, and retried
+by `rig.engine.deciding`.
 """
 
 from __future__ import annotations

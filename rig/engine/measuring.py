@@ -1,4 +1,4 @@
-"""Readings of a point and their statistics."""
+"""Statistics of a point's readings. Whether they are repeated is decided in `rig.engine.at_point`."""
 
 from __future__ import annotations
 
