@@ -1,4 +1,4 @@
-"""The command `rig status`: of a run, whose words are in `rig.results.status`, and of a folder of runs, whose words are here."""
+"""The command `rig status`: of a run, with the words of `rig.results.status`, and of a folder of runs."""
 
 from __future__ import annotations
 
