@@ -11,6 +11,7 @@ from fitter.errors import FitError
 from procedures.charting import Charting
 from procedures.errors import DataError
 from procedures.general.options import FitOptions, InferOptions, TraceOptions
+from procedures.general.settings import GeneralProcedure
 from procedures.inference import Inference
 from procedures.kind import Kind
 from procedures.results import Fitted, Source, Traced
@@ -26,6 +27,7 @@ class GeneralKind(Kind):
 
     name = "general"
     title = "any table"
+    settings = GeneralProcedure
     fit_options, trace_options, infer_options = FitOptions, TraceOptions, InferOptions
     asked_by = frozenset({"response"})
     in_use = "the response's column; the fitted curve is inverted where it rises or falls all the way"
