@@ -49,9 +49,7 @@ def _grouped(points: Sequence[Setting], at: Sequence[int]) -> dict[Setting, list
     return found
 
 
-def _plots(
-    keys: list[Setting], orders: Sequence[str], rng: random.Random, before: Setting | None
-) -> Iterator[Setting]:
+def _plots(keys: list[Setting], orders: Sequence[str], rng: random.Random, before: Setting | None) -> Iterator[Setting]:
     """Hard settings in running order: in random order, or swept if no factor is in random order."""
     if RANDOM not in orders:
         yield from _sweep(keys, range(len(orders)), orders)

@@ -95,7 +95,9 @@ class RecoverySettings(Strict):
     """Handling of interruptions. A whole plot that may not continue is measured again under a new identity."""
 
     max_gap_s: Positive = Field(1800.0, description="after a longer gap the bench is prepared again")
-    continue_gap_s: float = Field(600.0, ge=0, le=1e6, description="a whole plot left alone for longer is not continued")
+    continue_gap_s: float = Field(
+        600.0, ge=0, le=1e6, description="a whole plot left alone for longer is not continued"
+    )
     whole_plot_repeats: int = Field(
         2, ge=0, le=20, description="how often a whole plot may be measured again in one session because it was lost"
     )

@@ -7,9 +7,11 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
 
+from drivers.roles import ByHand
 from procedures.conduct import Conduct, EnvironmentSettings, SoakSettings
 from procedures.kind import Procedure
 from procedures.run_list import RunList
+from rig.bench import playing
 from rig.config import BenchConfig, parse_bench, parse_procedure
 from rig.errors import ConfigurationError
 from rig.run_file.chain import Record
@@ -64,6 +66,17 @@ class Case:
     def environment(self) -> EnvironmentSettings | None:
         """Requested environment, if any."""
         return None if self.conduct is None else self.conduct.environment
+
+    @cached_property
+    def by_hand(self) -> frozenset[str]:
+        """Factors that a person sets."""
+        if self.bench is None:
+            return frozenset()
+        try:
+            people = set(playing(self.bench, ByHand))
+        except ConfigurationError:  # a driver that is not installed here
+            return frozenset()
+        return frozenset(factor for factor, name in self.bench.factors.items() if name in people)
 
     @property
     def speed(self) -> float:
