@@ -278,7 +278,7 @@ class ByHand(Instrument, Protocol):
     """A person who sets a factor: hangs up weights, moves a probe. The run asks, and waits for `rig done`."""
 
     def instruction(self, factor: str, value: float) -> str:
-        """What to do to set a factor (with its unit at the end, as in tables) to a value: a sentence, without a full
+        """The task, to set a factor (with its unit at the end, as in tables) to a value: a sentence without a full
         stop.
         """
         ...

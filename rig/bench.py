@@ -99,7 +99,8 @@ def _quantities(config: BenchConfig) -> list[str]:
 def _refuse_unknown(name: str, known: Sequence[str], message: str) -> None:
     if name not in known:
         near = difflib.get_close_matches(name, known, n=1)
-        hint = f"did you mean {near[0]}?" if near else f"on this bench there are {', '.join(known)}"
+        there = f"on this bench there are {', '.join(known)}" if known else "nothing on this bench has limits"
+        hint = f"did you mean {near[0]}?" if near else there
         raise ConfigurationError(f"{message}: {hint}")
 
 

@@ -53,7 +53,7 @@ class AnySensorTruth:
 
 @dataclass(frozen=True)
 class SourceTruth:
-    """What a source or a person sets: `[sources.FACTOR]`.
+    """A factor as a source or a person sets it: `[sources.FACTOR]`.
 
     Attributes:
         formula: the true value, from the value `set`; "" for exactly that.

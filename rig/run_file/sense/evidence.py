@@ -23,7 +23,7 @@ _BEYOND = 2.0
 """Number of overtravels, plus one unit, by which an axis may be found beyond its limits."""
 _SETPOINT_STANDS = 0.1
 _RE_HOME = "re-home"
-_CLASS_OF = {"noisy": "noisy", "frozen": "frozen", "temperature": "temperature_left"}
+_CLASS_OF = {"noisy": "noisy", "frozen": "frozen", "temperature": "temperature_left", "reference": "reference"}
 """Flags, and the class of fault that the procedure accepts with each."""
 _OF_THE_RUN = "temperature_left"
 _ROUNDING = 1e-9
