@@ -14,8 +14,8 @@ from drivers.clock import Clock
 from drivers.roles import Instrument
 from drivers.wires import Wires
 
-Medium = Literal["serial", "modbus", "can"]
-"""Kind of wire; it determines the valid addresses of an instrument (`drivers.wires.addresses`)."""
+Medium = Literal["serial", "modbus", "can", "none"]
+"""Kind of wire, "none" for a person; it determines the valid addresses of an instrument (`drivers.wires.addresses`)."""
 
 
 class ContractFile(NamedTuple):
