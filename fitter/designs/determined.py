@@ -15,7 +15,7 @@ from fitter.designs.region import DEPENDENT, lost_directions
 class Freedom:
     """Degrees of freedom of a design: ranks of X (terms), T (one column a distinct point) and Z (one a whole plot).
 
-    S. G. Gilmour and L. A. Trinca, Appl. Statist. 49 (2000) 345. For independent errors there is no Z.
+    S. G. Gilmour and L. A. Trinca, Commun. Statist. Theory Methods 29 (2000) 2157. Independent points have no Z.
 
     Attributes:
         residual: for the error within whole plots, n - rank[X Z].

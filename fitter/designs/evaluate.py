@@ -18,13 +18,16 @@ from fitter.designs.determined import Freedom, freedom, points_that_would
 from fitter.designs.factors import Factor
 from fitter.designs.measure import Measure, optimal_measure
 from fitter.designs.plots import checked_eta, numbered, whitened
-from fitter.designs.region import DEPENDENT, Columns, Region, lost_directions, named
+from fitter.designs.region import DEPENDENT, Allowed, Columns, Region, lost_directions, named
 from fitter.errors import FitError
+
+CLOSE = 1e-4
+"""Accuracy of the bounds that efficiencies are relative to."""
 
 
 @dataclass(frozen=True)
 class Efficiencies:
-    """Efficiencies relative to the best share of independent points (`measure.py`), from 0 to 1.
+    """Efficiencies relative to the best share of independent points (`measure.py`), from 0 to 1: at least these.
 
     No design exceeds 1, and with whole plots or few points none reaches it: the bound has neither the error of whole
     plots nor whole numbers of points.
@@ -149,7 +152,7 @@ class Evaluation:
         best = np.linalg.slogdet(limits.d.information)[1]
         a = float(np.sum(self._root * (limits.weight @ self._root)))
         return Efficiencies(
-            d=float(np.exp((information - best) / p)) / n,
+            d=float(np.exp((information - best) / p)) * limits.d.efficiency / n,
             a=_least(limits.a, limits.weight) / (n * a),
             g=p / (n * self.largest_variance),
             i=_least(limits.i, self.region.moments) / (n * self.mean_variance),
@@ -179,10 +182,11 @@ class Limits:
 
     @classmethod
     def of(cls, region: Region) -> Limits:
-        """The best measures on the region's grid of settings, each to 1e-5."""
+        """The best measures on the region's grid of settings."""
         rows = region.rows(np.unique(np.vstack([region.settings, region.candidates]), axis=0))
         weight = region.basis.T @ (region.basis * region.mean_squares[:, None])
-        return cls(optimal_measure(rows), optimal_measure(rows, weight), optimal_measure(rows, region.moments), weight)
+        d, a, i = (optimal_measure(rows, target, CLOSE) for target in (None, weight, region.moments))
+        return cls(d, a, i, weight)
 
 
 def evaluate(
@@ -193,6 +197,7 @@ def evaluate(
     *,
     whole_plot: ArrayLike | None = None,
     eta: float = 1.0,
+    allowed: Allowed | None = None,
 ) -> Evaluation:
     """The precision of any design: a grid, a central composite, a person's own list of points.
 
@@ -203,11 +208,12 @@ def evaluate(
         names: of the p terms.
         whole_plot: (n,) identity of each point's whole plot; None for independent points.
         eta: variance between whole plots over that within.
+        allowed: which of (m, k) points belong to the region; by default all.
 
     Raises:
         FitError: the model has terms that no design over these ranges tells apart, or arguments do not fit together.
     """
-    return evaluated(Region.of(factors, columns, names), points, whole_plot, eta)
+    return evaluated(Region.of(factors, columns, names, allowed), points, whole_plot, eta)
 
 
 def evaluated(region: Region, points: ArrayLike, whole_plot: ArrayLike | None, eta: float) -> Evaluation:

@@ -259,7 +259,12 @@ def _starts(problem: Problem, asked: int | None) -> int:
         if asked < 1:
             raise FitError(f"a search needs a start, not {asked}")
         return asked
-    each = 8.0 * problem.sizes.sum() * _settings(problem.easy_shape) * problem.rows.shape[2] ** 2
+    each = (
+        (8.0 if problem.target is None else 16.0)
+        * problem.sizes.sum()
+        * _settings(problem.easy_shape)
+        * problem.rows.shape[2] ** 2
+    )
     return int(np.clip(WORK / each, FEWEST_STARTS, MOST_STARTS))
 
 

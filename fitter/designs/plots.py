@@ -2,7 +2,7 @@
 
 The error of a point is that of its whole plot, of variance eta sigma^2, and its own, of variance sigma^2. Subtracting
 the share 1 - (1 + m eta)^(-1/2) of the mean of a whole plot of m points makes errors independent, with variance
-sigma^2 (J. R. Magnus, J. Econometrics 19 (1982) 239, appendix; G. S. Searle, Linear Models, 1971, for the inverse).
+sigma^2 (J. R. Magnus, J. Econometrics 19 (1982) 239).
 """
 
 from __future__ import annotations
