@@ -22,12 +22,12 @@ Criterion = Literal["D", "I"]
 
 MOST_STARTS = 1000
 FEWEST_STARTS = 20
-WORK = 1e9
+WORK = 2e9
 """Size of a search in products, a few seconds, that limits the number of starts of large problems."""
 TOGETHER = 4_000_000
 """Numbers in memory that designs improved side by side may need."""
 POLISHED = 3
-SAME = 1e-6
+SAME = 1e-7
 """Relative difference of D- or I-criteria below which two designs count as equally good."""
 
 
@@ -114,14 +114,24 @@ def optimal(
             f"none of {count} random starts determines all {len(region.names)} terms: "
             "more points, more whole plots or more levels are needed"
         )
-    order = np.argsort(-values, kind="stable")
-    scale = len(region.names) if criterion == "D" else abs(values[order[0]])
-    reached = int(np.sum(values >= values[order[0]] - SAME * scale))
-    candidates = [table.points(found, int(i), problem.plot_of) for i in order[:POLISHED] if np.isfinite(values[i])]
-    refined = [Polish(region, points, problem.plot_of, tuple(hard), eta, known, target).run() for points in candidates]
-    designs = [_design(region, before, before_plot, new, problem, plots is not None, eta) for new in refined]
-    best = max(designs, key=lambda e: e.log_determinant if criterion == "D" else -e.mean_variance)
-    return Design(best.points, best.whole_plot, len(before), criterion, count, reached, best)
+    best, scale = values.max(), len(region.names) if criterion == "D" else abs(values.max())
+    order = np.argsort(
+        -np.round((values - best) / scale / SAME), kind="stable"
+    )  # the first of equals: no rounding chooses
+    polished = POLISHED if any(f.free for f in region.factors) else 1
+    designs = []
+    for start in order[:polished]:
+        if np.isfinite(values[start]):
+            points = table.points(found, int(start), problem.plot_of)
+            new = Polish(region, points, problem.plot_of, tuple(hard), eta, known, target).run()
+            designs.append(_design(region, before, before_plot, new, problem, plots is not None, eta))
+    chosen = max(designs, key=lambda e: round(_value(e, criterion) / scale / SAME))
+    reached = int(np.sum(values >= best - SAME * scale))
+    return Design(chosen.points, chosen.whole_plot, len(before), criterion, count, reached, chosen)
+
+
+def _value(e: Evaluation, criterion: Criterion) -> float:
+    return e.log_determinant if criterion == "D" else -e.mean_variance
 
 
 @dataclass(frozen=True, eq=False)
@@ -259,12 +269,10 @@ def _starts(problem: Problem, asked: int | None) -> int:
         if asked < 1:
             raise FitError(f"a search needs a start, not {asked}")
         return asked
-    each = (
-        (8.0 if problem.target is None else 16.0)
-        * problem.sizes.sum()
-        * _settings(problem.easy_shape)
-        * problem.rows.shape[2] ** 2
-    )
+    p, criterion = problem.rows.shape[2], 1.0 if problem.target is None else 2.0
+    of_points = float(problem.sizes.sum()) * _settings(problem.easy_shape) * p**2
+    of_plots = float(problem.sizes.size) * (_settings(problem.hard_shape) - 1) * p**3
+    each = 8.0 * criterion * (of_points + of_plots)
     return int(np.clip(WORK / each, FEWEST_STARTS, MOST_STARTS))
 
 
