@@ -125,6 +125,7 @@ class SourceState:
     faults: tuple[str, ...] = ()
 
 
+@runtime_checkable
 class Instrument(Protocol):
     """Methods of every instrument."""
 
@@ -269,6 +270,17 @@ class Source(Instrument, Protocol):
 
     def stop(self) -> None:
         """Hold the present value: it becomes the setpoint. Does nothing if the output is off or settled."""
+        ...
+
+
+@runtime_checkable
+class ByHand(Instrument, Protocol):
+    """A person who sets a factor: hangs up weights, moves a probe. The run asks, and waits for `rig done`."""
+
+    def instruction(self, factor: str, value: float) -> str:
+        """The task, to set a factor (with its unit at the end, as in tables) to a value: a sentence without a full
+        stop.
+        """
         ...
 
 

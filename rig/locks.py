@@ -57,6 +57,8 @@ def _wires(instruments: Mapping[str, Addressed]) -> dict[str, tuple[str, str]]:
     """Each wire once, with its first instrument and its address."""
     found: dict[str, tuple[str, str]] = {}
     for name, instrument in instruments.items():
+        if not instrument.address:  # a person
+            continue
         found.setdefault(wire_of(instrument.address), (name, instrument.address))
     return found
 

@@ -76,7 +76,7 @@ def serve(
             taped.begin(pace, speed)
         given = bench["instruments"]
         instruments = dict(given)
-        for names in _wires(sim, {name: instrument["address"] for name, instrument in given.items()}):
+        for names in _wires(sim, {n: i["address"] for n, i in given.items() if sim.twin(n).wire != "none"}):
             addresses = _open(sim, {name: given[name]["address"] for name in names}, selector, ports, taped)
             for name, address in addresses.items():
                 instruments[name] = {**given[name], "address": address}

@@ -94,7 +94,7 @@ class DryBench:
         except WorldError as error:
             raise ConfigurationError(f"{where}: {error}") from error
         instruments = {
-            name: i.model_copy(update={"address": simulated(i.address, f"sim://{key}/{name}")})
+            name: i.model_copy(update={"address": i.address and simulated(i.address, f"sim://{key}/{name}")})
             for name, i in config.instruments.items()
         }
         self.config = config.model_copy(update={"instruments": instruments, "simulated": True})

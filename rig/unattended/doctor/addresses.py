@@ -25,7 +25,8 @@ def check_addresses(instruments: Mapping[str, InstrumentConfig]) -> Iterator[tup
     """Pairs (name, finding) for every instrument; nothing is opened."""
     holders = _holders()
     for name, instrument in instruments.items():
-        yield name, _check(f"address of {name}", instrument.address, holders)
+        if instrument.address:
+            yield name, _check(f"address of {name}", instrument.address, holders)
 
 
 def _check(check: str, address: str, holders: Mapping[str, str]) -> Finding:

@@ -1,0 +1,103 @@
+"""Benches and procedures of kind "general" for tests: a few points, run dry."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rig.controller import Result, start_run
+from rig.engine.session import Signals
+from rig.plans import load_plan
+
+DVM = """
+[instruments.dvm]
+driver = "keysight-34401a"
+address = "/dev/rig/dvm"
+nplc = 1
+"""
+REFERENCE = """
+[instruments.standard]
+driver = "keysight-34401a"
+address = "/dev/rig/standard"
+nplc = 1
+[references.force_kN]
+reader = "standard"
+formula = "4 * reading"
+"""
+PERSON = """
+[instruments.operator]
+driver = "person"
+"""
+BENCH = f"""name = "a stand"
+{DVM}{PERSON}
+[sensors.cell]
+reader = "dvm"
+[factors]
+force_kN = "operator"
+[limits]
+force_kN = [0, 10]
+"""
+WORLD = """seed = 3
+[sensors.cell]
+formula = "0.1 + 0.5*force_kN"
+noise = 1e-5
+[person]
+sets_s = 20
+"""
+WORLD_WITH_STANDARD = f"""{WORLD}
+[sources.force_kN]
+formula = "1.01*set"
+[references.force_kN]
+formula = "force_kN / 4"
+"""
+PROCEDURE = """kind = "general"
+name = "a few weights"
+seed = 1
+replications = 2
+[factors.force_kN]
+levels = [0, 1, 2, 5]
+order = "up-down"
+[settle]
+dwell_s = 5
+[measure]
+readings = 3
+[model]
+formula = "1 + force_kN"
+"""
+
+CHAMBER = """
+[instruments.oven]
+driver = "watlow-f4t"
+address = "modbus-tcp://192.0.2.10:502/1"
+low_degC = -60
+high_degC = 100
+"""
+PACE = """
+[instruments.supply]
+driver = "druck-pace"
+address = "/dev/rig/pace"
+slew_psi_per_s = 0.5
+high_psia = 6
+"""
+
+
+def written(
+    folder: Path, procedure: str = PROCEDURE, bench: str = BENCH, world: str = WORLD
+) -> tuple[Path, Path, Path]:
+    """The three files."""
+    folder.mkdir(parents=True, exist_ok=True)
+    files = folder / "procedure.toml", folder / "bench.toml", folder / "world.toml"
+    for path, text in zip(files, (procedure, bench, world), strict=True):
+        path.write_text(text)
+    return files
+
+
+def run_dry(
+    folder: Path, procedure: str = PROCEDURE, bench: str = BENCH, world: str = WORLD, **options: object
+) -> tuple[Path, Result]:
+    """Run a procedure dry; the run file, and how it ended."""
+    files = written(folder, procedure, bench, world)
+    plan = load_plan(files[0], files[1], dry=True, world=files[2])
+    paths: list[Path] = []
+    told = {"on_progress": lambda _: None, **options}
+    result = start_run(plan, folder, signals=Signals(), announce=paths.append, **told)  # type: ignore[arg-type]
+    return paths[0], result
