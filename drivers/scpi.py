@@ -115,6 +115,7 @@ class ScpiMeter(ABC):
         self._clock = clock
         self._model = model
         self._dialect = dialect
+        self._remote = dialect.remote if line.rs232 else ""
         self._count = 0
         self._due = 0.0
         self._mark = 0
@@ -143,8 +144,8 @@ class ScpiMeter(ABC):
         control.
         """
         self._clear()
-        if self._dialect.remote:
-            self._line.write(self._dialect.remote)
+        if self._remote:
+            self._line.write(self._remote)
         answer = self._line.query("*IDN?")
         parts = [part.strip() for part in answer.split(",")]
         if "*IDN?" in answer.upper():
@@ -235,7 +236,7 @@ class ScpiMeter(ABC):
     def _configure(self, commands: Iterable[str]) -> None:
         """Reset to a known state, send commands one by one, and check that none was refused."""
         self._clear()
-        remote = (self._dialect.remote,) if self._dialect.remote else ()
+        remote = (self._remote,) if self._remote else ()
         for command in (*remote, "*RST", "*CLS", *commands):
             self._line.write(command)
             if self._line.query("*OPC?") != "1":

@@ -51,7 +51,7 @@ def check_options(config: BenchConfig, where: str, *, strict: bool = True) -> di
             _check_address(instrument.address, cls, f"{where}: instruments.{name}", simulated=config.simulated)
         checked[name] = validated(cls.Options, options, f"{where}: instruments.{name}", strict=strict)
         if strict and instrument.address:
-            _check_flow(instrument.address, checked[name], f"{where}: instruments.{name}")
+            _check_wire(instrument.address, checked[name], f"{where}: instruments.{name}")
     _check_limit_names(config, where)
     _check_rates(config, checked, where)
     _check_interlocks(config, where)
@@ -74,15 +74,22 @@ def _check_address(address: str, cls: DriverClass, where: str, *, simulated: boo
         )
 
 
-def _check_flow(address: str, options: BaseModel, where: str) -> None:
-    """Refuse flow control that the address cannot carry, before anything is opened."""
-    from drivers.wires.addresses import SerialAddress  # noqa: PLC0415 - imports the wires, which few commands need
+def _check_wire(address: str, options: BaseModel, where: str) -> None:
+    """Refuse options of the wire that the address cannot have, before anything is opened."""
+    from drivers.wires.addresses import text_address  # noqa: PLC0415 - imports the wires, which few commands need
     from drivers.wires.serial_options import SerialOptions, flow_refused  # noqa: PLC0415
 
     if isinstance(options, SerialOptions):
-        refused = flow_refused(options.flow_at(address), SerialAddress.parse(address))
-        if refused:
+        place = text_address(address)
+        if refused := flow_refused(options.flow_at(address), place):
             raise ConfigurationError(f"{where}.flow: {refused}")
+        meaningless = {"baud", "frame"} & options.model_fields_set if place.messages else set()
+        if place.messages and "interface" in options.model_fields_set and getattr(options, "interface", "") == "rs232":
+            meaningless.add("interface")
+        for option in sorted(meaningless):
+            raise ConfigurationError(
+                f"{where}.{option} is of a serial line, and {address} is none; leave it out, or write a serial address"
+            )
 
 
 def playing(config: BenchConfig, role: type[Any]) -> list[str]:

@@ -67,6 +67,7 @@ def wire_of(address: str) -> str:
     """Name of the lock of an address: the same text for every name of the same wire."""
     from drivers.errors import WrongAddress  # noqa: PLC0415 - imports the wires, which few commands need
     from drivers.wires.addresses import CanAddress, parse_address  # noqa: PLC0415
+    from drivers.wires.visa_address import VisaAddress  # noqa: PLC0415
 
     try:
         found = parse_address(address)
@@ -76,6 +77,8 @@ def wire_of(address: str) -> str:
         return _device(found.device)
     if isinstance(found, CanAddress):
         return f"can:{found.interface}/{found.channel}"
+    if isinstance(found, VisaAddress) and found.messages:
+        return found.lock
     if found.host is None:
         return address
     host = found.host.host.lower().rstrip(".")

@@ -136,7 +136,7 @@ def _open(
         return receive if tape is None else tape.wired(wire, receive)
 
     match twins[name].wire:
-        case "serial" if first.startswith("socket:"):
+        case "serial" if first.startswith(("socket:", "visa:")):
             door = TcpPort(selector, lambda: on_tape(twins[name].on_rx))
             ports.append(door)
             return {name: f"socket://{door.address}"}
