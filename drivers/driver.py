@@ -1,7 +1,7 @@
 """Drivers: what the controller requires of a driver's class.
 
-A driver is found by its name in entry-point group `rig.drivers` of `pyproject.toml`, its twin in `rig.twins`. It satisfies one or
-more protocols of `drivers.roles`; further properties are attributes of its class.
+A driver is found by its name in entry-point group `rig.drivers` of `pyproject.toml`, its twin in `rig.twins`. It
+satisfies one or more protocols of `drivers.roles`; further properties are attributes of its class.
 """
 
 from __future__ import annotations
