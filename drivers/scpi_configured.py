@@ -145,15 +145,16 @@ class ConfiguredScpi:
         return Identity(maker, model, serial, firmware)
 
     def prepare(self) -> None:
-        """Send the prepare lines one by one, read settings back, and set the mark that `restarted` reads."""
+        """Send the prepare lines one by one, read settings back, and set the mark of `restarted`."""
         self.forget_errors()
         for command in self._options.prepare:
             self.send(command)
         for question, value in self._options.wanted.items():
             self.verify(question, value)
-        self.send("*PSC 1")
-        self.send(f"*ESE {PREPARED}")
-        self.verify("*ESE?", float(PREPARED))
+        if self._options.mark:
+            self.send("*PSC 1")
+            self.send(f"*ESE {PREPARED}")
+            self.verify("*ESE?", float(PREPARED))
 
     def verify(self, question: str, wanted: float | str) -> None:
         """Read a setting back. Raises `BadReply`."""
@@ -162,7 +163,9 @@ class ConfiguredScpi:
             raise BadReply(f"{self.line.where}: {question} should answer {wanted} and answers {answer!r}")
 
     def restarted(self) -> bool:
-        """See `Restartable.restarted`."""
+        """See `Restartable.restarted`. Without a mark, settings that have been lost are the evidence."""
+        if not self._options.mark:
+            return bool(self.unhealthy(self._options.wanted))
         answer = self.ask("*ESE?")
         try:
             return whole(answer) != PREPARED
