@@ -107,6 +107,6 @@ def test_a_meter_reads_in_a_block_and_one_by_one(make):
 
 def test_another_instrument_is_asked_for_its_identity_and_nothing_else(make):
     source = make(ScpiSource, **(SOURCE | {"model": "SMU 2"}))
-    with pytest.raises(WrongInstrument, match=r"should be a STRANGER INC\. SMU 2; it answers 'STRANGER INC.,SMU 1,S123"):
+    with pytest.raises(WrongInstrument, match=r"should be a STRANGER INC\. SMU 2; it answers 'STRANGER"):
         source.identify()
     assert source._scpi.line.exchanges == 1
