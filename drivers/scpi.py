@@ -253,7 +253,7 @@ class ScpiMeter(ABC):
         for question, value in wanted.items():
             answer = self._line.query(question)
             parts = [answer] if isinstance(value, str) else answer.split(",")  # one number for each channel
-            if not all(_agrees(part, value) for part in parts):
+            if not all(agrees(part, value) for part in parts):
                 raise BadReply(f"{self._line.where}: {question} should answer {value} and answers {answer!r}")
 
     def _raise_errors(self) -> None:
@@ -261,13 +261,14 @@ class ScpiMeter(ABC):
         raise_errors(self._line, lambda: self._line.query("SYST:ERR?", repeat=False), _MOST_ERRORS)
 
 
-def raise_errors(line: SerialLine, ask: Callable[[], str], most: int) -> None:
+def raise_errors(line: SerialLine, ask: Callable[[], str], most: int, question: str = "SYST:ERR?") -> None:
     """Empty an instrument's error queue.
 
     Args:
         line: for messages.
         ask: reads and removes the oldest error of the queue: a number, a comma and a quoted text, number 0 for none.
         most: maximum length of the queue.
+        question: the query, for messages.
 
     Raises:
         InstrumentError: the first error, the others in its text.
@@ -280,7 +281,7 @@ def raise_errors(line: SerialLine, ask: Callable[[], str], most: int) -> None:
         try:
             number = whole(code)
         except ValueError:
-            raise line.bad_reply("SYST:ERR?", answer, 'code,"text"') from None
+            raise line.bad_reply(question, answer, 'code,"text"') from None
         if number == 0:
             break
         found.append((number, text.strip().strip('"')))
@@ -289,7 +290,8 @@ def raise_errors(line: SerialLine, ask: Callable[[], str], most: int) -> None:
         raise InstrumentError(line.where, first, words + "".join(f"; then {c} {t}" for c, t in others))
 
 
-def _agrees(answer: str, wanted: float | str) -> bool:
+def agrees(answer: str, wanted: float | str) -> bool:
+    """Whether an answer is a text, or a number within the rounding of its last digits."""
     if isinstance(wanted, str):
         return answer == wanted
     try:

@@ -12,7 +12,7 @@ from exercise import NAME, Exercise, golden, on_file
 
 from drivers.driver import ContractFile
 from drivers.errors import DriverError, LimitError
-from drivers.roles import Chamber, Head, PressureController, Reader, Restartable
+from drivers.roles import Chamber, Head, PressureController, Reader, Restartable, Source
 from rig.bench import identities
 from rig.errors import BenchFault
 from rig.guarded import Refused
@@ -21,7 +21,13 @@ from rig.simulated.dry_run import twin_class
 from sims.faults import Kind, kinds_of
 from sims.faults.instrument_faults import POWER
 
-ROLES = {"head": Head, "reader": Reader, "chamber": Chamber, "pressure-controller": PressureController}
+ROLES = {
+    "head": Head,
+    "reader": Reader,
+    "chamber": Chamber,
+    "pressure-controller": PressureController,
+    "source": Source,
+}
 PEOPLE = [name for name in installed("rig.drivers") if driver_class(name).wire == "none"]
 """Those without a wire, to whom nothing is sent (test_general_lab)."""
 DRIVERS = [*(name for name in installed("rig.drivers") if name not in PEOPLE), outside_package.DRIVER]
@@ -87,7 +93,7 @@ def test_beyond_its_limits_nothing_is_sent(it):
             beyond += [("move", {axis: low - 0.5}), ("move", {axis: high + 0.5})]
     if isinstance(driver, Reader):
         beyond += [("start", 0), ("start", 10**9)]
-    for role, command in ((Chamber, "set_temperature"), (PressureController, "set_pressure")):
+    for role, command in ((Chamber, "set_temperature"), (PressureController, "set_pressure"), (Source, "set")):
         if isinstance(driver, role):
             low, high = driver.limits()
             beyond += [(command, low - 0.5), (command, high + 0.5), (command, float("nan"))]
@@ -111,6 +117,8 @@ def unsafe(it: Exercise) -> list[str]:
         line = it.plant.pressure_line(NAME)
         far = abs(line.pressure_psia(now) - line.ambient_psia(now)) > 0.5
         found += ["pressure"] * far + ["control"] * line.controlling
+    if "source" in it.twin.roles:
+        found += ["output"] * it.plant.source(NAME).on
     return found
 
 
@@ -124,6 +132,8 @@ def test_its_safe_state_is_safe_from_the_middle_of_its_work_and_again(it):
         driver.set_temperature(driver.limits()[1])
     if isinstance(driver, PressureController):
         driver.set_pressure(driver.limits()[0] + 1.0)
+    if isinstance(driver, Source):
+        driver.set(driver.limits()[1])
     if isinstance(driver, Reader):
         driver.start(100)
     else:
