@@ -1,4 +1,4 @@
-"""What a line of text needs of the port below it."""
+"""The port below a line of text."""
 
 from __future__ import annotations
 
