@@ -297,7 +297,6 @@ class TestMock:
             "mock", "visa://GPIB0::4::INSTR", DescribedSource.Options.model_validate(table), wires, clock
         )
         wires.close()
-        pyvisa.ResourceManager("@sim")
 
     def test_it_is_set_and_made_safe(self, source):
         assert asdict(source.identify()) == {
