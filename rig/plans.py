@@ -15,7 +15,7 @@ from pydantic import BaseModel
 from drivers.roles import ByHand, Chamber, Head, PressureController, Source
 from fitter.errors import FitError
 from procedures.conduct import Conduct, WholePlotConduct
-from procedures.kind import Procedure, kind_of
+from procedures.kind import Completed, Procedure, kind_of
 from procedures.run_list import RunList
 from rig.bench import check_options, playing
 from rig.config import BenchConfig, InstrumentConfig, parse_bench, parse_procedure, parse_toml, read_text
@@ -81,21 +81,22 @@ def load_plan(procedure: Path, bench: Path, *, dry: bool = False, world: Path | 
 
 
 def _with_files(text: str, procedure: Path) -> str:
-    """The procedure with the contents of files that it names, so that a run file has all of it.
+    """The procedure with the contents of files that it names, or with results of a search, so that a run file has all.
 
     Raises:
-        ConfigurationError: such a file cannot be read or used.
+        ConfigurationError: a file cannot be read or used, or the search cannot be made.
     """
     read = parse_procedure(text, str(procedure))
-    names: Sequence[str] = getattr(read, "files", ())
-    if not names:
+    if not isinstance(read, Completed):
         return text
-    texts = {name: read_text(procedure.parent / name, "points") for name in names}
+    texts = {name: read_text(procedure.parent / name, "points") for name in read.files}
     try:
-        values = read.with_files(texts)  # type: ignore[attr-defined]  # a procedure that has files
+        values = read.completed(texts)
     except ValueError as error:
         raise ConfigurationError(f"{procedure}: {error}") from None
-    return f"# {procedure.name} with the contents of {', '.join(names)}\n{toml_text(values)}"
+    if values is None:
+        return text
+    return f"# {procedure.name}, with the points of its design\n{toml_text(values)}"
 
 
 def _plan(documents: Mapping[str, str], dry: bool, where: Mapping[str, str], *, strict: bool = True) -> Plan:

@@ -101,3 +101,55 @@ def run_dry(
     told = {"on_progress": lambda _: None, **options}
     result = start_run(plan, folder, signals=Signals(), announce=paths.append, **told)  # type: ignore[arg-type]
     return paths[0], result
+
+
+SOURCE = """name = "volts"
+[instruments.calibrator]
+driver = "scpi-source"
+address = "socket://192.0.2.7:5025"
+maker = "KEITHLEY INSTRUMENTS INC."
+model = "MODEL 2400"
+unit = "V"
+low = -20
+high = 20
+prepare = ["SOUR:FUNC VOLT", "SOUR:VOLT:RANG 20"]
+check = { "SOUR:FUNC?" = "VOLT", "SOUR:VOLT:RANG?" = 20 }
+set = "SOUR:VOLT {value}"
+decimals = 4
+readback = 1e-4
+setpoint = "SOUR:VOLT?"
+read = "READ?"
+read_off = false
+on = "OUTP ON"
+off = "OUTP OFF"
+output = "OUTP?"
+tolerance = 0.001
+dwell_s = 1
+[instruments.dvm]
+driver = "keysight-34401a"
+address = "/dev/rig/dvm"
+nplc = 1
+[sensors.meter]
+reader = "dvm"
+[factors]
+input_V = "calibrator"
+[limits]
+input_V = [-8, 8]
+"""
+SOURCE_WORLD = """seed=2
+[sensors.meter]
+formula="1e-5 + 1.00002*input_V"
+noise=1e-6
+[sources.input_V]
+time_constant_s = 0.3
+"""
+SOURCE_PROCEDURE = """kind="general"
+name="volts"
+replications=2
+[factors.input_V]
+levels=[-5,0,2,5]
+[settle]
+dwell_s=3
+[model]
+formula="1+input_V"
+"""
