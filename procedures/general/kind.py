@@ -106,20 +106,20 @@ class GeneralKind(Kind):
 
     def check_design(self, procedure: GeneralProcedure, run_list: RunList) -> None:
         """Check that the design can estimate the declared models."""
-        from procedures.general.declared import check_declared  # noqa: PLC0415
+        from procedures.general.planning import check_declared  # noqa: PLC0415
 
         check_declared(procedure, run_list)
 
     def precision(self, procedure: GeneralProcedure, run_list: RunList) -> Precision:
         """Precision of every coefficient and of the fitted value."""
-        from procedures.general.declared import precision  # noqa: PLC0415
+        from procedures.general.planning import precision  # noqa: PLC0415
 
         return precision(procedure, run_list)
 
     def advice(self, procedure: GeneralProcedure, axes: Sequence[str], usage_deg: float | None) -> Sequence[Advice]:
         """Confounded terms and effects, and errors without degrees of freedom."""
         super().advice(procedure, axes, usage_deg)
-        from procedures.general.declared import advice  # noqa: PLC0415
+        from procedures.general.planning import advice  # noqa: PLC0415
 
         return advice(procedure)
 
