@@ -74,8 +74,8 @@ class Distance:
     """Errors in the response and in one column, all independent: generalised distance regression.
 
     The sum of ((x - xi) / u_x)^2 + ((y - f(xi, b)) / u_y)^2 is minimised over the true values xi of each row and over
-    b (ISO/TS 28037:2010, clause 7, for a straight line). For given b each xi is found by itself. What is left of a row
-    is one residual, (y - f) (u_y^2 + f'^2 u_x^2)^0.5 / u_y^2, whose derivative is -df/db / (u_y^2 + f'^2 u_x^2)^0.5, at
+    b (ISO/TS 28037:2010, clause 7, for a straight line). For given b each xi is found by itself. Each row then has
+    one residual, (y - f) (u_y^2 + f'^2 u_x^2)^0.5 / u_y^2, whose derivative is -df/db / (u_y^2 + f'^2 u_x^2)^0.5, at
     xi: at the minimum over xi, moving xi changes nothing to first order.
 
     Attributes:
