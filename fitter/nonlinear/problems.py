@@ -24,6 +24,10 @@ class Problem(Protocol):
     def parameters(self) -> tuple[str, ...]:
         """Names of the k parameters."""
 
+    @property
+    def size(self) -> float:
+        """Root sum of squares of the measured responses in standard deviations, for rounding errors."""
+
     def residuals(self, b: FloatArray) -> FloatArray:
         """(m,) measured minus fitted. Raises `FitError` where the curve is undefined."""
 
@@ -51,6 +55,11 @@ class Weighted:
     def parameters(self) -> tuple[str, ...]:
         """See `Problem`."""
         return self.curve.parameters
+
+    @property
+    def size(self) -> float:
+        """See `Problem`."""
+        return float(np.linalg.norm(self.scale * self.y))
 
     def residuals(self, b: FloatArray) -> FloatArray:
         """See `Problem`."""
@@ -98,6 +107,11 @@ class Distance:
     def parameters(self) -> tuple[str, ...]:
         """See `Problem`."""
         return self.curve.parameters
+
+    @property
+    def size(self) -> float:
+        """See `Problem`."""
+        return float(np.linalg.norm(self.y / self.u_y))
 
     def residuals(self, b: FloatArray) -> FloatArray:
         """See `Problem`."""
@@ -164,6 +178,12 @@ class Correlated:
     def parameters(self) -> tuple[str, ...]:
         """See `Problem`."""
         return (*(f"{self.name}[{i}]" for i in range(len(self.y))), *self.curve.parameters)
+
+    @property
+    def size(self) -> float:
+        """See `Problem`."""
+        both = np.concatenate([self.table[self.name], self.y])
+        return float(np.linalg.norm(solve_triangular(self._root, both, lower=True)))
 
     @cached_property
     def _root(self) -> FloatArray:

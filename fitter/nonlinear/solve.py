@@ -62,7 +62,7 @@ def solve(problem: Problem, start: Sequence[float] | FloatArray, *, robust: bool
     if robust:
         return _at(problem, b)
     found = _at(problem, _polished(problem, b))
-    if _offset(found) > CONVERGED:
+    if _offset(found, problem.size) > CONVERGED:
         said = ", ".join(f"{name} = {value:.4g}" for name, value in zip(names, start, strict=True))
         raise FitError(f"no fit was found from the start {said}; give start values nearer to the solution")
     return found
@@ -130,11 +130,11 @@ def _at(problem: Problem, b: FloatArray) -> Solved:
     return Solved(replace(fit, coefficients=b, rss=float(np.sum(residuals**2))), columns, residuals)
 
 
-def _offset(found: Solved) -> float:
+def _offset(found: Solved, size: float) -> float:
     """Relative offset; 0 if the curve goes through every row within rounding."""
     basis = np.linalg.qr(found.columns / np.linalg.norm(found.columns, axis=0))[0]
     along = basis.T @ found.residuals
     rest = found.residuals - basis @ along
     k, df = len(along), max(found.fit.df, 1)
-    size = float(np.linalg.norm(found.columns @ found.fit.coefficients)) * _ROUNDING
-    return float(np.linalg.norm(along) / np.sqrt(k) / max(np.linalg.norm(rest) / np.sqrt(df), size, 1e-300))
+    least = max(np.linalg.norm(rest) / np.sqrt(df), size * _ROUNDING / CONVERGED, 1e-300)
+    return float(np.linalg.norm(along) / np.sqrt(k) / least)

@@ -20,7 +20,6 @@ from procedures.errors import DataError
 from procedures.general.order import identities
 from procedures.general.rows import CurveRows, LinearRows, Rows
 from procedures.table import Table
-from procedures.unused import unit_of
 
 if TYPE_CHECKING:
     from procedures.general.models import NamedCurve
@@ -152,6 +151,11 @@ def model_of(declared: Declared, table: Table, response: str, plots: Sequence[st
     if curve is None:
         named = _named(declared, table, response)
         curve, start = named, _start_of(named, declared, table, y)
+        from procedures.general.models.units import unit_in  # noqa: PLC0415
+
+        for name, quantity in ((named.variable, named.model.abscissa), (response, named.model.response)):
+            if quantity.unit and not unit_in(name, table.units.get(name, "")):
+                notes.append(f"the unit of {name} is not known from its name: it is taken for {quantity.unit}")
         if (beyond := named.outside(table.columns[named.variable])) > 0:
             low, high = named.model.valid
             notes.append(
@@ -204,15 +208,16 @@ def _linear_start(formula: Formula, table: Table, y: FloatArray) -> FloatArray:
 def _named(declared: Declared, table: Table, response: str) -> NamedCurve:
     """The standard model over its column."""
     from procedures.general.models.named import NamedCurve, standard_model  # noqa: PLC0415
-    from procedures.general.models.units import to_model  # noqa: PLC0415
+    from procedures.general.models.units import to_model, unit_in  # noqa: PLC0415
 
     model = standard_model(declared.model or "")
+    units = {name: unit_in(name, table.units.get(name, "")) for name in table.columns}
     if declared.abscissa is not None:
         name = column_name(declared.abscissa)
     else:
         aside = {column_name(one) for one in (declared.weight, declared.u_y, declared.u_x) if one is not None}
         free = [one for one in table.columns if one not in {response, *aside, "order", "replicate", "simulated"}]
-        fit = [one for one in free if _unit(table, one) == model.abscissa.unit and model.abscissa.unit]
+        fit = [one for one in free if units[one] == model.abscissa.unit and model.abscissa.unit]
         found = fit or free
         if len(found) != 1:
             told = ", ".join(found) or "no other column of numbers"
@@ -220,12 +225,8 @@ def _named(declared: Declared, table: Table, response: str) -> NamedCurve:
         name = found[0]
     if name not in table.columns:
         raise FitError(f"--abscissa: there is no column {name} of numbers")
-    abscissa = to_model(_unit(table, name), model.abscissa.unit, name)
-    return NamedCurve(model, name, abscissa, to_model(_unit(table, response), model.response.unit, response))
-
-
-def _unit(table: Table, name: str) -> str:
-    return table.units.get(name) or unit_of(name)
+    abscissa = to_model(units[name], model.abscissa.unit, name)
+    return NamedCurve(model, name, abscissa, to_model(units[response], model.response.unit, response))
 
 
 def _start_of(curve: NamedCurve, declared: Declared, table: Table, y: FloatArray) -> FloatArray:
