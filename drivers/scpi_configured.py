@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from typing import TypeVar
 
 from drivers.clock import Clock
 from drivers.errors import BadReply, DriverError, InstrumentError, WrongInstrument
@@ -16,6 +17,8 @@ from drivers.roles import Identity
 from drivers.scpi import PREPARED, agrees, raise_errors
 from drivers.scpi_options import ScpiOptions
 from drivers.wires import SerialLine, SerialSettings, Wires
+
+Value = TypeVar("Value")
 
 _MOST_ERRORS = 32
 _EVENTS = {4: "query error", 8: "device error", 16: "execution error", 32: "command error"}
@@ -68,12 +71,31 @@ class ConfiguredScpi:
         self._paced()
         return self.line.query(question, timeout_s, repeat=repeat)
 
-    def number(self, question: str) -> float:
-        """The number in the answer to a question, which is asked again if that makes no sense. Raises `BadReply`."""
+    def asked(self, question: str, meaning: Callable[[str, str], Value]) -> Value:
+        """The meaning of an answer; the question has no side effect and is asked again if that makes no sense.
+
+        Args:
+            question: the question.
+            meaning: takes question and answer; raises `BadReply`.
+        """
         try:
-            return self.number_in(question, self.ask(question))
+            return meaning(question, self.ask(question))
         except BadReply:
-            return self.number_in(question, self.ask(question))
+            return meaning(question, self.ask(question))
+
+    def number(self, question: str) -> float:
+        """The number in the answer to a question, by the bench file's form. Raises `BadReply`."""
+        return self.asked(question, self.number_in)
+
+    def whole(self, question: str) -> int:
+        """The answer to a question as a whole number. Raises `BadReply`."""
+        return self.asked(question, self._whole_in)
+
+    def _whole_in(self, question: str, answer: str) -> int:
+        try:
+            return whole(answer)
+        except ValueError:
+            raise self.line.bad_reply(question, answer, "a whole number") from None
 
     def number_in(self, question: str, answer: str) -> float:
         """The number in an answer. Raises `BadReply`."""
@@ -104,11 +126,7 @@ class ConfiguredScpi:
         if not question.upper().endswith("*ESR?"):
             raise_errors(self.line, lambda: self.ask(question, repeat=False), _MOST_ERRORS, question)
             return
-        answer = self.ask(question, repeat=False)
-        try:
-            events = whole(answer)
-        except ValueError:
-            raise self.line.bad_reply(question, answer, "a number") from None
+        events = self._whole_in(question, self.ask(question, repeat=False))
         found = [words for bit, words in _EVENTS.items() if events & bit]
         if found:
             raise InstrumentError(self.line.where, events, " and ".join(found))
@@ -145,29 +163,31 @@ class ConfiguredScpi:
         return Identity(maker, model, serial, firmware)
 
     def prepare(self) -> None:
-        """Send the prepare lines one by one, read settings back, and set the mark that `restarted` reads."""
+        """Send the prepare lines one by one, read settings back, and set the mark of `restarted`."""
         self.forget_errors()
         for command in self._options.prepare:
             self.send(command)
         for question, value in self._options.wanted.items():
             self.verify(question, value)
-        self.send("*PSC 1")
-        self.send(f"*ESE {PREPARED}")
-        self.verify("*ESE?", float(PREPARED))
+        if self._options.mark:
+            self.send("*PSC 1")
+            self.send(f"*ESE {PREPARED}")
+            self.verify("*ESE?", float(PREPARED))
 
     def verify(self, question: str, wanted: float | str) -> None:
         """Read a setting back. Raises `BadReply`."""
-        answer = self.ask(question)
-        if not agrees(answer, wanted):
-            raise BadReply(f"{self.line.where}: {question} should answer {wanted} and answers {answer!r}")
+
+        def right(_: str, answer: str) -> None:
+            if not agrees(answer, wanted):
+                raise BadReply(f"{self.line.where}: {question} should answer {wanted} and answers {answer!r}")
+
+        self.asked(question, right)
 
     def restarted(self) -> bool:
-        """See `Restartable.restarted`."""
-        answer = self.ask("*ESE?")
-        try:
-            return whole(answer) != PREPARED
-        except ValueError:
-            raise self.line.bad_reply("*ESE?", answer, "a number") from None
+        """See `Restartable.restarted`. Without a mark, settings that have been lost are the evidence."""
+        if not self._options.mark:
+            return bool(self.unhealthy(self._options.wanted))
+        return self.whole("*ESE?") != PREPARED
 
     def unhealthy(self, healthy: Mapping[str, float | str]) -> tuple[str, ...]:
         """Questions whose answer is not the healthy one, as sentences."""

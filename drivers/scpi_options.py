@@ -94,6 +94,9 @@ class ScpiOptions(SerialOptions):
         "SYST:ERR?", description="reads and removes its oldest error; *ESR? if it has no error queue"
     )
     number: NumberForm = Field("{number}", description="form of an answer with a {number}; * is any text")
+    mark: bool = Field(
+        True, description="keep a mark in *ESE that power-off clears; false: settings of check tell that it was off"
+    )
     timeout_s: float = Field(2.0, ge=0.05, le=60.0, description="maximum wait for an answer")
     pace_s: float = Field(0.0, ge=0.0, le=5.0, description="minimum time between lines sent to it")
     baud: int = Field(9600, ge=300, le=921600, description="symbols per second")
@@ -105,6 +108,8 @@ class ScpiOptions(SerialOptions):
             raise ValueError("give model, or identity (a regular expression), so that no other instrument is used")
         if self.maker and self.identity:
             raise ValueError("maker is compared with model; identity describes the whole answer")
+        if not self.mark and not self.check:
+            raise ValueError("without mark, check is needed: nothing else tells that its power has been off")
         return self
 
     @property

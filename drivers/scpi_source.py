@@ -15,7 +15,6 @@ from pydantic import AfterValidator, Field, model_validator
 from drivers.clock import Clock
 from drivers.driver import ContractFile, Medium
 from drivers.errors import BadReply, DriverError, LimitError, NotReady
-from drivers.numbers import whole
 from drivers.roles import Identity, SourceState
 from drivers.scpi_configured import ConfiguredScpi
 from drivers.scpi_options import Answer, Command, Question, ScpiOptions, filled
@@ -163,12 +162,13 @@ class ScpiSource:
         question = self._options.output
         if question is None:
             return True
-        answer = self._scpi.ask(question)
-        if answer.upper().lstrip("+") in _ON:
-            return True
-        if answer.upper().lstrip("+") in _OFF:
-            return False
-        raise self._scpi.line.bad_reply(question, answer, "1, ON, 0 or OFF")
+        return self._scpi.asked(question, self._is_on)
+
+    def _is_on(self, question: str, answer: str) -> bool:
+        word = answer.upper().lstrip("+")
+        if word not in _ON | _OFF:
+            raise self._scpi.line.bad_reply(question, answer, "1, ON, 0 or OFF")
+        return word in _ON
 
     def read(self) -> SourceState:
         """See `Source.read`."""
@@ -187,11 +187,7 @@ class ScpiSource:
         """Whether it has arrived: by its own word, by its reading, or by the time since it was set."""
         options, now = self._options, self._clock.now()
         if options.settled is not None:
-            answer = self._scpi.ask(options.settled)
-            try:
-                return bool(whole(answer) >> options.settled_bit & 1)
-            except ValueError:
-                raise self._scpi.line.bad_reply(options.settled, answer, "a whole number") from None
+            return bool(self._scpi.whole(options.settled) >> options.settled_bit & 1)
         if options.tolerance is None:
             return now - self._set_at >= options.dwell_s
         if abs(value - setpoint) > options.tolerance:

@@ -362,7 +362,8 @@ class SerialLine:
             lines = received.decode("ascii").split(self.settings.reply_end.decode("ascii"))
         except UnicodeDecodeError:
             doubt = "do baud rate and frame match" if self.port_settings else "do the serial server's settings match"
-            raise self.bad_reply(text, received, f"text; {doubt} the instrument's?") from None
+            doubt = "" if self._place.messages else f"; {doubt} the instrument's?"
+            raise self.bad_reply(text, received, f"text{doubt}") from None
         if len(lines) != count + 1 or lines[-1].strip():
             raise self.bad_reply(text, received, f"{count} line(s)")
         return [line.strip() for line in lines[:-1]]
@@ -405,9 +406,10 @@ class SerialLine:
 
     def _silent(self, text: str, received: bytes, timeout_s: float) -> NoReply:
         settings = f"set to {self.port_settings}" if self.port_settings else "the serial server set as it is"
+        state = "on and connected" if self._place.messages else f"on, connected, and {settings}"
         return NoReply(
             f"{self.where} answered {f'only {received!r}' if received else 'nothing'} to {text!r} "
-            f"within {timeout_s:g} s; is it switched on, connected, and {settings}?"
+            f"within {timeout_s:g} s; is it switched {state}?"
         )
 
     def _lost(self, error: BaseException) -> NoReturn:

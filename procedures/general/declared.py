@@ -1,152 +1,268 @@
-"""The declared models of a general procedure before the run: what the design can estimate, and how precisely."""
+"""The declared model of a column of any table: a formula, arithmetic with named parameters, or a standard model.
+
+With weights or stated standard uncertainties of its rows, and errors in the abscissa.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from fitter.arithmetic_text import column_name
 from fitter.arrays import FloatArray
-from fitter.designs import Evaluation, evaluate
-from fitter.designs.advice import advice as of_design
 from fitter.errors import FitError
-from fitter.formula import Formula
-from fitter.split_plot import plan_precision
-from procedures.advice import Advice
-from procedures.general.factors import AS_WRITTEN
-from procedures.general.settings import GeneralProcedure
-from procedures.precision import Precision
-from procedures.run_list import RunList
+from fitter.formula import Formula, RowError
+from fitter.nonlinear import Curve, Distance, Weighted, WrittenCurve
+from procedures.errors import DataError
+from procedures.general.order import identities
+from procedures.general.rows import CurveRows, LinearRows, Rows
+from procedures.table import Table
 
-_MOST_SHOWN = 4
+if TYPE_CHECKING:
+    from procedures.general.models import NamedCurve
 
 
-def formulas_of(procedure: GeneralProcedure) -> Mapping[str, Formula]:
-    """Declared models by the sensor's name; "" for those without one of their own.
+@dataclass(frozen=True)
+class Declared:
+    """Declarations of the user about the model and of the errors of a response.
 
-    Raises:
-        FitError: a formula violates the grammar, or has variables that are not factors.
+    Attributes:
+        formula: terms of a linear model; arithmetic if there are `start` values and no `model`; None with `model`.
+        model: name of a standard model; None with `formula`.
+        abscissa: column of it; None where the table leaves no choice.
+        start: `name=value` of parameters.
+        weight: column of relative weights, 1 over the variance up to a factor.
+        u_y: column or value of the standard uncertainty of the response.
+        u_x: the same of the abscissa.
     """
-    found = {}
-    for sensor, text in {"": procedure.model.formula, **procedure.model.own}.items():
-        where = f"model.{sensor}.formula" if sensor else "model.formula"
+
+    formula: str | None = None
+    model: str | None = None
+    abscissa: str | None = None
+    start: Sequence[str] = ()
+    weight: str | None = None
+    u_y: str | None = None
+    u_x: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.model is not None and self.formula is not None:
+            raise DataError("--model and --formula declare one model each: give one of them")
+        if self.model is None and self.formula is None:
+            raise DataError(
+                "--response needs --formula, such as --formula '1 + x', or --model, such as --model callendar"
+            )
+        if self.weight is not None and (self.u_y is not None or self.u_x is not None):
+            raise DataError("--weight is relative and --u-y absolute: give one of them")
+        if self.u_x is not None and self.u_y is None:
+            raise DataError("--u-x needs --u-y, the standard uncertainty of the response: 0 is not possible")
+
+    @property
+    def stated(self) -> bool:
+        """Whether the standard uncertainties of the rows are stated, not estimated from their scatter."""
+        return self.u_y is not None
+
+    @property
+    def starts(self) -> dict[str, float]:
+        """Start values by name. Raises `DataError`."""
+        found: dict[str, float] = {}
+        for text in (part for given in self.start for part in given.split(",")):
+            name, mark, number = (each.strip() for each in text.partition("="))
+            try:
+                found[column_name(name)] = float(number)
+            except ValueError:
+                mark = ""
+            if not mark or not name or not np.isfinite(found.get(column_name(name), np.nan)):
+                raise DataError(f"--start {text.strip()}: say NAME=VALUE, such as --start a=1.5")
+        return found
+
+    def curve(self) -> Curve | None:
+        """The curve, if no table is needed to know it: a formula or arithmetic. Raises `DataError`."""
+        if self.formula is None:
+            return None
         try:
-            formula = Formula.parse(text)
+            if self.start:
+                return WrittenCurve.parse(self.formula, tuple(self.starts))
+            return Formula.parse(self.formula)
         except FitError as error:
-            raise FitError(f"{where}: {error}") from None
-        unknown = [name for name in formula.names if name not in procedure.factors]
-        if unknown and not unknown[0].endswith("_degC"):  # a temperature that the bench reads may be in the model
-            raise FitError(
-                f"{where}: {unknown[0]} is not a factor ({', '.join(procedure.factors)}); a model is of factors, and "
-                f"of temperatures that the bench reads"
-            )
-        if not formula.terms:
-            raise FitError(f"{where}: it has no terms: there is nothing to fit")
-        found[sensor] = formula
-    return found
+            raise DataError(f"--formula: {error}") from error
+
+    def columns(self) -> list[str]:
+        """Columns of the table that are known to be needed beside the response."""
+        curve = self.curve()
+        named = [one for one in (self.weight, self.u_y, self.u_x) if one is not None and _number(one) is None]
+        return [*(curve.names if curve else ()), *([self.abscissa] if self.abscissa else []), *map(column_name, named)]
 
 
-def evaluations(procedure: GeneralProcedure, run_list: RunList) -> Iterator[tuple[str, Formula, Evaluation]]:
-    """Every declared model of factors alone, by sensor, and what the run list determines of it.
+def _number(text: str) -> float | None:
+    try:
+        return float(text)
+    except ValueError:
+        return None
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """A declared model over a table.
+
+    Attributes:
+        rows: of the table.
+        curve: of a calibration.
+        stated: (n,) standard uncertainty of each response, if stated.
+        weight: (n,) relative weights, if given.
+        names: of the columns it used.
+        notes: for readers.
+    """
+
+    rows: Rows
+    curve: Curve
+    stated: FloatArray | None
+    weight: FloatArray | None
+    names: tuple[str, ...]
+    notes: tuple[str, ...] = ()
+    extra: Mapping[str, Any] = field(default_factory=dict)
+
+
+def model_of(declared: Declared, table: Table, response: str, plots: Sequence[str], replicate: str | None) -> Model:
+    """The model over a table.
+
+    Args:
+        declared: by the user.
+        table: with the columns it names.
+        response: column.
+        plots: columns that identify whole plots.
+        replicate: column of replications of whole plots.
 
     Raises:
-        FitError: a formula cannot be used.
+        FitError: the table lacks a column or value for it.
     """
-    names = [factor.name for factor in run_list.factors]
-    points = np.array([run_list.column(name) for name in names]).T
-    shared = 0 < run_list.whole_plots < len(run_list)  # a whole plot of one point has no error of its own
-    plots = np.array([p.whole_plot for p in run_list.points]) if shared else None
-    for sensor, formula in formulas_of(procedure).items():
-        if formula.has_categories or not set(formula.names) <= set(names):
-            continue  # of a temperature, which is only known when it has been read
+    every: Mapping[str, Any] = {**table.columns, **table.text}
+    y = table.columns[response]
+    identity = identities(every, [*plots, *([replicate] if replicate else [])]) if plots else None
+    blocks = identities(every, [replicate]) if plots and replicate else None
+    u_y, u_x, weight = (_given(declared, each, table) for each in ("u_y", "u_x", "weight"))
+    if identity is not None and (u_y is not None or weight is not None):
+        raise FitError("--weight and --u-y are for independent rows: leave --whole-plot out, or the weights")
+    curve: Curve | None = declared.curve()
+    notes: list[str] = []
+    start: FloatArray | None = None
+    if curve is None:
+        named = _named(declared, table, response)
+        curve, start = named, _start_of(named, declared, table, y)
+        from procedures.general.models.units import unit_in  # noqa: PLC0415
 
-        def columns(given: FloatArray, formula: Formula = formula) -> FloatArray:
-            return formula.columns(dict(zip(names, given.T, strict=True)))[1]
-
-        terms, _ = formula.columns(dict(zip(names, points.T, strict=True)))
-        levels = [np.unique(points[:, at]) for at in range(len(names))]
-        eta = procedure.expect.whole_plot_ratio**2
-        yield sensor, formula, evaluate(points, levels, columns, terms, whole_plot=plots, eta=eta)
-
-
-def check_declared(procedure: GeneralProcedure, run_list: RunList) -> None:
-    """Refuse a design that cannot estimate a declared model.
-
-    Raises:
-        FitError: with the terms that cannot be estimated, and points that would estimate them.
-    """
-    for sensor, formula, found in evaluations(procedure, run_list):
-        if not found.undetermined:
-            continue
-        of = f" of {sensor}" if sensor else ""
-        names = [factor.name for factor in run_list.factors]
-        points = [
-            ", ".join(f"{name} = {value:g}" for name, value in zip(names, point, strict=True))
-            for point in found.would[:_MOST_SHOWN].tolist()
-        ]
-        would = f"; these points would determine them: {'; '.join(points)}" if points else ""
-        raise FitError(
-            f"the design cannot estimate the declared model{of} ({formula}): it does not determine "
-            f"{', '.join(found.undetermined)}{would}; or leave terms out"
-        )
-
-
-def precision(procedure: GeneralProcedure, run_list: RunList) -> Precision:
-    """Standard error of every coefficient, and of the fitted value over the design."""
-    expect, rows, further, cells = procedure.expect, [], [], []
-    models = {sensor: (formula, found) for sensor, formula, found in evaluations(procedure, run_list)}
-    for sensor in [*dict.fromkeys([*procedure.model.own, *expect.sigma])] or [""]:
-        formula, found = models.get(sensor, models.get("", (None, None)))
-        if formula is None or found is None:
-            further.append(f"{sensor or 'the model'}: its precision depends on what is read in the run")
-            continue
-        sigma, who = expect.sigma.get(sensor), sensor or "any sensor"
-        for term, sd, df in zip(found.names, found.stderr, _freedom(found), strict=True):
-            known = float(df) if np.isfinite(df) and df > 0 else None
-            row = {"sensor": sensor, "term": term, "sd": float(sd) * (sigma or 1.0), "df": known}
-            rows.append(row)
-            cells.append((sensor or "any", term, f"{row['sd']:.3g}", "-" if known is None else f"{known:.0f}"))
-        settings = found.region.settings
-        variance = found.variance(settings)
-        at = zip(procedure.factors, settings[int(variance.argmax())].tolist(), strict=True)
-        where = ", ".join(f"{name} = {value:g}" for name, value in at)
-        mean, worst = ((value**0.5) * (sigma or 1.0) for value in (found.mean_variance, float(variance.max())))
-        unit = "" if sigma else ", in standard deviations of one observation"
-        further.append(f"{who}: the fitted value has an sd of {mean:.3g} on average{unit}; of {worst:.3g} at {where}")
-    told = ", ".join(f"{name} {value:g}" for name, value in expect.sigma.items())
-    assumed = f"for a standard deviation of one observation of {told}"
-    if not told:
-        assumed = "for a standard deviation of one observation of 1: expect.sigma says what it is, by sensor"
-    if 0 < run_list.whole_plots < len(run_list):
-        assumed += f"; that between whole plots is {expect.whole_plot_ratio:g} times as large: expect.whole_plot_ratio"
-    return Precision(("sensor", "term", "sd", "df"), rows, cells, assumed, tuple(further))
-
-
-def _freedom(found: Evaluation) -> FloatArray:
-    """(p,) degrees of freedom of the coefficients' standard errors."""
-    if found.whole_plot is None:
-        return np.full(len(found.names), float(found.freedom.residual))
-    columns = found.region.raw(found.points)
-    return plan_precision(columns, found.whole_plot, found.eta**0.5, 1.0, found.names).df
-
-
-def advice(procedure: GeneralProcedure) -> list[Advice]:
-    """Terms and effects that are confounded, and errors without degrees of freedom."""
-    run_list = procedure.expand()
-    told: dict[str, None] = {}
-    for sensor, _, found in evaluations(procedure, run_list):
-        of = f"{sensor}: " if sensor else ""
-        told |= dict.fromkeys(f"{of}{sentence}" for sentence in of_design(found, list(procedure.factors)))
-    told |= dict.fromkeys(_of_order(procedure, run_list))
-    return [Advice(0, "design", False, sentence) for sentence in told]
-
-
-def _of_order(procedure: GeneralProcedure, run_list: RunList) -> Iterator[str]:
-    """Orders that confound an effect with time."""
-    for name, factor in procedure.factors.items():
-        once = procedure.replications == 1 and factor.order == AS_WRITTEN and not factor.hard
-        if once and len(run_list.levels(run_list.factor(name))) > 2:
-            yield (
-                f"{name} is set in one order, once: its effect and a drift look alike; use "
-                f'order = "up-down" or "random", or replications'
+        for name, quantity in ((named.variable, named.model.abscissa), (response, named.model.response)):
+            if quantity.unit and not unit_in(name, table.units.get(name, "")):
+                notes.append(f"the unit of {name} is not known from its name: it is taken for {quantity.unit}")
+        if (beyond := named.outside(table.columns[named.variable])) > 0:
+            low, high = named.model.valid
+            notes.append(
+                f"{beyond} rows are outside {low:g} to {high:g} {named.model.abscissa.unit}, where {named.model.name} "
+                f"is valid: the curve is extrapolated there"
             )
+    scale = _scale(weight if weight is not None else (None if u_y is None else u_y**-2.0))
+    used = tuple(dict.fromkeys([*curve.names, *declared.columns()]))
+    if isinstance(curve, Formula) and u_x is None:
+        names, exact = curve.exact_columns(every)
+        if not names:
+            raise FitError(f"the formula {declared.formula!r} has no terms: there is nothing to fit")
+        rows: Rows = LinearRows(names, exact.hi, exact.lo, y, identity, blocks, scale)
+        return Model(rows, curve, u_y, weight, used, tuple(notes))
+    if isinstance(curve, Formula):
+        start = _linear_start(curve, table, y)
+    elif start is None:
+        start = np.array(list(declared.starts.values()))
+    problem = _problem(curve, declared, table, y, scale, u_x, u_y)
+    return Model(CurveRows(problem, start, identity, blocks), curve, u_y, weight, used, tuple(notes))
+
+
+def _problem(
+    curve: Curve,
+    declared: Declared,
+    table: Table,
+    y: FloatArray,
+    scale: FloatArray | None,
+    u_x: FloatArray | None,
+    u_y: FloatArray | None,
+) -> Weighted | Distance:
+    columns = {name: _numbers(table, name) for name in curve.names}
+    if u_x is None or u_y is None:
+        return Weighted(curve, columns, y, np.ones(len(y)) if scale is None else scale)
+    if declared.abscissa is None and len(curve.names) != 1:
+        raise FitError(f"--u-x: say which column has the errors, --abscissa {curve.names[0]}")
+    name = curve.names[0] if declared.abscissa is None else column_name(declared.abscissa)
+    if name not in curve.names:
+        raise FitError(f"--abscissa: the model has no column {name}")
+    return Distance(curve, columns, name, y, u_x, u_y)
+
+
+def _linear_start(formula: Formula, table: Table, y: FloatArray) -> FloatArray:
+    if formula.has_categories:
+        raise FitError("--u-x is for formulas without categories")
+    columns = formula.columns({**table.columns, **table.text})[1]
+    return np.asarray(np.linalg.lstsq(columns, y, rcond=None)[0])
+
+
+def _named(declared: Declared, table: Table, response: str) -> NamedCurve:
+    """The standard model over its column."""
+    from procedures.general.models.named import NamedCurve, standard_model  # noqa: PLC0415
+    from procedures.general.models.units import to_model, unit_in  # noqa: PLC0415
+
+    model = standard_model(declared.model or "")
+    units = {name: unit_in(name, table.units.get(name, "")) for name in table.columns}
+    if declared.abscissa is not None:
+        name = column_name(declared.abscissa)
+    else:
+        aside = {column_name(one) for one in (declared.weight, declared.u_y, declared.u_x) if one is not None}
+        free = [one for one in table.columns if one not in {response, *aside, "order", "replicate", "simulated"}]
+        fit = [one for one in free if units[one] == model.abscissa.unit and model.abscissa.unit]
+        found = fit or free
+        if len(found) != 1:
+            told = ", ".join(found) or "no other column of numbers"
+            raise FitError(f"--model {model.name}: which column is the {model.abscissa.name}? --abscissa says; {told}")
+        name = found[0]
+    if name not in table.columns:
+        raise FitError(f"--abscissa: there is no column {name} of numbers")
+    abscissa = to_model(units[name], model.abscissa.unit, name)
+    return NamedCurve(model, name, abscissa, to_model(units[response], model.response.unit, response))
+
+
+def _start_of(curve: NamedCurve, declared: Declared, table: Table, y: FloatArray) -> FloatArray:
+    given = declared.starts
+    strange = [name for name in given if name not in curve.parameters]
+    if strange:
+        raise FitError(f"--start: {curve.model.name} has no {strange[0]}; it has {', '.join(curve.parameters)}")
+    if len(given) == len(curve.parameters):
+        return np.array([given[name] for name in curve.parameters])
+    found = curve.start(_numbers(table, curve.variable), y)
+    return np.array([given.get(name, value) for name, value in zip(curve.parameters, found.tolist(), strict=True)])
+
+
+def _numbers(table: Table, name: str) -> FloatArray:
+    if name not in table.columns:
+        raise FitError(f"{name} holds text, and a curve needs numbers")
+    return table.columns[name]
+
+
+def _given(declared: Declared, option: str, table: Table) -> FloatArray | None:
+    """(n,) values of a weight or uncertainty: a column, or one number."""
+    text = getattr(declared, option)
+    if text is None:
+        return None
+    flag, name = f"--{option.replace('_', '-')}", column_name(text)
+    number = _number(text)
+    if name not in table.columns and number is None:
+        raise FitError(f"{flag}: there is no column {name} of numbers, and it is no number")
+    values = table.columns[name] if name in table.columns else np.full(len(table), number)
+    least = 0.0 if option == "u_x" else np.finfo(float).tiny
+    bad = np.flatnonzero(~(values >= least) | ~np.isfinite(values))
+    if bad.size:
+        limit = "at or above zero" if option == "u_x" else "above zero"
+        raise RowError(f"{flag} is {values[bad[0]]:g} in", int(bad[0]), f"; it has to be {limit}")
+    return values
+
+
+def _scale(weight: FloatArray | None) -> FloatArray | None:
+    return None if weight is None else np.asarray(np.sqrt(weight))

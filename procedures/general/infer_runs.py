@@ -15,12 +15,15 @@ from procedures.table import Reader
 from procedures.unused import Unused
 
 
-def infer_sensors(calibrations: Mapping[str, CurveCalibration], read: Reader) -> Inference:
+def infer_sensors(
+    calibrations: Mapping[str, CurveCalibration], read: Reader, u_reading: float | None = None
+) -> Inference:
     """Infer the variable of the curve of every calibrated output in a table, each by itself.
 
     Args:
         calibrations: by output.
         read: the table, with a column for one or more of the outputs.
+        u_reading: standard uncertainty of one reading, in place of those of the calibrations.
 
     Returns:
         With one output as for a calibration of one sensor. With several, columns begin with the sensor's name:
@@ -35,7 +38,7 @@ def infer_sensors(calibrations: Mapping[str, CurveCalibration], read: Reader) ->
         raise DataError(
             f"{table.source} has no output of a calibrated sensor; these are calibrated: {', '.join(calibrations)}"
         )
-    found = {name: infer_general(calibrations[name], read) for name in present}
+    found = {name: infer_general(calibrations[name], read, u_reading) for name in present}
     if len(found) == 1:
         return found[present[0]]
     columns: dict[str, Any] = {**table.columns, **table.text}

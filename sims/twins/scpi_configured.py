@@ -1,9 +1,9 @@
 """Twins of SCPI instruments that a bench file describes.
 
 Such a twin knows the headers of its prepare lines, written as they are there, and keeps their parameters until *RST or
-power-off. A question about one of them answers what was set. Any other setting that the bench file reads back
-has its wanted value once all prepare lines have come. Everything else is an undefined header. It shows whether a bench
-file is consistent, not whether it is right: for that there is the instrument.
+power-off. A question about one of them answers what was set, if that is a number or a switch. Any other setting that
+the bench file reads back has its wanted value once all prepare lines have come. Everything else is an undefined header.
+The twin shows whether a bench file is consistent. Whether it is right shows the instrument.
 """
 
 from __future__ import annotations
@@ -12,12 +12,13 @@ from collections.abc import Mapping
 from typing import ClassVar
 
 from sims.twins.scpi import COMMON, ScpiTwin, Wait
-from sims.twins.scpi_syntax import Command, ScpiError, compiled, split_outside
+from sims.twins.scpi_syntax import Command, ScpiError, compiled, number, split_outside
 from sims.world import World
 
 __all__ = ["ConfiguredTwin", "Wait"]
 
 _STATUS = compiled(tuple(row for row in COMMON if row.header not in ("SYSTem:REMote", "SYSTem:RWLock", "SYSTem:LOCal")))
+_SWITCH = {"ON": "1", "OFF": "0"}
 _ENDS = {"lf": b"\n", "cr": b"\r", "crlf": b"\r\n"}
 
 
@@ -103,21 +104,34 @@ class ConfiguredTwin(ScpiTwin):
     def _setting(self, name: str, rest: str) -> str | None:
         """A setting of the prepare lines, or a question about one."""
         if name.endswith("?"):
-            if name.removesuffix("?") in self._kept:
-                return self._kept[name.removesuffix("?")]
-            if name in self._check:
-                return self._check[name] if self._prepared() else "0"
-            if any(name == f"{known}?" for known, _ in self._prepare):
-                return "0"
-            raise ScpiError(-113)
+            return self._recalled(name)
         if all(name != known for known, _ in self._prepare):
             raise ScpiError(-113)
         self._kept[name] = rest
         self._came.add(name)
         return None
 
+    def _recalled(self, name: str) -> str:
+        """A number or a switch as it was set; another setting as wanted, since instruments print texts differently."""
+        kept = _SWITCH.get(self._kept.get(name.removesuffix("?"), "").upper(), self._kept.get(name.removesuffix("?")))
+        if kept is not None and (name not in self._check or _is_number(kept)):
+            return kept
+        if name in self._check:
+            return self._check[name] if self._prepared() else "0"
+        if any(name == f"{known}?" for known, _ in self._prepare):
+            return "0"
+        raise ScpiError(-113)
+
     def _prepared(self) -> bool:
         return all(name in self._came for name, _ in self._prepare if not name.startswith("*"))
+
+
+def _is_number(text: str) -> bool:
+    try:
+        number(text)
+    except ScpiError:
+        return False
+    return True
 
 
 def _texts(options: Mapping[str, object], key: str) -> list[str]:
