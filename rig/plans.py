@@ -325,7 +325,8 @@ def _check_setters(config: BenchConfig, run_list: RunList, guard: Guard, where: 
                 f"{where}: factors.{factor.name} = {name!r}: {name} sets nothing "
                 f"(driver {config.instruments[name].driver})"
             )
-        if factor.hard and Chamber not in roles:
+        bath = Source in roles and unit_of(factor.name) == TEMPERATURE_UNIT
+        if factor.hard and not bath and Chamber not in roles:
             raise ConfigurationError(
                 f"{where}: {factor.name} is hard to change, and {name} is no chamber or bath: whole plots are settled "
                 f"by temperatures; leave out hard = true"
@@ -351,7 +352,8 @@ def _check_environment(config: BenchConfig, run_list: RunList, where: str) -> No
     """Check that no factor is set by a chamber, which the environment would set too."""
     for factor in run_list.factors:
         name = config.factors.get(factor.name, "")
-        if name in playing(config, Chamber):
+        bath = unit_of(factor.name) == TEMPERATURE_UNIT and name in playing(config, Source)
+        if bath or name in playing(config, Chamber):
             raise ConfigurationError(
                 f"{where}: environment.setpoint_degC is for every chamber, and {name} sets {factor.name}: leave out "
                 f"[environment]"

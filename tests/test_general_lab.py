@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import itertools
 import json
 import random
@@ -518,6 +519,48 @@ def test_a_source_that_falls_silent_is_a_fault_after_its_retries_and_the_run_can
     assert "calibrator" in result.message
     assert resume_run(path, signals=Signals(), on_progress=lambda _: None, dry_gap_s=8000.0).outcome is Outcome.COMPLETE
     sound(path)
+
+
+@pytest.fixture(scope="module")
+def thermometers(tmp_path_factory):
+    path, result = run_dry(tmp_path_factory.mktemp("bath"), lab.BATH_PROCEDURE, lab.BATH, lab.BATH_WORLD)
+    assert result.outcome is Outcome.COMPLETE, result.message
+    return path
+
+
+def test_a_bath_is_a_source_that_is_hard_to_change_and_a_standard_reads_it(thermometers):
+    table = run_table(thermometers)
+    set_to = table.columns["bath_set_degC"]
+    assert sorted(set_to) == sorted([0, 25, 50, 75, 100] * 2)
+    assert table.columns["bath_degC"] == pytest.approx(1.001 * set_to - 0.03, abs=0.01), "the truth, not the setpoint"
+    assert len(records(thermometers, "event", "whole-plot")) == 10
+    sound(thermometers)
+
+
+def test_sensors_of_one_run_are_calibrated_and_used_together(thermometers, tmp_path):
+    fitted = rig("fit", thermometers, "--json", "--out", tmp_path / "c.json")
+    assert fitted.returncode == 0, fitted.stderr
+    found = json.loads(fitted.stdout)["sensors"]
+    assert list(found) == ["prt_1_V", "prt_2_mV"]
+    slope = found["prt_1_V"]["coefficients"]["bath_degC"]
+    assert abs(slope["estimate"] - 0.1 * 3.9083e-3) < 4 * slope["stderr"]
+    assert any("every whole plot has one reading" in note for note in found["prt_1_V"]["notes"])
+    rig("export", thermometers, "--out", tmp_path / "t.csv")
+    done = rig("infer", tmp_path / "c.json", tmp_path / "t.csv", "--out", tmp_path / "degC.csv")
+    assert done.returncode == 0, done.stderr
+    rows = list(csv.DictReader((tmp_path / "degC.csv").read_text().splitlines()))
+    for row in rows:
+        for sensor in ("prt_1", "prt_2"):
+            true, sd = float(row["bath_degC"]), float(row[f"{sensor}_bath_degC_sd"])
+            assert abs(float(row[f"{sensor}_bath_degC"]) - true) < 5 * sd
+    (tmp_path / "one.csv").write_text("prt_2_mV\n119.4\n")
+    done = rig("infer", tmp_path / "c.json", tmp_path / "one.csv", "--out", tmp_path / "one_degC.csv")
+    assert done.returncode == 0, done.stderr
+    assert "bath_degC_lo95" in (tmp_path / "one_degC.csv").read_text()
+    (tmp_path / "none.csv").write_text("prt_3_mV\n119.4\n")
+    done = rig("infer", tmp_path / "c.json", tmp_path / "none.csv", "--out", tmp_path / "no.csv")
+    assert done.returncode == 2
+    assert "prt_1_V, prt_2_mV" in done.stderr
 
 
 # --- plans and worlds ---------------------------------------------------------------------------------------------

@@ -100,19 +100,30 @@ class GeneralKind(Kind):
 
         return likely(source, table)
 
-    def calibration_of(self, given: Mapping[str, Any]) -> CurveCalibration:
-        """See `Kind`."""
+    def calibration_of(self, given: Mapping[str, Any]) -> CurveCalibration | Mapping[str, CurveCalibration]:
+        """Of one response, or by output of each sensor of a run."""
         from procedures.general.infer import CurveCalibration  # noqa: PLC0415
 
+        if "sensors" in given:
+            return {name: CurveCalibration.from_dict(one["calibration"]) for name, one in given["sensors"].items()}
         if "calibration" not in given:
             raise FitError("it was written before tables of any kind could be inferred from; fit the table again")
         return CurveCalibration.from_dict(given["calibration"])
 
     def infer(
-        self, calibration: CurveCalibration, read: Reader, options: InferOptions, other: Callable[[Path], Reader]
+        self,
+        calibration: CurveCalibration | Mapping[str, CurveCalibration],
+        read: Reader,
+        options: InferOptions,
+        other: Callable[[Path], Reader],
     ) -> Inference:
         """The abscissa of the curve."""
         from procedures.general.infer_table import infer_general  # noqa: PLC0415
+
+        if isinstance(calibration, Mapping):
+            from procedures.general.infer_runs import infer_sensors  # noqa: PLC0415
+
+            return infer_sensors(calibration, read, options.u_reading)
 
         return infer_general(calibration, read, options.u_reading)
 

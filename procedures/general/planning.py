@@ -54,7 +54,8 @@ def evaluations(procedure: GeneralProcedure, run_list: RunList) -> Iterator[tupl
     """
     names = [factor.name for factor in run_list.factors]
     points = np.array([run_list.column(name) for name in names]).T
-    plots = np.array([p.whole_plot for p in run_list.points]) if run_list.whole_plots else None
+    shared = 0 < run_list.whole_plots < len(run_list)  # a whole plot of one point has no error of its own
+    plots = np.array([p.whole_plot for p in run_list.points]) if shared else None
     for sensor, formula in formulas_of(procedure).items():
         if formula.has_categories or not set(formula.names) <= set(names):
             continue  # of a temperature, which is only known when it has been read
@@ -116,7 +117,7 @@ def precision(procedure: GeneralProcedure, run_list: RunList) -> Precision:
     assumed = f"for a standard deviation of one observation of {told}"
     if not told:
         assumed = "for a standard deviation of one observation of 1: expect.sigma says what it is, by sensor"
-    if run_list.whole_plots:
+    if 0 < run_list.whole_plots < len(run_list):
         assumed += f"; that between whole plots is {expect.whole_plot_ratio:g} times as large: expect.whole_plot_ratio"
     return Precision(("sensor", "term", "sd", "df"), rows, cells, assumed, tuple(further))
 
