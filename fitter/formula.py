@@ -98,6 +98,23 @@ class Formula:
         """Whether a term contains a category."""
         return any(term.categories for term in self.terms)
 
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the coefficients of a model without categories; see `fitter.nonlinear.Curve`, which a formula is."""
+        return tuple(map(str, self.terms))
+
+    def value(self, b: FloatArray, table: Table) -> FloatArray:
+        """(n,) response for (k,) coefficients. Errors as for `columns`."""
+        return np.asarray(self.columns(table)[1] @ b)
+
+    def rows(self, b: FloatArray, table: Table) -> FloatArray:
+        """(n, k) derivative of the response by the coefficients. Errors as for `columns`."""
+        return self.columns(table)[1]
+
+    def slope(self, b: FloatArray, table: Table, name: str) -> FloatArray:
+        """(n,) derivative of the response by a column of a model without categories."""
+        return np.asarray(self.derivative(table, name) @ b)
+
     def plus(self, *terms: Term) -> Formula:
         """These terms too."""
         return Formula(tuple(sorted(dict.fromkeys(self.terms + terms), key=len)))

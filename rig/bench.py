@@ -12,8 +12,9 @@ from pydantic import BaseModel
 
 from drivers.clock import Clock
 from drivers.errors import BadReply, DriverError, NoReply, Unreachable, WrongAddress
-from drivers.roles import ByHand, Chamber, Head, Identity, Instrument, PressureController, Reader, WithUnits
+from drivers.roles import ByHand, Chamber, Head, Identity, Instrument, PressureController, Reader, Source, WithUnits
 from fitter.errors import FitError
+from rig.baths import Bath
 from rig.config import BenchConfig, validated
 from rig.contract_files import with_contracts
 from rig.errors import BenchFault, ConfigurationError
@@ -21,7 +22,7 @@ from rig.guarded import guarded
 from rig.person import Person
 from rig.plugins import driver_class
 from rig.protection import STATES
-from rig.quantities import HEAD, PRESSURE, VOLT, per_volt, scale
+from rig.quantities import HEAD, PRESSURE, TEMPERATURE_UNIT, VOLT, per_volt, scale
 
 if TYPE_CHECKING:
     from drivers.driver import DriverClass
@@ -293,8 +294,14 @@ class Bench:
 
     @property
     def chambers(self) -> dict[str, Chamber]:
-        """Chambers and enclosures by name."""
-        return self._playing(Chamber)
+        """Chambers and enclosures by name, and baths: sources that set a temperature."""
+        baths = {name: Bath(s) for name, s in self._playing(Source).items() if s.unit() == TEMPERATURE_UNIT}
+        return {**self._playing(Chamber), **baths}
+
+    def soaks(self, factor: str) -> tuple[str, Chamber]:
+        """The chamber or bath that sets a factor, and its name. Raises `ConfigurationError` if nothing such does."""
+        chambers, name = self.chambers, self.config.factors.get(factor, "")
+        return (name, chambers[name]) if name in chambers else self.setting(factor, Chamber)
 
     @property
     def readers(self) -> dict[str, Reader]:

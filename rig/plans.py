@@ -15,7 +15,7 @@ from pydantic import BaseModel
 from drivers.roles import ByHand, Chamber, Head, PressureController, Source
 from fitter.errors import FitError
 from procedures.conduct import Conduct, WholePlotConduct
-from procedures.kind import Procedure, kind_of
+from procedures.kind import Completed, Procedure, kind_of
 from procedures.run_list import RunList
 from rig.bench import check_options, playing
 from rig.config import BenchConfig, InstrumentConfig, parse_bench, parse_procedure, parse_toml, read_text
@@ -81,21 +81,22 @@ def load_plan(procedure: Path, bench: Path, *, dry: bool = False, world: Path | 
 
 
 def _with_files(text: str, procedure: Path) -> str:
-    """The procedure with the contents of files that it names, so that a run file has all of it.
+    """The procedure with the contents of files that it names, or with results of a search, so that a run file has all.
 
     Raises:
-        ConfigurationError: such a file cannot be read or used.
+        ConfigurationError: a file cannot be read or used, or the search cannot be made.
     """
     read = parse_procedure(text, str(procedure))
-    names: Sequence[str] = getattr(read, "files", ())
-    if not names:
+    if not isinstance(read, Completed):
         return text
-    texts = {name: read_text(procedure.parent / name, "points") for name in names}
+    texts = {name: read_text(procedure.parent / name, "points") for name in read.files}
     try:
-        values = read.with_files(texts)  # type: ignore[attr-defined]  # a procedure that has files
+        values = read.completed(texts)
     except ValueError as error:
         raise ConfigurationError(f"{procedure}: {error}") from None
-    return f"# {procedure.name} with the contents of {', '.join(names)}\n{toml_text(values)}"
+    if values is None:
+        return text
+    return f"# {procedure.name}, with the points of its design\n{toml_text(values)}"
 
 
 def _plan(documents: Mapping[str, str], dry: bool, where: Mapping[str, str], *, strict: bool = True) -> Plan:
@@ -324,7 +325,8 @@ def _check_setters(config: BenchConfig, run_list: RunList, guard: Guard, where: 
                 f"{where}: factors.{factor.name} = {name!r}: {name} sets nothing "
                 f"(driver {config.instruments[name].driver})"
             )
-        if factor.hard and Chamber not in roles:
+        bath = Source in roles and unit_of(factor.name) == TEMPERATURE_UNIT
+        if factor.hard and not bath and Chamber not in roles:
             raise ConfigurationError(
                 f"{where}: {factor.name} is hard to change, and {name} is no chamber or bath: whole plots are settled "
                 f"by temperatures; leave out hard = true"
@@ -350,7 +352,8 @@ def _check_environment(config: BenchConfig, run_list: RunList, where: str) -> No
     """Check that no factor is set by a chamber, which the environment would set too."""
     for factor in run_list.factors:
         name = config.factors.get(factor.name, "")
-        if name in playing(config, Chamber):
+        bath = unit_of(factor.name) == TEMPERATURE_UNIT and name in playing(config, Source)
+        if bath or name in playing(config, Chamber):
             raise ConfigurationError(
                 f"{where}: environment.setpoint_degC is for every chamber, and {name} sets {factor.name}: leave out "
                 f"[environment]"

@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 
-from fitter.designs import Factor, central_composite, evaluate, grid, to_range
+from fitter.designs import Factor, advice, central_composite, evaluate, grid, optimal, plots_by_setting, to_range
 from fitter.errors import FitError
 from fitter.split_plot import plan_precision
 from tests.published_designs import FIVES, LEVELS, SPLIT_D, dense_information, linear, quadratic
 
 SEED = 20
+WHOLE_PLOTS = "{} left for the error between whole plots: add whole plots"
 NAMES = ["1", "a", "b", "a:b", "a^2", "b^2"]
 
 
@@ -205,3 +206,63 @@ def _with_category(points):
 def test_bad_arguments(call, message):
     with pytest.raises(FitError, match=message):
         call()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_degrees_of_freedom_are_ranks(seed):
+    random = np.random.default_rng(seed)
+    points = random.integers(-1, 2, (30, 2)).astype(float)
+    plot = random.integers(0, 7, 30)
+    rows, z = quadratic(points), np.eye(7)[plot]
+    distinct = np.eye(9)[(3 * points[:, 0] + points[:, 1]).astype(int) + 4]
+    rank = np.linalg.matrix_rank
+    f = evaluate(points, [LEVELS] * 2, quadratic, whole_plot=plot).freedom
+    both, saturated = rank(np.hstack([rows, z])), rank(np.hstack([distinct, z]))
+    assert (f.residual, f.whole_plots) == (30 - both, both - rank(rows))
+    assert (f.pure_error, f.whole_plot_pure_error) == (30 - saturated, saturated - rank(distinct))
+    assert f.lack_of_fit == rank(distinct) - rank(rows)
+
+
+def test_a_large_grid_is_evaluated_in_little_memory():
+    points = grid([np.linspace(-1, 1, 20)] * 3)
+    e = evaluate(points, [Factor.within(-1, 1)] * 3, quadratic, whole_plot=plots_by_setting(points, [0]))
+    assert (e.freedom.whole_plots, e.freedom.pure_error, e.freedom.lack_of_fit) == (17, 0, 7990)
+
+
+@pytest.mark.parametrize(
+    ("points", "plot", "sentences"),
+    [
+        (
+            grid([[-1, 1], [-1, 0, 1]]),
+            None,
+            [
+                "the design does not determine 1, a^2; with one more point it would: T_degC = 0, F_kN = -1",
+                "one degree of freedom is left for the error of a point: add points",
+                "no point is repeated, so that lack of fit cannot be tested against pure error",
+            ],
+        ),
+        (SPLIT_D, FIVES, [WHOLE_PLOTS.format("one degree of freedom is")]),
+        (
+            SPLIT_D[:15],
+            FIVES[:15],
+            [WHOLE_PLOTS.format("no degrees of freedom are")],
+        ),
+        (np.vstack([grid([LEVELS, LEVELS])] * 2), None, []),
+    ],
+)
+def test_advice(points, plot, sentences):
+    e = evaluate(points, [LEVELS] * 2, quadratic, NAMES, whole_plot=plot)
+    assert list(advice(e, ["T_degC", "F_kN"])) == sentences
+
+
+def test_advice_on_a_short_search():
+    made = optimal([LEVELS] * 3, quadratic, 24, hard=(0,), whole_plots=6, starts=10)
+    assert made.reached <= 3
+    assert any("10 random starts" in sentence for sentence in advice(made, ["a", "b", "c"]))
+
+
+def test_all_factors_hard():
+    made = optimal([LEVELS] * 2, quadratic, 18, hard=(0, 1), whole_plots=9, starts=50)
+    e = made.evaluation
+    assert np.unique(made.points, axis=0).tolist() == grid([LEVELS, LEVELS]).tolist(), "3^2, D-optimal for nine"
+    assert (e.freedom.whole_plots, e.freedom.pure_error) == (3, 9)

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import csv
+import itertools
 import json
 import random
+import re
 from itertools import count
 
 import few_points
@@ -16,7 +19,7 @@ from general_lab import BENCH, PROCEDURE, REFERENCE, WORLD, WORLD_WITH_STANDARD,
 
 from procedures.general.orders import sides, visits
 from rig.config import parse_procedure
-from rig.controller import resume_run
+from rig.controller import resume_run, start_run
 from rig.engine.session import Outcome, Signals
 from rig.engine.set_by_hand import ToSet
 from rig.errors import ConfigurationError
@@ -28,6 +31,19 @@ from rig.run_file.sense import judged
 from rig.tables import run_table
 from sims.physics.expression import Formula
 from sims.physics.fields import WorldError
+
+TWO = f"""name = "two"
+{lab.DVM}{lab.CHAMBER}{lab.PACE}
+[sensors.cell]
+reader = "dvm"
+unit = "mV"
+[factors]
+bath_degC = "oven"
+line_psia = "supply"
+[limits]
+bath_degC = [-60, 100]
+line_psia = [0, 15.5]
+"""
 
 # --- orders ------------------------------------------------------------------------------------------------------
 
@@ -86,6 +102,74 @@ def test_points_come_from_a_file_which_the_run_file_then_has(tmp_path):
         load_plan(files[0], files[1])
 
 
+TWO_FACTORS = """kind = "general"
+name = "two"
+seed = 4
+replications = 2
+[factors.line_psia]
+levels = [1, 2, 3, 4, 5]
+[factors.bath_degC]
+levels = [10, 25, 40]
+HARD
+[design]
+DESIGN
+[model]
+formula = "(line_psia + bath_degC)^2 + line_psia^2 + bath_degC^2"
+"""
+
+
+def planned(folder, design, hard=""):
+    files = written(folder, TWO_FACTORS.replace("DESIGN", design).replace("HARD", hard), TWO)
+    return load_plan(files[0], files[1])
+
+
+def test_a_central_composite_design_stays_within_the_levels(tmp_path):
+    plan = planned(tmp_path, 'type = "central-composite"\ncentre = 3')
+    points = {tuple(p.setpoints) for p in plan.run_list.points}
+    assert len(plan.run_list) == 2 * (4 + 4 + 3)
+    assert {(1.0, 25.0), (5.0, 25.0), (3.0, 10.0), (3.0, 40.0), (3.0, 25.0)} <= points
+    corner = 3 - 2 / np.sqrt(2)
+    assert min(abs(p[0] - corner) for p in points) < 1e-9, "the cube is inside by the square root of two"
+
+
+def test_an_optimal_design_is_searched_once_and_is_then_in_the_run_file(tmp_path):
+    plan = planned(tmp_path, 'type = "optimal"\npoints = 9')
+    assert len(plan.run_list) == 18
+    corners = {(a, b) for a in (1.0, 5.0) for b in (10.0, 40.0)}
+    assert corners < {tuple(p.setpoints) for p in plan.run_list.points}, (
+        "the D-optimal nine are the 3 x 3 (Box, Draper)"
+    )
+    stored = parse_procedure(plan.documents["procedure.toml"], "stored")
+    assert stored.design.rows is not None
+    assert stored.expand().sha256() == plan.run_list.sha256()
+
+
+def test_hard_factors_of_an_optimal_design_are_its_whole_plots(tmp_path):
+    with pytest.raises(ConfigurationError, match="say their number"):
+        planned(tmp_path, 'type = "optimal"\npoints = 16', "hard = true")
+    plan = planned(tmp_path, 'type = "optimal"\npoints = 16\nwhole_plots = 5', "hard = true")
+    assert plan.run_list.whole_plots == 10
+    for plot in range(1, 11):
+        assert len({p.setpoints[1] for p in plan.run_list.points if p.whole_plot == plot}) == 1
+    with pytest.raises(ConfigurationError, match="no factor is hard to change"):
+        planned(tmp_path, 'type = "optimal"\npoints = 16\nwhole_plots = 5')
+
+
+def test_a_file_of_points_may_say_its_whole_plots(tmp_path):
+    text = "whole_plot,bath_degC,line_psia\n1,10,1\n1,10,5\n2,40,1\n2,40,5\n3,10,3\n3,10,1\n4,25,2\n4,25,3\n"
+    (tmp_path / "p.csv").write_text(text)
+    procedure = re.sub(r"levels = .*\n", "", TWO_FACTORS).replace("DESIGN", 'type = "file"\npoints = "p.csv"')
+    files = written(tmp_path, procedure.replace("HARD", "hard = true"), TWO)
+    plan = load_plan(files[0], files[1])
+    assert plan.run_list.whole_plots == 8
+    at = [plan.run_list.setting(p)["bath_degC"] for p in plan.run_list.points][::2]
+    assert all(a != b for a, b in itertools.pairwise(at)), "equal temperatures do not follow each other"
+    for wrong, says in (("4,25,3", "4,10,3"), ("2,40,5", "2.5,40,5")):
+        (tmp_path / "p.csv").write_text(text.replace(wrong, says))
+        with pytest.raises(ConfigurationError, match=r"two settings|not a whole number"):
+            load_plan(files[0], files[1])
+
+
 @pytest.mark.parametrize(
     ("of", "to", "times"), [("V", "mV", 1e3), ("mV", "V", 1e-3), ("V", "V", 1), ("kN", "N", 1e3), ("ohm", "kohm", 1e-3)]
 )
@@ -110,7 +194,7 @@ def test_units_differ_by_a_prefix_at_most(of, to, times):
         (("bench", '"dvm"\n[factors]', '"dvm"\nunit = "kN"\n[factors]'), "channel input of dvm reads V, not kN"),
         (
             ("procedure", '"1 + force_kN"', '"1 + force_kN + force_kN^2 + force_kN^3 + force_kN^4"'),
-            "force_kN^4 cannot be",
+            "it does not determine",
         ),
         (("procedure", '"1 + force_kN"', '"1 + load_kN"'), "load_kN is not a factor"),
         (("procedure", '"1 + force_kN"', '"1 + + "'), "model.formula"),
@@ -118,8 +202,11 @@ def test_units_differ_by_a_prefix_at_most(of, to, times):
         (("procedure", "[factors.force_kN]", "[factors.force]"), "must end in its unit"),
         (("procedure", "[factors.force_kN]", "[factors.elapsed_s]"), "a column of this name already"),
         (("procedure", 'order = "up-down"', "hard = true"), "operator is no chamber or bath"),
-        (("procedure", "[model]", '[design]\ntype = "optimal"\npoints = 6\n[model]'), "not available yet"),
-        (("procedure", "levels = [0, 1, 2, 5]\n", ""), "a grid needs its levels"),
+        (
+            ("procedure", "[model]", '[design]\ntype = "optimal"\npoints = 1\n[model]'),
+            "1 points cannot determine 2 terms",
+        ),
+        (("procedure", "levels = [0, 1, 2, 5]\n", ""), 'design "grid" needs its levels'),
     ],
 )
 def test_what_cannot_be_carried_out_is_one_message_and_leaves_nothing(tmp_path, change, says):
@@ -197,20 +284,26 @@ def test_the_run_is_fitted_traced_and_inferred_by_the_declared_model(weights, tm
     assert again["force_kN"]["estimate"] == pytest.approx(found["force_kN"]["estimate"], rel=1e-12)
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_killed_at_any_moment_it_resumes_asks_again_and_loses_nothing(tmp_path, seed):
-    rng, paths = random.Random(seed), []
-    left = count()
+LABS = {
+    "weights": (PROCEDURE, BENCH, WORLD),
+    "source": (lab.SOURCE_PROCEDURE, lab.SOURCE, lab.SOURCE_WORLD),
+    "standard": (PROCEDURE, BENCH + REFERENCE, WORLD_WITH_STANDARD),
+}
+
+
+@pytest.mark.parametrize(
+    ("which", "seed"), [("weights", 0), ("weights", 1), ("source", 2), ("source", 3), ("standard", 4)]
+)
+def test_killed_at_any_moment_it_resumes_asks_again_and_loses_nothing(tmp_path, which, seed):
+    rng, paths, left = random.Random(seed), [], count()
     at = {rng.randrange(1, 150) for _ in range(3)}
     print(f"seed {seed}: killed at the reports {sorted(at)}")
-    files = written(tmp_path)
+    files = written(tmp_path, *LABS[which])
     plan = load_plan(files[0], files[1], dry=True, world=files[2])
 
     def killing(news):
         if next(left) in at:
             raise Killed
-
-    from rig.controller import start_run  # noqa: PLC0415
 
     try:
         start_run(plan, tmp_path, signals=Signals(), announce=paths.append, on_progress=killing)
@@ -224,19 +317,18 @@ def test_killed_at_any_moment_it_resumes_asks_again_and_loses_nothing(tmp_path, 
             continue
     assert outcome is Outcome.COMPLETE
     sound(paths[0])
-    table = run_table(paths[0])
+    table, (factor,) = run_table(paths[0]), plan.run_list.factors
     order = np.argsort(table.columns["run_index"])
-    assert table.columns["force_kN"][order].tolist() == [0, 1, 2, 5, 2, 1, 0] * 2
+    set_to = table.columns[factor.set_name if which == "standard" else factor.name]
+    assert set_to[order].tolist() == plan.run_list.column(factor.name)
     for record in few_points.accepted(paths[0]):
         side = plan.run_list.points[record.run_index].sides[0]
-        assert not side or record.event.approach["force"][0] == side
+        assert not side or record.event.approach[factor.axis][0] == side
 
 
 def test_after_a_kill_the_setting_before_is_asked_for_first(tmp_path):
     files = written(tmp_path)
     plan, paths = load_plan(files[0], files[1], dry=True, world=files[2]), []
-
-    from rig.controller import start_run  # noqa: PLC0415
 
     with pytest.raises(Killed):
         start_run(
@@ -351,18 +443,6 @@ def test_a_formula_of_a_standard_is_checked(tmp_path):
 
 # --- instruments that set, and whole plots ------------------------------------------------------------------------
 
-TWO = f"""name = "two"
-{lab.DVM}{lab.CHAMBER}{lab.PACE}
-[sensors.cell]
-reader = "dvm"
-unit = "mV"
-[factors]
-bath_degC = "oven"
-line_psia = "supply"
-[limits]
-bath_degC = [-60, 100]
-line_psia = [0, 15.5]
-"""
 OF_TWO = """seed = 2
 [sensors.cell]
 formula = "100 + 500*line_psia + 10*bath_degC"
@@ -409,6 +489,80 @@ def test_a_chamber_can_be_an_easy_factor(tmp_path):
     sound(path)
 
 
+def test_a_source_sets_is_read_back_and_is_off_at_the_end(tmp_path):
+    path, result = run_dry(tmp_path, *LABS["source"])
+    assert result.outcome is Outcome.COMPLETE, result.message
+    table = run_table(path)
+    volts = table.columns["input_V"]
+    assert sorted(volts) == sorted([-5, 0, 2, 5] * 2), "a source's setpoint is the abscissa"
+    assert table.columns["input_readback_V"] == pytest.approx(volts, abs=1e-3)
+    assert table.columns["meter_V"] == pytest.approx(1e-5 + 1.00002 * volts, abs=5e-5)
+    (safe,) = records(path, "event", "safe")
+    assert safe.event.found["calibrator"]["safe"] is True
+    assert not safe.event.unsafe
+    sound(path)
+
+
+def test_a_source_of_another_unit_is_refused_and_nothing_is_sent(tmp_path):
+    procedure, bench = (text.replace("input_V", "input_mV") for text in (lab.SOURCE_PROCEDURE, lab.SOURCE))
+    files = written(tmp_path, procedure, bench)
+    done = rig("run", files[0], "--bench", files[1], "--dry", "--out", tmp_path / "runs")
+    assert done.returncode == 78
+    assert "calibrator sets V, not mV: call the factor input_V" in " ".join(done.stderr.split())
+    assert not list(tmp_path.glob("runs/*.sqlite"))
+
+
+def test_a_source_that_falls_silent_is_a_fault_after_its_retries_and_the_run_can_be_resumed(tmp_path):
+    silent = '[[faults]]\nkind = "unplugged"\non = "calibrator"\nat_s = 30\nfor_s = 7200\n'
+    path, result = run_dry(tmp_path, lab.SOURCE_PROCEDURE, lab.SOURCE, lab.SOURCE_WORLD + silent)
+    assert result.outcome is Outcome.UNSAFE
+    assert "calibrator" in result.message
+    assert resume_run(path, signals=Signals(), on_progress=lambda _: None, dry_gap_s=8000.0).outcome is Outcome.COMPLETE
+    sound(path)
+
+
+@pytest.fixture(scope="module")
+def thermometers(tmp_path_factory):
+    path, result = run_dry(tmp_path_factory.mktemp("bath"), lab.BATH_PROCEDURE, lab.BATH, lab.BATH_WORLD)
+    assert result.outcome is Outcome.COMPLETE, result.message
+    return path
+
+
+def test_a_bath_is_a_source_that_is_hard_to_change_and_a_standard_reads_it(thermometers):
+    table = run_table(thermometers)
+    set_to = table.columns["bath_set_degC"]
+    assert sorted(set_to) == sorted([0, 25, 50, 75, 100] * 2)
+    assert table.columns["bath_degC"] == pytest.approx(1.001 * set_to - 0.03, abs=0.01), "the truth, not the setpoint"
+    assert len(records(thermometers, "event", "whole-plot")) == 10
+    sound(thermometers)
+
+
+def test_sensors_of_one_run_are_calibrated_and_used_together(thermometers, tmp_path):
+    fitted = rig("fit", thermometers, "--json", "--out", tmp_path / "c.json")
+    assert fitted.returncode == 0, fitted.stderr
+    found = json.loads(fitted.stdout)["sensors"]
+    assert list(found) == ["prt_1_V", "prt_2_mV"]
+    slope = found["prt_1_V"]["coefficients"]["bath_degC"]
+    assert abs(slope["estimate"] - 0.1 * 3.9083e-3) < 4 * slope["stderr"]
+    assert any("every whole plot has one reading" in note for note in found["prt_1_V"]["notes"])
+    rig("export", thermometers, "--out", tmp_path / "t.csv")
+    done = rig("infer", tmp_path / "c.json", tmp_path / "t.csv", "--out", tmp_path / "degC.csv")
+    assert done.returncode == 0, done.stderr
+    rows = list(csv.DictReader((tmp_path / "degC.csv").read_text().splitlines()))
+    for row in rows:
+        for sensor in ("prt_1", "prt_2"):
+            true, sd = float(row["bath_degC"]), float(row[f"{sensor}_bath_degC_sd"])
+            assert abs(float(row[f"{sensor}_bath_degC"]) - true) < 5 * sd
+    (tmp_path / "one.csv").write_text("prt_2_mV\n119.4\n")
+    done = rig("infer", tmp_path / "c.json", tmp_path / "one.csv", "--out", tmp_path / "one_degC.csv")
+    assert done.returncode == 0, done.stderr
+    assert "bath_degC_lo95" in (tmp_path / "one_degC.csv").read_text()
+    (tmp_path / "none.csv").write_text("prt_3_mV\n119.4\n")
+    done = rig("infer", tmp_path / "c.json", tmp_path / "none.csv", "--out", tmp_path / "no.csv")
+    assert done.returncode == 2
+    assert "prt_1_V, prt_2_mV" in done.stderr
+
+
 # --- plans and worlds ---------------------------------------------------------------------------------------------
 
 
@@ -426,7 +580,7 @@ def test_a_plan_says_hours_precision_and_what_is_confounded(tmp_path):
     once = once.replace('"up-down"', '"as written"').replace('"1 + force_kN"', '"1 + force_kN + force_kN^2"')
     files = written(tmp_path, once)
     said = rig("plan", files[0], "--bench", files[1]).stdout
-    for words in ("no error can be estimated", "no setting is visited twice", "a drift look alike", "3 levels"):
+    for words in ("no degrees of freedom are left", "no point is repeated", "a drift look alike"):
         assert words in " ".join(said.split())
 
 

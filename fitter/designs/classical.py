@@ -38,6 +38,16 @@ def to_range(coded: FloatArray, low: ArrayLike, high: ArrayLike) -> FloatArray:
     return np.asarray(0.5 * (low + high) + 0.5 * (high - low) * coded)
 
 
+def plots_by_setting(points: FloatArray, hard: Sequence[int]) -> IntArray:
+    """(n,) whole plots of a design in which every combination of hard factors' settings is set once.
+
+    Args:
+        points: (n, k).
+        hard: indices of hard-to-change factors; without any all points are in one whole plot.
+    """
+    return np.asarray(np.unique(points[:, list(hard)], axis=0, return_inverse=True)[1].reshape(-1), np.int64)
+
+
 @dataclass(frozen=True, eq=False)
 class CentralComposite:
     """A central composite design, in coded units.

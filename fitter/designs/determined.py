@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import qr
+from scipy.sparse import block_array, coo_array
+from scipy.sparse.csgraph import connected_components
 
 from fitter.arrays import FloatArray, IntArray
 from fitter.designs.region import DEPENDENT, lost_directions
@@ -39,9 +41,13 @@ def freedom(rows: FloatArray, points: FloatArray, whole_plot: IntArray | None) -
     terms, distinct = _rank(rows), int(at.max()) + 1
     if whole_plot is None:
         return Freedom(n - terms, None, n - distinct, None, distinct - terms)
-    z = np.eye(int(whole_plot.max()) + 1)[whole_plot]
-    both = _rank(np.column_stack([rows, z]))
-    saturated = _rank(np.column_stack([np.eye(distinct)[at], z]))
+    size = np.bincount(whole_plot)
+    means = np.stack([np.bincount(whole_plot, column) / size for column in rows.T], axis=1)
+    both = size.size + _rank(rows - means[whole_plot], np.linalg.norm(rows, axis=0))
+    # one column a point and one a whole plot: every connected part of their table has one dependence
+    table = coo_array((np.ones(n), (at, whole_plot)), (distinct, size.size))
+    parts = connected_components(block_array([[None, table], [table.T, None]]), directed=False)[0]
+    saturated = distinct + size.size - int(parts)
     return Freedom(n - both, both - terms, n - saturated, saturated - distinct, distinct - terms)
 
 
@@ -60,5 +66,8 @@ def points_that_would(rows: FloatArray, candidates: FloatArray) -> IntArray:
     return np.asarray(order[: int(np.sum(size > DEPENDENT * max(size.max(), 1.0)))], np.int64)
 
 
-def _rank(columns: FloatArray) -> int:
-    return int(columns.shape[1] - lost_directions(columns).shape[1])
+def _rank(columns: FloatArray, length: FloatArray | None = None) -> int:
+    """Rank of (n, p) columns, in units of their own `length` (p,) or a given one."""
+    length = np.linalg.norm(columns, axis=0) if length is None else length
+    values = np.linalg.svd(columns / np.where(length > 0.0, length, 1.0), compute_uv=False)
+    return int(np.sum(values > DEPENDENT))

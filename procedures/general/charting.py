@@ -62,14 +62,13 @@ def curve_charted(fits: Sequence[CurveCalibration], years: FloatArray) -> CurveC
         if few := too_few_digits(fit, low, high):
             raise FitError(few)
     places = np.linspace(low, high, 2 * len(fits[0].coefficients) + 1)[1::2]
-    directions = formula.columns({variable: places})[1]
-    across = formula.columns({variable: np.linspace(low, high, _PLACES)})[1]
-    values = np.array([directions @ fit.coefficients for fit in fits])
+    last = fits[-1]
+    directions, across = last.rows(places), last.rows(np.linspace(low, high, _PLACES))
+    values = np.array([fit.curve(places) for fit in fits])
 
     def variance_of(weights: FloatArray) -> tuple[FloatArray, float]:
         return _within(fits, weights @ directions)
 
-    last = fits[-1]
     root = (
         last.factored.root
     )  # powers of an abscissa far from zero are nearly dependent; their combinations here are not
@@ -79,7 +78,7 @@ def curve_charted(fits: Sequence[CurveCalibration], years: FloatArray) -> CurveC
     return CurveCharted(
         names=names,
         series=tuple(Series(years, values[:, i], *variance_of(unit)) for i, unit in enumerate(np.eye(len(names)))),
-        shown=tuple(str(term) for term in formula.terms),
+        shown=formula.parameters,
         parameters=np.array([fit.coefficients for fit in fits]),
         stderr=np.sqrt([np.diag(fit.covariance) for fit in fits]),
         sensitivity=1.0,

@@ -1,242 +1,268 @@
-"""The declared models of a general procedure before the run: what the design can estimate, and how precisely."""
+"""The declared model of a column of any table: a formula, arithmetic with named parameters, or a standard model.
+
+With weights or stated standard uncertainties of its rows, and errors in the abscissa.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fitter.arrays import FloatArray, IntArray
+from fitter.arithmetic_text import column_name
+from fitter.arrays import FloatArray
 from fitter.errors import FitError
-from fitter.formula import Formula
-from fitter.split_plot import plan_precision
-from procedures.advice import Advice
-from procedures.general.settings import GeneralProcedure
-from procedures.precision import Precision
-from procedures.run_list import RunList
+from fitter.formula import Formula, RowError
+from fitter.nonlinear import Curve, Distance, Weighted, WrittenCurve
+from procedures.errors import DataError
+from procedures.general.order import identities
+from procedures.general.rows import CurveRows, LinearRows, Rows
+from procedures.table import Table
 
-_DEPENDENT = 1e-9
-"""A column counts as a combination of others if less than this fraction of its length is its own."""
-_NEAR = 0.95
-"""Correlation of two terms above which they can hardly be told apart."""
+if TYPE_CHECKING:
+    from procedures.general.models import NamedCurve
 
 
-def settings_of(run_list: RunList) -> dict[str, FloatArray]:
-    """(n,) setpoints of every factor."""
-    return {factor.name: np.array(run_list.column(factor.name)) for factor in run_list.factors}
+@dataclass(frozen=True)
+class Declared:
+    """Declarations of the user about the model and of the errors of a response.
 
-
-def formulas_of(procedure: GeneralProcedure) -> Mapping[str, Formula]:
-    """Declared models by the sensor's name; "" for those without one of their own.
-
-    Raises:
-        FitError: a formula violates the grammar, or has variables that are not factors.
+    Attributes:
+        formula: terms of a linear model; arithmetic if there are `start` values and no `model`; None with `model`.
+        model: name of a standard model; None with `formula`.
+        abscissa: column of it; None where the table leaves no choice.
+        start: `name=value` of parameters.
+        weight: column of relative weights, 1 over the variance up to a factor.
+        u_y: column or value of the standard uncertainty of the response.
+        u_x: the same of the abscissa.
     """
-    found = {}
-    for sensor, text in {"": procedure.model.formula, **procedure.model.own}.items():
-        where = f"model.{sensor}.formula" if sensor else "model.formula"
+
+    formula: str | None = None
+    model: str | None = None
+    abscissa: str | None = None
+    start: Sequence[str] = ()
+    weight: str | None = None
+    u_y: str | None = None
+    u_x: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.model is not None and self.formula is not None:
+            raise DataError("--model and --formula declare one model each: give one of them")
+        if self.model is None and self.formula is None:
+            raise DataError(
+                "--response needs --formula, such as --formula '1 + x', or --model, such as --model callendar"
+            )
+        if self.weight is not None and (self.u_y is not None or self.u_x is not None):
+            raise DataError("--weight is relative and --u-y absolute: give one of them")
+        if self.u_x is not None and self.u_y is None:
+            raise DataError("--u-x needs --u-y, the standard uncertainty of the response: 0 is not possible")
+
+    @property
+    def stated(self) -> bool:
+        """Whether the standard uncertainties of the rows are stated, not estimated from their scatter."""
+        return self.u_y is not None
+
+    @property
+    def starts(self) -> dict[str, float]:
+        """Start values by name. Raises `DataError`."""
+        found: dict[str, float] = {}
+        for text in (part for given in self.start for part in given.split(",")):
+            name, mark, number = (each.strip() for each in text.partition("="))
+            try:
+                found[column_name(name)] = float(number)
+            except ValueError:
+                mark = ""
+            if not mark or not name or not np.isfinite(found.get(column_name(name), np.nan)):
+                raise DataError(f"--start {text.strip()}: say NAME=VALUE, such as --start a=1.5")
+        return found
+
+    def curve(self) -> Curve | None:
+        """The curve, if no table is needed to know it: a formula or arithmetic. Raises `DataError`."""
+        if self.formula is None:
+            return None
         try:
-            formula = Formula.parse(text)
+            if self.start:
+                return WrittenCurve.parse(self.formula, tuple(self.starts))
+            return Formula.parse(self.formula)
         except FitError as error:
-            raise FitError(f"{where}: {error}") from None
-        unknown = [name for name in formula.names if name not in procedure.factors]
-        if unknown and not unknown[0].endswith("_degC"):  # a temperature that the bench reads may be in the model
-            raise FitError(
-                f"{where}: {unknown[0]} is not a factor ({', '.join(procedure.factors)}); a model is of factors, and "
-                f"of temperatures that the bench reads"
-            )
-        if not formula.terms:
-            raise FitError(f"{where}: it has no terms: there is nothing to fit")
-        found[sensor] = formula
-    return found
+            raise DataError(f"--formula: {error}") from error
+
+    def columns(self) -> list[str]:
+        """Columns of the table that are known to be needed beside the response."""
+        curve = self.curve()
+        named = [one for one in (self.weight, self.u_y, self.u_x) if one is not None and _number(one) is None]
+        return [*(curve.names if curve else ()), *([self.abscissa] if self.abscissa else []), *map(column_name, named)]
 
 
-def check_declared(procedure: GeneralProcedure, run_list: RunList) -> None:
-    """Refuse a design that cannot estimate a declared model.
+def _number(text: str) -> float | None:
+    try:
+        return float(text)
+    except ValueError:
+        return None
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """A declared model over a table.
+
+    Attributes:
+        rows: of the table.
+        curve: of a calibration.
+        stated: (n,) standard uncertainty of each response, if stated.
+        weight: (n,) relative weights, if given.
+        names: of the columns it used.
+        notes: for readers.
+    """
+
+    rows: Rows
+    curve: Curve
+    stated: FloatArray | None
+    weight: FloatArray | None
+    names: tuple[str, ...]
+    notes: tuple[str, ...] = ()
+    extra: Mapping[str, Any] = field(default_factory=dict)
+
+
+def model_of(declared: Declared, table: Table, response: str, plots: Sequence[str], replicate: str | None) -> Model:
+    """The model over a table.
+
+    Args:
+        declared: by the user.
+        table: with the columns it names.
+        response: column.
+        plots: columns that identify whole plots.
+        replicate: column of replications of whole plots.
 
     Raises:
-        FitError: with the terms that cannot be estimated, and what would estimate them.
+        FitError: the table lacks a column or value for it.
     """
-    settings = settings_of(run_list)
-    for sensor, formula in formulas_of(procedure).items():
-        if not set(formula.names) <= settings.keys():
-            continue  # of a temperature, which is only known when it has been read
-        names, columns = formula.columns(settings)
-        lost = dependent(columns)
-        if lost:
-            of = f" of {sensor}" if sensor else ""
-            terms = " and ".join(names[i] for i in lost)
-            raise FitError(
-                f"the design cannot estimate the declared model{of} ({formula}): {terms} cannot be told from the other "
-                f"terms; {_remedy(formula, [names[i] for i in lost], settings)}"
+    every: Mapping[str, Any] = {**table.columns, **table.text}
+    y = table.columns[response]
+    identity = identities(every, [*plots, *([replicate] if replicate else [])]) if plots else None
+    blocks = identities(every, [replicate]) if plots and replicate else None
+    u_y, u_x, weight = (_given(declared, each, table) for each in ("u_y", "u_x", "weight"))
+    if identity is not None and (u_y is not None or weight is not None):
+        raise FitError("--weight and --u-y are for independent rows: leave --whole-plot out, or the weights")
+    curve: Curve | None = declared.curve()
+    notes: list[str] = []
+    start: FloatArray | None = None
+    if curve is None:
+        named = _named(declared, table, response)
+        curve, start = named, _start_of(named, declared, table, y)
+        from procedures.general.models.units import unit_in  # noqa: PLC0415
+
+        for name, quantity in ((named.variable, named.model.abscissa), (response, named.model.response)):
+            if quantity.unit and not unit_in(name, table.units.get(name, "")):
+                notes.append(f"the unit of {name} is not known from its name: it is taken for {quantity.unit}")
+        if (beyond := named.outside(table.columns[named.variable])) > 0:
+            low, high = named.model.valid
+            notes.append(
+                f"{beyond} rows are outside {low:g} to {high:g} {named.model.abscissa.unit}, where {named.model.name} "
+                f"is valid: the curve is extrapolated there"
             )
+    scale = _scale(weight if weight is not None else (None if u_y is None else u_y**-2.0))
+    used = tuple(dict.fromkeys([*curve.names, *declared.columns()]))
+    if isinstance(curve, Formula) and u_x is None:
+        names, exact = curve.exact_columns(every)
+        if not names:
+            raise FitError(f"the formula {declared.formula!r} has no terms: there is nothing to fit")
+        rows: Rows = LinearRows(names, exact.hi, exact.lo, y, identity, blocks, scale)
+        return Model(rows, curve, u_y, weight, used, tuple(notes))
+    if isinstance(curve, Formula):
+        start = _linear_start(curve, table, y)
+    elif start is None:
+        start = np.array(list(declared.starts.values()))
+    problem = _problem(curve, declared, table, y, scale, u_x, u_y)
+    return Model(CurveRows(problem, start, identity, blocks), curve, u_y, weight, used, tuple(notes))
 
 
-def dependent(columns: FloatArray) -> list[int]:
-    """Columns (n, k) that are combinations of those before them."""
-    length = np.linalg.norm(columns, axis=0)
-    basis, lost = np.empty((len(columns), 0)), []
-    for i in range(columns.shape[1]):
-        own = columns[:, i] / (length[i] or 1.0)
-        for _ in range(2):
-            own = own - basis @ (basis.T @ own)
-        rest = float(np.linalg.norm(own))
-        if not length[i] or rest < _DEPENDENT:
-            lost.append(i)
-        else:
-            basis = np.column_stack([basis, own / rest])
-    return lost
+def _problem(
+    curve: Curve,
+    declared: Declared,
+    table: Table,
+    y: FloatArray,
+    scale: FloatArray | None,
+    u_x: FloatArray | None,
+    u_y: FloatArray | None,
+) -> Weighted | Distance:
+    columns = {name: _numbers(table, name) for name in curve.names}
+    if u_x is None or u_y is None:
+        return Weighted(curve, columns, y, np.ones(len(y)) if scale is None else scale)
+    if declared.abscissa is None and len(curve.names) != 1:
+        raise FitError(f"--u-x: say which column has the errors, --abscissa {curve.names[0]}")
+    name = curve.names[0] if declared.abscissa is None else column_name(declared.abscissa)
+    if name not in curve.names:
+        raise FitError(f"--abscissa: the model has no column {name}")
+    return Distance(curve, columns, name, y, u_x, u_y)
 
 
-def _remedy(formula: Formula, lost: list[str], settings: Mapping[str, FloatArray]) -> str:
-    """What would estimate the terms."""
-    concerned = dict.fromkeys(name for term in formula.terms if str(term) in lost for name in term.names)
-    few = [f"{name} ({len(np.unique(settings[name]))} levels)" for name in concerned or settings]
-    return f"set more levels of {' or '.join(few)}, in combinations that vary independently, or leave the term out"
+def _linear_start(formula: Formula, table: Table, y: FloatArray) -> FloatArray:
+    if formula.has_categories:
+        raise FitError("--u-x is for formulas without categories")
+    columns = formula.columns({**table.columns, **table.text})[1]
+    return np.asarray(np.linalg.lstsq(columns, y, rcond=None)[0])
 
 
-def _plots(run_list: RunList) -> IntArray | None:
-    return np.array([p.whole_plot for p in run_list.points]) if run_list.whole_plots else None
+def _named(declared: Declared, table: Table, response: str) -> NamedCurve:
+    """The standard model over its column."""
+    from procedures.general.models.named import NamedCurve, standard_model  # noqa: PLC0415
+    from procedures.general.models.units import to_model, unit_in  # noqa: PLC0415
+
+    model = standard_model(declared.model or "")
+    units = {name: unit_in(name, table.units.get(name, "")) for name in table.columns}
+    if declared.abscissa is not None:
+        name = column_name(declared.abscissa)
+    else:
+        aside = {column_name(one) for one in (declared.weight, declared.u_y, declared.u_x) if one is not None}
+        free = [one for one in table.columns if one not in {response, *aside, "order", "replicate", "simulated"}]
+        fit = [one for one in free if units[one] == model.abscissa.unit and model.abscissa.unit]
+        found = fit or free
+        if len(found) != 1:
+            told = ", ".join(found) or "no other column of numbers"
+            raise FitError(f"--model {model.name}: which column is the {model.abscissa.name}? --abscissa says; {told}")
+        name = found[0]
+    if name not in table.columns:
+        raise FitError(f"--abscissa: there is no column {name} of numbers")
+    abscissa = to_model(units[name], model.abscissa.unit, name)
+    return NamedCurve(model, name, abscissa, to_model(units[response], model.response.unit, response))
 
 
-def _covariance(
-    columns: FloatArray, names: tuple[str, ...], plots: IntArray | None, ratio: float
-) -> tuple[FloatArray, FloatArray]:
-    """(k, k) covariance of the coefficients and (k,) degrees of freedom, for an error of one observation of 1."""
-    if plots is None:
-        r = np.linalg.qr(columns, mode="r")
-        root = np.linalg.inv(r)
-        return root @ root.T, np.full(len(names), float(len(columns) - len(names)))
-    found = plan_precision(columns, plots, ratio, 1.0, names)
-    return found.covariance, found.df
+def _start_of(curve: NamedCurve, declared: Declared, table: Table, y: FloatArray) -> FloatArray:
+    given = declared.starts
+    strange = [name for name in given if name not in curve.parameters]
+    if strange:
+        raise FitError(f"--start: {curve.model.name} has no {strange[0]}; it has {', '.join(curve.parameters)}")
+    if len(given) == len(curve.parameters):
+        return np.array([given[name] for name in curve.parameters])
+    found = curve.start(_numbers(table, curve.variable), y)
+    return np.array([given.get(name, value) for name, value in zip(curve.parameters, found.tolist(), strict=True)])
 
 
-def precision(procedure: GeneralProcedure, run_list: RunList) -> Precision:
-    """Standard error of every coefficient, and of the fitted value over the design."""
-    settings, plots = settings_of(run_list), _plots(run_list)
-    expect, rows, further, cells = procedure.expect, [], [], []
-    formulas = formulas_of(procedure)
-    names = [*dict.fromkeys([*procedure.model.own, *expect.sigma])] or [""]
-    for sensor in names:
-        formula = formulas.get(sensor, formulas[""])
-        if not set(formula.names) <= settings.keys():
-            further.append(f"{sensor or 'the model'}: its precision depends on temperatures that are read in the run")
-            continue
-        sigma = expect.sigma.get(sensor)
-        terms, columns = formula.columns(settings)
-        covariance, df = _covariance(columns, terms, plots, expect.whole_plot_ratio)
-        for i, term in enumerate(terms):
-            sd = float(np.sqrt(covariance[i, i])) * (sigma or 1.0)
-            known = float(df[i]) if np.isfinite(df[i]) and df[i] > 0 else None
-            rows.append({"sensor": sensor, "term": term, "sd": sd, "df": known})
-            cells.append((sensor or "any", term, f"{sd:.3g}", "-" if known is None else f"{known:.0f}"))
-        at = np.sqrt(np.einsum("ij,jk,ik->i", columns, covariance, columns)) * (sigma or 1.0)
-        worst = {name: float(values[int(at.argmax())]) for name, values in settings.items()}
-        where = ", ".join(f"{name} = {value:g}" for name, value in worst.items())
-        unit = "its unit" if sigma else "standard errors of one observation"
-        who = sensor or "any sensor"
-        further.append(f"{who}: the fitted value is known to {at.max():.3g} (sd, in {unit}) at worst, at {where}")
-    told = ", ".join(f"{name} {value:g}" for name, value in expect.sigma.items())
-    assumed = (
-        f"with a standard deviation of one observation of {told}"
-        if told
-        else ("for a standard deviation of one observation of 1: expect.sigma says what it is, by sensor")
-    )
-    if plots is not None:
-        assumed += f"; that between whole plots is {expect.whole_plot_ratio:g} times as large: expect.whole_plot_ratio"
-    return Precision(("sensor", "term", "sd", "df"), rows, cells, assumed, tuple(further))
+def _numbers(table: Table, name: str) -> FloatArray:
+    if name not in table.columns:
+        raise FitError(f"{name} holds text, and a curve needs numbers")
+    return table.columns[name]
 
 
-def advice(procedure: GeneralProcedure) -> list[Advice]:
-    """Terms and effects that are confounded, and errors without degrees of freedom."""
-    run_list = procedure.expand()
-    settings, found = settings_of(run_list), []
-    for sensor, formula in formulas_of(procedure).items():
-        if not set(formula.names) <= settings.keys():
-            continue
-        names, columns = formula.columns(settings)
-        of = f" of {sensor}" if sensor else ""
-        left = len(columns) - len(names)
-        if left <= 0:
-            found.append(
-                _bad(
-                    "errors",
-                    f"the model{of} has as many coefficients as points ({len(names)}): no error can "
-                    "be estimated; add replications",
-                )
-            )
-        pure = len(columns) - len({tuple(p.setpoints) for p in run_list.points})
-        if not pure:
-            found.append(
-                _bad(
-                    "repeats",
-                    "no setting is visited twice: scatter and lack of fit cannot be told apart; add replications",
-                )
-            )
-        found += [_bad("apart", said) for said in _alike(names, columns, of)]
-        found += [_bad("curvature", said) for said in _curvature(formula, settings, of)]
-    found += _of_order(procedure, run_list)
-    return list(dict.fromkeys(found))
+def _given(declared: Declared, option: str, table: Table) -> FloatArray | None:
+    """(n,) values of a weight or uncertainty: a column, or one number."""
+    text = getattr(declared, option)
+    if text is None:
+        return None
+    flag, name = f"--{option.replace('_', '-')}", column_name(text)
+    number = _number(text)
+    if name not in table.columns and number is None:
+        raise FitError(f"{flag}: there is no column {name} of numbers, and it is no number")
+    values = table.columns[name] if name in table.columns else np.full(len(table), number)
+    least = 0.0 if option == "u_x" else np.finfo(float).tiny
+    bad = np.flatnonzero(~(values >= least) | ~np.isfinite(values))
+    if bad.size:
+        limit = "at or above zero" if option == "u_x" else "above zero"
+        raise RowError(f"{flag} is {values[bad[0]]:g} in", int(bad[0]), f"; it has to be {limit}")
+    return values
 
 
-def _bad(what: str, sentence: str) -> Advice:
-    return Advice(0, what, False, sentence)
-
-
-def _alike(names: tuple[str, ...], columns: FloatArray, of: str) -> list[str]:
-    """Pairs of terms that vary nearly together."""
-    own = columns - columns.mean(axis=0)
-    length = np.linalg.norm(own, axis=0)
-    told = []
-    for i in range(len(names)):
-        for j in range(i):
-            if length[i] and length[j]:
-                r = float(own[:, i] @ own[:, j] / length[i] / length[j])
-                if abs(r) > _NEAR and not (set(names[i].split("^")) & set(names[j].split("^"))):
-                    told.append(
-                        f"{names[j]} and {names[i]}{of} vary nearly together (correlation {r:.2f}): their "
-                        "coefficients will be known poorly each"
-                    )
-    return told
-
-
-def _curvature(formula: Formula, settings: Mapping[str, FloatArray], of: str) -> list[str]:
-    """Factors with so few levels that nothing beyond the model could be seen."""
-    told = []
-    for name in formula.names:
-        levels = len(np.unique(settings[name]))
-        alone = [term for term in formula.terms if set(term.names) == {name}]
-        if 1 < levels <= len(alone) + 1:
-            told.append(
-                f"{name} has {levels} levels, and the model{of} has {len(alone)} terms in it: a curve beyond "
-                "the model could not be seen"
-            )
-    return told
-
-
-def _of_order(procedure: GeneralProcedure, run_list: RunList) -> list[Advice]:
-    """Orders that confound an effect with time."""
-    told: list[Any] = []
-    if procedure.replications == 1:
-        for name, factor in procedure.factors.items():
-            if factor.order == "as written" and not factor.hard and len(run_list.levels(run_list.factor(name))) > 2:
-                told.append(
-                    _bad(
-                        "order",
-                        f"{name} is set in one order, once: its effect and a drift look alike; use "
-                        'order = "up-down" or "random", or replications',
-                    )
-                )
-    for stiff in run_list.hard:
-        plots = {(p.whole_plot, run_list.setting(p)[stiff.name]) for p in run_list.points}
-        levels = len({level for _, level in plots})
-        if len(plots) == levels:
-            told.append(
-                _bad(
-                    "whole plots",
-                    f"every {stiff.name} has one whole plot: how much whole plots differ "
-                    "cannot be estimated from repeats; add replications",
-                )
-            )
-    return told
+def _scale(weight: FloatArray | None) -> FloatArray | None:
+    return None if weight is None else np.asarray(np.sqrt(weight))

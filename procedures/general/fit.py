@@ -4,26 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import PurePath
 from typing import Any
 
 import numpy as np
 
-from fitter import LinearFit, least_squares
+from fitter import LinearFit, RankError
 from fitter.arithmetic_text import column_name
-from fitter.arrays import FloatArray, IntArray
+from fitter.arrays import IntArray
 from fitter.errors import FitError
-from fitter.formula import Formula
-from fitter.gross import GrossErrors
 from fitter.json_values import coefficient_table, if_finite
-from fitter.scatter import uneven_scatter
-from fitter.split_plot import SplitPlotFit, fit_split_plot
+from fitter.nonlinear import Curve
+from fitter.split_plot import SplitPlotFit
 from procedures.blocks import Block
 from procedures.errors import DataError
 from procedures.file_rows import rows_of_file
-from procedures.general.gross import of_table
+from procedures.general.declared import Declared, Model, model_of
 from procedures.general.infer import CurveCalibration, Factored
-from procedures.general.order import identities
+from procedures.general.judged import derived_table, judged_fit, prediction_table, within_tolerance
 from procedures.left_out import FitSummary, LeaveOut, Where, kept_with, search
 from procedures.results import PlainFitted
 from procedures.table import Reader, Table
@@ -33,119 +32,116 @@ from procedures.unused import unused_columns
 def fit_general(
     read: Reader,
     response: str,
-    formula: str,
+    formula: str | None = None,
     whole_plot: Sequence[str] = (),
     replicate: str | None = None,
     leave_out: Sequence[str] = (),
+    declared: Declared | None = None,
+    tolerance: float | None = None,
 ) -> dict[str, Any]:
-    """Fit a formula to a column of a CSV table; returns JSON values.
+    """Fit a declared model to a column of a CSV table; returns JSON values.
 
     Args:
         read: the table.
         response: the explained column, with or without back-ticks.
-        formula: the model; see `fitter.formula`.
+        formula: the model, if it is a formula and no more is declared; see `fitter.formula`.
         whole_plot: columns whose values together identify rows with a common whole-plot error; none for independent
             rows.
         replicate: column of the replications of whole plots.
         leave_out: "gross" for the rows named by the search for gross errors, or row numbers of the file.
+        declared: the model and the errors of the rows, in place of `formula`.
+        tolerance: largest accepted half-width of the 95 % interval of an inferred value, in units of the abscissa.
 
     Raises:
-        DataError: a column is missing, the formula cannot be read, or the rows do not determine it.
+        DataError: a column is missing, the model cannot be read, or the rows do not determine it.
     """
-    try:
-        model = Formula.parse(formula)
-    except FitError as error:
-        raise DataError(f"--formula: {error}") from error
+    declared = declared or Declared(formula)
     response = column_name(response)
     extra = [*whole_plot, *([replicate] if replicate else [])]
-    table = read(dict.fromkeys([response, *model.names, *extra]))
+    table = read(dict.fromkeys([response, *declared.columns(), *extra]))
     if response not in table.columns:
         raise DataError(f"{table.source}: the response {response} is not a column of numbers")
-    y = table.columns[response]
     asked = LeaveOut.of(leave_out, table)
     try:
         with rows_of_file(table):
-            names, exact = model.exact_columns({**table.columns, **table.text})
-        if not names:
-            raise FitError(f"the formula {formula!r} has no terms: there is nothing to fit")
-        columns = {**table.columns, **table.text}
-        plots = identities(columns, extra) if whole_plot else None
-        blocks = identities(columns, [replicate]) if whole_plot and replicate else None
-        every = _Rows(names, exact.hi, exact.lo, y, plots, blocks)
-        searched = search(table, asked, lambda rows: {response: every.take(rows).gross()})
-        fit = every.take(searched.used).fitted()
-        others = searched.with_the_others(lambda rows: every.take(rows).fitted())
-        found = _of_rows(fit) if isinstance(fit, LinearFit) else _of_whole_plots(fit)
-        uneven = _uneven(fit, every.take(searched.used), model, table, searched.used)
+            model = model_of(declared, table, response, whole_plot, replicate)
+        searched = search(table, asked, lambda rows: {response: model.rows.take(rows).gross()})
+        used = searched.used
+        fit = model.rows.take(used).fitted()
+        others = searched.with_the_others(lambda rows: model.rows.take(rows).fitted())
+        judged = judged_fit(fit, model, table, used)
+        calibration = calibration_of(fit, response, model, table, used, judged.notes)
+    except RankError as error:
+        raise DataError(f"{table.source}: {error}{_hint(declared)}") from error
     except FitError as error:
         raise DataError(f"{table.source}: {error}") from error
+    found = _of_rows(fit, model) if isinstance(fit, LinearFit) else _of_whole_plots(fit)
     simulated = bool(np.any(table.columns.get("simulated", 0.0)))
-    used = [response, *model.names, *extra, "simulated"]
+    summary = partial(_summary, stated=model.stated is not None)
     return {
         "data": {
             "file": PurePath(table.source).name,
-            "points": len(searched.used),
+            "points": len(used),
             "rows_left_out": searched.rows_left_out,
             "kind": "general",
             "simulated": simulated,
         },
         "response": response,
-        "formula": str(model),
+        "formula": str(model.curve),
+        **_described(model.curve),
         **found,
-        "notes": [*found["notes"], *uneven],
-        "unused": unused_columns(table, used).to_json(),
+        **judged.figures,
+        **derived_table(model.curve, calibration),
+        **prediction_table(calibration),
+        **within_tolerance(calibration, tolerance, table.source),
+        "notes": [*found["notes"], *judged.notes],
+        "unused": unused_columns(table, [response, *model.names, *extra, "simulated"]).to_json(),
         "gross_errors": searched.of_sensor(
             response,
             "",
             _order_of(table),
-            _summary(fit),
-            _summary(others) if isinstance(others, LinearFit | SplitPlotFit) else others,
+            summary(fit),
+            summary(others) if isinstance(others, LinearFit | SplitPlotFit) else others,
         ),
-        "calibration": _calibration(fit, response, model, table, searched.used, uneven).to_dict() | kept_with(searched),
+        "calibration": calibration.to_dict() | kept_with(searched),
     }
 
 
-@dataclass(frozen=True, eq=False)
-class _Rows:
-    """Rows of a table and their model.
+def _hint(declared: Declared) -> str:
+    """Advice where the rows do not determine a standard model."""
+    if declared.model is None:
+        return ""
+    from procedures.general.models.named import standard_model  # noqa: PLC0415
 
-    Attributes:
-        names: of the k columns.
-        columns: (n, k).
-        tails: (n, k) rounding errors of the doubles in `columns`.
-        y: (n,) response.
-        plots: (n,) identity of each row's whole plot; None for independent rows.
-        blocks: (n,) replication of each row's whole plot; None if they are not nested.
-    """
-
-    names: Sequence[str]
-    columns: FloatArray
-    tails: FloatArray
-    y: FloatArray
-    plots: IntArray | None
-    blocks: IntArray | None
-
-    def take(self, rows: IntArray) -> _Rows:
-        """Some of the rows."""
-        plots, blocks = (None if given is None else given[rows] for given in (self.plots, self.blocks))
-        return _Rows(self.names, self.columns[rows], self.tails[rows], self.y[rows], plots, blocks)
-
-    def gross(self) -> GrossErrors:
-        """The gross errors among them."""
-        plots = None if self.plots is None else np.unique(self.plots, return_inverse=True)[1].reshape(-1)
-        return of_table(self.y, self.columns, plots)
-
-    def fitted(self) -> LinearFit | SplitPlotFit:
-        """The model fitted to them. Raises `FitError`."""
-        if self.plots is None:
-            return least_squares(self.columns, self.y, self.names, tails=self.tails)
-        return fit_split_plot(self.columns, self.y, self.plots, self.names, replicate=self.blocks)
+    hint = standard_model(declared.model).hint
+    return f"; {hint}" if hint else ""
 
 
-def _summary(fit: LinearFit | SplitPlotFit) -> FitSummary:
+def _described(curve: Curve) -> dict[str, Any]:
+    """The standard model as JSON values; nothing for a formula."""
+    from procedures.general.models import NamedCurve  # noqa: PLC0415
+
+    if not isinstance(curve, NamedCurve):
+        return {}
+    model = curve.model
+    meanings = {one.name: {"unit": one.unit, "meaning": one.meaning} for one in model.parameters}
+    return {
+        "model": {
+            "name": model.name,
+            "title": model.title,
+            "source": model.source,
+            "valid": {"abscissa": curve.variable, "unit": model.abscissa.unit, "range": [*map(if_finite, model.valid)]},
+            "parameters": meanings,
+        }
+    }
+
+
+def _summary(fit: LinearFit | SplitPlotFit, *, stated: bool) -> FitSummary:
     if isinstance(fit, LinearFit):
         sigmas: dict[str, float | None] = {"sigma_E": if_finite(fit.sigma)}
-        stderr = fit.stderr
+        if stated:
+            sigmas = {"chi_squared": fit.rss}
+        stderr = np.linalg.norm(fit.root, axis=1) if stated else fit.stderr
     else:
         sigmas = {name: getattr(fit, name) for name in ("sigma_subplot", "sigma_wholeplot", "sigma_replicate")}
         stderr = fit.kenward_roger().stderr
@@ -158,17 +154,36 @@ def _order_of(table: Table) -> Where:
     return lambda row: "" if order is None else f"order {order[row]:.0f}"
 
 
-def _of_rows(fit: LinearFit) -> dict[str, Any]:
-    """Coefficients and errors of a fit of independent rows; null without degrees of freedom."""
-    known = fit.df > 0
+def _of_rows(fit: LinearFit, model: Model) -> dict[str, Any]:
+    """Coefficients and errors of a fit of independent rows; null without degrees of freedom.
+
+    Stated uncertainties give the standard errors whatever the scatter, without degrees of freedom.
+    """
     every = np.ones(len(fit.names))
+    if model.stated is not None:
+        errors = np.linalg.norm(fit.root, axis=1)
+        return {
+            "coefficients": coefficient_table(fit.names, fit.coefficients, errors, every * np.inf),
+            "correlation": _correlation(fit),
+            "sigma_E": None,
+            "notes": [],
+        }
+    known = fit.df > 0
     notes = [] if known else [no_error(fit.n, len(fit.names))]
     stderr = fit.stderr if known else every * np.nan
     return {
         "coefficients": coefficient_table(fit.names, fit.coefficients, stderr, every * fit.df),
+        "correlation": _correlation(fit),
         "sigma_E": fit.sigma if known else None,
         "notes": notes,
     }
+
+
+def _correlation(fit: LinearFit) -> list[list[float]]:
+    """(k, k) of the coefficients."""
+    root = fit.root / np.linalg.norm(fit.root, axis=1)[:, None]
+    found: list[list[float]] = np.clip(root @ root.T, -1.0, 1.0).tolist()
+    return found
 
 
 def _of_whole_plots(fit: SplitPlotFit) -> dict[str, Any]:
@@ -192,31 +207,19 @@ def no_error(rows: int, coefficients: int) -> str:
     )
 
 
-def _uneven(
-    fit: LinearFit | SplitPlotFit, given: _Rows, model: Formula, table: Table, rows: IntArray
-) -> tuple[str, ...]:
-    """Sentence about unequal scatter of the rows; nothing if it is equal."""
-    if isinstance(fit, LinearFit):
-        left, own = given.y - fit.predict(given.columns), 1.0 - fit.variance_function(given.columns)
-    else:
-        spectrum, k = fit.structure.spectrum, len(fit.names)
-        taken = 1.0 - 1.0 / (1.0 + fit.structure.ratio * spectrum.xi)
-        own = 1.0 - np.sum(spectrum.basis[:, :k] ** 2, axis=1) - spectrum.left**2 @ taken
-        left = fit.conditional_residuals
-    seen = own > 1e-6  # a row that the fit reproduces exactly has no information
-    along = {name: table.columns[name][rows][seen] for name in model.names if name in table.columns}
-    along["the fitted value"] = (given.columns @ fit.coefficients)[seen]
-    said = uneven_scatter(left[seen] / np.sqrt(own[seen]), along)
-    return (said,) if said else ()
-
-
-def _calibration(
-    fit: LinearFit | SplitPlotFit, response: str, formula: Formula, table: Table, rows: IntArray, notes: Sequence[str]
+def calibration_of(
+    fit: LinearFit | SplitPlotFit, response: str, model: Model, table: Table, rows: IntArray, notes: Sequence[str]
 ) -> CurveCalibration:
     """Data of a fit to these rows for `rig infer` and `rig chart`."""
+    reading, told = _reading(model, rows)
+    factor = Factored.of(fit)
     if isinstance(fit, SplitPlotFit):
         covariance, variances = fit.kenward_roger().covariance, fit.structure.variances
         derivatives, spread = fit.moments.derivatives, fit.moments.inverse_information
+    elif model.stated is not None:
+        covariance, variances, spread = fit.root @ fit.root.T, np.ones(1), np.zeros((1, 1))
+        derivatives, unit = covariance[None], np.eye(len(fit.names))
+        factor = Factored(fit.root, unit, unit[None])
     else:
         shape = fit.root @ fit.root.T
         known = fit.df > 0
@@ -226,20 +229,40 @@ def _calibration(
         spread = np.array([[2.0 * fit.sigma**4 / fit.df]] if known else [])
     ranges = {
         name: (float(table.columns[name][rows].min()), float(table.columns[name][rows].max()))
-        for name in formula.names
+        for name in model.curve.names
         if name in table.columns
     }
     return CurveCalibration(
         response,
-        formula,
+        model.curve,
         fit.coefficients,
         covariance,
         np.asarray(variances),
         derivatives,
         spread,
         ranges,
-        Factored.of(fit),
-        tuple(notes),
+        factor,
+        (*notes, *told),
+        reading,
+    )
+
+
+def _reading(model: Model, rows: IntArray) -> tuple[float | None, tuple[str, ...]]:
+    """Stated standard uncertainty of a reading in use, and what a user of the calibration has to know."""
+    if model.weight is not None and np.ptp(model.weight[rows]) > 0.0:
+        return None, (
+            "rows had weights: intervals are those of a reading of weight 1; rig infer --u-reading gives the standard "
+            "uncertainty of a reading in use",
+        )
+    if model.stated is None:
+        return None, ()
+    stated = model.stated[rows]
+    largest = float(stated.max())
+    if np.ptp(stated) == 0.0:
+        return largest, ()
+    return largest, (
+        f"the stated uncertainties of the readings differ: a reading in use is taken to have the largest, "
+        f"{largest:.4g}; rig infer --u-reading gives its own",
     )
 
 

@@ -13,17 +13,24 @@ from procedures.inference import Inference, empty_rows, free_name, no_column, un
 from procedures.table import Reader
 
 
-def infer_general(calibration: CurveCalibration, data: Reader) -> Inference:
+def infer_general(calibration: CurveCalibration, data: Reader, u_reading: float | None = None) -> Inference:
     """Infer the variable of a calibration's curve from every row of a CSV table.
 
     Args:
         calibration: with a formula of one column, monotonic over the calibrated range.
         data: the table, with a column for the response.
+        u_reading: standard uncertainty of one reading, in place of the calibration's.
 
     Raises:
         DataError: the curve cannot be inverted, or the column is missing.
     """
     response = calibration.response
+    notes = calibration.notes
+    if u_reading is not None:
+        if not 0.0 <= u_reading < np.inf:
+            raise DataError(f"--u-reading {u_reading:g}: it has to be a number at or above zero")
+        calibration = calibration.with_reading(u_reading)
+        notes = (*notes, f"the standard uncertainty of a reading is {u_reading:g}, as given by --u-reading")
     table = data([response])
     if response not in table.columns:
         raise no_column(table, response)
@@ -44,7 +51,7 @@ def infer_general(calibration: CurveCalibration, data: Reader) -> Inference:
     return Inference(
         {**table.columns, **table.text, **added},
         tuple(added),
-        calibration.notes,
+        notes,
         int(np.sum(flag != "")),
         quantities=(name,),
         unused=unused_beside(table, [response], inputs),

@@ -47,12 +47,24 @@ class GeneralKind(Kind):
             from procedures.general.of_runs import fit_run  # noqa: PLC0415
 
             return fit_run(source.table, leave_out)
+        from procedures.general.declared import Declared  # noqa: PLC0415
         from procedures.general.fit import GeneralFitted, fit_general  # noqa: PLC0415
 
-        if options.response is None or options.formula is None:
-            raise DataError("--response needs --formula, such as --formula '1 + x'")
+        if options.response is None:
+            raise DataError("--formula and --model need --response, the column to be explained")
         plots = [name.strip() for name in options.whole_plot.split(",")] if options.whole_plot else []
-        result = fit_general(source.read, options.response, options.formula, plots, options.replicate, leave_out)
+        declared = Declared(
+            options.formula,
+            options.model,
+            options.abscissa,
+            tuple(options.start or ()),
+            options.weight,
+            options.u_y,
+            options.u_x,
+        )
+        result = fit_general(
+            source.read, options.response, None, plots, options.replicate, leave_out, declared, options.tolerance
+        )
         return GeneralFitted(result)
 
     def trace(self, source: Source, options: TraceOptions, *, own: Sequence[Entry]) -> Traced:
@@ -88,38 +100,49 @@ class GeneralKind(Kind):
 
         return likely(source, table)
 
-    def calibration_of(self, given: Mapping[str, Any]) -> CurveCalibration:
-        """See `Kind`."""
+    def calibration_of(self, given: Mapping[str, Any]) -> CurveCalibration | Mapping[str, CurveCalibration]:
+        """Of one response, or by output of each sensor of a run."""
         from procedures.general.infer import CurveCalibration  # noqa: PLC0415
 
+        if "sensors" in given:
+            return {name: CurveCalibration.from_dict(one["calibration"]) for name, one in given["sensors"].items()}
         if "calibration" not in given:
             raise FitError("it was written before tables of any kind could be inferred from; fit the table again")
         return CurveCalibration.from_dict(given["calibration"])
 
     def infer(
-        self, calibration: CurveCalibration, read: Reader, options: InferOptions, other: Callable[[Path], Reader]
+        self,
+        calibration: CurveCalibration | Mapping[str, CurveCalibration],
+        read: Reader,
+        options: InferOptions,
+        other: Callable[[Path], Reader],
     ) -> Inference:
         """The abscissa of the curve."""
         from procedures.general.infer_table import infer_general  # noqa: PLC0415
 
-        return infer_general(calibration, read)
+        if isinstance(calibration, Mapping):
+            from procedures.general.infer_runs import infer_sensors  # noqa: PLC0415
+
+            return infer_sensors(calibration, read, options.u_reading)
+
+        return infer_general(calibration, read, options.u_reading)
 
     def check_design(self, procedure: GeneralProcedure, run_list: RunList) -> None:
         """Check that the design can estimate the declared models."""
-        from procedures.general.declared import check_declared  # noqa: PLC0415
+        from procedures.general.planning import check_declared  # noqa: PLC0415
 
         check_declared(procedure, run_list)
 
     def precision(self, procedure: GeneralProcedure, run_list: RunList) -> Precision:
         """Precision of every coefficient and of the fitted value."""
-        from procedures.general.declared import precision  # noqa: PLC0415
+        from procedures.general.planning import precision  # noqa: PLC0415
 
         return precision(procedure, run_list)
 
     def advice(self, procedure: GeneralProcedure, axes: Sequence[str], usage_deg: float | None) -> Sequence[Advice]:
         """Confounded terms and effects, and errors without degrees of freedom."""
         super().advice(procedure, axes, usage_deg)
-        from procedures.general.declared import advice  # noqa: PLC0415
+        from procedures.general.planning import advice  # noqa: PLC0415
 
         return advice(procedure)
 

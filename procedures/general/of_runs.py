@@ -20,6 +20,12 @@ from procedures.results import Page, PlainFitted
 from procedures.table import Reader, Table
 
 _WHOLE_PLOT, _REPLICATE, _TIME = "whole_plot", "replicate", "elapsed_s"
+_FLAGS = {
+    "reference": "since the reference standard read something else than was set",
+    "noisy": "as noisier than the procedure allows",
+    "frozen": "since an output repeated itself to the last digit",
+    "temperature": "since the environment had left its tolerance",
+}
 _NOT_TRACED = ("run_index", "order", "accepted", "simulated")
 
 
@@ -43,6 +49,28 @@ def reader_of(table: Table) -> Reader:
         return table
 
     return read
+
+
+def has_whole_plots(table: Table) -> bool:
+    """Whether readings share whole plots; a whole plot of one reading has no error of its own beside that reading's."""
+    plots = table.columns.get(_WHOLE_PLOT)
+    return plots is not None and len(set(plots.tolist())) < len(plots)
+
+
+def notes_of(table: Table) -> tuple[str, ...]:
+    """Sentences on a run that belong to every result of it."""
+    told = []
+    if _WHOLE_PLOT in table.columns and not has_whole_plots(table):
+        told.append("every whole plot has one reading: its error is a part of that of the row, and was not separated")
+    flags: Mapping[str, int] = table.provenance.get("flags", {})
+    for flag, count in flags.items():
+        rows = "1 row is" if count == 1 else f"{count} rows are"
+        told.append(f"{rows} flagged {_FLAGS.get(flag, flag)}; `rig export --all` and the run's events say which")
+    return tuple(told)
+
+
+def _noted(result: dict[str, Any], notes: Sequence[str]) -> dict[str, Any]:
+    return {**result, "notes": [*result["notes"], *notes]}
 
 
 @dataclass(frozen=True)
@@ -69,16 +97,16 @@ def fit_run(table: Table, leave_out: Sequence[str] = ()) -> RunFitted:
     Raises:
         DataError: the rows do not determine a model, or it cannot be read.
     """
-    plots = [_WHOLE_PLOT] if _WHOLE_PLOT in table.columns else []
-    read = reader_of(table)
+    plots = [_WHOLE_PLOT] if has_whole_plots(table) else []
+    read, notes = reader_of(table), notes_of(table)
     found = {
-        column: fit_general(read, column, formula, plots, None, leave_out)
+        column: _noted(fit_general(read, column, formula, plots, None, leave_out), notes)
         for column, formula in models_of(table).items()
     }
     if len(found) == 1:
         return RunFitted(next(iter(found.values())))
     first = next(iter(found.values()))
-    return RunFitted({"data": first["data"], "sensors": found})
+    return RunFitted({"data": first["data"], "sensors": found, "unused": first["unused"]})
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +154,7 @@ def trace_run(table: Table) -> RunTraced:
     Raises:
         DataError: there are too few rows for a model, or it cannot be read.
     """
-    read, plots = reader_of(table), _WHOLE_PLOT in table.columns
+    read, plots = reader_of(table), has_whole_plots(table)
     models = models_of(table)
     found = {}
     for column, formula in models.items():

@@ -18,6 +18,25 @@ class FitOptions(Options):
     formula: str | None = Field(None, description=_FORMULA)
     whole_plot: str | None = Field(None, description="column(s, comma between) of whole plots")
     replicate: str | None = Field(None, description="column of replications that hold whole plots")
+    model: str | None = Field(
+        None, description="a standard model in place of a formula, such as callendar-van-dusen (docs/table_models.md)"
+    )
+    abscissa: str | None = Field(None, description="column that --model, or --u-x, is about")
+    start: list[str] | None = Field(
+        None,
+        description="parameter and its start value, a=1.5, for a formula that is not linear in its parameters, such as "
+        "'a * exp(-b * x)'; repeatable, or a=1.5,b=2",
+    )
+    weight: str | None = Field(None, description="column of relative weights: one over the variance, up to a factor")
+    u_y: str | None = Field(
+        None, description="standard uncertainty of the response, known beforehand: a column, or a value"
+    )
+    u_x: str | None = Field(None, description="standard uncertainty of the abscissa: a column, or a value; with --u-y")
+    tolerance: float | None = Field(
+        None,
+        description="largest accepted 95 % half-width of a value inferred from one reading, in the unit of the "
+        "abscissa; exit code 3 beyond it",
+    )
 
 
 class TraceOptions(Options):
@@ -48,4 +67,8 @@ class TraceOptions(Options):
 
 
 class InferOptions(Options):
-    """Options of `rig infer`: none."""
+    """Options of `rig infer`."""
+
+    u_reading: float | None = Field(
+        None, description="standard uncertainty of one new reading, in its unit, in place of the calibration's"
+    )

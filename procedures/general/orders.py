@@ -19,7 +19,12 @@ _ORDERS_TRIED = 1000
 
 
 def visits(
-    points: Sequence[Setting], orders: Sequence[str], hard: Sequence[bool], rng: random.Random, before: Setting | None
+    points: Sequence[Setting],
+    orders: Sequence[str],
+    hard: Sequence[bool],
+    rng: random.Random,
+    before: Setting | None,
+    plots: Sequence[int] | None = None,
 ) -> Iterator[tuple[int, Setting]]:
     """Points of one replication in running order, each with the number of its whole plot, from 0.
 
@@ -30,15 +35,27 @@ def visits(
         rng: random generator.
         before: last hard settings of the replication before, which no whole plot repeats at once if that can be
             avoided; None for the first replication, or without hard factors.
+        plots: whole plot of each point; None if points with the same hard settings share one.
     """
     stiff = [at for at, one in enumerate(hard) if one]
     loose = [at for at, one in enumerate(hard) if not one]
-    plots = _grouped(points, stiff)
+    groups = list(_grouped(points, stiff).items()) if plots is None else _by_plot(points, stiff, plots)
     swept = [at for at in loose if orders[at] != RANDOM]
-    for number, key in enumerate(_plots(list(plots), [orders[at] for at in stiff], rng, before)):
-        for group in _at_random(plots[key], loose, orders, rng):
+    order = _plots([key for key, _ in groups], [orders[at] for at in stiff], rng, before)
+    for number, which in enumerate(order):
+        for group in _at_random(groups[which][1], loose, orders, rng):
             for point in _sweep(group, swept, orders):
                 yield number, point
+
+
+def _by_plot(
+    points: Sequence[Setting], stiff: Sequence[int], plots: Sequence[int]
+) -> list[tuple[Setting, list[Setting]]]:
+    """Hard settings and points of each whole plot."""
+    found: dict[int, list[Setting]] = {}
+    for point, plot in zip(points, plots, strict=True):
+        found.setdefault(plot, []).append(point)
+    return [(tuple(inside[0][i] for i in stiff), inside) for inside in found.values()]
 
 
 def _grouped(points: Sequence[Setting], at: Sequence[int]) -> dict[Setting, list[Setting]]:
@@ -49,16 +66,23 @@ def _grouped(points: Sequence[Setting], at: Sequence[int]) -> dict[Setting, list
     return found
 
 
-def _plots(keys: list[Setting], orders: Sequence[str], rng: random.Random, before: Setting | None) -> Iterator[Setting]:
-    """Hard settings in running order: in random order, or swept if no factor is in random order."""
+def _plots(keys: Sequence[Setting], orders: Sequence[str], rng: random.Random, before: Setting | None) -> list[int]:
+    """Places of whole plots in running order, by their hard settings: in random order, without equal settings in
+    succession if that can be avoided; or swept if no factor is in random order.
+    """
+    places = list(range(len(keys)))
+    if not orders:
+        return places
     if RANDOM not in orders:
-        yield from _sweep(keys, range(len(orders)), orders)
-        return
+        at: dict[Setting, list[int]] = {}
+        for place, key in enumerate(keys):
+            at.setdefault(key, []).append(place)
+        return [place for key in _sweep(list(at), range(len(orders)), orders) for place in at[key]]
     for _ in range(_ORDERS_TRIED):
-        rng.shuffle(keys)
-        if before is None or keys[0] != before:
+        rng.shuffle(places)
+        if all(a != b for a, b in itertools.pairwise([before, *(keys[place] for place in places)])):
             break
-    yield from keys
+    return places
 
 
 def _at_random(

@@ -28,7 +28,7 @@ from procedures.fault_policies import (
     FaultSettings,
     Policy,
 )
-from procedures.general.design import MOST_POINTS, DesignSettings, Setting, rows_of
+from procedures.general.design import MOST_POINTS, DesignSettings, Points, Setting, optimal_rows, rows_of
 from procedures.general.factors import FACTOR_NAME, UP_DOWN, FactorSettings
 from procedures.general.orders import sides, visits
 from procedures.general.response import response_of
@@ -205,8 +205,9 @@ class GeneralProcedure(Strict):
             raise ValueError(
                 "environment sets every chamber, and a hard factor sets one: give the temperatures as factors only"
             )
-        if self.design.type == "file" and self.design.rows is None:
-            return self  # the file is read later
+        if not self.design.known:
+            return self  # a file is read, or a design is searched, when a run is planned
+        self._check_whole_plots()
         points = sum(1 for _ in self._points())
         if points > MOST_POINTS:
             raise ValueError(f"the design has {points:,} points, more than {MOST_POINTS:,}")
@@ -219,27 +220,55 @@ class GeneralProcedure(Strict):
     def files(self) -> tuple[str, ...]:
         """Files beside the procedure that it needs, and that are not yet in it."""
         design = self.design
-        return (str(design.points),) if design.type == "file" and design.rows is None else ()
+        return (str(design.points),) if design.type == "file" and not design.known else ()
 
-    def with_files(self, texts: Mapping[str, str]) -> dict[str, Any]:
-        """Values of the file of this procedure with the contents of its files, by their names.
+    def completed(self, texts: Mapping[str, str]) -> dict[str, Any] | None:
+        """Values of the procedure's file with the points of a design that is read or searched; None without one.
+
+        Args:
+            texts: contents of its `files`, by name.
 
         Raises:
-            ValueError: with file, line and column of what cannot be used.
+            ValueError: with the defect of a file, or of a design, and what would mend it.
         """
-        file = str(self.design.points)
-        rows = rows_of(texts[file], file, tuple(self.factors))
+        design = self.design
+        if design.known:
+            return None
+        if design.type == "file":
+            file = str(design.points)
+            rows, plots = rows_of(texts[file], file, tuple(self.factors))
+        else:
+            formulas, ratio = self.model.formulas, self.expect.whole_plot_ratio
+            rows, plots = optimal_rows(design, self.factors, formulas, ratio, self.seed)
         values = self.model_dump(mode="json", exclude_none=True, exclude_unset=True)
-        return {**values, "design": {**values["design"], "rows": rows}}
+        found = {"rows": rows} if plots is None else {"rows": rows, "plots": plots}
+        return {**values, "design": {**values["design"], **found}}
+
+    def _check_whole_plots(self) -> None:
+        """Refuse whole plots that do not go with the factors. Raises ValueError."""
+        points, hard = self._design, [factor.hard for factor in self.factors.values()]
+        if points.plots is None:
+            return
+        if not any(hard):
+            raise ValueError("the points have a column whole_plot, and no factor is hard to change: hard = true")
+        stood: dict[int, Setting] = {}
+        for setting, plot in zip(points.settings, points.plots, strict=True):
+            stands = tuple(value for value, stiff in zip(setting, hard, strict=True) if stiff)
+            if stood.setdefault(plot, stands) != stands:
+                raise ValueError(f"whole plot {plot} of the points has two settings of a factor that is hard to change")
 
     @property
     def _whole_plots(self) -> bool:
         return any(factor.hard for factor in self.factors.values())
 
     @cached_property
-    def _settings(self) -> list[Setting]:
+    def _design(self) -> Points:
         """Points of one replication in standard order."""
         return self.design.settings(self.factors)
+
+    @property
+    def _settings(self) -> tuple[Setting, ...]:
+        return self._design.settings
 
     def _span(self, name: str) -> float:
         """Range of a factor's settings."""
@@ -317,7 +346,7 @@ class GeneralProcedure(Strict):
         last: Setting | None = None
         for replication in range(1, self.replications + 1):
             one: Setting | None = None
-            for number, setting in visits(self._settings, orders, hard, rng, last):
+            for number, setting in visits(self._settings, orders, hard, rng, last, self._design.plots):
                 yield replication, number, setting
                 one = tuple(value for value, stiff in zip(setting, hard, strict=True) if stiff)
             last = one

@@ -45,6 +45,12 @@ def show_general_fit(file: str, result: Mapping[str, Any]) -> Iterator[Block]:
     for name, value in result["coefficients"].items():
         table.add_row(escape(name), number(value["estimate"], 8), number(value["stderr"], 3), number(value["df"], 4))
     yield table
+    if "model" in result:
+        yield Line(f"  {escape(result['model']['title'])}; {escape(result['model']['source'])}", wrapped=True)
+    for name, value in result.get("derived", {}).items():
+        unit, meaning = f" {value['unit']}" if value["unit"] else "", value["meaning"]
+        error = f" +- {number(value['stderr'], 3)}" if value["stderr"] is not None else ""
+        yield Line(f"  {escape(name):<16} {number(value['estimate'], 8)}{error}{escape(unit)}  {escape(meaning)}")
     for key, what in (
         ("sigma_E", "standard error of one row"),
         ("sigma_subplot", "of one row within its whole plot"),
@@ -53,7 +59,47 @@ def show_general_fit(file: str, result: Mapping[str, Any]) -> Iterator[Block]:
     ):
         if result.get(key) is not None:
             yield Line(f"  {key:<16} {number(result[key], 5)}  {what}", wrapped=True)
+    yield from _tests(result)
+    yield from _predictions(result)
     yield from show_left_out(result["data"])
     yield from show_gross(result["gross_errors"])
     for note in result.get("notes", ()):
         yield Line(f"  [yellow]{escape(note)}[/]")
+
+
+def _tests(result: Mapping[str, Any]) -> Iterator[Block]:
+    """Chi-squared of stated uncertainties, lack of fit, tolerance."""
+    if (told := result.get("chi_squared")) is not None:
+        yield Line(
+            f"  {'chi_squared':<16} {number(told['value'], 4)}  with {told['df']} degrees of freedom; 95 % limit "
+            f"{number(told['limit95'], 4)}",
+            wrapped=True,
+        )
+    if (told := result.get("lack_of_fit")) is not None:
+        between, within = told["df"]
+        yield Line(f"  {'lack_of_fit':<16} F = {number(told['F'], 3)} with {between} and {within}, p = {told['p']:.2g}")
+    if (told := result.get("acceptance")) is not None:
+        half = "no end" if told["half_width95"] is None else number(told["half_width95"], 4)
+        word = "[green]inside[/]" if told["inside"] else "[bold red]OUTSIDE[/]"
+        yield Line(
+            f"  {'tolerance':<16} {word}: widest 95 % half-width of an inferred value {half}, tolerance "
+            f"{number(told['tolerance'], 4)}",
+            wrapped=True,
+        )
+
+
+def _predictions(result: Mapping[str, Any]) -> Iterator[Block]:
+    """The curve over its range, with intervals."""
+    rows = result.get("predictions", ())
+    if not rows:
+        return
+    name = next(iter(rows[0]))
+    table = Grid((escape(name), escape(result["response"]), "95 %: curve", "one reading"))
+    for row in rows:
+        table.add_row(
+            number(row[name], 6),
+            number(row["value"], 8),
+            f"+-{number(row['confidence95'], 3)}",
+            f"+-{number(row['prediction95'], 3)}",
+        )
+    yield table

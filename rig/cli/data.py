@@ -78,7 +78,7 @@ def fit(
         fitted.save(out_file)
         err.print(f"calibration: {escape(str(out_file))}", soft_wrap=True)
     show_result(fitted, as_json=as_json)
-    return ExitCode.DONE
+    return ExitCode.DONE if fitted.inside else ExitCode.OUTSIDE_ACCEPTANCE
 
 
 @app.command()

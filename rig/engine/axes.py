@@ -334,4 +334,4 @@ def own_limits(bench: Bench, run_list: RunList) -> dict[str, tuple[float, float]
     """The instruments' own (low, high) by factor name."""
     span = axes_of(bench, run_list.easy).span()
     found = {f.name: span[f.axis] for f in run_list.easy if f.axis in span}
-    return found | {f.name: bench.setting(f.name, Chamber)[1].limits() for f in run_list.hard}
+    return found | {f.name: bench.soaks(f.name)[1].limits() for f in run_list.hard}

@@ -48,7 +48,8 @@ class Guard:
         self._now = now
         self._rated: dict[str, tuple[float, float]] = {}
         of_chambers = {f: limits[f"{name}_degC"] for f, name in factors.items() if f"{name}_degC" in limits}
-        self._limits = {**of_chambers, **limits}
+        of_factors = {f"{name}_degC": limits[f] for f, name in factors.items() if f in limits and f.endswith("_degC")}
+        self._limits = {**of_factors, **of_chambers, **limits}
 
     @property
     def limits(self) -> Mapping[str, tuple[float, float]]:

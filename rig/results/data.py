@@ -109,6 +109,11 @@ class Calibration(Evaluated):
             raise UsageError(f"this result of {self.source} is not a calibration: it has no table of estimates")
         return of_rows(rows, *_ESTIMATES, {"source": self.source, "kind": self.kind.name})
 
+    @property
+    def inside(self) -> bool:
+        """Whether it is inside the tolerance that was asked for, if one was."""
+        return bool(self._told.get("acceptance", {}).get("inside", True))
+
     def save(self, path: str | Path) -> None:
         """Write the calibration file of `rig fit --out`. Raises `UsageError` if the disk refuses.
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Iterable, Mapping
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -51,7 +52,7 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False) ->
         turned = {f"mounting_{axis}": turn for axis, turn in mounting_of(documents).items()}
         made = () if salvage else _by_hand(reader)
         rows: list[dict[str, float]] = []
-        left_out = rejected = 0
+        left_out, rejected, flags = 0, 0, Counter[str]()
         doubted = _doubted(reader.salvage() if salvage else reader.records(WholePlotLost.kind))
         records = reader.salvage() if salvage else reader.records(Observed.kind)
         for record in records:
@@ -64,6 +65,7 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False) ->
                 if not (accepted or everything):
                     continue
                 row = _row(record, run_list, len(rows) + 1, factors)
+                flags.update(_flags(record))
                 row["block"] += sum(one.elapsed_s <= record.elapsed_s for one in made)
             except ContentsError:
                 if not salvage:
@@ -104,6 +106,7 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False) ->
         **({"by_hand": [one.as_json() for one in made]} if made else {}),
         **({"skipped": skipped} if skipped else {}),
         **({"left_out_in_doubt": left_out} if left_out else {}),
+        **({"flags": dict(flags)} if flags else {}),
         **({"observations_rejected": rejected} if rejected else {}),
     }
     about = Table(str(path), _package_temperature(columns, bench), run.simulated, provenance)
@@ -117,6 +120,11 @@ def _of_sensors(table: Table, bench: Stored) -> Table:
     axes = {column: s.text("axis") for column, (_, s) in sensors.items() if "axis" in s}
     outputs = {column: name for column, (name, _) in sensors.items() if column in table.columns}
     return replace(table, axes=axes, outputs=outputs)
+
+
+def _flags(record: Record) -> Sequence[str]:
+    """Flags of an observation."""
+    return record.event.flags if isinstance(record.event, Observed) else ()
 
 
 def _package_temperature(columns: Columns, bench: Stored) -> Columns:

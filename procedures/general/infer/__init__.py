@@ -1,6 +1,7 @@
 """The abscissa of a fitted curve from a new reading of its response."""
 
-from procedures.general.infer.curve import CurveCalibration, InferredCurve, infer_curve, too_few_digits
+from procedures.general.infer.calibration import CurveCalibration
+from procedures.general.infer.curve import InferredCurve, infer_curve, too_few_digits
 from procedures.general.infer.factored import Factored
 
 __all__ = ["CurveCalibration", "Factored", "InferredCurve", "infer_curve", "too_few_digits"]

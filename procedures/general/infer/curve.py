@@ -11,18 +11,17 @@ Satterthwaite's of the sum; those of a fit without whole plots are its own.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import special
 
 from fitter.arrays import FloatArray
 from fitter.errors import FitError
-from fitter.formula import Formula
-from procedures.general.infer.factored import EPS, LEAST_DIGITS, Factored
+from procedures.general.infer.calibration import CurveCalibration
+from procedures.general.infer.factored import EPS, LEAST_DIGITS
 
 BEYOND = 0.02
 """Permitted distance of a value from the calibrated range, relative to its width: settings have errors."""
@@ -33,97 +32,6 @@ REACH = 1.0
 BAD_READING = "not a finite number"
 _EXACT = 1e-6  # minimum error relative to the curve's range, if the rows scatter less
 _GRID, _SLOPES, _STEPS, _CHUNK, _FLAT = 128, 513, 100, 8192, 1e-9
-
-
-@dataclass(frozen=True, eq=False)
-class CurveCalibration:
-    """A fitted formula with the data for its inversion.
-
-    Attributes:
-        response: name of the explained column.
-        formula: of c coefficients.
-        coefficients: (k,).
-        covariance: (k, k).
-        variances: (c,) of one reading: its own, and those common to its whole plot and replication; () without degrees
-            of freedom.
-        derivatives: (c, k, k) of the covariance by the variances.
-        spread: (c, c) covariance of the variances.
-        ranges: lowest and highest value calibrated of every variable of the formula.
-        factor: the covariance and its derivatives in factored form, with smaller rounding errors; None in older files.
-        notes: the fit's notes about its intervals.
-    """
-
-    response: str
-    formula: Formula
-    coefficients: FloatArray
-    covariance: FloatArray
-    variances: FloatArray
-    derivatives: FloatArray
-    spread: FloatArray
-    ranges: Mapping[str, tuple[float, float]]
-    factor: Factored | None = None
-    notes: tuple[str, ...] = ()
-
-    @property
-    def variable(self) -> str:
-        """The only variable, which the response determines. Raises FitError with the reason if there is none."""
-        if self.formula.has_categories or len(self.formula.names) != 1:
-            names = ", ".join(self.formula.names) or "no column"
-            raise FitError(
-                f"its formula has {names}; a curve is inverted where it has one column of numbers, as in '1 + x + x^2'"
-            )
-        if not len(self.variances):
-            raise FitError(
-                "it was fitted to as many rows as it has coefficients, so its error is unknown; fit more rows"
-            )
-        return self.formula.names[0]
-
-    @property
-    def factored(self) -> Factored:
-        """The covariance and its derivatives, factored if the file has them so."""
-        return self.factor or Factored.plain(self.covariance, self.derivatives)
-
-    def to_dict(self) -> dict[str, Any]:
-        """JSON values; `from_dict` restores the same object."""
-        return {
-            "kind": "general",
-            "response": self.response,
-            "formula": str(self.formula),
-            "coefficients": self.coefficients.tolist(),
-            "covariance": self.covariance.tolist(),
-            "variances": self.variances.tolist(),
-            "derivatives": self.derivatives.tolist(),
-            "spread": self.spread.tolist(),
-            "ranges": {name: list(pair) for name, pair in self.ranges.items()},
-            "notes": list(self.notes),
-            **({} if self.factor is None else {"covariance_factor": self.factor.to_dict()}),
-        }
-
-    @staticmethod
-    def from_dict(given: Mapping[str, Any]) -> CurveCalibration:
-        """Restore from `to_dict`. Raises FitError for anything else."""
-        if given.get("kind") != "general":
-            raise FitError(f"this is not a calibration of a general table, its kind is {given.get('kind')!r}")
-        try:
-            numbers = {name: np.array(given[name], np.float64) for name in _NUMBERS}
-            formula = Formula.parse(given["formula"])
-            ranges = {str(name): (float(low), float(high)) for name, (low, high) in given["ranges"].items()}
-            response = str(given["response"])
-            notes = tuple(str(note) for note in given.get("notes", ()))
-            factor = Factored.from_dict(given["covariance_factor"]) if "covariance_factor" in given else None
-        except (KeyError, TypeError) as problem:
-            raise FitError(f"a calibration of a general table lacks or garbles {problem}") from problem
-        k, c = len(numbers["coefficients"]), len(numbers["variances"])
-        wanted = dict(zip(_NUMBERS, ((k,), (k, k), (c,), (c, k, k), (c, c)), strict=True))
-        for name, values in numbers.items():
-            if (c and values.shape != wanted[name]) or not np.isfinite(values).all():
-                raise FitError(f"a calibration of a general table garbles {name}")
-        if factor is not None and c and not factor.fits(k, c):
-            raise FitError("a calibration of a general table garbles covariance_factor")
-        return CurveCalibration(response, formula, **numbers, ranges=ranges, factor=factor, notes=notes)
-
-
-_NUMBERS = ("coefficients", "covariance", "variances", "derivatives", "spread")
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,7 +72,6 @@ class _Band:
     """The curve with positive slope: `sign` times it, with the half-width of its prediction interval."""
 
     calibration: CurveCalibration
-    factor: Factored
     sign: float
     inner: tuple[float, float]
     grid: FloatArray
@@ -186,7 +93,7 @@ class _Band:
         room = BEYOND * (high - low)
         first = low - room if _direction(calibration, low - room, low) == sign else low
         last = high + room if _direction(calibration, high, high + room) == sign else high
-        return _Band(calibration, calibration.factored, sign, (first, last), _grid(calibration, low, high))
+        return _Band(calibration, sign, (first, last), _grid(calibration, low, high))
 
     def infer(self, response: FloatArray) -> InferredCurve:
         name, n = self.calibration.variable, len(response)
@@ -214,31 +121,19 @@ class _Band:
 
     def curve(self, x: FloatArray) -> FloatArray:
         """(n,) rising curve."""
-        return np.asarray(self.sign * (_columns(self.calibration, x) @ self.calibration.coefficients))
+        return np.asarray(self.sign * self.calibration.curve(x))
 
     def edge(self, x: FloatArray, side: float) -> FloatArray:
         """(n,) upper (`side` 1) or lower (-1) end of the 95 % prediction interval of one new reading."""
-        h = _columns(self.calibration, x)
-        variance, df = self._variance(h)
-        half = special.stdtrit(df, 0.975) * np.sqrt(variance)
-        return np.asarray(self.sign * (h @ self.calibration.coefficients) + side * half)
+        half = self.calibration.half_width(self.calibration.rows(x))
+        return np.asarray(self.curve(x) + side * half)
 
     def sd(self, x: FloatArray) -> FloatArray:
         """(n,) standard deviation of x, to first order; NaN where the curve is horizontal."""
-        slope = np.abs(_slope(self.calibration, x))
+        slope = np.abs(self.calibration.slope(x))
         with np.errstate(divide="ignore", invalid="ignore"):
-            sd = np.sqrt(self._variance(_columns(self.calibration, x))[0]) / slope
+            sd = np.sqrt(self.calibration.reading_variance(self.calibration.rows(x))[0]) / slope
         return np.where(np.isfinite(sd), sd, np.nan)
-
-    def _variance(self, h: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """(n,) variance of a new reading minus the curve at (n, k) rows of the model, and its degrees of freedom."""
-        c = self.calibration
-        variance = self.factor.variance(h) + c.variances.sum()
-        gradient = self.factor.gradient(h) + 1.0
-        plain, uncertain = gradient @ c.variances, np.einsum("nc,cd,nd->n", gradient, c.spread, gradient)
-        if not plain.all():  # the curve fits every row exactly: zero width, for any degrees of freedom
-            return variance, np.ones(len(h))
-        return variance, 2.0 * plain**2 / uncertain
 
     def lower(self, at: FloatArray, y: FloatArray) -> FloatArray:
         """(n,) nearest x below `at` at which the reading leaves the prediction interval; NaN for none."""
@@ -291,8 +186,8 @@ def _direction(calibration: CurveCalibration, low: float, high: float) -> float:
     """1 if the curve is increasing everywhere, -1 if decreasing, 0 if neither or undefined."""
     try:
         x = np.linspace(low, high, _SLOPES)
-        _columns(calibration, x)  # it alone refuses values outside the formula's domain
-        slope = _slope(calibration, x)
+        calibration.curve(x)  # it alone refuses values outside the formula's domain
+        slope = calibration.slope(x)
     except FitError:
         return 0.0
     steepest = np.abs(slope).max()
@@ -309,12 +204,12 @@ def too_few_digits(calibration: CurveCalibration, low: float, high: float) -> st
     not.
     """
     try:
-        h = _columns(calibration, np.linspace(low, high, _SLOPES))
+        x = np.linspace(low, high, _SLOPES)
+        h, curve = calibration.rows(x), calibration.curve(x)
     except FitError:
         return ""  # reported elsewhere
     factor = calibration.factored
     variance = factor.variance(h) + calibration.variances.sum()
-    curve = h @ calibration.coefficients
     off = EPS * (np.abs(h) @ np.abs(calibration.coefficients))
     least = np.maximum(np.sqrt(np.maximum(variance, 0.0)), _EXACT * np.ptp(curve))
     if (factor.rounding(h) <= LEAST_DIGITS * variance).all() and (off <= LEAST_DIGITS * least).all():
@@ -340,17 +235,8 @@ def _grid(calibration: CurveCalibration, low: float, high: float) -> FloatArray:
 
 def _defined(calibration: CurveCalibration, x: float) -> bool:
     try:
-        return bool(np.isfinite(_columns(calibration, np.array([x]))).all())
+        return bool(
+            np.isfinite(calibration.rows(np.array([x]))).all() and np.isfinite(calibration.curve(np.array([x]))).all()
+        )
     except FitError:
         return False
-
-
-def _columns(calibration: CurveCalibration, x: FloatArray) -> FloatArray:
-    return calibration.formula.columns({calibration.formula.names[0]: x})[1]
-
-
-def _slope(calibration: CurveCalibration, x: FloatArray) -> FloatArray:
-    """(n,) derivative of the response."""
-    name = calibration.formula.names[0]
-    with np.errstate(all="ignore"):  # a logarithm at zero: the caller checks the result
-        return np.asarray(calibration.formula.derivative({name: x}, name) @ calibration.coefficients)

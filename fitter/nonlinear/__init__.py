@@ -1,0 +1,7 @@
+"""Curves that are not linear in their parameters, and errors in the abscissa: problems and their least squares."""
+
+from fitter.nonlinear.curve import ByStep, Curve, WrittenCurve
+from fitter.nonlinear.problems import Correlated, Distance, Problem, Weighted
+from fitter.nonlinear.solve import Solved, solve
+
+__all__ = ["ByStep", "Correlated", "Curve", "Distance", "Problem", "Solved", "Weighted", "WrittenCurve", "solve"]

@@ -1,0 +1,218 @@
+"""Least-squares problems: residuals in standard deviations as a function of the parameters, and their derivatives."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from fitter.arrays import FloatArray, IntArray
+from fitter.errors import FitError
+from fitter.nonlinear.curve import Curve
+
+_STEPS = 100
+
+
+class Problem(Protocol):
+    """Residuals of m numbers, each with standard deviation one (or with one unknown standard deviation)."""
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the k parameters."""
+
+    @property
+    def size(self) -> float:
+        """Root sum of squares of the measured responses in standard deviations, for rounding errors."""
+
+    def residuals(self, b: FloatArray) -> FloatArray:
+        """(m,) measured minus fitted. Raises `FitError` where the curve is undefined."""
+
+    def columns(self, b: FloatArray) -> FloatArray:
+        """(m, k) derivative of what is fitted: minus that of the residuals."""
+
+
+@dataclass(frozen=True, eq=False)
+class Weighted:
+    """Errors in the response only.
+
+    Attributes:
+        curve: of k parameters.
+        table: (n,) columns by name.
+        y: (n,) response.
+        scale: (n,) one over the standard deviation, up to a common factor.
+    """
+
+    curve: Curve
+    table: Mapping[str, FloatArray]
+    y: FloatArray
+    scale: FloatArray
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """See `Problem`."""
+        return self.curve.parameters
+
+    @property
+    def size(self) -> float:
+        """See `Problem`."""
+        return float(np.linalg.norm(self.scale * self.y))
+
+    def residuals(self, b: FloatArray) -> FloatArray:
+        """See `Problem`."""
+        return np.asarray(self.scale * (self.y - self.curve.value(b, self.table)))
+
+    def columns(self, b: FloatArray) -> FloatArray:
+        """See `Problem`."""
+        return np.asarray(self.scale[:, None] * self.curve.rows(b, self.table))
+
+    def scale_at(self, b: FloatArray) -> FloatArray:
+        """(n,) one over the standard deviation of a response less the curve."""
+        return self.scale
+
+    def take(self, rows: IntArray) -> Weighted:
+        """Some of the rows."""
+        return Weighted(self.curve, _taken(self.table, rows), self.y[rows], self.scale[rows])
+
+
+@dataclass(frozen=True, eq=False)
+class Distance:
+    """Errors in the response and in one column, all independent: generalised distance regression.
+
+    The sum of ((x - xi) / u_x)^2 + ((y - f(xi, b)) / u_y)^2 is minimised over the true values xi of each row and over
+    b (ISO/TS 28037:2010, clause 7, for a straight line). For given b each xi is found by itself. Each row then has
+    one residual, (y - f) (u_y^2 + f'^2 u_x^2)^0.5 / u_y^2, whose derivative is -df/db / (u_y^2 + f'^2 u_x^2)^0.5, at
+    xi: at the minimum over xi, moving xi changes nothing to first order.
+
+    Attributes:
+        curve: of k parameters.
+        table: (n,) columns by name.
+        name: of the column with errors.
+        y: (n,) response.
+        u_x: (n,) standard uncertainty of the column, may be zero.
+        u_y: (n,) standard uncertainty of the response, above zero.
+    """
+
+    curve: Curve
+    table: Mapping[str, FloatArray]
+    name: str
+    y: FloatArray
+    u_x: FloatArray
+    u_y: FloatArray
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """See `Problem`."""
+        return self.curve.parameters
+
+    @property
+    def size(self) -> float:
+        """See `Problem`."""
+        return float(np.linalg.norm(self.y / self.u_y))
+
+    def residuals(self, b: FloatArray) -> FloatArray:
+        """See `Problem`."""
+        at = self.true_values(b)
+        left = self.y - self.curve.value(b, at)
+        return np.asarray(left * self._effective(b, at) / self.u_y**2)
+
+    def columns(self, b: FloatArray) -> FloatArray:
+        """See `Problem`."""
+        at = self.true_values(b)
+        return np.asarray(self.curve.rows(b, at) / self._effective(b, at)[:, None])
+
+    def _effective(self, b: FloatArray, at: Mapping[str, FloatArray]) -> FloatArray:
+        """(n,) standard uncertainty of a response less the curve."""
+        return np.asarray(np.hypot(self.u_y, self.curve.slope(b, at, self.name) * self.u_x))
+
+    def true_values(self, b: FloatArray) -> dict[str, FloatArray]:
+        """The columns, with the estimated true values of that with errors."""
+        x = self.table[self.name]
+        xi, ratio = x.copy(), (self.u_x / self.u_y) ** 2
+        tiny = 4.0 * np.finfo(float).eps * (np.abs(x) + self.u_x)
+        for _ in range(_STEPS):
+            at = {**self.table, self.name: xi}
+            slope = self.curve.slope(b, at, self.name)
+            left = self.y - self.curve.value(b, at)
+            move = ((x - xi) + ratio * slope * left) / (1.0 + ratio * slope**2)
+            xi = xi + move
+            if (np.abs(move) <= tiny).all():
+                break
+        return {**self.table, self.name: xi}
+
+    def scale_at(self, b: FloatArray) -> FloatArray:
+        """(n,) one over the standard deviation of a response less the curve."""
+        return np.asarray(1.0 / self._effective(b, self.true_values(b)))
+
+    def take(self, rows: IntArray) -> Distance:
+        """Some of the rows."""
+        given = (self.y[rows], self.u_x[rows], self.u_y[rows])
+        return Distance(self.curve, _taken(self.table, rows), self.name, *given)
+
+
+@dataclass(frozen=True, eq=False)
+class Correlated:
+    """Errors in the response and in one column, with any covariance: generalised Gauss-Markov regression.
+
+    ISO/TS 28037:2010, clauses 8 to 10, for a straight line. The true values of the column are parameters too, before
+    those of the curve.
+
+    Attributes:
+        curve: of k parameters.
+        table: (n,) columns by name.
+        name: of the column with errors.
+        y: (n,) response.
+        covariance: (2n, 2n) of the column's values and then the responses; positive definite.
+    """
+
+    curve: Curve
+    table: Mapping[str, FloatArray]
+    name: str
+    y: FloatArray
+    covariance: FloatArray
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """See `Problem`."""
+        return (*(f"{self.name}[{i}]" for i in range(len(self.y))), *self.curve.parameters)
+
+    @property
+    def size(self) -> float:
+        """See `Problem`."""
+        both = np.concatenate([self.table[self.name], self.y])
+        return float(np.linalg.norm(solve_triangular(self._root, both, lower=True)))
+
+    @cached_property
+    def _root(self) -> FloatArray:
+        try:
+            return np.asarray(np.linalg.cholesky(self.covariance))
+        except np.linalg.LinAlgError as problem:
+            raise FitError("the covariance of abscissa and response is not positive definite") from problem
+
+    def start(self, b: FloatArray) -> FloatArray:
+        """(n + k,) parameters from (k,) of the curve."""
+        return np.concatenate([self.table[self.name], b])
+
+    def residuals(self, b: FloatArray) -> FloatArray:
+        """See `Problem`."""
+        xi, curve, at = self._parts(b)
+        left = np.concatenate([self.table[self.name] - xi, self.y - self.curve.value(curve, at)])
+        return np.asarray(solve_triangular(self._root, left, lower=True))
+
+    def columns(self, b: FloatArray) -> FloatArray:
+        """See `Problem`."""
+        xi, curve, at = self._parts(b)
+        slope = np.diag(self.curve.slope(curve, at, self.name))
+        made = np.block([[np.eye(len(xi)), np.zeros((len(xi), len(curve)))], [slope, self.curve.rows(curve, at)]])
+        return np.asarray(solve_triangular(self._root, made, lower=True))
+
+    def _parts(self, b: FloatArray) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
+        n = len(self.y)
+        return b[:n], b[n:], {**self.table, self.name: b[:n]}
+
+
+def _taken(table: Mapping[str, FloatArray], rows: IntArray) -> dict[str, FloatArray]:
+    return {name: values[rows] for name, values in table.items()}

@@ -1,0 +1,170 @@
+"""A fitted curve with what its inversion needs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy import special
+
+from fitter.arrays import FloatArray
+from fitter.errors import FitError
+from fitter.nonlinear import Curve
+from procedures.general.curves import curve_from_dict, curve_to_dict
+from procedures.general.infer.factored import Factored
+
+
+@dataclass(frozen=True, eq=False)
+class CurveCalibration:
+    """A fitted formula with the data for its inversion.
+
+    Attributes:
+        response: name of the explained column.
+        formula: the curve, of k coefficients.
+        coefficients: (k,).
+        covariance: (k, k).
+        variances: (c,) of one reading: its own, and those common to its whole plot and replication; () without degrees
+            of freedom.
+        derivatives: (c, k, k) of the covariance by the variances.
+        spread: (c, c) covariance of the variances.
+        ranges: lowest and highest value calibrated of every variable of the formula.
+        factor: the covariance and its derivatives in factored form, with smaller rounding errors; None in older files.
+        notes: the fit's notes about its intervals.
+        reading: known standard uncertainty of one new reading; None if `variances` has it.
+    """
+
+    response: str
+    formula: Curve
+    coefficients: FloatArray
+    covariance: FloatArray
+    variances: FloatArray
+    derivatives: FloatArray
+    spread: FloatArray
+    ranges: Mapping[str, tuple[float, float]]
+    factor: Factored | None = None
+    notes: tuple[str, ...] = ()
+    reading: float | None = None
+
+    @property
+    def variable(self) -> str:
+        """The only variable, which the response determines. Raises FitError with the reason if there is none."""
+        if self.formula.has_categories or len(self.formula.names) != 1:
+            names = ", ".join(self.formula.names) or "no column"
+            raise FitError(
+                f"its formula has {names}; a curve is inverted where it has one column of numbers, as in '1 + x + x^2'"
+            )
+        if not len(self.variances):
+            raise FitError(
+                "it was fitted to as many rows as it has coefficients, so its error is unknown; fit more rows"
+            )
+        return self.formula.names[0]
+
+    @property
+    def factored(self) -> Factored:
+        """The covariance and its derivatives, factored if the file has them so."""
+        return self.factor or Factored.plain(self.covariance, self.derivatives)
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON values; `from_dict` restores the same object."""
+        return {
+            "kind": "general",
+            "response": self.response,
+            **curve_to_dict(self.formula),
+            "coefficients": self.coefficients.tolist(),
+            "covariance": self.covariance.tolist(),
+            "variances": self.variances.tolist(),
+            "derivatives": self.derivatives.tolist(),
+            "spread": self.spread.tolist(),
+            "ranges": {name: list(pair) for name, pair in self.ranges.items()},
+            "notes": list(self.notes),
+            **({} if self.reading is None else {"reading": self.reading}),
+            **({} if self.factor is None else {"covariance_factor": self.factor.to_dict()}),
+        }
+
+    @staticmethod
+    def from_dict(given: Mapping[str, Any]) -> CurveCalibration:
+        """Restore from `to_dict`. Raises FitError for anything else."""
+        if given.get("kind") != "general":
+            raise FitError(f"this is not a calibration of a general table, its kind is {given.get('kind')!r}")
+        try:
+            numbers = {name: np.array(given[name], np.float64) for name in _NUMBERS}
+            formula = curve_from_dict(given)
+            ranges = {str(name): (float(low), float(high)) for name, (low, high) in given["ranges"].items()}
+            response = str(given["response"])
+            notes = tuple(str(note) for note in given.get("notes", ()))
+            reading = None if given.get("reading") is None else float(given["reading"])
+            factor = Factored.from_dict(given["covariance_factor"]) if "covariance_factor" in given else None
+        except (KeyError, TypeError) as problem:
+            raise FitError(f"a calibration of a general table lacks or garbles {problem}") from problem
+        k, c = len(numbers["coefficients"]), len(numbers["variances"])
+        wanted = dict(zip(_NUMBERS, ((k,), (k, k), (c,), (c, k, k), (c, c)), strict=True))
+        for name, values in numbers.items():
+            if (c and values.shape != wanted[name]) or not np.isfinite(values).all():
+                raise FitError(f"a calibration of a general table garbles {name}")
+        if factor is not None and c and not factor.fits(k, c):
+            raise FitError("a calibration of a general table garbles covariance_factor")
+        if reading is not None and not 0.0 <= reading < np.inf:
+            raise FitError("a calibration of a general table garbles reading")
+        return CurveCalibration(
+            response, formula, **numbers, ranges=ranges, factor=factor, notes=notes, reading=reading
+        )
+
+    def with_reading(self, u: float) -> CurveCalibration:
+        """The same for readings of a known standard uncertainty, in units of the response."""
+        return replace(self, reading=u)
+
+    def curve(self, x: FloatArray) -> FloatArray:
+        """(n,) response at (n,) values of the variable. Raises `FitError` outside the curve's domain."""
+        return self.formula.value(self.coefficients, {self.variable: x})
+
+    def rows(self, x: FloatArray) -> FloatArray:
+        """(n, k) its derivative by the coefficients. Raises `FitError` outside the curve's domain."""
+        found = self.formula.rows(self.coefficients, {self.variable: x})
+        if not np.isfinite(found).all():
+            raise FitError(f"the curve {self.formula} has no derivative everywhere")
+        return found
+
+    def slope(self, x: FloatArray) -> FloatArray:
+        """(n,) its derivative by the variable; not finite where there is none."""
+        with np.errstate(all="ignore"):  # a logarithm at zero: the caller checks the result
+            return self.formula.slope(self.coefficients, {self.variable: x}, self.variable)
+
+    def reading_variance(self, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(n,) variance of a new reading minus the curve at (n, k) `rows`, and its degrees of freedom.
+
+        Satterthwaite's of the estimated variances; infinite if all are known.
+        """
+        own = self.variances.sum() if self.reading is None else self.reading**2
+        variance = self.factored.variance(rows) + own
+        gradient = self.factored.gradient(rows) + (1.0 if self.reading is None else 0.0)
+        plain = gradient @ self.variances + (0.0 if self.reading is None else own)
+        uncertain = np.einsum("nc,cd,nd->n", gradient, self.spread, gradient)
+        if not plain.all():  # the curve fits every row exactly: zero width, for any degrees of freedom
+            return variance, np.ones(len(rows))
+        with np.errstate(divide="ignore"):
+            return variance, np.asarray(2.0 * plain**2 / uncertain)
+
+    def curve_variance(self, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(n,) variance of the curve itself at (n, k) `rows`, and its degrees of freedom."""
+        gradient = self.factored.gradient(rows)
+        plain, uncertain = gradient @ self.variances, np.einsum("nc,cd,nd->n", gradient, self.spread, gradient)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            df = np.where(plain > 0.0, 2.0 * plain**2 / uncertain, 1.0)
+        return self.factored.variance(rows), df
+
+    def half_width(self, rows: FloatArray) -> FloatArray:
+        """(n,) half-width of the 95 % prediction interval of a new reading at (n, k) `rows`."""
+        variance, df = self.reading_variance(rows)
+        return np.asarray(student(df) * np.sqrt(variance))
+
+
+def student(df: FloatArray) -> FloatArray:
+    """(n,) two-tailed 95 % limits of Student's t, for infinite degrees of freedom too."""
+    return np.asarray(np.where(df < _NORMAL, special.stdtrit(np.minimum(df, _NORMAL), 0.975), special.ndtri(0.975)))
+
+
+_NORMAL = 1e10
+"""Degrees of freedom from which the distribution is taken as normal."""
+_NUMBERS = ("coefficients", "covariance", "variances", "derivatives", "spread")
