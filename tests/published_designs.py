@@ -44,7 +44,7 @@ DELTA = (4.0 - np.sqrt(13.0)) / 3.0
 SIX = np.array([(-1, -1), (1, -1), (-1, 1), (-DELTA, -DELTA), (1, 3 * DELTA), (3 * DELTA, 1)])
 
 # Largest determinants of n x n matrices of -1 and 1 (OEIS A003433; H. Ehlich, Math. Z. 83 (1964) 123).
-LARGEST_DETERMINANTS = {2: 2, 3: 4, 4: 16, 5: 48, 6: 160, 7: 576, 8: 4096, 9: 14336, 10: 73728, 11: 327680}
+LARGEST_DETERMINANTS = {2: 2, 3: 4, 4: 16, 5: 48, 6: 160, 7: 576, 8: 4096, 9: 14336, 10: 73728}
 
 
 def quadratic(points):

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from fitter.designs import Factor, evaluate, optimal, optimal_measure
 from fitter.errors import FitError
@@ -37,7 +38,10 @@ def log_det(points, plot=None, eta=1.0, model=quadratic):
 
 
 def test_jones_and_goos_independent_points():
-    d, i = optimal(SQUARE, quadratic, 20).evaluation, optimal(SQUARE, quadratic, 20, criterion="I").evaluation
+    d, i = (
+        optimal(SQUARE, quadratic, 20, starts=50).evaluation,
+        optimal(SQUARE, quadratic, 20, criterion="I", starts=50).evaluation,
+    )
     assert d.mean_variance == pytest.approx(0.233, abs=5e-4)
     assert np.diag(d.covariance) == pytest.approx([0.302, 0.068, 0.068, 0.083, 0.282, 0.282], abs=5e-4)
     printed = evaluate(INDEPENDENT_I, SQUARE, quadratic)
@@ -49,8 +53,8 @@ def test_jones_and_goos_independent_points():
 
 
 def test_jones_and_goos_split_plot():
-    d = optimal(SQUARE, quadratic, 20, hard=(0,), whole_plots=4).evaluation
-    i = optimal(SQUARE, quadratic, 20, hard=(0,), whole_plots=4, criterion="I").evaluation
+    d = optimal(SQUARE, quadratic, 20, hard=(0,), whole_plots=4, starts=50).evaluation
+    i = optimal(SQUARE, quadratic, 20, hard=(0,), whole_plots=4, criterion="I", starts=50).evaluation
     assert d.log_determinant == pytest.approx(log_det(SPLIT_D, FIVES), abs=1e-9)
     assert np.diag(d.covariance) == pytest.approx([1.301, 0.450, 0.075, 0.092, 1.665, 0.279], abs=6e-4)
     assert np.diag(i.covariance) == pytest.approx([0.640, 0.600, 0.083, 0.125, 1.240, 0.250], abs=5e-4)
@@ -66,6 +70,19 @@ def test_jones_and_goos_i_efficiency_of_the_d_optimal_design(eta, printed):
     assert i / d == pytest.approx(printed, abs=6e-4)
 
 
+@pytest.mark.parametrize(("criterion", "starts", "printed"), [("D", 20, 3.10), ("I", 120, 2.05)])
+def test_jones_and_goos_where_another_design_becomes_the_best(criterion, starts, printed):
+    """Their Table 4: 7 whole plots of 4, two easy factors; one design is optimal below this eta, another above it."""
+    options = {"hard": (0,), "whole_plots": 7, "criterion": criterion, "starts": starts}
+    low, high = (optimal(CUBE, quadratic, 28, eta=eta, **options) for eta in (1.0, 10.0))
+
+    def worth(design, eta):
+        e = evaluate(design.points, CUBE, quadratic, whole_plot=design.whole_plot, eta=eta)
+        return e.log_determinant if criterion == "D" else -e.mean_variance
+
+    assert brentq(lambda eta: worth(low, eta) - worth(high, eta), 1.0, 10.0) == pytest.approx(printed, abs=0.011)
+
+
 @pytest.mark.parametrize(
     ("design", "eta"), [(d, eta) for d in (EQUIVALENT_20, EQUIVALENT_24) for eta in (0.1, 1.0, 10.0)]
 )
@@ -77,13 +94,13 @@ def test_at_least_as_good_as_equivalent_estimation_designs(design, eta):
     ordinary = np.linalg.inv(rows.T @ rows) @ rows.T
     printed = evaluate(points, CUBE, quadratic, whole_plot=plot, eta=eta)
     assert printed.covariance == pytest.approx(ordinary @ v @ ordinary.T, abs=1e-9), "its defining property"
-    found = optimal(CUBE, quadratic, len(points), hard=(0,), whole_plots=len(design), eta=eta, starts=200)
+    found = optimal(CUBE, quadratic, len(points), hard=(0,), whole_plots=len(design), eta=eta, starts=40)
     assert found.evaluation.log_determinant > printed.log_determinant
 
 
 def test_fourteen_points_as_algdesign():
     printed = evaluate(FOURTEEN, CUBE, quadratic)
-    found = optimal(CUBE, quadratic, 14)
+    found = optimal(CUBE, quadratic, 14, starts=250)
     assert np.exp(printed.log_determinant / 10) / 14 == pytest.approx(0.4630447, abs=5e-8)
     assert 14 * np.trace(printed.covariance) / 10 == pytest.approx(3.22, abs=5e-3)
     assert printed.efficiency.g == pytest.approx(0.893, abs=5e-4)
@@ -92,9 +109,9 @@ def test_fourteen_points_as_algdesign():
 
 
 def test_box_and_draper_six_points():
-    found = optimal([Factor.within(-1, 1)] * 2, quadratic, 6)
+    found = optimal([Factor.within(-1, 1)] * 2, quadratic, 6, starts=50)
     assert found.evaluation.log_determinant == pytest.approx(log_det(SIX), abs=1e-6)
-    at_levels = optimal(SQUARE, quadratic, 6).evaluation.log_determinant
+    at_levels = optimal(SQUARE, quadratic, 6, starts=50).evaluation.log_determinant
     assert at_levels < log_det(SIX) - 1e-3, "which three levels do not reach"
 
 
@@ -109,7 +126,7 @@ def test_polynomials_have_their_points_at_extremes_of_legendre_polynomials(degre
 
 @pytest.mark.parametrize("n", sorted(LARGEST_DETERMINANTS))
 def test_saturated_first_order_designs_have_the_largest_determinants(n):
-    found = optimal([[-1, 1]] * (n - 1), linear, n, starts=200).evaluation
+    found = optimal([[-1, 1]] * (n - 1), linear, n, starts=40).evaluation
     assert np.exp(found.log_determinant / 2) == pytest.approx(LARGEST_DETERMINANTS[n], rel=1e-9)
 
 
@@ -133,7 +150,7 @@ def test_no_design_of_all_is_better(plots, size, squares, eta):
     rows = model(nodes)
     target = rows.T @ (rows * np.outer(w, w).reshape(-1, 1) / 4)
     best_d, best_i = counted(plots, size, eta, model, target)
-    options = {"hard": (0,), "whole_plots": plots, "eta": eta, "starts": 100}
+    options = {"hard": (0,), "whole_plots": plots, "eta": eta, "starts": 40}
     d = optimal(SQUARE, model, plots * size, **options).evaluation
     i = optimal(SQUARE, model, plots * size, criterion="I", **options).evaluation
     assert d.log_determinant == pytest.approx(best_d, abs=1e-8)
@@ -178,7 +195,7 @@ def test_hard_factors_are_constant_within_whole_plots():
 
 def test_existing_points_count():
     corners = FOURTEEN[:8]
-    made = optimal(CUBE, quadratic, 6, existing=corners)
+    made = optimal(CUBE, quadratic, 6, existing=corners, starts=50)
     assert made.existing == 8
     assert np.array_equal(made.points[:8], corners)
     assert made.evaluation.log_determinant == pytest.approx(log_det(FOURTEEN), abs=1e-9), "the rest of the printed one"

@@ -15,13 +15,14 @@ import contextlib
 import os
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal, NoReturn, Protocol, cast
+from typing import Literal, NoReturn, cast
 
 import serial
 
 from drivers.clock import Clock
 from drivers.errors import BadReply, NoReply, Unreachable
 from drivers.wires.addresses import text_address
+from drivers.wires.port import Port
 from drivers.wires.serial_options import Flow, flow_arguments, flow_refused
 
 try:
@@ -45,30 +46,6 @@ _LONGEST_REPLY = 1 << 20
 _TALKS_ON_S = 10.0
 _DTR_S = 0.01
 _NOT_SAID = bytes([0x11, 0x13])  # XON and XOFF: flow control, never part of an answer
-
-
-class Port(Protocol):
-    """The used part of a pyserial port; pyserial's own base class does not declare all of it."""
-
-    timeout: float | None
-    dtr: bool
-
-    @property
-    def in_waiting(self) -> int:
-        """Number of received bytes."""
-        ...
-
-    def read(self, size: int = 1, /) -> bytes:
-        """Up to `size` bytes; fewer if the timeout passes first."""
-        ...
-
-    def write(self, data: bytes, /) -> int | None:
-        """Send bytes."""
-        ...
-
-    def close(self) -> None:
-        """Release it."""
-        ...
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,8 @@ from typing import Any
 
 from drivers.clock import Clock
 from drivers.errors import Unreachable
-from drivers.wires.serial_line import Port, SerialLine, SerialSettings, Tap
+from drivers.wires.port import Port
+from drivers.wires.serial_line import SerialLine, SerialSettings, Tap
 from drivers.wires.visa_address import VisaAddress
 
 _CHUNK = 20_480

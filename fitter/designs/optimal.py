@@ -15,13 +15,16 @@ from fitter.designs.factors import Factor
 from fitter.designs.plots import checked_eta, numbered, sizes, whitened
 from fitter.designs.polish import Polish
 from fitter.designs.region import Allowed, Columns, Region
-from fitter.designs.search import Problem, Starts, improved, moves, random_starts
+from fitter.designs.search import Problem, Starts, improved, moves, random_starts, shaken
 from fitter.errors import FitError
 
 Criterion = Literal["D", "I"]
 
-MOST_STARTS = 1000
+MOST_STARTS = 500
 FEWEST_STARTS = 20
+ROUNDS = 5
+PARENTS = 10
+"""Different good designs that are shaken in a round."""
 WORK = 2e9
 """Size of a search in products, a few seconds, that limits the number of starts of large problems."""
 TOGETHER = 4_000_000
@@ -43,8 +46,9 @@ class Design:
         existing: number of points that were there before.
         criterion: "D" or "I".
         starts: number of random starts.
-        reached: number of starts that ended as good as the best one, before refinement; with one or two a longer
-            search may find a better design.
+        reached: number of random starts that ended as good as the best design, before refinement. Good designs are
+            also shaken and improved again; if that alone found the best, the number is 0. With 0 to 3 a longer search
+            may find a better one.
         evaluation: precision and efficiencies.
     """
 
@@ -89,7 +93,7 @@ def optimal(
         existing: (n0, k) points that were measured already and count.
         existing_plot: (n0,) their whole plots; no new point is added to these.
         allowed: which of (m, k) points may be set.
-        starts: number of random starts; by default up to 1000, less for large problems.
+        starts: number of random starts; by default up to 500, less for large problems.
         seed: of the random starts.
 
     Raises:
@@ -126,7 +130,7 @@ def optimal(
             new = Polish(region, points, problem.plot_of, tuple(hard), eta, known, target).run()
             designs.append(_design(region, before, before_plot, new, problem, plots is not None, eta))
     chosen = max(designs, key=lambda e: round(_value(e, criterion) / scale / SAME))
-    reached = int(np.sum(values >= best - SAME * scale))
+    reached = int(np.sum(values[:count] >= best - SAME * scale))
     return Design(chosen.points, chosen.whole_plot, len(before), criterion, count, reached, chosen)
 
 
@@ -272,21 +276,34 @@ def _starts(problem: Problem, asked: int | None) -> int:
     p, criterion = problem.rows.shape[2], 1.0 if problem.target is None else 2.0
     of_points = float(problem.sizes.sum()) * _settings(problem.easy_shape) * p**2
     of_plots = float(problem.sizes.size) * (_settings(problem.hard_shape) - 1) * p**3
-    each = 8.0 * criterion * (of_points + of_plots)
+    each = 16.0 * criterion * (of_points + of_plots)
     return int(np.clip(WORK / each, FEWEST_STARTS, MOST_STARTS))
 
 
 def _search(problem: Problem, count: int, seed: int) -> tuple[Starts, FloatArray]:
-    """Improved designs and their criteria, in groups that memory is for."""
-    random, p = np.random.default_rng(seed), problem.rows.shape[2]
-    largest = int(problem.sizes.max())
+    """Improved designs and their criteria: first `count` from random starts, then as many from shaken good ones."""
+    random = np.random.default_rng(seed)
+    found, values = _improved(problem, random_starts(problem, count, random))
+    for _ in range(ROUNDS):
+        best = np.unique(np.round(values / SAME), return_index=True)[1][::-1][:PARENTS]
+        best = best[np.isfinite(values[best])]
+        if not best.size:
+            break
+        parents = found[best[np.arange(-(-count // ROUNDS)) % best.size]]
+        children, worth = _improved(problem, shaken(problem, parents, random))
+        found = Starts(np.vstack([found.hard, children.hard]), np.vstack([found.easy, children.easy]))
+        values = np.concatenate([values, worth])
+    return found, values
+
+
+def _improved(problem: Problem, starts: Starts) -> tuple[Starts, FloatArray]:
+    """`improved`, in groups that memory is for."""
+    p, largest = problem.rows.shape[2], int(problem.sizes.max())
     each = max(_settings(problem.easy_shape), _settings(problem.hard_shape) * (largest + p)) * p
-    group = int(np.clip(TOGETHER / each, 1, 200))
-    parts = [
-        improved(problem, random_starts(problem, min(group, count - first), random)) for first in range(0, count, group)
-    ]
-    starts = Starts(np.vstack([s.hard for s, _ in parts]), np.vstack([s.easy for s, _ in parts]))
-    return starts, np.concatenate([values for _, values in parts])
+    group, count = int(np.clip(TOGETHER / each, 1, 200)), len(starts.hard)
+    parts = [improved(problem, starts[np.arange(first, min(first + group, count))]) for first in range(0, count, group)]
+    together = Starts(np.vstack([s.hard for s, _ in parts]), np.vstack([s.easy for s, _ in parts]))
+    return together, np.concatenate([values for _, values in parts])
 
 
 def _settings(shape: tuple[int, ...]) -> int:

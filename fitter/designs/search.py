@@ -25,6 +25,8 @@ GAIN = 1e-9
 """Relative improvement that counts; smaller ones are rounding errors."""
 RIDGE = 1e-3
 """Information added in the first sweep, per point, so that a start that determines nothing yet can be improved."""
+SHAKEN = 0.15
+"""Share of the points and whole plots of a good design that are drawn anew."""
 LEFT = 1e-10
 """The same afterwards: without influence on the result, which is computed without it."""
 
@@ -78,10 +80,23 @@ class Starts:
 def random_starts(problem: Problem, count: int, random: np.random.Generator) -> Starts:
     """Random allowed designs."""
     possible = np.flatnonzero(problem.allowed.any(axis=1))
-    hard = random.choice(possible, (count, problem.sizes.size))
-    of_point = problem.allowed[hard[:, problem.plot_of]]
-    draws = random.random(of_point.shape) * of_point
-    return Starts(np.asarray(hard, np.int64), np.asarray(np.argmax(draws, axis=2), np.int64))
+    hard = np.asarray(random.choice(possible, (count, problem.sizes.size)), np.int64)
+    return Starts(hard, _random_easy(problem, hard, random))
+
+
+def shaken(problem: Problem, starts: Starts, random: np.random.Generator) -> Starts:
+    """The designs with some points and whole plots drawn anew, as starts near good designs."""
+    fresh = random_starts(problem, len(starts.hard), random)
+    hard = np.where(random.random(starts.hard.shape) < SHAKEN, fresh.hard, starts.hard)
+    kept = random.random(starts.easy.shape) >= SHAKEN
+    kept &= problem.allowed[hard[:, problem.plot_of], starts.easy]
+    return Starts(hard, np.where(kept, starts.easy, _random_easy(problem, hard, random)))
+
+
+def _random_easy(problem: Problem, hard: IntArray, random: np.random.Generator) -> IntArray:
+    """(S, n) random easy combinations that are allowed with the (S, W) hard ones."""
+    possible = problem.allowed[hard[:, problem.plot_of]]
+    return np.asarray(np.argmax(random.random(possible.shape) * possible, axis=2), np.int64)
 
 
 def improved(problem: Problem, starts: Starts) -> tuple[Starts, FloatArray]:

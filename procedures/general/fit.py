@@ -70,7 +70,7 @@ def fit_general(
         fit = model.rows.take(used).fitted()
         others = searched.with_the_others(lambda rows: model.rows.take(rows).fitted())
         judged = judged_fit(fit, model, table, used)
-        calibration = _calibration(fit, response, model, table, used, judged.notes)
+        calibration = calibration_of(fit, response, model, table, used, judged.notes)
     except RankError as error:
         raise DataError(f"{table.source}: {error}{_hint(declared)}") from error
     except FitError as error:
@@ -207,7 +207,7 @@ def no_error(rows: int, coefficients: int) -> str:
     )
 
 
-def _calibration(
+def calibration_of(
     fit: LinearFit | SplitPlotFit, response: str, model: Model, table: Table, rows: IntArray, notes: Sequence[str]
 ) -> CurveCalibration:
     """Data of a fit to these rows for `rig infer` and `rig chart`."""

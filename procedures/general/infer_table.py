@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -30,7 +29,7 @@ def infer_general(calibration: CurveCalibration, data: Reader, u_reading: float 
     if u_reading is not None:
         if not 0.0 <= u_reading < np.inf:
             raise DataError(f"--u-reading {u_reading:g}: it has to be a number at or above zero")
-        calibration = replace(calibration, reading=u_reading)
+        calibration = calibration.with_reading(u_reading)
         notes = (*notes, f"the standard uncertainty of a reading is {u_reading:g}, as given by --u-reading")
     table = data([response])
     if response not in table.columns:

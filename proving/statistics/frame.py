@@ -29,6 +29,7 @@ NAMES = (
     "closed_loop",
     "confirm",
     "cover",
+    "curves",
     "early_warnings",
     "forecasts",
     "fractions",

@@ -23,9 +23,15 @@ address = "socket://192.0.2.7:4001"
 driver = "keysight-34970a"
 address = "socket://192.0.2.7:4002"
 channels = { "101" = "volts", "104" = "thermistor-10k" }
+[instruments.gpib]
+driver = "keysight-34401a"
+address = "visa://GPIB0::9::INSTR"
 [sensors.x]
 axis = "x"
 reader = "dvm"
+[sensors.third]
+axis = "x"
+reader = "gpib"
 [sensors.again]
 axis = "x"
 reader = "scanner"
@@ -35,7 +41,7 @@ reader = "scanner"
 channel = "104"
 """
 WORLD = "seed = 7\n" + "".join(
-    f"[sensors.{name}]\noffset_V = 0.25\nsensitivity_V_per_g = 0.001\n" for name in ("x", "again")
+    f"[sensors.{name}]\noffset_V = 0.25\nsensitivity_V_per_g = 0.001\n" for name in ("x", "again", "third")
 )
 
 
@@ -83,6 +89,19 @@ def test_a_34401a_reads(place, clock):
         dvm.start(count)
         assert dvm.fetch() == {"input": pytest.approx([0.25] * count, abs=0.05)}
     assert not dvm.restarted()
+    wires.close()
+
+
+def test_rig_sim_serves_an_instrument_on_gpib_at_a_socket(served, clock):
+    """Without a VISA library: as behind an adapter that passes lines on to GPIB."""
+    instrument = served["instruments"]["gpib"]
+    assert instrument["interface"] == "gpib"
+    wires = Wires(clock)
+    dvm = Keysight34401A("gpib", instrument["address"], Keysight34401A.Options(nplc=1, interface="gpib"), wires, clock)
+    dvm.identify()
+    dvm.prepare()
+    dvm.start(2)
+    assert dvm.fetch() == {"input": pytest.approx([0.25] * 2, abs=0.05)}
     wires.close()
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -110,6 +110,10 @@ class CurveCalibration:
         return CurveCalibration(
             response, formula, **numbers, ranges=ranges, factor=factor, notes=notes, reading=reading
         )
+
+    def with_reading(self, u: float) -> CurveCalibration:
+        """The same for readings of a known standard uncertainty, in units of the response."""
+        return replace(self, reading=u)
 
     def curve(self, x: FloatArray) -> FloatArray:
         """(n,) response at (n,) values of the variable. Raises `FitError` outside the curve's domain."""
