@@ -1,12 +1,16 @@
 # The README's commands. Each makes or reuses .venv first: nothing to install by hand.
 STAMP := .venv/.made-for-these-requirements
 
-.PHONY: demo test test-peers test-page check nights mutants clean
+.PHONY: demo test test-all test-peers test-page check nights mutants clean
 demo: $(STAMP)
 	@.venv/bin/rig demo
 
 test: $(STAMP)
 	@tools/check
+
+# With the tests of tests/long.txt too, which take as long as all others together: before a release.
+test-all: $(STAMP)
+	@tools/check all
 
 # Our drivers and twins against clients and servers that others wrote; a part of `make test` as well.
 test-peers: $(STAMP)

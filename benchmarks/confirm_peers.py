@@ -12,41 +12,47 @@ alone do not count as differences.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fitter.arrays import FloatArray
 from fitter.confirm.points import Choice, Points
 
 
 @dataclass(frozen=True, eq=False)
-class _Ranked(Points):
+class _Ranked(Points, ABC):
     """Points taken one after the other by a criterion."""
 
+    @abstractmethod
     def order(self, most: int) -> list[int]:
         """The first `most` units, the best first."""
-        raise NotImplementedError
 
-    def choose(self, counts: Sequence[int], least: float) -> Iterator[Choice]:
+    def choose(self, counts: Sequence[int], least: float) -> list[Choice]:
         """See `Points`: the same numbers of points, and the same rule for those that are too few."""
         if not self._seen.any():
-            return
+            return []
         order = self.order(max((count for count in counts if count < self.count), default=0))
+        found = []
         for count in counts:
             if count < self.count:
                 chosen = np.zeros(self.count, np.bool_)
                 chosen[order[:count]] = True
-                sigmas = float(self.sigmas(chosen).min())
-                if sigmas >= least:
-                    yield Choice(tuple(np.flatnonzero(chosen).tolist()), sigmas)
+                found.append(Choice(self, chosen))
+        return [choice for choice in found if choice.sigmas >= least]
+
+    def exchanged(self, chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """The same: the peers do not exchange points."""
+        return chosen
 
     def differences(self) -> list[FloatArray]:
         """For each rival (T, U, m) what is left of the true predictions that it does not reproduce."""
         every, at, out = np.ones(self.count, np.bool_), 0, []
         for rival in self.rivals:
-            left = rival.state(every)[1]
+            left = rival.left(rival.refitted(every)[1], np.arange(self.count))
             out.append(left[self._seen[at : at + len(left)]])
             at += len(left)
         return out
@@ -70,7 +76,7 @@ class BuzziFerrarisForzatti(_Ranked):
         for _ in range(most):
             worth = np.zeros(self.count)
             for rival, left in zip(self.rivals, differences, strict=True):
-                inverse = rival.state(chosen)[0]
+                inverse = rival.refitted(chosen)[0]
                 variance = np.einsum("ump,pq,umq->um", rival.later, inverse, rival.later, optimize=True)
                 worth += np.sum((left**2 + 2.0) / (2.0 + 2.0 * variance), axis=(0, 2))
             worth[chosen] = -np.inf

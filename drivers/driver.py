@@ -1,7 +1,7 @@
 """Drivers: what the controller requires of a driver's class.
 
-A driver is found by its name in entry-point group `rig.drivers`. It satisfies one or more protocols of `drivers.roles`;
-further properties are attributes of its class.
+A driver is found by its name in entry-point group `rig.drivers` of `pyproject.toml`, its twin in `rig.twins`. It
+satisfies one or more protocols of `drivers.roles`; further properties are attributes of its class.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from drivers.clock import Clock
 from drivers.roles import Instrument
 from drivers.wires import Wires
 
-Medium = Literal["serial", "modbus", "can"]
-"""Kind of wire; it determines the valid addresses of an instrument (`drivers.wires.addresses`)."""
+Medium = Literal["serial", "modbus", "can", "none"]
+"""Kind of wire, "none" for a person; it determines the valid addresses of an instrument (`drivers.wires.addresses`)."""
 
 
 class ContractFile(NamedTuple):

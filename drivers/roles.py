@@ -2,7 +2,8 @@
 
 A role is a small protocol. A driver is a synchronous class that satisfies one or more of them. Commands return at once
 (command, then poll). Only `identify`, `prepare`, `fetch` and `make_safe` may take time, measured by the clock passed to
-the driver. Angles are in degrees, temperatures in degrees Celsius, pressures in psi absolute, voltages in volts.
+the driver. Angles are in degrees, temperatures in degrees Celsius, pressures in psi absolute, voltages in volts. A
+source and a reader of other quantities say their unit.
 """
 
 from __future__ import annotations
@@ -103,6 +104,28 @@ class PressureState:
     faults: tuple[str, ...] = ()
 
 
+@dataclass(frozen=True)
+class SourceState:
+    """State of a source. Values are in the source's unit.
+
+    Attributes:
+        setpoint: the setpoint in force.
+        value: its own readback of what it sets; the setpoint if it has none.
+        settled: whether the instrument reports that it has arrived; True once a setpoint is accepted, if it cannot say.
+        output: whether it is on and under control.
+        safe: whether it is in its safe state: output off, or at its declared safe value.
+        faults: its faults, empty if none.
+    """
+
+    setpoint: float
+    value: float
+    settled: bool
+    output: bool
+    safe: bool
+    faults: tuple[str, ...] = ()
+
+
+@runtime_checkable
 class Instrument(Protocol):
     """Methods of every instrument."""
 
@@ -152,7 +175,7 @@ class Head(Instrument, Protocol):
 
 @runtime_checkable
 class Reader(Instrument, Protocol):
-    """A voltmeter or scanner: takes readings of its channels."""
+    """A voltmeter, a scanner or any other meter: takes readings of its channels."""
 
     def channels(self) -> Sequence[str]:
         """Channel labels in scan order; a single-input meter has one channel, "input"."""
@@ -167,6 +190,15 @@ class Reader(Instrument, Protocol):
 
         Values are in the instrument's unit (volts, degrees Celsius); an overload stays +-9.9e37.
         """
+        ...
+
+
+@runtime_checkable
+class WithUnits(Protocol):
+    """A reader with channels that are not in volts or degrees Celsius."""
+
+    def units(self) -> Mapping[str, str]:
+        """Unit of each channel's readings, by channel, as at the end of column names ("mV", "kN", "ohm")."""
         ...
 
 
@@ -213,6 +245,42 @@ class PressureController(Instrument, Protocol):
 
     def vent(self) -> None:
         """Start venting at a limited rate; poll `read` until it no longer vents."""
+        ...
+
+
+@runtime_checkable
+class Source(Instrument, Protocol):
+    """Sets one quantity of any unit: a voltage or current source, a flow controller, a force machine, a bath."""
+
+    def unit(self) -> str:
+        """Its unit as at the end of column names ("V", "kN", "degC"); a factor that it sets has the same unit."""
+        ...
+
+    def limits(self) -> tuple[float, float]:
+        """Lowest and highest accepted setpoint, in its unit."""
+        ...
+
+    def set(self, value: float) -> None:
+        """Command a setpoint with the output on. Raises `LimitError` before sending."""
+        ...
+
+    def read(self) -> SourceState:
+        """Read its state."""
+        ...
+
+    def stop(self) -> None:
+        """Hold the present value: it becomes the setpoint. Does nothing if the output is off or settled."""
+        ...
+
+
+@runtime_checkable
+class ByHand(Instrument, Protocol):
+    """A person who sets a factor: hangs up weights, moves a probe. The run asks, and waits for `rig done`."""
+
+    def instruction(self, factor: str, value: float) -> str:
+        """The task, to set a factor (with its unit at the end, as in tables) to a value: a sentence without a full
+        stop.
+        """
         ...
 
 

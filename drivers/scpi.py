@@ -115,6 +115,7 @@ class ScpiMeter(ABC):
         self._clock = clock
         self._model = model
         self._dialect = dialect
+        self._remote = dialect.remote if line.rs232 else ""
         self._count = 0
         self._due = 0.0
         self._mark = 0
@@ -143,8 +144,8 @@ class ScpiMeter(ABC):
         control.
         """
         self._clear()
-        if self._dialect.remote:
-            self._line.write(self._dialect.remote)
+        if self._remote:
+            self._line.write(self._remote)
         answer = self._line.query("*IDN?")
         parts = [part.strip() for part in answer.split(",")]
         if "*IDN?" in answer.upper():
@@ -235,7 +236,7 @@ class ScpiMeter(ABC):
     def _configure(self, commands: Iterable[str]) -> None:
         """Reset to a known state, send commands one by one, and check that none was refused."""
         self._clear()
-        remote = (self._dialect.remote,) if self._dialect.remote else ()
+        remote = (self._remote,) if self._remote else ()
         for command in (*remote, "*RST", "*CLS", *commands):
             self._line.write(command)
             if self._line.query("*OPC?") != "1":
@@ -252,7 +253,7 @@ class ScpiMeter(ABC):
         for question, value in wanted.items():
             answer = self._line.query(question)
             parts = [answer] if isinstance(value, str) else answer.split(",")  # one number for each channel
-            if not all(_agrees(part, value) for part in parts):
+            if not all(agrees(part, value) for part in parts):
                 raise BadReply(f"{self._line.where}: {question} should answer {value} and answers {answer!r}")
 
     def _raise_errors(self) -> None:
@@ -260,13 +261,14 @@ class ScpiMeter(ABC):
         raise_errors(self._line, lambda: self._line.query("SYST:ERR?", repeat=False), _MOST_ERRORS)
 
 
-def raise_errors(line: SerialLine, ask: Callable[[], str], most: int) -> None:
+def raise_errors(line: SerialLine, ask: Callable[[], str], most: int, question: str = "SYST:ERR?") -> None:
     """Empty an instrument's error queue.
 
     Args:
         line: for messages.
         ask: reads and removes the oldest error of the queue: a number, a comma and a quoted text, number 0 for none.
         most: maximum length of the queue.
+        question: the query, for messages.
 
     Raises:
         InstrumentError: the first error, the others in its text.
@@ -279,7 +281,7 @@ def raise_errors(line: SerialLine, ask: Callable[[], str], most: int) -> None:
         try:
             number = whole(code)
         except ValueError:
-            raise line.bad_reply("SYST:ERR?", answer, 'code,"text"') from None
+            raise line.bad_reply(question, answer, 'code,"text"') from None
         if number == 0:
             break
         found.append((number, text.strip().strip('"')))
@@ -288,7 +290,8 @@ def raise_errors(line: SerialLine, ask: Callable[[], str], most: int) -> None:
         raise InstrumentError(line.where, first, words + "".join(f"; then {c} {t}" for c, t in others))
 
 
-def _agrees(answer: str, wanted: float | str) -> bool:
+def agrees(answer: str, wanted: float | str) -> bool:
+    """Whether an answer is a text, or a number within the rounding of its last digits."""
     if isinstance(wanted, str):
         return answer == wanted
     try:

@@ -1,4 +1,4 @@
-"""Analysis of variance of a replicated calibration: the columns of Table 2 of NASA/TP-1999-209835.
+"""Analysis of variance of a replicated calibration: sigma_E, sigma_bias, sigma_prec and T_bias of NASA/TP-1999-209835.
 
 With n replications of K points and L parameters (balanced; every count below is exact for missing points too):
 

@@ -1,4 +1,7 @@
-"""Numbers of a trace before and after the effects, as text: the same rows on the terminal and on a page."""
+"""Numbers of a trace before and after the effects, as text: the same rows on the terminal and on a page.
+
+Each kind declares its rows in its `trace/result.py`.
+"""
 
 from __future__ import annotations
 

@@ -71,6 +71,8 @@ class Conduct:
 
     Attributes:
         settle: criterion for the arrival of an easy-to-change factor.
+        settles: criteria of factors with one of their own, by axis.
+        tolerances: largest difference between setpoint and reading of a factor's reference standard, by factor.
         poll_s: time between readbacks meanwhile.
         readings: sweeps over all channels at a point.
         repeats: maximum number of repeats of too noisy readings before they are accepted with a flag.
@@ -87,10 +89,13 @@ class Conduct:
         package_temperature: whether the declared model requires a temperature in the package.
         response: columns of a simple model of every output, from set or measured quantities by name; early warnings
             compare outputs with it. None if unknown.
+        any_instruments: whether the bench file says what sets each factor, and any instrument that can may do it.
         least_jump: deviation of an output without a warning, as a fraction of its span.
     """
 
     settle: Settle
+    settles: Mapping[str, Settle] = field(default_factory=dict)
+    tolerances: Mapping[str, float] = field(default_factory=dict)
     poll_s: float = 0.5
     readings: int = 10
     repeats: int = 2
@@ -106,4 +111,9 @@ class Conduct:
     sensor_axes: bool | None = None
     package_temperature: bool = False
     response: Callable[[Mapping[str, float]], tuple[float, ...]] | None = None
+    any_instruments: bool = False
     least_jump: float = 0.05
+
+    def settled(self, axis: str) -> Settle:
+        """Criterion for the arrival of an axis."""
+        return self.settles.get(axis, self.settle)

@@ -69,6 +69,11 @@ class Variation:
         """Number of times a person has to come to the bench."""
         return len(self.steps) + self.turned
 
+    @property
+    def untouched(self) -> bool:
+        """Whether a run changes nothing but points and their order."""
+        return not (self.turned or self.warmer_degC or self.by_weather)
+
 
 def repeated(variation: Variation, times: int) -> Variation:
     """So many replications, or so many before and after every change by a person."""

@@ -16,7 +16,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence, S
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 from pydantic import BaseModel
 
@@ -84,6 +84,18 @@ class Procedure(Protocol):
 
     def expand(self) -> RunList:
         """Every point of the run, in order."""
+
+
+@runtime_checkable
+class Completed(Protocol):
+    """A procedure that is completed when a run is planned: with files beside it, or with the result of a search."""
+
+    @property
+    def files(self) -> Sequence[str]:
+        """Names of the files beside it that it needs."""
+
+    def completed(self, texts: Mapping[str, str]) -> dict[str, Any] | None:
+        """Values of its file with all it needs, from the texts of the files; None if it has all. Raises ValueError."""
 
 
 class Kind(ABC):

@@ -43,6 +43,7 @@ class Table:
         by_hand: changes that a person made between the rows, or before the first, in order. Every one of them begins a
             new number in the column `block`, as an interruption does.
         units: of columns, where the source gives them in a row of units.
+        outputs: columns of the sensors' outputs, and the sensors' names on the bench, if the source gives them.
         understood: how a table of others was read, as JSON values with "sentence"; {} for our own tables.
     """
 
@@ -59,6 +60,7 @@ class Table:
     by_hand: tuple[Made, ...] = ()
     units: Mapping[str, str] = field(default_factory=dict)
     understood: Mapping[str, Any] = field(default_factory=dict)
+    outputs: Mapping[str, str] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(next(iter({**self.text, **self.columns}.values()), ()))

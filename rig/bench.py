@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import difflib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
@@ -12,7 +12,9 @@ from pydantic import BaseModel
 
 from drivers.clock import Clock
 from drivers.errors import BadReply, DriverError, NoReply, Unreachable, WrongAddress
-from drivers.roles import Chamber, Head, Identity, Instrument, PressureController, Reader
+from drivers.roles import ByHand, Chamber, Head, Identity, Instrument, PressureController, Reader, Source, WithUnits
+from fitter.errors import FitError
+from rig.baths import Bath
 from rig.config import BenchConfig, validated
 from rig.contract_files import with_contracts
 from rig.errors import BenchFault, ConfigurationError
@@ -20,7 +22,7 @@ from rig.guarded import guarded
 from rig.person import Person
 from rig.plugins import driver_class
 from rig.protection import STATES
-from rig.quantities import HEAD, PER_VOLT, PRESSURE
+from rig.quantities import HEAD, PRESSURE, TEMPERATURE_UNIT, VOLT, per_volt, scale
 
 if TYPE_CHECKING:
     from drivers.driver import DriverClass
@@ -41,14 +43,20 @@ def check_options(config: BenchConfig, where: str, *, strict: bool = True) -> di
         except ConfigurationError as error:
             raise ConfigurationError(f"{where}: instruments.{name}: {error}") from None
         options = with_contracts(instrument.driver, instrument.options)
-        if strict:  # otherwise the wires refuse it when they are opened: measured data can still be read
+        if cls.wire == "none":
+            if instrument.address:
+                raise ConfigurationError(f"{where}: instruments.{name}.address: a {instrument.driver} has no address")
+        elif not instrument.address:
+            raise ConfigurationError(f"{where}: instruments.{name}.address is missing: where is it connected?")
+        elif strict:  # otherwise the wires refuse it when they are opened: measured data can still be read
             _check_address(instrument.address, cls, f"{where}: instruments.{name}", simulated=config.simulated)
         checked[name] = validated(cls.Options, options, f"{where}: instruments.{name}", strict=strict)
-        if strict:
-            _check_flow(instrument.address, checked[name], f"{where}: instruments.{name}")
+        if strict and instrument.address:
+            _check_wire(instrument.address, checked[name], f"{where}: instruments.{name}")
     _check_limit_names(config, where)
     _check_rates(config, checked, where)
     _check_interlocks(config, where)
+    _check_references(config, where)
     _check_safe_setpoints(config, checked, where)
     return checked
 
@@ -58,7 +66,7 @@ def _check_address(address: str, cls: DriverClass, where: str, *, simulated: boo
     from drivers.wires.addresses import parse_address  # noqa: PLC0415 - imports the wires, which few commands need
 
     try:
-        found = parse_address(address, cls.wire)
+        found = parse_address(address, None if cls.wire == "none" else cls.wire)
     except WrongAddress as error:
         raise ConfigurationError(f"{where}.address: {error}") from None
     if found.simulated and not simulated:
@@ -67,15 +75,22 @@ def _check_address(address: str, cls: DriverClass, where: str, *, simulated: boo
         )
 
 
-def _check_flow(address: str, options: BaseModel, where: str) -> None:
-    """Refuse flow control that the address cannot carry, before anything is opened."""
-    from drivers.wires.addresses import SerialAddress  # noqa: PLC0415 - imports the wires, which few commands need
+def _check_wire(address: str, options: BaseModel, where: str) -> None:
+    """Refuse options of the wire that the address cannot have, before anything is opened."""
+    from drivers.wires.addresses import text_address  # noqa: PLC0415 - imports the wires, which few commands need
     from drivers.wires.serial_options import SerialOptions, flow_refused  # noqa: PLC0415
 
     if isinstance(options, SerialOptions):
-        refused = flow_refused(options.flow_at(address), SerialAddress.parse(address))
-        if refused:
+        place = text_address(address)
+        if refused := flow_refused(options.flow_at(address), place):
             raise ConfigurationError(f"{where}.flow: {refused}")
+        meaningless = {"baud", "frame"} & options.model_fields_set if place.messages else set()
+        if place.messages and "interface" in options.model_fields_set and getattr(options, "interface", "") == "rs232":
+            meaningless.add("interface")
+        for option in sorted(meaningless):
+            raise ConfigurationError(
+                f"{where}.{option} is of a serial line, and {address} is none; leave it out, or write a serial address"
+            )
 
 
 def playing(config: BenchConfig, role: type[Any]) -> list[str]:
@@ -85,13 +100,15 @@ def playing(config: BenchConfig, role: type[Any]) -> list[str]:
 
 def _quantities(config: BenchConfig) -> list[str]:
     """Readbacks of a bench, by name, with units."""
-    return [*(HEAD if playing(config, Head) else ()), *([PRESSURE] if playing(config, PressureController) else [])]
+    own = [*(HEAD if playing(config, Head) else ()), *([PRESSURE] if playing(config, PressureController) else [])]
+    return [*own, *(name for name in config.factors if name not in own)]
 
 
 def _refuse_unknown(name: str, known: Sequence[str], message: str) -> None:
     if name not in known:
         near = difflib.get_close_matches(name, known, n=1)
-        hint = f"did you mean {near[0]}?" if near else f"on this bench there are {', '.join(known)}"
+        there = f"on this bench there are {', '.join(known)}" if known else "nothing on this bench has limits"
+        hint = f"did you mean {near[0]}?" if near else there
         raise ConfigurationError(f"{message}: {hint}")
 
 
@@ -135,6 +152,33 @@ def _check_interlocks(config: BenchConfig, where: str) -> None:
         )
 
 
+def _check_references(config: BenchConfig, where: str) -> None:
+    """Refuse a formula of a reference standard that cannot be evaluated."""
+    for name, reference in config.references.items():
+        if reference.formula is not None:
+            try:
+                of_reading(reference.formula)
+            except FitError as error:
+                raise ConfigurationError(f"{where}: references.{name}.formula: {error}") from None
+
+
+def of_reading(formula: str | None) -> Callable[[float], float]:
+    """A quantity as a function of a reading; the reading itself without a formula.
+
+    Raises:
+        FitError: the formula violates the grammar, or has other variables than `reading`.
+    """
+    if formula is None:
+        return lambda reading: reading
+    from fitter.arithmetic_text import parse_expression  # noqa: PLC0415 - few benches have one
+
+    expression = parse_expression(formula)
+    if set(expression.names) != {"reading"}:
+        odd = sorted({*expression.names} - {"reading"})
+        raise FitError(f"its variable is `reading`{f', not {odd[0]}' if odd else ', and it has none'}")
+    return lambda reading: float(expression.value({"reading": reading}))
+
+
 def _check_safe_setpoints(config: BenchConfig, options: Mapping[str, BaseModel], where: str) -> None:
     """Refuse a safe setpoint outside the limits of the safe state: every run would end as unsafe."""
     low, high = config.safety.ambient_degC
@@ -154,8 +198,11 @@ class Bench:
         config: the bench file.
         instruments: drivers by the bench's names.
         sensors: (instrument, channel) by output column.
-        scales: unit of the output per volt, by output column.
+        scales: unit of the output per unit of its channel, by output column.
+        volts: unit of the output per volt, by output column; outputs of other units are left out.
         temperatures: (instrument, channel) by temperature column.
+        references: (instrument, channel) of reference standards, by factor.
+        standards: factor from the reading of its reference standard, by factor.
         answered: last identities of the instruments.
         person: a simulated person; None where real people are asked.
     """
@@ -166,21 +213,44 @@ class Bench:
     wires: Wires
     sensors: Mapping[str, tuple[str, str]] = field(init=False)
     scales: Mapping[str, float] = field(init=False)
+    volts: Mapping[str, float] = field(init=False)
     temperatures: Mapping[str, tuple[str, str]] = field(init=False)
+    references: Mapping[str, tuple[str, str]] = field(init=False)
+    standards: Mapping[str, Callable[[float], float]] = field(init=False)
     answered: dict[str, Identity] = field(init=False, default_factory=dict)
     person: Person | None = field(init=False, default=None)
 
     def __post_init__(self) -> None:
-        limits = self.config.limits
-        self.instruments = {name: guarded(name, i, limits) for name, i in self.instruments.items()}
+        limits, factors = self.config.limits, self.config.factors
+        self.instruments = {
+            name: guarded(name, i, limits, [factor for factor, setter in factors.items() if setter == name])
+            for name, i in self.instruments.items()
+        }
         sensors = {f"{name}_{s.unit}": s for name, s in self.config.sensors.items()}
         self.sensors = {column: (s.reader, s.channel) for column, s in sensors.items()}
-        self.scales = {column: PER_VOLT[s.unit] for column, s in sensors.items()}
         self.temperatures = {name: (t.reader, t.channel) for name, t in self.config.temperatures.items()}
+        references = self.config.references
+        self.references = {name: (r.reader, r.channel) for name, r in references.items()}
+        self.standards = {name: of_reading(r.formula) for name, r in references.items()}
         self._check_channels()
+        self.scales = {column: self._scale(column, s.unit) for column, s in sensors.items()}
+        self.volts = {column: found for column, s in sensors.items() if (found := per_volt(s.unit)) is not None}
+
+    def _scale(self, column: str, unit: str) -> float:
+        """Units of an output in one of its channel. Raises `ConfigurationError` if they are different units."""
+        reader, channel = self.sensors[column]
+        instrument = self.instruments[reader]
+        own = instrument.units()[channel] if isinstance(instrument, WithUnits) else VOLT
+        found = scale(own, unit)
+        if found is None:
+            raise ConfigurationError(
+                f"bench {self.config.name}: {column}: channel {channel} of {reader} reads {own}, not {unit}; "
+                f'write unit = "{own}", or that with another prefix'
+            )
+        return found
 
     def _check_channels(self) -> None:
-        for name, (reader, channel) in (*self.sensors.items(), *self.temperatures.items()):
+        for name, (reader, channel) in (*self.sensors.items(), *self.temperatures.items(), *self.references.items()):
             instrument = self.instruments[reader]
             if not isinstance(instrument, Reader):
                 raise ConfigurationError(
@@ -202,6 +272,11 @@ class Bench:
             )
         return next(iter(heads.values()))
 
+    def by_hand(self, factor: str) -> ByHand | None:
+        """The person who sets a factor; None if an instrument does."""
+        instrument = self.instruments.get(self.config.factors.get(factor, ""))
+        return instrument if isinstance(instrument, ByHand) else None
+
     def setting(self, factor: str, role: type[Role]) -> tuple[str, Role]:
         """The instrument that sets a factor, and its name. Raises `ConfigurationError` if it cannot."""
         name = self.config.factors.get(factor)
@@ -219,13 +294,20 @@ class Bench:
 
     @property
     def chambers(self) -> dict[str, Chamber]:
-        """Chambers and enclosures by name."""
-        return self._playing(Chamber)
+        """Chambers and enclosures by name, and baths: sources that set a temperature."""
+        baths = {name: Bath(s) for name, s in self._playing(Source).items() if s.unit() == TEMPERATURE_UNIT}
+        return {**self._playing(Chamber), **baths}
+
+    def soaks(self, factor: str) -> tuple[str, Chamber]:
+        """The chamber or bath that sets a factor, and its name. Raises `ConfigurationError` if nothing such does."""
+        chambers, name = self.chambers, self.config.factors.get(factor, "")
+        return (name, chambers[name]) if name in chambers else self.setting(factor, Chamber)
 
     @property
     def readers(self) -> dict[str, Reader]:
         """The instruments that read sensors or temperatures, by name."""
-        used = {reader for reader, _ in (*self.sensors.values(), *self.temperatures.values())}
+        sources = (*self.sensors.values(), *self.temperatures.values(), *self.references.values())
+        used = {reader for reader, _ in sources}
         return {name: r for name, r in self._playing(Reader).items() if name in used}
 
     def _playing(self, role: type[Role]) -> dict[str, Role]:

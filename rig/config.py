@@ -37,7 +37,7 @@ class InstrumentConfig(BaseModel):
     model_config = ConfigDict(extra="allow", frozen=True)
 
     driver: str
-    address: str = Field(min_length=1)
+    address: str = Field("", description="where it is connected; only a person has none")
     asset: str = Field("", description="your asset number, for instruments that do not report their serial number")
     due: date | None = Field(None, description="due date of its own calibration")
     serial: str = Field("", description="expected serial number; a different one is refused")
@@ -54,12 +54,17 @@ class SensorConfig(_Strict):
     axis: Literal["x", "y", "z"] | None = Field(
         None, description="nominal axis in the package, for kinds of procedures that need it"
     )
-    unit: Literal["V", "mV"] = Field("V", description="unit of the recorded output; the reader measures volts")
+    unit: str = Field(
+        "V",
+        pattern=r"^[A-Za-z][A-Za-z0-9]*$",
+        description="unit of the recorded output: that of the reader's channel, volts for most, with any prefix",
+    )
     reader: str = Field(description="instrument that reads it")
     channel: str = Field("input", description="channel of the reader")
     asset: str = ""
 
 
+_FACTOR = r"[A-Za-z][A-Za-z0-9_]*_[A-Za-z][A-Za-z0-9]*"
 FOLLOWS_S = 480.0
 """Assumed time constant of sensors relative to their chamber if the bench file has none, seconds."""
 
@@ -78,6 +83,22 @@ class TemperatureConfig(_Strict):
         le=1e6,
         description="time constant relative to its chamber; forecasts of soaks use it",
     )
+
+
+class ReferenceConfig(_Strict):
+    """One `[references.FACTOR]` table: a reference standard, whose reading of a factor replaces its setpoint."""
+
+    reader: str = Field(description="instrument that reads it")
+    channel: str = Field("input", description="channel of the reader")
+    formula: str | None = Field(
+        None,
+        min_length=1,
+        max_length=2000,
+        description="the factor in its unit, from `reading` in that of the channel: `0.0012 + 2.50031 * reading`; left "
+        "out: the reading",
+    )
+    asset: str = ""
+    due: date | None = Field(None, description="due date of its own calibration")
 
 
 class LiveConfig(_Strict):
@@ -100,6 +121,9 @@ class BenchConfig(_Strict):
         default_factory=dict,
         description="instrument that sets each factor, for kinds of procedures that leave it to the bench",
     )
+    references: dict[str, ReferenceConfig] = Field(
+        default_factory=dict, description="reference standards, by the factor that they read"
+    )
     limits: dict[str, tuple[float, float]] = Field(default_factory=dict)
     interlocks: dict[str, InterlockConfig] = Field(default_factory=dict)
     safety: SafetyConfig = SafetyConfig()
@@ -109,6 +133,7 @@ class BenchConfig(_Strict):
     def _names_meet(self) -> Self:
         read = {f"sensors.{name}": (s.reader, s.channel) for name, s in self.sensors.items()}
         read |= {f"temperatures.{name}": (t.reader, t.channel) for name, t in self.temperatures.items()}
+        read |= {f"references.{name}": (r.reader, r.channel) for name, r in self.references.items()}
         taken: dict[tuple[str, str], str] = {}
         for name, (reader, channel) in read.items():
             if reader not in self.instruments:
@@ -119,11 +144,17 @@ class BenchConfig(_Strict):
                 raise ValueError(f"{other} and {name} are both on channel {channel} of {reader}")
         for name, instrument in self.factors.items():
             known_factors = [factor for kind in kinds().values() for factor in kind.bench_factors]
-            if name not in known_factors:
-                raise ValueError(f"factors.{name} is not a factor of any procedure; known: {', '.join(known_factors)}")
+            if name not in known_factors and not re.fullmatch(_FACTOR, name):
+                raise ValueError(
+                    f"factors.{name}: the name is a column and must end in its unit, such as force_kN; factors of "
+                    f"kinds with their own: {', '.join(known_factors)}"
+                )
             if instrument not in self.instruments:
                 known = ", ".join(sorted(self.instruments))
                 raise ValueError(f"factors.{name} = {instrument!r} is not an instrument here (known: {known})")
+        for name in self.references:
+            if name not in self.factors and not re.fullmatch(_FACTOR, name):
+                raise ValueError(f"references.{name}: the name is that of a factor and ends in its unit: force_kN")
         for name in self.temperatures:
             if not name.endswith("_degC"):
                 raise ValueError(f"temperatures.{name}: the name is a column and must end in its unit, _degC")

@@ -8,11 +8,11 @@ bench file itself and shares no code with its callers.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from typing import Any
 
-from drivers.roles import Chamber, Head, Instrument, PressureController
+from drivers.roles import Chamber, Head, Instrument, PressureController, Source
 from rig.errors import BenchFault
 from rig.quantities import PRESSURE
 
@@ -26,8 +26,9 @@ class Refused(BenchFault):
 class _Guarded:
     """Guard of one instrument; everything but commands passes unchanged."""
 
-    def __init__(self, name: str, instrument: Any, limits: Limits) -> None:
+    def __init__(self, name: str, instrument: Any, limits: Limits, factors: Sequence[str]) -> None:
         self._guarded_name, self._guarded, self._guarded_limits = name, instrument, limits
+        self._guarded_factors = factors
 
     def __getattr__(self, attribute: str) -> Any:
         return getattr(self._guarded, attribute)
@@ -40,6 +41,11 @@ class _Guarded:
                 f"{high:g} (bench limits); it was not sent. This is a fault of the program: please report it"
             )
 
+    def _check_factors(self, value: float, *others: str) -> None:
+        """Check a value against the limits of the factors that the instrument sets, and of these quantities."""
+        for quantity in dict.fromkeys((*others, *self._guarded_factors)) or (self._guarded_name,):
+            self._check(quantity, value)
+
 
 class _GuardedHead(_Guarded):
     def move(self, targets_deg: Mapping[str, float]) -> None:
@@ -50,37 +56,45 @@ class _GuardedHead(_Guarded):
 
 class _GuardedChamber(_Guarded):
     def set_temperature(self, degC: float) -> None:
-        self._check(f"{self._guarded_name}_degC", degC)
+        self._check_factors(degC, f"{self._guarded_name}_degC")
         self._guarded.set_temperature(degC)
 
 
 class _GuardedPressure(_Guarded):
     def set_pressure(self, psia: float) -> None:
-        self._check(PRESSURE, psia)
+        self._check_factors(psia, PRESSURE)
         self._guarded.set_pressure(psia)
+
+
+class _GuardedSource(_Guarded):
+    def set(self, value: float) -> None:
+        self._check_factors(value)
+        self._guarded.set(value)
 
 
 _GUARDED: tuple[tuple[type, type[_Guarded]], ...] = (
     (Head, _GuardedHead),
     (Chamber, _GuardedChamber),
     (PressureController, _GuardedPressure),
+    (Source, _GuardedSource),
 )
 
 
-def guarded(name: str, instrument: Instrument, limits: Limits) -> Instrument:
+def guarded(name: str, instrument: Instrument, limits: Limits, factors: Sequence[str] = ()) -> Instrument:
     """An instrument with checked commands; an instrument without commands is returned unchanged.
 
     Args:
         name: the bench's name, also the name of a chamber's limits.
         instrument: a driver's instance.
         limits: (low, high) by quantity, as in the bench file.
+        factors: names of the factors that it sets.
     """
     if isinstance(instrument, _Guarded):
         return instrument
     bases = tuple(guard for role, guard in _GUARDED if isinstance(instrument, role))
     if not bases:
         return instrument
-    wrapped: Instrument = _class_for(type(instrument), bases)(name, instrument, limits)
+    wrapped: Instrument = _class_for(type(instrument), bases)(name, instrument, limits, factors)
     return wrapped
 
 

@@ -57,6 +57,8 @@ def _wires(instruments: Mapping[str, Addressed]) -> dict[str, tuple[str, str]]:
     """Each wire once, with its first instrument and its address."""
     found: dict[str, tuple[str, str]] = {}
     for name, instrument in instruments.items():
+        if not instrument.address:  # a person
+            continue
         found.setdefault(wire_of(instrument.address), (name, instrument.address))
     return found
 
@@ -65,6 +67,7 @@ def wire_of(address: str) -> str:
     """Name of the lock of an address: the same text for every name of the same wire."""
     from drivers.errors import WrongAddress  # noqa: PLC0415 - imports the wires, which few commands need
     from drivers.wires.addresses import CanAddress, parse_address  # noqa: PLC0415
+    from drivers.wires.visa_address import VisaAddress  # noqa: PLC0415
 
     try:
         found = parse_address(address)
@@ -74,6 +77,8 @@ def wire_of(address: str) -> str:
         return _device(found.device)
     if isinstance(found, CanAddress):
         return f"can:{found.interface}/{found.channel}"
+    if isinstance(found, VisaAddress) and found.messages:
+        return found.lock
     if found.host is None:
         return address
     host = found.host.host.lower().rstrip(".")

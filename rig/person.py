@@ -21,6 +21,14 @@ class Person(Protocol):
         """Stated value and name, once the step is done; None before. The bench is changed from then on."""
         ...
 
+    def asked_to_set(self, factor: str, value: float) -> bool:
+        """The person reads to what a factor has to be set. Returns as `asked`; the answer is then that of `answer`."""
+        ...
+
+    def recall_setting(self, factor: str, value: float) -> None:
+        """A real person has set a factor of a simulated bench."""
+        ...
+
     def recall(self, change: str, number: float | None) -> None:
         """A step was done in an earlier session: the bench is still changed."""
         ...

@@ -5,17 +5,17 @@ A procedure is held against its bench before anything is opened: what can be kno
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel
 
-from drivers.roles import Chamber, PressureController
+from drivers.roles import ByHand, Chamber, Head, PressureController, Source
 from fitter.errors import FitError
 from procedures.conduct import Conduct, WholePlotConduct
-from procedures.kind import Procedure, kind_of
+from procedures.kind import Completed, Procedure, kind_of
 from procedures.run_list import RunList
 from rig.bench import check_options, playing
 from rig.config import BenchConfig, InstrumentConfig, parse_bench, parse_procedure, parse_toml, read_text
@@ -23,10 +23,11 @@ from rig.contract_files import files_beside, read_bench, with_contracts, with_fi
 from rig.engine.guard import Guard
 from rig.engine.whole_plots import renewal
 from rig.errors import ConfigurationError, RigError, UsageError
-from rig.quantities import ATMOSPHERE_PSIA
+from rig.quantities import ATMOSPHERE_PSIA, HEAD, PRESSURE_UNIT, TEMPERATURE_UNIT, unit_of
 from rig.run_file.bodies import shown
 from rig.run_file.events.sessions import Identified
 from rig.run_file.reader import RunReader
+from rig.toml_text import toml_text
 
 PREVIOUS = "previous.json"
 """Name of the run file's document with the last calibration, if the procedure names one."""
@@ -70,12 +71,32 @@ def load_plan(procedure: Path, bench: Path, *, dry: bool = False, world: Path | 
         except (RigError, OSError) as error:
             what = f"{procedure}: warnings.against = {against!r}: {error}"
             raise ConfigurationError(f"{what}; name the last calibration, or remove the line") from error
+    documents["procedure.toml"] = _with_files(documents["procedure.toml"], procedure)
     plan = _plan(documents, dry, {"bench.toml": str(bench), "procedure.toml": str(procedure), "world.toml": str(world)})
     try:
         kind_of(plan.procedure).check_design(plan.procedure, plan.run_list)
     except FitError as error:
         raise ConfigurationError(f"{procedure}: {error}") from error
     return plan
+
+
+def _with_files(text: str, procedure: Path) -> str:
+    """The procedure with the contents of files that it names, or with results of a search, so that a run file has all.
+
+    Raises:
+        ConfigurationError: a file cannot be read or used, or the search cannot be made.
+    """
+    read = parse_procedure(text, str(procedure))
+    if not isinstance(read, Completed):
+        return text
+    texts = {name: read_text(procedure.parent / name, "points") for name in read.files}
+    try:
+        values = read.completed(texts)
+    except ValueError as error:
+        raise ConfigurationError(f"{procedure}: {error}") from None
+    if values is None:
+        return text
+    return f"# {procedure.name}, with the points of its design\n{toml_text(values)}"
 
 
 def _plan(documents: Mapping[str, str], dry: bool, where: Mapping[str, str], *, strict: bool = True) -> Plan:
@@ -177,7 +198,17 @@ def stored_plan(run: RunReader, path: Path, bench: Path | None) -> Plan:
         return plan
     other, _ = read_bench(bench)
     options = check_options(other, str(bench))
-    for what in ("name", "sensors", "temperatures", "factors", "limits", "interlocks", "safety", "simulated"):
+    for what in (
+        "name",
+        "sensors",
+        "temperatures",
+        "factors",
+        "references",
+        "limits",
+        "interlocks",
+        "safety",
+        "simulated",
+    ):
         if getattr(other, what) != getattr(plan.bench, what):
             raise ConfigurationError(f"{bench}: {what} differ from the bench the run began on; only instruments may")
     if {n: i.driver for n, i in other.instruments.items()} != {n: i.driver for n, i in plan.bench.instruments.items()}:
@@ -223,8 +254,13 @@ def check_match(config: BenchConfig, procedure: Procedure, run_list: RunList, wh
     if conduct.environment is not None:
         anywhere = (float("-inf"), float("inf"))
         guard.check_environment(conduct.environment.setpoint_degC, dict.fromkeys(playing(config, Chamber), anywhere))
-    if conduct.whole_plots is not None:
+    if conduct.any_instruments:
+        _check_setters(config, run_list, guard, where)
+        if conduct.environment is not None:
+            _check_environment(config, run_list, where)
+    elif conduct.whole_plots is not None:
         _check_factors(config, run_list, guard, where)
+    if conduct.whole_plots is not None:
         _check_renewal(conduct.whole_plots, run_list, guard, where)
 
 
@@ -257,6 +293,71 @@ def _check_factors(config: BenchConfig, run_list: RunList, guard: Guard, where: 
             raise ConfigurationError(f"{where}: {name} cannot set {factor.name}: it is no {role.__name__}")
         if role is PressureController:
             _check_atmosphere(factor.name, guard, where)
+
+
+_SETS: tuple[type[Any], ...] = (Source, PressureController, Chamber, Head, ByHand)
+"""Roles that set a factor."""
+
+
+def _check_setters(config: BenchConfig, run_list: RunList, guard: Guard, where: str) -> None:
+    """Check that every factor has an instrument of its own that can set it, whatever it is."""
+    taken: dict[str, str] = {}
+    for factor in run_list.factors:
+        name = config.factors.get(factor.name)
+        if name is None and factor.name in HEAD:
+            continue  # the head's own axes need no entry
+        if name is None:
+            setting = [n for n in config.instruments if any(n in playing(config, role) for role in _SETS)]
+            here = (
+                f"{', '.join(setting)} can" if setting else 'no instrument can; one with driver = "person" asks for it'
+            )
+            raise ConfigurationError(
+                f"{where} does not say what sets {factor.name}: add it under [factors], {factor.name} = "
+                f'"INSTRUMENT"; here {here}'
+            )
+        by_hand = name in playing(config, ByHand)
+        if name in taken and not by_hand:
+            raise ConfigurationError(f"{where}: factors: {name} cannot set both {taken[name]} and {factor.name}")
+        taken[name] = factor.name
+        roles = [role for role in _SETS if name in playing(config, role)]
+        if not roles:
+            raise ConfigurationError(
+                f"{where}: factors.{factor.name} = {name!r}: {name} sets nothing "
+                f"(driver {config.instruments[name].driver})"
+            )
+        bath = Source in roles and unit_of(factor.name) == TEMPERATURE_UNIT
+        if factor.hard and not bath and Chamber not in roles:
+            raise ConfigurationError(
+                f"{where}: {factor.name} is hard to change, and {name} is no chamber or bath: whole plots are settled "
+                f"by temperatures; leave out hard = true"
+            )
+        _check_unit(factor.name, name, roles, where)
+        if PressureController in roles:
+            _check_atmosphere(factor.name, guard, where)
+
+
+def _check_unit(factor: str, instrument: str, roles: Sequence[type[Any]], where: str) -> None:
+    """Check the unit of a factor whose instrument's role has one; that of a source is checked when it is opened."""
+    units = {PressureController: PRESSURE_UNIT, Chamber: TEMPERATURE_UNIT}
+    unit = next((units[role] for role in roles if role in units), None)
+    if unit is not None and unit_of(factor) != unit:
+        stem = factor.rpartition("_")[0]
+        raise ConfigurationError(
+            f"{where}: {instrument} sets {unit}, not {unit_of(factor)}: call the factor {stem}_{unit}, with levels in "
+            f"{unit}"
+        )
+
+
+def _check_environment(config: BenchConfig, run_list: RunList, where: str) -> None:
+    """Check that no factor is set by a chamber, which the environment would set too."""
+    for factor in run_list.factors:
+        name = config.factors.get(factor.name, "")
+        bath = unit_of(factor.name) == TEMPERATURE_UNIT and name in playing(config, Source)
+        if bath or name in playing(config, Chamber):
+            raise ConfigurationError(
+                f"{where}: environment.setpoint_degC is for every chamber, and {name} sets {factor.name}: leave out "
+                f"[environment]"
+            )
 
 
 def _check_atmosphere(factor: str, guard: Guard, where: str) -> None:

@@ -25,7 +25,7 @@ class InterlockConfig(_Strict):
     watch: str = Field(
         min_length=1,
         description="CHAMBER.alarms, CHAMBER.running, CHAMBER.temperature_degC, CHAMBER.setpoint_degC; an axis "
-        f"readback ({', '.join((*HEAD, PRESSURE))}); or a temperature column",
+        f"readback ({', '.join((*HEAD, PRESSURE))}, or a factor under [factors]); or a temperature column",
     )
     within: tuple[float, float] | None = Field(None, description="permitted range of a number, ends included")
     must_be: bool | None = Field(None, description="required value of CHAMBER.running")

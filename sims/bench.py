@@ -87,7 +87,7 @@ class SimBench:
         self.tape = Tape(world, self.plant, self._twins, heard) if taped else None
         self._addresses = {name: str(instrument["address"]) for name, instrument in bench["instruments"].items()}
         self.cables = {
-            n: SerialCable(world, twin, self.wire(n), timed=not self._addresses[n].startswith("socket:"))
+            n: SerialCable(world, twin, self.wire(n), timed=not self._addresses[n].startswith(("socket:", "visa:")))
             for n, twin in self._twins.items()
             if twin.wire == "serial"
         }

@@ -76,7 +76,7 @@ def serve(
             taped.begin(pace, speed)
         given = bench["instruments"]
         instruments = dict(given)
-        for names in _wires(sim, {name: instrument["address"] for name, instrument in given.items()}):
+        for names in _wires(sim, {n: i["address"] for n, i in given.items() if sim.twin(n).wire != "none"}):
             addresses = _open(sim, {name: given[name]["address"] for name in names}, selector, ports, taped)
             for name, address in addresses.items():
                 instruments[name] = {**given[name], "address": address}
@@ -136,7 +136,7 @@ def _open(
         return receive if tape is None else tape.wired(wire, receive)
 
     match twins[name].wire:
-        case "serial" if first.startswith("socket:"):
+        case "serial" if first.startswith(("socket:", "visa:")):
             door = TcpPort(selector, lambda: on_tape(twins[name].on_rx))
             ports.append(door)
             return {name: f"socket://{door.address}"}

@@ -18,10 +18,10 @@ if TYPE_CHECKING:
     from sims.wires.modbus_slave import Registers
     from sims.world import World
 
-Medium = Literal["serial", "modbus", "can"]
+Medium = Literal["serial", "modbus", "can", "none"]
 """Kind of wire."""
 
-Role = Literal["head", "reader", "chamber", "pressure-controller"]
+Role = Literal["head", "reader", "chamber", "pressure-controller", "source"]
 """Part of the plant that an instrument moves or reads."""
 
 
@@ -31,7 +31,8 @@ class TwinClass(Protocol):
     Attributes:
         wire: its wire; each has a protocol here.
         roles: "head": it moves the plant's head; "chamber": it controls `plant.chamber(name)`; "pressure-controller":
-            it controls `plant.pressure_line(name)`, and its readings of it pass through its `inputs`; "reader": it
+            it controls `plant.pressure_line(name)`, and its readings of it pass through its `inputs`; "source": it sets
+            `plant.source(name)`; "reader": it
             reads sensors through its `inputs` (`Measuring`), and is `Accurate`.
         faults: possible faults besides those of its wire and its power.
     """
@@ -55,9 +56,7 @@ class TwinClass(Protocol):
 class MakesTwins(TwinClass, Protocol):
     """The same, called."""
 
-    def __call__(
-        self, name: str, options: Mapping[str, object], world: World, plant: Any, serial: str
-    ) -> SerialTwin | ModbusTwin | CanTwin:
+    def __call__(self, name: str, options: Mapping[str, object], world: World, plant: Any, serial: str) -> Twin:
         """Make the twin.
 
         Args:

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import os
+import resource
 import sys
+from collections.abc import Generator
+from pathlib import Path
 
 import pytest
 
@@ -31,9 +34,40 @@ def few_draws(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 LONGEST = ("an_installed_wheel", "trace", "trace_whole_plots", "trace_effects", "kills", "confirm", "live_bench")
+LONG = Path(__file__).parent / "long.txt"
+"""Tests that `make test` leaves to `make test-all`."""
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Options of these tests."""
+    parser.addoption("--quick", action="store_true", help="leave out the tests of tests/long.txt")
+    parser.addoption("--processor-times", type=Path, help="add the processor time of every test to this file")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """The longest files first, or one worker would still be at one of them when the others have nothing left."""
     place = {f"test_{name}": k for k, name in enumerate(LONGEST)}
     items.sort(key=lambda item: place.get(item.path.stem, len(place)))
+    if config.getoption("--quick"):
+        listed = set(LONG.read_text(encoding="utf-8").splitlines())
+        left_out = [item for item in items if item.nodeid in listed]
+        config.hook.pytest_deselected(items=left_out)
+        items[:] = [item for item in items if item.nodeid not in listed]
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
+    """Note the processor time, with that of processes that a test started and waited for."""
+    times: Path | None = item.config.getoption("--processor-times")
+    before = _processor_s()
+    try:
+        return (yield)
+    finally:
+        if times is not None:
+            with times.open("a", encoding="utf-8") as file:
+                file.write(f"{_processor_s() - before:.3f} {item.nodeid}\n")
+
+
+def _processor_s() -> float:
+    used = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    return sum(one.ru_utime + one.ru_stime for one in used)

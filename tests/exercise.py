@@ -14,7 +14,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from drivers.roles import Chamber, Head, PressureController, Reader
+from drivers.roles import Chamber, Head, PressureController, Reader, Source
 from rig.bench import Bench, check_options, open_bench
 from rig.config import parse_bench
 from rig.plugins import driver_class
@@ -113,6 +113,12 @@ class Exercise:
             for seconds in (20.0, 300.0):
                 self.sleep(seconds)
                 yield self.do("read")
+        if isinstance(driver, Source):
+            low, high = driver.limits()
+            self.do("set", low + 0.75 * (high - low))
+            for seconds in (0.5, 20.0):
+                self.sleep(seconds)
+                yield self.do("read")
         if hasattr(driver, "stop"):
             self.do("stop")
 
@@ -127,6 +133,8 @@ class Exercise:
             found.append(lambda: driver.set_temperature(25.0))
         if isinstance(driver, PressureController):
             found.append(lambda: driver.set_pressure(2.0))
+        if isinstance(driver, Source):
+            found.append(lambda: driver.set(driver.limits()[1]))
         if isinstance(driver, Reader):
             found += [lambda: driver.start(2), driver.fetch]
         return found

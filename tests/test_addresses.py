@@ -14,6 +14,7 @@ from drivers.errors import Unreachable, WrongAddress
 from drivers.roles import Reader
 from drivers.wires import SerialOptions, SerialSettings, Wires
 from drivers.wires.addresses import CanAddress, ModbusAddress, SerialAddress, Wire, parse_address
+from drivers.wires.visa_address import VisaAddress
 from rig.bench import check_options, open_bench
 from rig.config import parse_bench
 from rig.errors import ConfigurationError
@@ -33,6 +34,11 @@ ALLOWED: list[tuple[Wire, str]] = [
     ("modbus", "modbus-rtu:///dev/rig/chambers/2?baud=38400"),
     ("modbus", "modbus-rtu://socket://192.0.2.10:4001/1"),
     ("serial", "/dev/pts/3"),
+    ("serial", "visa://GPIB0::9::INSTR"),
+    ("serial", "visa://USB0::0x2A8D::0x1301::MY12345678::INSTR"),
+    ("serial", "visa://TCPIP::dvm.lab::INSTR"),
+    ("serial", "visa://TCPIP0::192.0.2.7::hislip0,4880::INSTR"),
+    ("serial", "visa://TCPIP::192.0.2.7::5025::SOCKET"),
     ("serial", "/dev/ttyS0"),
     ("serial", "/dev/rig/watchdog.reader"),
     ("can", "can:udp_multicast/239.0.0.9"),
@@ -43,13 +49,22 @@ ALLOWED: list[tuple[Wire, str]] = [
 ]
 
 REFUSED: list[tuple[Wire, str, str]] = [
-    ("serial", "GPIB0::9::INSTR", "VISA names are not supported yet; use its serial port, or its network socket"),
-    ("serial", "visa://GPIB0::9::INSTR", "VISA names are not supported yet"),
-    ("serial", "TCPIP::192.0.2.7::5025::SOCKET", "use socket://192.0.2.7:5025"),
-    ("serial", "TCPIP0::192.0.2.7::inst0::INSTR", "use socket://192.0.2.7:5025 if it has a raw socket"),
+    ("serial", "GPIB0::9::INSTR", "a VISA name is written visa://GPIB0::9::INSTR"),
+    ("serial", "TCPIP::192.0.2.7::5025::SOCKET", "written visa://TCPIP::192.0.2.7::5025::SOCKET"),
+    ("serial", "TCPIP0::192.0.2.7::inst0::INSTR", "written visa://TCPIP0::192.0.2.7::inst0::INSTR"),
     ("serial", "ASRL/dev/ttyUSB0::INSTR", "use /dev/ttyUSB0"),
     ("serial", "ASRL3::INSTR", "COM3"),
-    ("serial", "USB0::0x2A8D::0x0101::MY1::INSTR", "VISA names are not supported yet"),
+    ("serial", "USB0::0x2A8D::0x0101::MY1::INSTR", "written visa://USB0::0x2A8D::0x0101::MY1::INSTR"),
+    ("serial", "PXI0::1::INSTR", "only those of GPIB, USB and TCPIP instruments"),
+    ("serial", "visa://ASRL3::INSTR", "a serial port is opened without VISA"),
+    ("serial", "visa://GPIB0::31::INSTR", "GPIB addresses are 0 to 30"),
+    ("serial", "visa://GPIB0::INTFC", "is not a resource name of this kind"),
+    ("serial", "visa://USB0::0x12345::0x0101::MY1::INSTR", "is not a resource name"),
+    ("serial", "visa://USB0::70000::1::MY1::INSTR", "have 16 bits"),
+    ("serial", "visa://TCPIP::256.1.1.1::INSTR", "is not an IPv4 address"),
+    ("serial", "visa://TCPIP::host::70000::SOCKET", "port 70000 is not 1 to 65535"),
+    ("serial", "visa://TCPIP::host::rm -rf::INSTR", "is not a resource name"),
+    ("serial", "visa://", "is not a resource name"),
     ("serial", "spy:///dev/ttyUSB0?file=/tmp/x", "spy: is not a wire of this driver, or is not permitted"),
     ("serial", "loop://", "loop: is not"),
     ("serial", "alt:///dev/ttyUSB0?class=PosixPollSerial", "alt: is not"),
@@ -79,13 +94,14 @@ REFUSED: list[tuple[Wire, str, str]] = [
     ("modbus", "modbus-rtu://socket://host:4001/1?baud=9600", "set at the serial server"),
     ("modbus", "modbus-rtu://socket://host/1", "it names no port"),
     ("modbus", "socket://host:4001", "socket: is not a wire of this driver"),
-    ("modbus", "TCPIP::192.0.2.10::502::SOCKET", "VISA names are not supported yet"),
+    ("modbus", "TCPIP::192.0.2.10::502::SOCKET", "for an instrument that takes text"),
+    ("modbus", "visa://TCPIP::192.0.2.10::502::SOCKET", "VISA is for instruments that take text"),
     ("can", "can:serial/loop://", "adapters are"),
     ("can", "can:slcan/spy:///dev/ttyACM0", "is not a channel of slcan"),
     ("can", "can:socketcan/can0?interface=virtual", "its only option is bitrate"),
     ("can", "can:socketcan/can0?bitrate=fast", "bitrate=fast is not"),
     ("can", "/dev/ttyACM0", "is not a CAN address"),
-    ("can", "GPIB0::9::INSTR", "VISA names are not supported yet"),
+    ("can", "visa://GPIB0::9::INSTR", "VISA is for instruments that take text"),
     ("can", "can:udp_multicast/239.0.0.999", "is not a channel of udp_multicast"),
     ("can", "can:udp_multicast/ff15:", "is not a channel of udp_multicast"),
 ]  # fmt: skip
@@ -107,7 +123,7 @@ REFUSED += [
 
 @pytest.mark.parametrize(("wire", "address"), ALLOWED)
 def test_what_may_be_opened(wire: Wire, address: str) -> None:
-    kinds = {"serial": SerialAddress, "modbus": ModbusAddress, "can": CanAddress}
+    kinds = {"serial": SerialAddress | VisaAddress, "modbus": ModbusAddress, "can": CanAddress}
     found = parse_address(address, wire)
     assert isinstance(found, kinds[wire])
     assert parse_address(address) == found, "a plug-in that does not say what it speaks over gets the same"

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from fitter.confirm import Points, questions_of
+from fitter.confirm.compare import Comparison
+from fitter.confirm.reduced import Reduced
 from procedures.attitude.confirming import short_path
 from procedures.attitude.data import AttitudeData
 from procedures.attitude.designs import listed
@@ -68,15 +71,27 @@ def test_the_distance_is_that_of_the_rivals_best_refit(opened) -> None:
     squares = {
         (rival.pairs[k], bool(k)): square
         for rival in told.rivals
-        for k, square in enumerate(rival.state(np.ones(len(at), np.bool_))[2])
+        for k, square in enumerate(rival.squares(np.ones(len(at), np.bool_)))
     }
     assert any(value == pytest.approx(float(rest @ rest), rel=1e-3) for value in squares.values())
+
+
+def test_a_triangular_factor_in_place_of_the_first_run_changes_no_statistic(opened) -> None:
+    first, found, question = opened
+    at = [(p, r) for p in (-150.0, -60.0, 30.0, 120.0) for r in (0.0, 90.0, 180.0)]
+    later = replace(planned(at), outputs={"x_V": np.random.default_rng(5).normal(0.0, 1e-3, len(at))})
+    both = AttitudeTogether.of(found, first, later, DAY_S)
+    short = Reduced.of(both, [question])
+    assert short.fresh.size < both.fresh.size / 2
+    whole, told = (Comparison(one, question).apart(one.outputs[:, None]) for one in (both, short))
+    np.testing.assert_allclose(told.costs, whole.costs, rtol=1e-9)
+    np.testing.assert_allclose(told.shown, whole.shown, rtol=1e-6)
 
 
 def test_chosen_points_are_near_the_best_of_all_choices(opened) -> None:
     at = [(p, r) for p in (-135.0, -45.0, 45.0, 135.0) for r in (0.0, 90.0, 180.0)]
     points = candidates(opened, at)
-    (choice,) = points.choose([8], 0.0)
+    choice = points.choose([8], 0.0)[0].better
     best = 0.0
     for units in itertools.combinations(range(len(at)), 8):
         chosen = np.zeros(len(at), np.bool_)
@@ -89,7 +104,7 @@ def test_chosen_points_are_near_the_best_of_all_choices(opened) -> None:
 def test_chosen_points_separate_more_than_points_drawn_at_random(opened) -> None:
     at = [(p, r) for p in np.linspace(-180, 180, 19) for r in (0.0, 60.0, 120.0, 180.0)]
     points = candidates(opened, at)
-    (choice,) = points.choose([12], 0.0)
+    choice = points.choose([12], 0.0)[0].better
     rng = np.random.default_rng(1)
     drawn = []
     for _ in range(50):
@@ -106,7 +121,7 @@ def test_a_pair_that_no_point_separates_has_no_influence(opened) -> None:
     names = {frozenset(pair) for pair in points.pairs}
     assert frozenset({PADS, HEAD}) not in names
     assert names
-    (choice,) = points.choose([10], 0.0)
+    choice = points.choose([10], 0.0)[0].better
     assert choice.sigmas > 0.0
 
 

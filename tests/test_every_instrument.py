@@ -12,7 +12,7 @@ from exercise import NAME, Exercise, golden, on_file
 
 from drivers.driver import ContractFile
 from drivers.errors import DriverError, LimitError
-from drivers.roles import Chamber, Head, PressureController, Reader, Restartable
+from drivers.roles import Chamber, Head, PressureController, Reader, Restartable, Source
 from rig.bench import identities
 from rig.errors import BenchFault
 from rig.guarded import Refused
@@ -21,8 +21,16 @@ from rig.simulated.dry_run import twin_class
 from sims.faults import Kind, kinds_of
 from sims.faults.instrument_faults import POWER
 
-ROLES = {"head": Head, "reader": Reader, "chamber": Chamber, "pressure-controller": PressureController}
-DRIVERS = [*installed("rig.drivers"), outside_package.DRIVER]
+ROLES = {
+    "head": Head,
+    "reader": Reader,
+    "chamber": Chamber,
+    "pressure-controller": PressureController,
+    "source": Source,
+}
+PEOPLE = [name for name in installed("rig.drivers") if driver_class(name).wire == "none"]
+"""Those without a wire, to whom nothing is sent (test_general_lab)."""
+DRIVERS = [*(name for name in installed("rig.drivers") if name not in PEOPLE), outside_package.DRIVER]
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -44,7 +52,7 @@ every_name = pytest.mark.parametrize("name", DRIVERS)
 
 def test_the_package_from_elsewhere_is_one_of_them():
     assert outside_package.DRIVER in installed("rig.drivers")
-    assert set(DRIVERS) == set(installed("rig.drivers")) == set(installed("rig.twins"))
+    assert {*DRIVERS, *PEOPLE} == set(installed("rig.drivers")) == set(installed("rig.twins"))
 
 
 @every_name
@@ -85,7 +93,7 @@ def test_beyond_its_limits_nothing_is_sent(it):
             beyond += [("move", {axis: low - 0.5}), ("move", {axis: high + 0.5})]
     if isinstance(driver, Reader):
         beyond += [("start", 0), ("start", 10**9)]
-    for role, command in ((Chamber, "set_temperature"), (PressureController, "set_pressure")):
+    for role, command in ((Chamber, "set_temperature"), (PressureController, "set_pressure"), (Source, "set")):
         if isinstance(driver, role):
             low, high = driver.limits()
             beyond += [(command, low - 0.5), (command, high + 0.5), (command, float("nan"))]
@@ -109,6 +117,8 @@ def unsafe(it: Exercise) -> list[str]:
         line = it.plant.pressure_line(NAME)
         far = abs(line.pressure_psia(now) - line.ambient_psia(now)) > 0.5
         found += ["pressure"] * far + ["control"] * line.controlling
+    if "source" in it.twin.roles:
+        found += ["output"] * it.plant.source(NAME).on
     return found
 
 
@@ -122,6 +132,8 @@ def test_its_safe_state_is_safe_from_the_middle_of_its_work_and_again(it):
         driver.set_temperature(driver.limits()[1])
     if isinstance(driver, PressureController):
         driver.set_pressure(driver.limits()[0] + 1.0)
+    if isinstance(driver, Source):
+        driver.set(driver.limits()[1])
     if isinstance(driver, Reader):
         driver.start(100)
     else:
@@ -203,7 +215,12 @@ def test_whatever_happens_on_its_wire_only_our_own_errors_come_out(name):
     assert failed
 
 
-FAULTS = [(name, kind.name) for name in installed("rig.twins") for kind in (*twin_class(name).faults, POWER)]
+FAULTS = [
+    (name, kind.name)
+    for name in installed("rig.twins")
+    if name not in PEOPLE
+    for kind in (*twin_class(name).faults, POWER)
+]
 OF_THE_OUTSIDE = ("overload", "frozen-reading", "spike", "open-circuit", "error-queue-overflow", "oven-cold")
 OF_THE_OUTSIDE += (POWER.name,)
 HARMLESS = {"error-queue-overflow"}

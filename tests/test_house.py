@@ -21,7 +21,7 @@ NAMES = frozenset({"pitch-roll", "whole-plot", "general"})
 _CONTROLLER = "the role of a pressure controller, and of the line it fills"
 EXCEPTIONS: dict[str, tuple[set[str], str]] = {
     "cli/demo.py": ({"attitude", "transducers"}, "the two example laboratories, and what is in them"),
-    "config.py": ({"mv", "sse"}, "a bench file's units of outputs and places of thermometers"),
+    "config.py": ({"sse"}, "a bench file's units of outputs and places of thermometers"),
     "engine/axes.py": ({"psia"}, _CONTROLLER),
     "engine/safe_state.py": ({"psia"}, _CONTROLLER),
     "guarded.py": ({"psia"}, _CONTROLLER),
@@ -30,7 +30,7 @@ EXCEPTIONS: dict[str, tuple[set[str], str]] = {
     "quantities.py": ({"pitch", "roll", "psia", "mv"}, "what the roles of instruments set, and units of outputs"),
     "run_file/events/points.py": ({"whole-plot"}, "a status in run files, of runs with hard-to-change factors"),
     "run_file/sense/instruments.py": (
-        {"psia", "mv"},
+        {"psia"},
         "units of scanners' outputs, and the role of a pressure controller",
     ),
     "unattended/service.py": ({"psia"}, _CONTROLLER),

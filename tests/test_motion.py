@@ -26,14 +26,14 @@ def drive(legs, now, arrivals):
 
 
 def test_a_step_in_the_planned_direction_goes_straight():
-    legs = plan_legs(FACTORS, point(10, 30), {"pitch": 10, "roll": 0}, {"pitch": Arrival(1, 0)}, 0.001)
+    legs = plan_legs(FACTORS, point(10, 30), {"pitch": 10, "roll": 0}, {"pitch": Arrival(1, 0)}, lambda _: 0.001)
     assert legs == [{"roll": 30}]
 
 
 def test_an_axis_that_must_come_from_the_other_side_first_goes_beyond():
     now = {"pitch": 10.0, "roll": 30.0}
     arrivals = {"pitch": Arrival(1, 0), "roll": Arrival(1, 0)}
-    assert plan_legs(FACTORS, point(10, 30, -1, -1), now, arrivals, 0.001) == [
+    assert plan_legs(FACTORS, point(10, 30, -1, -1), now, arrivals, lambda _: 0.001) == [
         {"pitch": 12, "roll": 32},
         {"pitch": 10, "roll": 30},
     ]
@@ -52,7 +52,7 @@ starts = st.fixed_dictionaries({"pitch": st.floats(-180, 180), "roll": st.floats
 
 @given(points, starts, st.dictionaries(st.sampled_from(("pitch", "roll")), st.builds(Arrival, sides, angles)))
 def test_whatever_came_before_the_sides_are_as_planned(target, start, arrivals):
-    now, after = drive(plan_legs(FACTORS, target, start, arrivals, 1e-4), start, arrivals)
+    now, after = drive(plan_legs(FACTORS, target, start, arrivals, lambda _: 1e-4), start, arrivals)
     for axis, setpoint, side in zip(("pitch", "roll"), target.setpoints, target.sides, strict=True):
         assert abs(now[axis] - setpoint) <= 1e-4
         assert after[axis].side == side

@@ -207,7 +207,7 @@ def test_acceptance_is_by_reading_error(tmp_path, run):
         ),
         (("high_psia = 6 ", "high_psia = 2 "), "the instrument's own limits"),
         (('place = "sse"', 'place = "elsewhere"'), "place"),
-        (('pressure_psia = "supply"', 'pitch_deg = "supply"'), "factors.pitch_deg is not a factor"),
+        (('pressure_psia = "supply"', 'pressure = "supply"'), "factors.pressure: the name is a column and must end"),
         (('sse_temperature_degC = "sse_chamber"', 'sse_temperature_degC = "sensor_chamber"'), "cannot set both"),
         (('unit = "mV"', 'unit = "V"'), 'unit = "mV"'),
         (('unit = "mV"', 'unit = "mV"\naxis = "x"'), "must not have an axis"),

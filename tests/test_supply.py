@@ -50,7 +50,7 @@ def test_the_locks_have_what_pyproject_asks_for():
     asked = {
         "run": PROJECT["dependencies"],
         "build": build,
-        "make": extras["dev"] + extras["peers"] + extras["dask"],
+        "make": extras["dev"] + extras["peers"] + extras["dask"] + extras["visa"],
         "mutants": extras["mutants"],
         "lock": extras["lock"],
     }

@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 from drivers.clock import Clock
 from drivers.errors import Unreachable
+from drivers.wires.addresses import text_address
 from drivers.wires.serial_line import SerialLine, SerialSettings, Tap
 from drivers.wires.serial_options import SerialOptions
+from drivers.wires.visa_address import VisaAddress
 
 if TYPE_CHECKING:
     from drivers.wires.can import CanLine, CanWires
@@ -46,7 +48,7 @@ class Wires:
         """The serial line at `address`.
 
         Args:
-            address: `/dev/NAME`, `COM4`, `socket://HOST:PORT` or `rfc2217://HOST:PORT`.
+            address: `/dev/NAME`, `COM4`, `socket://HOST:PORT`, `rfc2217://HOST:PORT`, or `visa://RESOURCE`.
             settings: settings of the instrument's line.
             name: the bench's name for the instrument, used in messages.
 
@@ -55,7 +57,8 @@ class Wires:
         """
         line = self._serial.get(address)
         if line is None:
-            line = self._serial[address] = SerialLine(address, settings, self._clock, label=name, tap=self._tap)
+            kind = _line_class(address)
+            line = self._serial[address] = kind(address, settings, self._clock, label=name, tap=self._tap)
         elif line.settings != settings:
             raise Unreachable(
                 f"{name or address}: {line.where} already uses this line{line.port_settings and ' at '}"
@@ -105,3 +108,11 @@ class Wires:
             if wires is not None:
                 wires.close()
         self._serial.clear()
+
+
+def _line_class(address: str) -> type[SerialLine]:
+    if not isinstance(text_address(address), VisaAddress):
+        return SerialLine
+    from drivers.wires.visa import VisaLine  # noqa: PLC0415 - only for benches that have one
+
+    return VisaLine

@@ -6,26 +6,25 @@ pyserial URL can write files or load modules.
 
 from __future__ import annotations
 
-import ipaddress
 import re
 from dataclasses import dataclass, field
 from typing import ClassVar, Literal
 from urllib.parse import parse_qsl
 
 from drivers.errors import WrongAddress
+from drivers.wires.hosts import HostPort, host_wrong
 from drivers.wires.ports import DEVICE, is_ip, is_port
+from drivers.wires.visa_address import SCHEME, VisaAddress
 
 _HOST = r"[A-Za-z0-9](?:[A-Za-z0-9._-]*[A-Za-z0-9])?\.?|\[[0-9A-Fa-f:.]+\]"
-_LONGEST_LABEL, _LONGEST_HOST = 63, 253
-"""Maximum length of a host's name and of its parts (RFC 1035)."""
 _HOST_PORT = re.compile(rf"(?P<host>{_HOST})(?::(?P<port>[0-9]{{1,5}}))?")
 _SIMULATED = re.compile(r"sim://[\w.-]+/[\w.-]+")
-_VISA = re.compile(r"(?:visa://)?(?P<bus>GPIB|TCPIP|ASRL|USB|VXI|PXI|PRLGX)(?P<rest>[^:]*::.*)", re.IGNORECASE)
+_VISA = re.compile(r"(?P<scheme>visa://)?(?P<bus>GPIB|TCPIP|ASRL|USB|VXI|PXI|PRLGX)(?P<rest>[^:]*::.*)", re.IGNORECASE)
 
 _BAUDS = (1200, 2400, 4800, 9600, 14400, 19200, 28800, 38400, 57600, 115200)
 _FRAMES = ("8N1", "8N2", "8E1", "8E2", "8O1", "8O2")
 _MODBUS_PORT = 502
-_SERIAL_EXAMPLES = "/dev/ttyUSB0 (or COM4), socket://HOST:5025 or rfc2217://HOST:4001"
+_SERIAL_EXAMPLES = "/dev/ttyUSB0 (or COM4), socket://HOST:5025, rfc2217://HOST:4001 or visa://GPIB0::9::INSTR"
 _MODBUS_EXAMPLES = (
     "modbus-tcp://HOST:502/UNIT or modbus-rtu:///dev/ttyUSB0/UNIT?baud=9600&frame=8N1 or "
     "modbus-rtu://socket://HOST:4001/UNIT"
@@ -47,30 +46,17 @@ Wire = Literal["serial", "modbus", "can"]
 
 
 @dataclass(frozen=True)
-class HostPort:
-    """A place on the network.
-
-    Attributes:
-        host: name or IP address, IPv6 without brackets.
-        port: TCP port.
-    """
-
-    host: str
-    port: int
-
-
-@dataclass(frozen=True)
 class SerialAddress:
     """Address of a serial instrument.
 
     Attributes:
         kind: "device"; "socket" (bytes over TCP); "rfc2217" (a serial port over TCP); "sim" and "sim-socket" for twins
-            of these.
+            of these; "sim-visa" for the twin of an instrument at a VISA address.
         place: name for pyserial.
         host: host of a network address.
     """
 
-    kind: Literal["device", "socket", "rfc2217", "sim", "sim-socket"]
+    kind: Literal["device", "socket", "rfc2217", "sim", "sim-socket", "sim-visa"]
     place: str
     host: HostPort | None = None
 
@@ -78,8 +64,8 @@ class SerialAddress:
     def parse(cls, address: str) -> SerialAddress:
         """Read an address.
 
-        `/dev/NAME`, `COM4`, `socket://HOST:PORT`, `rfc2217://HOST:PORT[?OPTION]`, `sim://KEY/NAME`, or
-        `socket://sim://KEY/NAME`.
+        `/dev/NAME`, `COM4`, `socket://HOST:PORT`, `rfc2217://HOST:PORT[?OPTION]`, `sim://KEY/NAME`,
+        `socket://sim://KEY/NAME` or `visa://sim://KEY/NAME`.
 
         Raises:
             WrongAddress: it has none of these forms.
@@ -88,6 +74,8 @@ class SerialAddress:
             return cls("sim", address)
         if _SIMULATED.fullmatch(address.removeprefix("socket://")):
             return cls("sim-socket", address.removeprefix("socket://"))
+        if _SIMULATED.fullmatch(address.removeprefix(SCHEME)):
+            return cls("sim-visa", address.removeprefix(SCHEME))
         if is_port(address):
             return cls("device", address)
         scheme, separator, rest = address.partition("://")
@@ -105,17 +93,22 @@ class SerialAddress:
     @property
     def timed(self) -> bool:
         """Whether baud rate and frame are set when it is opened: a serial server has its own settings."""
-        return self.kind not in ("socket", "sim-socket")
+        return self.kind not in ("socket", "sim-socket", "sim-visa")
 
     @property
     def simulated(self) -> bool:
         """Whether it is a twin in this process."""
-        return self.kind in ("sim", "sim-socket")
+        return self.kind in ("sim", "sim-socket", "sim-visa")
 
     @property
     def device(self) -> str | None:
         """The device file behind it, if there is one."""
         return self.place if self.kind == "device" else None
+
+    @property
+    def messages(self) -> bool:
+        """Whether the bus of the instrument itself marks the end of a message and has a device clear."""
+        return self.kind == "sim-visa"
 
 
 @dataclass(frozen=True)
@@ -275,7 +268,19 @@ class CanAddress:
         return self.channel.partition("@")[0] if self.interface == "slcan" else None
 
 
-Address = SerialAddress | ModbusAddress | CanAddress
+TextAddress = SerialAddress | VisaAddress
+Address = TextAddress | ModbusAddress | CanAddress
+
+
+def text_address(address: str) -> TextAddress:
+    """Read the address of an instrument that takes lines of text.
+
+    Raises:
+        WrongAddress: it is not on a serial line and has no VISA name.
+    """
+    if address.startswith(SCHEME) and not _SIMULATED.fullmatch(address.removeprefix(SCHEME)):
+        return VisaAddress.parse(address)
+    return SerialAddress.parse(address)
 
 
 def parse_address(address: str, wire: Wire | None = None) -> Address:
@@ -292,12 +297,19 @@ def parse_address(address: str, wire: Wire | None = None) -> Address:
         return ModbusAddress.parse(address)
     if wire == "can" or (wire is None and address.startswith("can:")):
         return CanAddress.parse(address)
-    return SerialAddress.parse(address)
+    return text_address(address)
+
+
+def messages(address: str) -> bool:
+    """Whether an address is of an instrument whose bus has messages and device clear, as GPIB."""
+    return address.startswith(SCHEME) and text_address(address).messages
 
 
 def simulated(address: str, place: str) -> str:
     """The address of the twin at `place` (`sim://KEY/NAME`) that replaces the instrument at `address`."""
-    if address.startswith("socket:"):
+    if messages(address):
+        return f"{SCHEME}{place}"
+    if address.startswith(("socket:", SCHEME)):
         return f"socket://{place}"
     if address.startswith("modbus-rtu:"):
         return f"modbus-rtu://{place}/1"
@@ -316,26 +328,8 @@ def _host_port(text: str, default: int | None) -> HostPort | str:
     if number is None or not 1 <= number <= 65535:
         return f"port {port} is not 1 to 65535"
     host = found["host"]
-    why = _host_wrong(host)
+    why = host_wrong(host)
     return why or HostPort(host.strip("[]"), number)
-
-
-def _host_wrong(host: str) -> str:
-    """Defect of a host name, "" if it is valid."""
-    if host.startswith("["):
-        try:
-            ipaddress.IPv6Address(host.strip("[]"))
-        except ValueError:
-            return f"{host} is not an IPv6 address"
-        return ""
-    if len(host) > _LONGEST_HOST or any(len(label) > _LONGEST_LABEL for label in host.split(".")):
-        return "a host's name has at most 253 characters, 63 between dots"
-    if re.fullmatch(r"[0-9.]+", host):
-        try:
-            ipaddress.IPv4Address(host)
-        except ValueError:
-            return f"{host} is not an IPv4 address"
-    return ""
 
 
 def _serial_options(scheme: str, query: str) -> str:
@@ -353,7 +347,7 @@ def _unknown(scheme: str, address: str) -> str:
     """Reason for refusing an address of unknown scheme."""
     visa = _VISA.fullmatch(address)
     if visa is not None:
-        return f"VISA names are not supported yet; {_instead_of_visa(visa)}"
+        return _with_visa(visa)
     if scheme == "sim":
         return "sim:// is for simulated benches"
     if scheme or re.match(r"\w+:", address):
@@ -365,16 +359,16 @@ def _unknown(scheme: str, address: str) -> str:
     return "give the absolute path of a device"
 
 
-def _instead_of_visa(visa: re.Match[str]) -> str:
-    bus, parts = visa["bus"].upper(), visa["rest"].split("::")
-    if bus == "TCPIP":
-        port = parts[2] if parts[-1].upper() == "SOCKET" and len(parts) > 3 else "5025"
-        return f"use socket://{parts[1]}:{port} if it has a raw socket for commands"
-    if bus == "ASRL" and parts[0].startswith("/"):
-        return f"use {parts[0]}"
+def _with_visa(visa: re.Match[str]) -> str:
+    bus, rest = visa["bus"].upper(), visa["rest"]
+    if visa["scheme"]:
+        return "VISA is for instruments that take text"
+    if bus in ("GPIB", "USB", "TCPIP"):
+        return f"a VISA name is written {SCHEME}{bus}{rest}, for an instrument that takes text"
     if bus == "ASRL":
-        return f"use the serial device: /dev/ttyUSB0 or so, or COM{parts[0]}"
-    return "use its serial port, or its network socket, socket://HOST:5025"
+        port = rest.partition("::")[0]
+        return f"use {port}" if port.startswith("/") else f"use the serial device: /dev/ttyUSB0 or so, or COM{port}"
+    return "of VISA names only those of GPIB, USB and TCPIP instruments can be used"
 
 
 def _no_modbus(address: str, why: str) -> WrongAddress:

@@ -15,13 +15,14 @@ import contextlib
 import os
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal, NoReturn, Protocol, cast
+from typing import Literal, NoReturn, cast
 
 import serial
 
 from drivers.clock import Clock
 from drivers.errors import BadReply, NoReply, Unreachable
-from drivers.wires.addresses import SerialAddress
+from drivers.wires.addresses import text_address
+from drivers.wires.port import Port
 from drivers.wires.serial_options import Flow, flow_arguments, flow_refused
 
 try:
@@ -45,19 +46,6 @@ _LONGEST_REPLY = 1 << 20
 _TALKS_ON_S = 10.0
 _DTR_S = 0.01
 _NOT_SAID = bytes([0x11, 0x13])  # XON and XOFF: flow control, never part of an answer
-
-
-class _Port(Protocol):
-    """The used part of a pyserial port; pyserial's own base class does not declare all of it."""
-
-    timeout: float | None
-    dtr: bool
-
-    @property
-    def in_waiting(self) -> int: ...
-    def read(self, size: int = 1, /) -> bytes: ...
-    def write(self, data: bytes, /) -> int | None: ...
-    def close(self) -> None: ...
 
 
 @dataclass(frozen=True)
@@ -108,7 +96,7 @@ class SerialLine:
         self, address: str, settings: SerialSettings, clock: Clock, *, label: str = "", tap: Tap | None = None
     ) -> None:
         self.address = address
-        self._place = SerialAddress.parse(address)
+        self._place = text_address(address)
         self.settings = settings
         self.clock = clock
         self.label = label or address
@@ -118,12 +106,17 @@ class SerialLine:
         self._out_of_step = False
         self._owed = False  # number of an answer that may still come
         self._doubtful = False  # something was removed from the last answer that may have been a changed digit
-        self._port: _Port | None = self._open()
+        self._port: Port | None = self._open()
 
     @property
     def where(self) -> str:
         """The instrument and its address, for messages."""
         return self.label if self.label == self.address else f"{self.label} at {self.address}"
+
+    @property
+    def rs232(self) -> bool:
+        """Whether the instrument may be at a serial line: not if its bus has messages, as GPIB."""
+        return not self._place.messages
 
     @property
     def port_settings(self) -> str:
@@ -251,7 +244,7 @@ class SerialLine:
         if port is not None:
             port.close()
 
-    def _open(self) -> _Port:
+    def _open(self) -> Port:
         settings = self.settings
         if refused := flow_refused(settings.flow, self._place):
             raise Unreachable(f"{self.where}: {refused}")
@@ -271,18 +264,18 @@ class SerialLine:
                 exclusive=True,
                 **flow_arguments("none" if terminal else settings.flow),
             )
-            return cast(_Port, port)
+            return cast(Port, port)
         except _OPEN_ERRORS as error:
             raise Unreachable(
                 f"{self.where} cannot be opened ({error}); check power, cable, address and permissions"
             ) from error
 
-    def _reopened(self) -> _Port:
+    def _reopened(self) -> Port:
         self._port = port = self._open()
         self._out_of_step = True
         return port
 
-    def _in_step(self) -> _Port:
+    def _in_step(self) -> Port:
         port = self._port or self._reopened()
         try:
             waiting = port.in_waiting
@@ -296,7 +289,7 @@ class SerialLine:
             self._synchronise(port, *self.settings.sync)
         return port
 
-    def _synchronise(self, port: _Port, question: str, answer: str) -> None:
+    def _synchronise(self, port: Port, question: str, answer: str) -> None:
         """Ask a question whose answer fits no other question; earlier bytes were late, and are discarded.
 
         Raises:
@@ -322,12 +315,12 @@ class SerialLine:
         self._owed = False
         self.drain()  # the same question may have been asked before without an answer
 
-    def _limit(self, port: _Port, timeout_s: float) -> None:
+    def _limit(self, port: Port, timeout_s: float) -> None:
         limit = self.clock.timeout(timeout_s)
         if port.timeout != limit:  # setting it reprograms a real port, so it is set only if it changes
             port.timeout = limit
 
-    def _send(self, port: _Port, text: str) -> None:
+    def _send(self, port: Port, text: str) -> None:
         data = text.encode("ascii") + self.settings.send_end
         if self._tap:
             self._tap(self.label, "tx", data)
@@ -346,12 +339,13 @@ class SerialLine:
             lines = received.decode("ascii").split(self.settings.reply_end.decode("ascii"))
         except UnicodeDecodeError:
             doubt = "do baud rate and frame match" if self.port_settings else "do the serial server's settings match"
-            raise self.bad_reply(text, received, f"text; {doubt} the instrument's?") from None
+            doubt = "" if self._place.messages else f"; {doubt} the instrument's?"
+            raise self.bad_reply(text, received, f"text{doubt}") from None
         if len(lines) != count + 1 or lines[-1].strip():
             raise self.bad_reply(text, received, f"{count} line(s)")
         return [line.strip() for line in lines[:-1]]
 
-    def _receive(self, port: _Port, text: str, count: int, timeout_s: float) -> bytes:
+    def _receive(self, port: Port, text: str, count: int, timeout_s: float) -> bytes:
         raw, received = bytearray(), bytearray()
         try:
             while received.count(self.settings.reply_end) < count:
@@ -368,7 +362,7 @@ class SerialLine:
         self._doubtful = self.settings.flow != "xonxoff" and len(_said(answer)) < len(answer)
         return bytes(received)
 
-    def _more(self, port: _Port, raw: bytearray, timeout_s: float) -> bytes:
+    def _more(self, port: Port, raw: bytearray, timeout_s: float) -> bytes:
         """The next received bytes, without flow control characters; empty if there are none. All bytes are added to
         `raw`.
         """
@@ -389,9 +383,10 @@ class SerialLine:
 
     def _silent(self, text: str, received: bytes, timeout_s: float) -> NoReply:
         settings = f"set to {self.port_settings}" if self.port_settings else "the serial server set as it is"
+        state = "on and connected" if self._place.messages else f"on, connected, and {settings}"
         return NoReply(
             f"{self.where} answered {f'only {received!r}' if received else 'nothing'} to {text!r} "
-            f"within {timeout_s:g} s; is it switched on, connected, and {settings}?"
+            f"within {timeout_s:g} s; is it switched {state}?"
         )
 
     def _lost(self, error: BaseException) -> NoReturn:

@@ -7,7 +7,7 @@ from typing import Literal
 
 from pydantic import BaseModel, Field
 
-from drivers.wires.addresses import SerialAddress
+from drivers.wires.addresses import TextAddress, text_address
 
 Flow = Literal["none", "rtscts", "xonxoff", "dsrdtr"]
 """Flow control: by the lines RTS and CTS, by the characters XON and XOFF, by the lines DTR and DSR."""
@@ -38,14 +38,16 @@ class SerialOptions(BaseModel, extra="forbid"):
 
     def flow_at(self, address: str) -> Flow:
         """Flow control for an address; a default is not set over TCP."""
-        timed = SerialAddress.parse(address).timed
+        timed = text_address(address).timed
         return self.flow if timed or "flow" in self.model_fields_set else "none"
 
 
-def flow_refused(flow: Flow, address: SerialAddress) -> str:
+def flow_refused(flow: Flow, address: TextAddress) -> str:
     """Reason why flow control cannot be set at an address, with the next step; empty if it can."""
     if flow == "none" or address.timed:
         return ""
+    if address.messages:
+        return f'flow = "{flow}" has no meaning at a VISA address; leave it out'
     return (
         f'flow = "{flow}" cannot be set over TCP; leave it out and set flow control at the serial server, '
         f"or use rfc2217://, which carries it"

@@ -2,7 +2,7 @@
 
 from fitter.confirm.compare import CARRIED_ON, NOTHING, Pair
 from fitter.confirm.judge import Confirmation, Confirmed, Member, SensorError, confirm, confirm_all
-from fitter.confirm.points import Points
+from fitter.confirm.points import Choice, Points
 from fitter.confirm.predict import Separation, separation
 from fitter.confirm.question import Hypothesis, Question, questions_of
 from fitter.confirm.together import Together
@@ -10,6 +10,7 @@ from fitter.confirm.together import Together
 __all__ = [
     "CARRIED_ON",
     "NOTHING",
+    "Choice",
     "Confirmation",
     "Confirmed",
     "Hypothesis",

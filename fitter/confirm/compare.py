@@ -139,11 +139,16 @@ class Comparison:
 
 
 def nuisance(both: Together, question: Question) -> FloatArray:
-    """(S n, q) the declared model again in the later run, if no member is of time or temperature.
+    """(S n, q) the declared model again in the later run, if it may be another there."""
+    return both.again if fitted_again(both, question) else np.zeros((both.outputs.size, 0))
+
+
+def fitted_again(both: Together, question: Question) -> bool:
+    """Whether the declared model is fitted again in the later run: if no member is of time or temperature.
 
     Then undeclared effects that continue between runs have no influence on causes that do not.
     """
-    return both.again if lasting(question) and not both.realigned else np.zeros((both.outputs.size, 0))
+    return both.own_response and lasting(question) and not both.realigned
 
 
 def lasting(question: Question) -> bool:

@@ -8,7 +8,7 @@ least distance counts (maximin), softened so that an exchange of points has a di
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 from scipy import special
 
 from fitter.arrays import FloatArray, IntArray
-from fitter.confirm.compare import NOTHING, Pair, lasting
+from fitter.confirm.compare import NOTHING, Pair, fitted_again
 from fitter.confirm.question import Question
+from fitter.confirm.reduced import Reduced
 from fitter.confirm.together import Candidates, Fit, Together
 
 UNSEEN = 2.0
@@ -51,22 +52,30 @@ class Rival:
     true_first: FloatArray
     true_later: FloatArray
 
-    def state(self, chosen: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """(p, p) inverse, (T, U, m) what the refitted rival leaves of true predictions, (T,) squared distances."""
+    def squares(self, chosen: NDArray[np.bool_]) -> FloatArray:
+        """(T,) squared distances of the refitted rival from true predictions."""
+        return self.refitted(chosen)[2]
+
+    def refitted(self, chosen: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """(p, p) inverse, (T, p) coefficients of the rival fitted to true predictions, (T,) squared distances."""
         z, f = self.later[chosen], self.true_later[:, chosen]
         flat = z.reshape(-1, z.shape[2])
         inverse = np.linalg.inv(self.first + flat.T @ flat)
         cross = self.true_first[:, :-1] + f.reshape(len(f), -1) @ flat
         weights = cross @ inverse
         square = self.true_first[:, -1] + np.sum(f**2, axis=(1, 2)) - np.sum(weights * cross, axis=1)
-        missed = np.asarray(self.true_later - np.tensordot(weights, self.later, (1, 2)))
-        return np.asarray(inverse, np.float64), missed, np.asarray(np.maximum(square, 0.0))
+        return np.asarray(inverse, np.float64), weights, np.asarray(np.maximum(square, 0.0))
 
-    def changes(self, chosen: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:
-        """(T, U) change of the squared distances if a unit is added, or removed if it is chosen; and (T,) these."""
-        inverse, left, square = self.state(chosen)
-        hat = (self.later @ inverse) @ self.later.transpose(0, 2, 1)
-        sign = np.where(chosen, -1.0, 1.0)
+    def left(self, weights: FloatArray, units: IntArray) -> FloatArray:
+        """(T, u, m) what the rival with coefficients (T, p) leaves of true predictions in some units."""
+        return np.asarray(self.true_later[:, units] - (self.later[units] @ weights.T).transpose(2, 0, 1))
+
+    def changes(self, chosen: NDArray[np.bool_], units: IntArray) -> tuple[FloatArray, FloatArray]:
+        """(T, u) change of the squared distances by adding one of these units, or removing it if chosen; (T,) these."""
+        inverse, weights, square = self.refitted(chosen)
+        later, left = self.later[units], self.left(weights, units)
+        hat = (later @ inverse) @ later.transpose(0, 2, 1)
+        sign = np.where(chosen[units], -1.0, 1.0)
         inner = np.eye(hat.shape[1]) + sign[:, None, None] * hat
         inner += LITTLE * np.eye(hat.shape[1])
         solved = np.linalg.solve(inner, left.transpose(1, 2, 0))
@@ -78,12 +87,27 @@ class Choice:
     """Chosen units for a number of them.
 
     Attributes:
-        units: their labels, ascending.
-        sigmas: standard errors of the pair with the least distance.
+        points: the candidates.
+        chosen: (U,) whether a unit is chosen.
     """
 
-    units: tuple[int, ...]
-    sigmas: float
+    points: Points
+    chosen: NDArray[np.bool_]
+
+    @property
+    def units(self) -> tuple[int, ...]:
+        """Their labels, ascending."""
+        return tuple(np.flatnonzero(self.chosen).tolist())
+
+    @cached_property
+    def sigmas(self) -> float:
+        """Standard errors of the pair with the least distance."""
+        return float(self.points.sigmas(self.chosen).min())
+
+    @cached_property
+    def better(self) -> Choice:
+        """As many units, exchanged one after the other for better ones."""
+        return Choice(self.points, self.points.exchanged(self.chosen))
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +134,8 @@ class Points:
             units: (n,) label of each planned observation's unit, from 0.
             most: number of observations of the largest possible run.
         """
-        found = [rival for both in ways for question in questions for rival in _rivals(both, question, units)]
+        short = [Reduced.of(both, questions) for both in ways]
+        found = [rival for both in short for question in questions for rival in _rivals(both, question, units)]
         return cls(tuple(found), int(units.max()) + 1, float(np.sqrt(max(most / units.size, 1.0))))
 
     @property
@@ -121,49 +146,45 @@ class Points:
 
     def sigmas(self, chosen: NDArray[np.bool_]) -> FloatArray:
         """Distance of every pair that the candidates can separate, standard errors."""
-        squares = np.concatenate([rival.state(chosen)[2] for rival in self.rivals]) if self.rivals else np.empty(0)
+        squares = np.concatenate([rival.squares(chosen) for rival in self.rivals]) if self.rivals else np.empty(0)
         return np.asarray(np.sqrt(squares[self._seen]))
 
     @cached_property
     def _seen(self) -> NDArray[np.bool_]:
         every = np.ones(self.count, np.bool_)
-        squares = np.concatenate([rival.state(every)[2] for rival in self.rivals]) if self.rivals else np.empty(0)
+        squares = np.concatenate([rival.squares(every) for rival in self.rivals]) if self.rivals else np.empty(0)
         return np.asarray(squares > (UNSEEN / self.reach) ** 2)
 
-    def choose(self, counts: Sequence[int], least: float) -> Iterator[Choice]:
-        """The best units for each number of them, from few to many, by elimination from all and exchange.
+    def choose(self, counts: Sequence[int], least: float) -> list[Choice]:
+        """Good units for each number of them, from few to many, by elimination from all.
 
         Args:
             counts: numbers of units.
-            least: distance in standard errors below which a choice is left out.
+            least: distance in standard errors that a choice should have; none is far below it.
         """
         if not self._seen.any():
-            return
+            return []
         chosen, left = np.ones(self.count, np.bool_), []
         for count in sorted((c for c in counts if c < self.count), reverse=True):
             while chosen.sum() > count:
-                worth = self._worth(chosen)
-                worth[~chosen] = np.inf
-                some = max(1, min(int(chosen.sum()) - count, int(AT_ONCE * chosen.sum())))
-                chosen[np.argsort(worth)[:some]] = False
-            if self.sigmas(chosen).min() < SHORT * least:
+                units = np.flatnonzero(chosen)
+                some = max(1, min(units.size - count, int(AT_ONCE * units.size)))
+                chosen[units[np.argsort(self._worth(chosen, units))[:some]]] = False
+            left.append(Choice(self, chosen.copy()))
+            if left[-1].sigmas < SHORT * least:
+                left.pop()
                 break
-            left.append(chosen.copy())
-        for one in reversed(left):
-            better = self._exchanged(one)
-            sigmas = float(self.sigmas(better).min())
-            if sigmas >= least:
-                yield Choice(tuple(np.flatnonzero(better).tolist()), sigmas)
+        return left[::-1]
 
-    def _exchanged(self, chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    def exchanged(self, chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """One unit after the other replaced by a better one, until none is."""
         for _ in range(EXCHANGES):
-            worth = self._worth(chosen)
-            worst = int(np.argmin(np.where(chosen, worth, np.inf)))
+            units = np.flatnonzero(chosen)
+            worst = int(units[np.argmin(self._worth(chosen, units))])
             without = chosen.copy()
             without[worst] = False
-            gain = self._worth(without)
-            best = int(np.argmax(np.where(without, -np.inf, gain)))
+            others = np.flatnonzero(~without)
+            best = int(others[np.argmax(self._worth(without, others))])
             if best == worst:
                 return chosen
             without[best] = True
@@ -176,9 +197,9 @@ class Points:
         squares = self.sigmas(chosen) ** 2
         return float(-special.logsumexp(-0.5 * squares))
 
-    def _worth(self, chosen: NDArray[np.bool_]) -> FloatArray:
-        """(U,) change of the objective by adding a unit, or its loss by removing it."""
-        told = [rival.changes(chosen) for rival in self.rivals]
+    def _worth(self, chosen: NDArray[np.bool_], units: IntArray) -> FloatArray:
+        """(u,) gain of the objective by adding one of these units, or its loss by removing it."""
+        told = [rival.changes(chosen, units) for rival in self.rivals]
         change = np.concatenate([change for change, _ in told])[self._seen]
         square = np.concatenate([square for _, square in told])[self._seen]
         heat = max(1.0, float(square.min()) / 20.0)
@@ -222,8 +243,7 @@ def _rival(
     units: IntArray,
 ) -> Rival:
     """A rival with effects (S, n, q), against true predictions (S, n)."""
-    again = lasting(question) and not both.realigned
-    blocks, priors = _declared(both, again=again)
+    blocks, priors = _declared(both, again=fitted_again(both, question))
     z = np.concatenate([*blocks, effects, np.stack(true, axis=2)], axis=2)
     prior = np.concatenate([priors, np.zeros(effects.shape[2] + len(true))])
     rows = np.stack(

@@ -18,6 +18,7 @@ from scipy import special
 from fitter.arrays import FloatArray
 from fitter.confirm.compare import NOTHING, Apart, Comparison, Pair, searched
 from fitter.confirm.question import Question
+from fitter.confirm.reduced import Reduced
 from fitter.confirm.together import RANK, Candidates, Fit, Together, left
 from fitter.quantiles import DISTINGUISHED, t_limit
 from fitter.trace.aliases import PER_COLUMN
@@ -94,22 +95,19 @@ class Could:
         read = both.weigh(i, both.raw_outputs[i][:, None])
         first = Fit.of(declared[~fresh], (read - effects @ sizes)[~fresh])
         parameters = first.estimate + first.spread @ (rng.standard_normal((first.spread.shape[1], error.size)) * error)
-        errors = rng.standard_normal((fresh.size, error.size)) * error
-        self._own(i, declared, errors, error, rng)
+        errors = np.zeros((fresh.size, error.size))
+        errors[fresh] = rng.standard_normal((int(fresh.sum()), error.size)) * error
+        self._own(i, errors, error, rng)
         drawn = np.where(fresh[:, None], declared @ parameters + effects @ sizes + errors, read)
         return both.without_declared(i, drawn)
 
-    def _own(
-        self, i: int, declared: FloatArray, errors: FloatArray, error: FloatArray, rng: np.random.Generator
-    ) -> None:
+    def _own(self, i: int, errors: FloatArray, error: FloatArray, rng: np.random.Generator) -> None:
         """Add each replication's or whole plot's own error, with a variance estimated from a few of them in the first
         run.
         """
-        groups = [own for own in self.both.own[i] if not self.both.fresh[own.rows[0]]]
-        if not groups:
+        df = self.both.own_df[i]
+        if not df:
             return
-        means = np.array([declared[own.rows].mean(0) for own in groups])
-        df = max(len(groups) - int(np.linalg.matrix_rank(means, tol=1e-6 * np.abs(means).max())), 1)
         more = np.sqrt(df / rng.chisquare(df, error.size))
         for own in self.both.own[i]:
             if self.both.fresh[own.rows[0]]:
@@ -174,7 +172,7 @@ def separation(both: Together | Sequence[Together], questions: Sequence[Question
         both: the first run and the planned one; or several equally probable courses of the planned one.
         questions: open questions.
     """
-    ways = [both] if isinstance(both, Together) else list(both)
+    ways = [Reduced.of(one, questions) for one in ([both] if isinstance(both, Together) else both)]
     return tuple(_separation(ways, question) for question in questions)
 
 

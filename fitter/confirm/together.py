@@ -127,6 +127,11 @@ class Together(ABC):
 
     @property
     @abstractmethod
+    def own_response(self) -> bool:
+        """Whether sensors that nobody moved may have another response in the later run."""
+
+    @property
+    @abstractmethod
     def loose(self) -> FloatArray:
         """(n, l) the later run's own parameters, estimated from it for its prediction: none, a zero, or an
         alignment.
@@ -156,6 +161,20 @@ class Together(ABC):
     @abstractmethod
     def own(self) -> tuple[tuple[Own, ...], ...]:
         """Own errors of replications or whole plots, for each sensor."""
+
+    @cached_property
+    def own_df(self) -> tuple[int, ...]:
+        """Degrees of freedom of the variance of own errors in the first run, for each sensor; 0 without any."""
+        out = []
+        for i, every in enumerate(self.own):
+            groups = [own for own in every if not self.fresh[own.rows[0]]]
+            if not groups:
+                out.append(0)
+                continue
+            declared = self.weigh(i, self.declared[i])
+            means = np.array([declared[own.rows].mean(0) for own in groups])
+            out.append(max(len(groups) - int(np.linalg.matrix_rank(means, tol=1e-6 * np.abs(means).max())), 1))
+        return tuple(out)
 
     @abstractmethod
     def untouched(self, terms: Candidates) -> FloatArray:

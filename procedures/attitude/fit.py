@@ -1,4 +1,4 @@
-"""Fit one sensor of a pitch-roll calibration: the linear attitude model and Table 2."""
+"""Fit one sensor of a pitch-roll calibration: the linear attitude model; Table 2 is from `fitter.replication`."""
 
 from __future__ import annotations
 

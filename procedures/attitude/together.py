@@ -120,6 +120,11 @@ class AttitudeTogether(Together):
         return bool(self.data.has_roll and not self.data.take(np.flatnonzero(~self.fresh)).has_roll)
 
     @property
+    def own_response(self) -> bool:
+        """True: offset and sensitivity drift from run to run."""
+        return True
+
+    @property
     def loose(self) -> FloatArray:
         """(n, 0) or, if the package was mounted again or touched, (n, 4) its offset and axes, each time again."""
         if not self.realigned:

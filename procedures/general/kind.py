@@ -6,14 +6,21 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from fitter.arrays import FloatArray
 from fitter.effects.entry import Entry
 from fitter.errors import FitError
+from procedures.acceptance import Verdict
+from procedures.advice import Advice
 from procedures.charting import Charting
 from procedures.errors import DataError
+from procedures.expected import Columns
 from procedures.general.options import FitOptions, InferOptions, TraceOptions
+from procedures.general.settings import GeneralProcedure
 from procedures.inference import Inference
 from procedures.kind import Kind
+from procedures.precision import Precision
 from procedures.results import Fitted, Source, Traced
+from procedures.run_list import RunList
 from procedures.seen import Seen
 from procedures.table import Reader, Table
 
@@ -26,6 +33,7 @@ class GeneralKind(Kind):
 
     name = "general"
     title = "any table"
+    settings = GeneralProcedure
     fit_options, trace_options, infer_options = FitOptions, TraceOptions, InferOptions
     asked_by = frozenset({"response"})
     in_use = "the response's column; the fitted curve is inverted where it rises or falls all the way"
@@ -34,7 +42,11 @@ class GeneralKind(Kind):
     def fit(
         self, source: Source, options: FitOptions, *, leave_out: Sequence[str], own: Sequence[Entry], keep: bool
     ) -> Fitted:
-        """A formula to one column."""
+        """A formula to one column, or the declared models to all sensors of a run."""
+        if options.response is None and source.table.outputs:
+            from procedures.general.of_runs import fit_run  # noqa: PLC0415
+
+            return fit_run(source.table, leave_out)
         from procedures.general.declared import Declared  # noqa: PLC0415
         from procedures.general.fit import GeneralFitted, fit_general  # noqa: PLC0415
         from procedures.general.series import series_of  # noqa: PLC0415
@@ -59,6 +71,10 @@ class GeneralKind(Kind):
 
     def trace(self, source: Source, options: TraceOptions, *, own: Sequence[Entry]) -> Traced:
         """See `Kind`."""
+        if options.response is None and source.table.outputs:
+            from procedures.general.of_runs import trace_run  # noqa: PLC0415
+
+            return trace_run(source.table)
         from procedures.general.column_roles import Roles  # noqa: PLC0415
         from procedures.general.evaluate import trace_general_table  # noqa: PLC0415
 
@@ -86,21 +102,66 @@ class GeneralKind(Kind):
 
         return likely(source, table)
 
-    def calibration_of(self, given: Mapping[str, Any]) -> CurveCalibration:
-        """See `Kind`."""
+    def calibration_of(self, given: Mapping[str, Any]) -> CurveCalibration | Mapping[str, CurveCalibration]:
+        """Of one response, or by output of each sensor of a run."""
         from procedures.general.infer import CurveCalibration  # noqa: PLC0415
 
+        if "sensors" in given:
+            return {name: CurveCalibration.from_dict(one["calibration"]) for name, one in given["sensors"].items()}
         if "calibration" not in given:
             raise FitError("it was written before tables of any kind could be inferred from; fit the table again")
         return CurveCalibration.from_dict(given["calibration"])
 
     def infer(
-        self, calibration: CurveCalibration, read: Reader, options: InferOptions, other: Callable[[Path], Reader]
+        self,
+        calibration: CurveCalibration | Mapping[str, CurveCalibration],
+        read: Reader,
+        options: InferOptions,
+        other: Callable[[Path], Reader],
     ) -> Inference:
         """The abscissa of the curve."""
         from procedures.general.infer_table import infer_general  # noqa: PLC0415
 
+        if isinstance(calibration, Mapping):
+            from procedures.general.infer_runs import infer_sensors  # noqa: PLC0415
+
+            return infer_sensors(calibration, read, options.u_reading)
+
         return infer_general(calibration, read, options.u_reading)
+
+    def check_design(self, procedure: GeneralProcedure, run_list: RunList) -> None:
+        """Check that the design can estimate the declared models."""
+        from procedures.general.planning import check_declared  # noqa: PLC0415
+
+        check_declared(procedure, run_list)
+
+    def precision(self, procedure: GeneralProcedure, run_list: RunList) -> Precision:
+        """Precision of every coefficient and of the fitted value."""
+        from procedures.general.planning import precision  # noqa: PLC0415
+
+        return precision(procedure, run_list)
+
+    def advice(self, procedure: GeneralProcedure, axes: Sequence[str], usage_deg: float | None) -> Sequence[Advice]:
+        """Confounded terms and effects, and errors without degrees of freedom."""
+        super().advice(procedure, axes, usage_deg)
+        from procedures.general.planning import advice  # noqa: PLC0415
+
+        return advice(procedure)
+
+    def judge(self, procedure: GeneralProcedure, table: Table) -> Sequence[Verdict]:
+        """By the standard error of one observation."""
+        from procedures.general.acceptance import judge  # noqa: PLC0415
+
+        return judge(procedure, table)
+
+    def model_columns(self, columns: Columns, declared: Mapping[str, Any]) -> FloatArray | None:
+        """Columns of the declared model, for the residuals of a running run."""
+        from fitter.formula import Formula  # noqa: PLC0415
+
+        formula = Formula.parse(str(declared.get("formula") or "1"))
+        if formula.has_categories or not set(formula.names) <= columns.keys():
+            return None
+        return formula.columns(columns)[1]
 
     def charting(self) -> Charting:
         """See `Kind`."""

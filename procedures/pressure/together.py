@@ -84,9 +84,9 @@ class WholePlotTogether(Together):
         return np.column_stack(columns) if columns else np.zeros((len(self.data), 0))
 
     @property
-    def again(self) -> FloatArray:
-        """(S n, 0): a transducer that is not moved keeps its response; whole plots draw their errors anyway."""
-        return np.zeros((len(self.sensors) * len(self.data), 0))
+    def own_response(self) -> bool:
+        """False: a transducer keeps its response; whole plots draw their errors anyway."""
+        return False
 
     @cached_property
     def sigma(self) -> FloatArray:

@@ -6,7 +6,7 @@ Each is a mistake that somebody could make in the controller, put in place while
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from typing import Any
 from unittest.mock import patch
@@ -56,7 +56,9 @@ def _accept_late_reply() -> AbstractContextManager[Any]:
 def _skip_re_approach() -> AbstractContextManager[Any]:
     """After an interruption straight to the point, from whichever side, and nobody looks which it was."""
 
-    def straight(factors: Sequence[Factor], point: Point, previous: Point | None) -> list[dict[str, float]]:
+    def straight(
+        factors: Sequence[Factor], point: Point, _: Point | None, axes: Collection[str]
+    ) -> list[dict[str, float]]:
         return [{f.axis: setpoint for f, setpoint in zip(factors, point.setpoints, strict=True) if not f.hard}]
 
     return _all(

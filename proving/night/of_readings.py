@@ -12,6 +12,7 @@ from procedures.run_list import Point
 from proving.night.judged import Night
 from rig.run_file.chain import Record
 from sims.physics.pressure_truth import TransducerTruth
+from sims.physics.truth import SensorTruth
 from sims.tape import Reading
 from sims.twin import Accuracy, Accurate
 
@@ -128,7 +129,13 @@ def _inputs(night: Night) -> dict[str, _Input]:
 
     for name, sensor in bench.sensors.items():
         true = truth.sensors[name]
-        noise = true.noise_mV * 1e-3 if isinstance(true, TransducerTruth) else true.noise_V
+        noise = (
+            true.noise_mV * 1e-3
+            if isinstance(true, TransducerTruth)
+            else true.noise_V
+            if isinstance(true, SensorTruth)
+            else 0.0
+        )
         scale = 1e-3 if sensor.unit == "mV" else 1.0
         wire = (sensor.reader, sensor.channel)
         found.append(_Input(f"{name}_{sensor.unit}", wire, scale, noise, accuracy(*wire, "V")))

@@ -7,9 +7,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from fitter.arrays import FloatArray
 from procedures.table import Table
+
+FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -31,7 +31,8 @@ SHOWN = 5
 if TYPE_CHECKING:
     from rig.closed_loop.confirm.answers import Confirmed
     from rig.closed_loop.confirm.first import First
-    from rig.closed_loop.confirm.proposals import Inseparable, Proposal
+    from rig.closed_loop.confirm.proposal import Proposal
+    from rig.closed_loop.confirm.proposals import Inseparable
 
 
 def _options(kind: Kind) -> type[Options]:
@@ -250,7 +251,8 @@ def _show_open(first: First, never: Sequence[Inseparable]) -> None:
 def _show_proposals(
     first: First, proposals: Sequence[Proposal], never: Sequence[Inseparable], take: int, *, every: bool
 ) -> None:
-    from rig.closed_loop.confirm.proposals import SURE, otherwise  # noqa: PLC0415
+    from rig.closed_loop.confirm.proposal import SURE  # noqa: PLC0415
+    from rig.closed_loop.confirm.proposals import otherwise  # noqa: PLC0415
 
     table = Table("", "run", "points", "bench time", "pairs separated", "nearest pair", "shown by")
     shown = proposals if every else proposals[: max(take, SHOWN)]
@@ -278,7 +280,7 @@ def _show_proposals(
 
 
 def _weakest(chance: float, sigmas: float) -> str:
-    from rig.closed_loop.confirm.proposals import SURE  # noqa: PLC0415
+    from rig.closed_loop.confirm.proposal import SURE  # noqa: PLC0415
 
     text = f"{sigmas:.1f} ({chance:.0%})" if sigmas < 100 else f"{sigmas:.0f} ({chance:.0%})"
     return f"[green]{text}[/]" if chance >= SURE else text

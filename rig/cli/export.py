@@ -1,4 +1,4 @@
-"""`rig export`: the observations of a run as a table."""
+"""`rig export`: the observations of a run as a table, whose columns `rig.tables.table_of_run` makes."""
 
 from __future__ import annotations
 

@@ -95,7 +95,8 @@ def done(
     asked = asked_by_hand(read_json(live_path(run_file)) or {}) if run_file.is_file() else None
     step = 0 if asked is None else asked.step
     if asked is not None:
-        err.print(f"step {step} of {asked.of}: {escape(asked.say)}", soft_wrap=True)
+        which = f"step {step} of {asked.of}: " if asked.of else ""
+        err.print(f"{which}{escape(asked.say)}", soft_wrap=True)
     return _ask(run_file, "done", step=step, value=value, who=operator(operator_name).name)
 
 

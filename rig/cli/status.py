@@ -1,4 +1,4 @@
-"""The command `rig status`: of a run, which `rig.results.status` puts into words, and of a folder of runs."""
+"""The command `rig status`: of a run, with the words of `rig.results.status`, and of a folder of runs."""
 
 from __future__ import annotations
 

@@ -18,10 +18,9 @@ from rig.bench import Bench
 from rig.engine.axes import Axes, AxisReading
 from rig.engine.fault_classes import NotHomed, NotSettled, TemperaturesNotSettled
 from rig.engine.guard import Guard
-from rig.engine.measuring import Observation, assemble
+from rig.engine.measuring import Observation, assemble, standards
 from rig.engine.motion import Arrival, Leg, arrived
 from rig.engine.settling import Criteria, Settling
-from rig.quantities import PRESSURE
 
 _HOMING_TIMEOUT_S = 900.0
 _INTERLOCK_S = 60.0
@@ -72,6 +71,15 @@ class BenchActions:
         self._in_passing: dict[str, tuple[float, ...]] = {}
         self._standing: dict[str, tuple[float, float, float, int]] = {}
         self._stood: dict[str, tuple[float, float, float]] = {}
+
+    @property
+    def axis_names(self) -> Sequence[str]:
+        """Axes that instruments move."""
+        return tuple(self._axes.span())
+
+    def rest(self, seconds: float) -> None:
+        """Let this bench time pass."""
+        self._wait(seconds)
 
     def take_unwatched_s(self) -> float:
         """The longest time without a look at any chamber, bench seconds, since the last call."""
@@ -212,7 +220,7 @@ class BenchActions:
             readings = self.axes()
             for axis, target in leg.items():
                 reading = readings[axis]
-                reading.check(axis, controlled=reading.quantity != PRESSURE, homed=True)
+                reading.check(axis, controlled=reading.drive, homed=True)
                 self._guard.check_command(reading.quantity, target)
             start = {axis: reading.value for axis, reading in readings.items()}
             for axis in leg:
@@ -243,11 +251,19 @@ class BenchActions:
         for axis, reading in readings.items():
             reading.check(axis, controlled=True, homed=True)
 
-    def settle(self, targets: Mapping[str, float], settings: Settle, poll_s: float) -> dict[str, Any]:
-        """Wait until every axis has settled at its target; returns the evidence. Raises `NotSettled`."""
+    def settle(self, targets: Mapping[str, float], settings: Callable[[str], Settle], poll_s: float) -> dict[str, Any]:
+        """Wait until every axis has settled at its target; returns the evidence. Raises `NotSettled`.
+
+        Args:
+            targets: by axis.
+            settings: criterion of an axis.
+            poll_s: time between readbacks.
+
+        """
         criteria = {
-            axis: Criteria(target, settings.band, settings.dwell_s, settings.drift_per_s, settings.timeout_s)
+            axis: Criteria(target, s.band, s.dwell_s, s.drift_per_s, s.timeout_s)
             for axis, target in targets.items()
+            for s in [settings(axis)]
         }
 
         def read() -> dict[str, float]:
@@ -316,6 +332,7 @@ class BenchActions:
         self._note(seen, references)
         bench = self._bench
         found = assemble(fetched, bench.sensors, bench.scales, bench.temperatures, seen)
+        found.references |= standards(fetched, bench.references, bench.standards)
         self._guard.check_temperatures({name: channel.mean for name, channel in found.temperatures.items()})
         return found
 

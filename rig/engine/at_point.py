@@ -1,6 +1,7 @@
 """Actions at a point: approach, settling, readings, record. Each state has one handler.
 
-Every handler returns the next trigger. Failures are raised; the sequencer decides about them.
+Every handler returns the next trigger. Repeats of too noisy readings are here; other failures are raised, and retried
+by `rig.engine.deciding`.
 """
 
 from __future__ import annotations
@@ -17,14 +18,23 @@ from rig.engine.actions import BenchActions
 from rig.engine.by_hand import ByHand
 from rig.engine.early_warning import EarlyWarnings
 from rig.engine.failure_counts import Policies
-from rig.engine.fault_classes import FrozenReading, NotSettled, OverloadedError, TemperatureLeft, TooNoisy
+from rig.engine.fault_classes import (
+    FrozenReading,
+    NotSettled,
+    OverloadedError,
+    ReferenceDisagrees,
+    TemperatureLeft,
+    TooNoisy,
+)
 from rig.engine.holes import HoleInTime
 from rig.engine.journal import Journal, PointInHand
 from rig.engine.liveness import Liveness
 from rig.engine.measuring import Observation
-from rig.engine.motion import plan_legs, recovery_legs
+from rig.engine.motion import Leg, plan_legs, recovery_legs
 from rig.engine.queue import PointQueue
+from rig.engine.set_by_hand import SetByHand
 from rig.engine.soaking import Soaking
+from rig.quantities import unit_of
 from rig.run_file.events.event import EMPTY
 from rig.run_file.events.points import ACCEPTED, REJECTED, Observed
 from rig.run_file.events.sessions import Held
@@ -52,6 +62,7 @@ class AtPoint:
         policies: decide which doubtful readings are accepted with a flag.
         check_time: raises `HoleInTime` after a gap in time.
         by_hand: steps that a person does between points.
+        settings: factors that a person sets.
 
     Attributes:
         move_timeout_s: longest permitted duration of a move, seconds.
@@ -73,20 +84,23 @@ class AtPoint:
         policies: Policies,
         check_time: Callable[[], None],
         by_hand: ByHand,
+        settings: SetByHand,
     ) -> None:
+        self._settings = settings
         self._check_time, self._by_hand = check_time, by_hand
         self._bench, self._run_list, self._conduct = bench, run_list, conduct
         self._do, self._journal, self._queue = do, journal, queue
         self._soaking = soaking
         self._set_up, self._policies, self._warnings = set_up, policies, warnings
+        self._axes = frozenset(do.axis_names)
         self._references = tuple(f for f in run_list.easy if not f.stays)
-        self._settle = conduct.settle
+        self._standards = [f for f in run_list.factors if f.name in bench.references]
         self._poll_s = conduct.poll_s
         readers = {name: reader for name, (reader, _) in bench.sensors.items()}
         last = journal.last_read()
         at, read = (None, {}) if last is None else (run_list.points[last[0]], last[1])
         self._liveness = Liveness(readers, at, read)
-        self.move_timeout_s = max(_MOVE_TIMEOUT_S, self._settle.timeout_s)
+        self.move_timeout_s = max(_MOVE_TIMEOUT_S, conduct.settle.timeout_s)
 
     def recovering(self) -> str:
         """Plan the way back to the current point, or to the next one."""
@@ -98,9 +112,18 @@ class AtPoint:
             self._soaking.check_while_working(at.point)
         self._set_up()
         self._journal.start_timing()
-        at.legs = recovery_legs(self._run_list.factors, at.point, self._before(at.point))
+        at.legs = recovery_legs(self._run_list.factors, at.point, self._before(at.point), self._axes)
         at.repeats = 0
         return "move"
+
+    def _legs(self, point: Point, positions: Mapping[str, float]) -> list[Leg]:
+        return plan_legs(
+            self._run_list.factors,
+            point,
+            positions,
+            self._do.arrivals,
+            lambda axis: self._conduct.settled(axis).band,
+        )
 
     def _before(self, point: Point) -> Point | None:
         """The previous point of the run list, if it is in the same whole plot."""
@@ -118,6 +141,9 @@ class AtPoint:
             return self._by_hand.ask()
         if self._soaking is not None and following.whole_plot != self._journal.fold.planned:
             return "prepare"
+        if self._by_hand.unset(following):
+            self._journal.take_up(None)
+            return self._by_hand.ask_to_set(following)
         self._journal.take_up(self._queue.pop())
         return None
 
@@ -135,19 +161,24 @@ class AtPoint:
     def settling(self) -> str:
         """Wait until every axis has settled."""
         at = self._at
-        at.settling = self._do.settle(self._targets(at.point), self._settle, self._poll_s)
+        targets = self._targets(at.point)
+        if not targets:  # a person has set everything
+            self._do.rest(self._conduct.settle.dwell_s)
+            return "measure"
+        at.settling = self._do.settle(targets, self._conduct.settled, self._poll_s)
         return "measure"
 
     def _targets(self, point: Point) -> dict[str, float]:
         """Position of every axis at a point."""
         factors = zip(self._run_list.factors, point.setpoints, strict=True)
-        return {f.axis: setpoint for f, setpoint in factors if not f.hard}
+        return {f.axis: setpoint for f, setpoint in factors if not f.hard and f.axis in self._axes}
 
     def measuring(self) -> str:
         """Read every channel. Overloads and excessive noise are rejected here."""
         at, settings = self._at, self._conduct
         began = self._journal.elapsed()
         observation = self._do.measure(settings.readings, self._poll_s, self._references)
+        observation.references = {**self._settings.stated(), **observation.references}
         at.measured_s = (began, self._journal.elapsed())
         at.observation = observation
         overloaded = observation.overloaded()
@@ -156,9 +187,10 @@ class AtPoint:
             raise OverloadedError(f"{', '.join(overloaded)} out of range at point {at.point.index}")
         self._check_alive(observation)
         self._check_references(observation)
-        name, sd_V = observation.noisiest(self._bench.scales)
-        most = self._conduct.max_sd_V
-        if most is not None and sd_V > most:
+        self._check_standards(observation)
+        noisiest, most = observation.noisiest(self._bench.volts), self._conduct.max_sd_V
+        if most is not None and noisiest is not None and noisiest[1] > most:
+            name, sd_V = noisiest
             if at.repeats < settings.repeats:
                 at.repeats += 1
                 at.rejected.append({"noisy": name, **observation.as_json()})
@@ -180,9 +212,10 @@ class AtPoint:
 
         The mean must be in the band. No readback may be further off than the band and the scatter of readbacks.
         """
-        at, band = self._at, self._settle.band
+        at = self._at
         targets = self._targets(at.point)
         for factor in self._references:
+            band = self._conduct.settled(factor.axis).band
             channel, target = observation.references[factor.name], targets[factor.axis]
             middle = median(channel.readings)
             scatter = _SDS_OF_MAD * median(abs(r - middle) for r in channel.readings)
@@ -190,6 +223,20 @@ class AtPoint:
             if abs(channel.mean - target) > band or abs(worst - target) > max(band, _STRAY_SDS * scatter):
                 words = f"{factor.axis} read {worst:g} while it was measured, not within {band:g} of {target:g}"
                 raise NotSettled(words, at.settling)
+
+    def _check_standards(self, observation: Observation) -> None:
+        """Check the readings of reference standards: a mean that is far from the setpoint is one of the two wrong."""
+        setting = self._run_list.setting(self._at.point)
+        for factor in self._standards:
+            found, most = observation.references[factor.name].mean, self._conduct.tolerances.get(factor.name)
+            target, unit = setting[factor.name], unit_of(factor.name)
+            if most is not None and not abs(found - target) <= most:
+                words = (
+                    f"the reference of {factor.axis} reads {found:.6g} {unit}, and it was set to {target:g}: more than "
+                    f"{most:g} apart; look at the standard's formula and wiring, and at what sets it"
+                )
+                self._flag("reference", "reference", ReferenceDisagrees(words))
+                return
 
     def _flag(self, flag: str, fault: str, error: Exception) -> None:
         """Accept a doubtful reading with a flag or raise its error, as the policies say."""
@@ -210,8 +257,8 @@ class AtPoint:
         self._check_environment(chambers)
         observed = Observed(
             verdict=ACCEPTED,
-            approach={axis: (a.side, a.start) for axis, a in self._do.arrivals.items()},
-            readback={reading.quantity: reading.value for reading in after.values()},
+            approach={axis: (a.side, a.start) for axis, a in self._do.arrivals.items()} | self._settings.approach,
+            readback={reading.quantity: reading.value for reading in after.values()} | self._settings.readback,
             settling=at.settling,
             measured_s=at.measured_s,
             environment=chambers,
@@ -238,8 +285,7 @@ class AtPoint:
         elsewhere = self._advance()
         if elsewhere is not None:
             return elsewhere
-        band = self._settle.band
-        self._at.legs = plan_legs(self._run_list.factors, self._at.point, positions, self._do.arrivals, band)
+        self._at.legs = self._legs(self._at.point, positions)
         return "move"
 
     def _warned(self, point: Point, observed: Observed) -> bool:
@@ -268,7 +314,7 @@ class AtPoint:
     def _assert_undisturbed(self, at: PointInHand, after: Mapping[str, float]) -> None:
         """Check that the point was approached as planned and not left during the readings."""
         for factor, target, side in zip(self._run_list.factors, at.point.setpoints, at.point.sides, strict=True):
-            if factor.hard:
+            if factor.hard or factor.axis not in self._axes:
                 continue
             arrival = self._do.arrivals.get(factor.axis)
             if side and (arrival is None or arrival.side != side):
@@ -276,5 +322,5 @@ class AtPoint:
             if arrival and side and side * (target - arrival.start) < _NEARLY * factor.overtravel:
                 near = f"{factor.axis} arrived from {arrival.start:g}, nearer than its overtravel"
                 raise NotSettled(f"{near}: did it slip?", at.settling)
-            if abs(after[factor.axis] - target) > self._settle.band:
+            if abs(after[factor.axis] - target) > self._conduct.settled(factor.axis).band:
                 raise NotSettled(f"{factor.axis} left its band while it was measured", at.settling)

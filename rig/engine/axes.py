@@ -1,4 +1,4 @@
-"""Everything that moves from point to point, as axes: angles of a head, pressure of a controller.
+"""Everything that moves from point to point, as axes: angles of a head, a controller's pressure, a source's quantity.
 
 The sequencer commands axes and polls them. This module translates them to the roles of instruments.
 """
@@ -8,14 +8,21 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Protocol
+from math import isfinite
+from typing import Any, Protocol
 
 from drivers.errors import DriverError, InstrumentError, NotReady
-from drivers.roles import Chamber, Head, PressureController, Referenced
+from drivers.roles import Chamber, Head, Instrument, PressureController, Referenced, Source
 from procedures.run_list import Factor, RunList
 from rig.bench import Bench
 from rig.engine.fault_classes import DriveFault, NotHomed, SupplyFailure
-from rig.quantities import HEAD_AXES, PRESSURE
+from rig.errors import ConfigurationError
+from rig.quantities import HEAD, PRESSURE_UNIT, TEMPERATURE_UNIT, unit_of
+
+CHAMBER_MARGIN_DEGC = 2.0
+"""Difference by which a chamber may pass a limit, which overshoots a setpoint at it before it settles."""
+_MARGIN = 0.01
+"""The same for a source, as a fraction of its range."""
 
 
 @dataclass(frozen=True)
@@ -29,6 +36,9 @@ class AxisReading:
         homed: its zero is known since power-on.
         enabled: it is under control.
         fault: fault reported by its instrument, "" if none.
+        drive: whether a drive moves it, which is under control also while it stands; other instruments begin to control
+            at a command.
+        margin: difference by which a readback may pass a limit, in its unit, while it is set to the limit.
 
     """
 
@@ -38,6 +48,8 @@ class AxisReading:
     homed: bool
     enabled: bool
     fault: str
+    drive: bool = True
+    margin: float = 0.05
 
     def check(self, axis: str, *, controlled: bool = False, homed: bool = False) -> None:
         """Raise the fault its instrument reports.
@@ -49,17 +61,16 @@ class AxisReading:
 
         Raises:
             DriveFault: a drive reports a fault, or is off.
-            SupplyFailure: a pressure controller reports a fault of its supply.
-            InstrumentError: a pressure is not under control.
+            SupplyFailure: a pressure controller or a source reports a fault.
+            InstrumentError: what it sets is not under control.
             NotHomed: its zero is not known.
 
         """
-        pressure = self.quantity == PRESSURE
         if self.fault:
-            raise (SupplyFailure if pressure else DriveFault)(axis, 0, self.fault)
+            raise (DriveFault if self.drive else SupplyFailure)(axis, 0, self.fault)
         if controlled and not self.enabled:
             words = "control is off; was it switched off, or without power?"
-            raise (InstrumentError if pressure else DriveFault)(axis, 0, words)
+            raise (DriveFault if self.drive else InstrumentError)(axis, 0, words)
         if homed and not self.homed:
             raise NotHomed(f"{axis} has lost its zero: was its controller without power?")
 
@@ -142,23 +153,25 @@ class HeadMover:
 class PressureMover:
     """A pressure controller's one axis. Its readback is the reference the sensors are calibrated against."""
 
-    def __init__(self, controller: PressureController) -> None:
-        self._controller = controller
+    def __init__(self, controller: PressureController, factor: Factor) -> None:
+        self._controller, self._axis, self._quantity = controller, factor.axis, factor.name
 
     def span(self) -> Mapping[str, tuple[float, float]]:
         """See `Mover`."""
-        return {"pressure": self._controller.limits()}
+        return {self._axis: self._controller.limits()}
 
     def read(self) -> Mapping[str, AxisReading]:
         """See `Mover`."""
         s = self._controller.read()
         moving = s.venting or (s.controlling and not s.in_limits)
-        reading = AxisReading(PRESSURE, s.pressure_psia, moving, True, s.controlling, "; ".join(s.faults))
-        return {"pressure": reading}
+        faults = "; ".join(s.faults)
+        return {
+            self._axis: AxisReading(self._quantity, s.pressure_psia, moving, True, s.controlling, faults, drive=False)
+        }
 
     def go(self, targets: Mapping[str, float]) -> None:
         """See `Mover`."""
-        self._controller.set_pressure(targets["pressure"])
+        self._controller.set_pressure(targets[self._axis])
 
     def stop(self) -> None:
         """Hold the present pressure while it is changing; a settled or uncontrolled pressure is left alone."""
@@ -172,6 +185,65 @@ class PressureMover:
     def parking(self) -> Mapping[str, float]:
         """None: venting belongs to the safe state."""
         return {}
+
+
+class _Kept:
+    """An instrument that keeps one quantity, and has no zero to find and nowhere to park."""
+
+    def __init__(self, instrument: Any, factor: Factor) -> None:
+        self._instrument, self._axis, self._quantity = instrument, factor.axis, factor.name
+
+    def span(self) -> Mapping[str, tuple[float, float]]:
+        """See `Mover`."""
+        return {self._axis: self._instrument.limits()}
+
+    def home(self, *, again: bool = False) -> None:
+        """Does nothing."""
+
+    def parking(self) -> Mapping[str, float]:
+        """None: what is left at the end belongs to the safe state."""
+        return {}
+
+
+class SourceMover(_Kept):
+    """A source's one axis."""
+
+    def read(self) -> Mapping[str, AxisReading]:
+        """See `Mover`."""
+        s = self._instrument.read()
+        low, high = self._instrument.limits()
+        moving, faults = s.output and not s.settled, "; ".join(s.faults)
+        margin = _MARGIN * (high - low) if isfinite(high - low) else _MARGIN * abs(s.setpoint)
+        return {
+            self._axis: AxisReading(self._quantity, s.value, moving, True, s.output, faults, drive=False, margin=margin)
+        }
+
+    def go(self, targets: Mapping[str, float]) -> None:
+        """See `Mover`."""
+        self._instrument.set(targets[self._axis])
+
+    def stop(self) -> None:
+        """Hold the present value while it is changing; a settled source, or one that is off, is left alone."""
+        state = self._instrument.read()
+        if state.output and not state.settled:
+            self._instrument.stop()
+
+
+class ChamberMover(_Kept):
+    """A chamber's one axis, for a temperature that is changed from point to point."""
+
+    def read(self) -> Mapping[str, AxisReading]:
+        """See `Mover`. Its alarms are judged with those of all chambers."""
+        s = self._instrument.read()
+        where = s.temperature_degC, False, True, s.running, ""
+        return {self._axis: AxisReading(self._quantity, *where, drive=False, margin=CHAMBER_MARGIN_DEGC)}
+
+    def go(self, targets: Mapping[str, float]) -> None:
+        """See `Mover`."""
+        self._instrument.set_temperature(targets[self._axis])
+
+    def stop(self) -> None:
+        """Nothing moves: it keeps its setpoint."""
 
 
 class Axes:
@@ -223,17 +295,43 @@ class Axes:
 
 
 def axes_of(bench: Bench, factors: Sequence[Factor]) -> Axes:
-    """The axes of these factors on a bench. Raises `ConfigurationError` for a factor that nothing moves."""
+    """The axes of these factors on a bench; factors that a person sets have none.
+
+    Raises:
+        ConfigurationError: nothing sets a factor, or its instrument cannot.
+    """
     movers: list[Mover] = []
-    if any(f.axis in HEAD_AXES for f in factors):
+    if any(f.name in HEAD for f in factors):
         movers.append(HeadMover(bench.head))
-    if any(f.axis == "pressure" for f in factors):
-        movers.append(PressureMover(bench.setting(PRESSURE, PressureController)[1]))
+    movers += [_mover(bench, f) for f in factors if f.name not in HEAD and bench.by_hand(f.name) is None]
     return Axes(movers)
+
+
+def _mover(bench: Bench, factor: Factor) -> Mover:
+    """What sets a factor, as an axis. Raises `ConfigurationError` if it cannot."""
+    name, instrument = bench.setting(factor.name, Instrument)
+    if isinstance(instrument, PressureController):
+        mover: Mover = PressureMover(instrument, factor)
+        unit = PRESSURE_UNIT
+    elif isinstance(instrument, Chamber):
+        mover, unit = ChamberMover(instrument, factor), TEMPERATURE_UNIT
+    elif isinstance(instrument, Source):
+        mover, unit = SourceMover(instrument, factor), instrument.unit()
+    else:
+        raise ConfigurationError(
+            f"bench {bench.config.name}: {name} cannot set {factor.name}: it is neither a source nor a pressure "
+            f"controller, a chamber or a person"
+        )
+    if unit != unit_of(factor.name):
+        raise ConfigurationError(
+            f"bench {bench.config.name}: {name} sets {unit}, not {unit_of(factor.name)}: call the factor "
+            f"{factor.axis}_{unit}, with levels in {unit}"
+        )
+    return mover
 
 
 def own_limits(bench: Bench, run_list: RunList) -> dict[str, tuple[float, float]]:
     """The instruments' own (low, high) by factor name."""
     span = axes_of(bench, run_list.easy).span()
     found = {f.name: span[f.axis] for f in run_list.easy if f.axis in span}
-    return found | {f.name: bench.setting(f.name, Chamber)[1].limits() for f in run_list.hard}
+    return found | {f.name: bench.soaks(f.name)[1].limits() for f in run_list.hard}

@@ -15,8 +15,10 @@ from drivers.clock import Clock
 from procedures.by_hand import HandStep, next_step
 from procedures.run_list import Point, RunList
 from rig.engine.journal import Journal
+from rig.engine.set_by_hand import SetByHand as Settings
+from rig.engine.set_by_hand import ToSet
 from rig.person import Person
-from rig.run_file.events.by_hand import AskedByHand, DoneByHand
+from rig.run_file.events.by_hand import AskedByHand, AskedToSet, DoneByHand, SetByHand
 from rig.run_file.live import Request, done_command
 
 _LOOK_S = 5.0
@@ -33,9 +35,10 @@ class ByHand:
         stop_motion: stops all motion.
         person: a simulated person; None on a bench with real people.
         hold_max_s: longest wait for a step without a time-out of its own, seconds.
+        settings: factors that a person sets.
 
     Attributes:
-        asked: the step that the run waits for; None if there is none.
+        asked: the step, or the setting of a factor, that the run waits for; None if there is none.
     """
 
     def __init__(
@@ -48,14 +51,17 @@ class ByHand:
         stop_motion: Callable[[], None],
         person: Person | None,
         hold_max_s: float,
+        settings: Settings,
     ) -> None:
+        self._settings = settings
         self._steps, self._journal, self._clock, self._path = run_list.steps, journal, clock, path
         self._stop_motion, self._person, self._hold_max_s = stop_motion, person, hold_max_s
         self._number = 0
         self._asked_s = 0.0
         self._there = False
+        self._point = 0
         self._answer: tuple[str | None, str] | None = None
-        self.asked: HandStep | None = None
+        self.asked: HandStep | ToSet | None = None
         if person is not None:
             for done in journal.fold.by_hand.values():
                 person.recall(done.change, done.number)
@@ -87,8 +93,28 @@ class ByHand:
         self._journal.asked = self._told(step)
         return "hold"
 
-    def _timeout_s(self, step: HandStep) -> float:
-        return self._hold_max_s if step.timeout_h is None else 3600.0 * step.timeout_h
+    def unset(self, point: Point) -> bool:
+        """Whether a person has to set a factor for this point."""
+        return self._settings.missing(point) is not None
+
+    def ask_to_set(self, point: Point) -> str:
+        """Stop motion and ask for the next setting. Returns the trigger "hold"."""
+        wanted = self._settings.missing(point)
+        assert wanted is not None
+        self._stop_motion()
+        name, say = wanted.factor.name, wanted.instruction
+        self._journal.write(
+            AskedToSet(before=point.index, factor=name, setpoint=wanted.setpoint, say=say, timeout_s=self._hold_max_s)
+        )
+        self._number, self.asked, self._answer = self._number + 1, wanted, None
+        self._point, self._asked_s = point.index, self._journal.elapsed()
+        self._there = self._person is not None and self._person.asked_to_set(name, wanted.setpoint)
+        self._journal.asked = {"step": self._number, "of": 0, "say": say, "change": "set", "value": "", "factor": name}
+        return "hold"
+
+    def _timeout_s(self, asked: HandStep | ToSet) -> float:
+        hours = asked.timeout_h if isinstance(asked, HandStep) else None
+        return self._hold_max_s if hours is None else 3600.0 * hours
 
     def _told(self, step: HandStep) -> dict[str, Any]:
         """The step for the live state."""
@@ -100,6 +126,9 @@ class ByHand:
         """The task, and the command to type then."""
         assert self.asked is not None
         what = f"to do by hand: {self.asked.instruction}"
+        if isinstance(self.asked, ToSet):
+            command = done_command(self._path, "")
+            return f"{what}; then `{command}`, with --value V for the exact {self.asked.factor.name} if it is known"
         return f"{what}; then `{done_command(self._path, self.asked.value)}`{value_words(self.asked.value)}"
 
     def take(self, request: Request) -> str:
@@ -127,6 +156,23 @@ class ByHand:
             return False
         value, who = self._answer
         number = None if value is None else float(value)
+        waited_s = round(self._journal.elapsed() - self._asked_s, 3)
+        if isinstance(step, ToSet):
+            name = step.factor.name
+            if by_request and person is not None:
+                person.recall_setting(name, step.setpoint if number is None else number)
+            self._journal.write(
+                SetByHand(
+                    before=self._point,
+                    factor=name,
+                    setpoint=step.setpoint,
+                    number=number,
+                    who=who,
+                    waited_s=waited_s,
+                )
+            )
+            self._settings.made(step, number)
+            return True
         if by_request and person is not None:
             person.recall(step.change, number)  # a real person says that it was done on a simulated bench
         self._journal.write(
@@ -138,7 +184,7 @@ class ByHand:
                 value=step.value,
                 number=number,
                 who=who,
-                waited_s=round(self._journal.elapsed() - self._asked_s, 3),
+                waited_s=waited_s,
             )
         )
         return True

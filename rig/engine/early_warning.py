@@ -24,7 +24,7 @@ from procedures.run_list import Point, RunList
 from rig.engine.response_statistics import ResponseTest, Row
 from rig.engine.warning_statistics import ALARM, NoiseTest, Number, PreviousTest, RepeatTest, StillTest
 from rig.errors import RigError
-from rig.quantities import PER_VOLT
+from rig.quantities import PER_VOLT, per_volt
 from rig.run_file.chain import Record
 from rig.run_file.events.bench import Warned
 from rig.run_file.reader import RunReader
@@ -189,12 +189,13 @@ class EarlyWarnings:
 
 def in_unit(unit: str, value: float) -> str:
     """A value with a readable unit: -3.4e-5 V becomes "-34 uV"."""
-    if unit not in PER_VOLT:
+    scale = per_volt(unit)
+    if scale is None:
         return f"{value:.3g} {unit}"
-    volts = value / PER_VOLT[unit]
-    for name, per_volt in PER_VOLT.items():
-        if abs(volts) * per_volt >= 0.5:
-            return f"{volts * per_volt:.4g} {name}"
+    volts = value / scale
+    for name, of_one in PER_VOLT.items():
+        if abs(volts) * of_one >= 0.5:
+            return f"{volts * of_one:.4g} {name}"
     return f"{volts * 1e6:.3g} uV"
 
 

@@ -1,4 +1,6 @@
-"""Fault policies: counts of failures, and the action the procedure wants for each.
+"""The step of a fault's policy that is due, by counts of failures.
+
+Policies and their defaults are declared in `procedures.fault_policies`; `rig.engine.deciding` carries them out.
 
 Failures are counted by class of fault and by place (a point, or a state without a point), so that a fault at one point
 does not use up the retries of another. The count restarts after success at the place. It also restarts, a few times,

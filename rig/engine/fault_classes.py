@@ -36,6 +36,10 @@ class FrozenReading(Exception):
     """An output repeats its last reading to the last digit although the setting has changed."""
 
 
+class ReferenceDisagrees(Exception):
+    """A reference standard's reading is not near the setpoint."""
+
+
 class TemperatureLeft(Exception):
     """A temperature that should be constant has left its band."""
 
@@ -45,7 +49,7 @@ class DriveFault(InstrumentError):
 
 
 class SupplyFailure(InstrumentError):
-    """A pressure controller reports a fault of its supply."""
+    """A pressure controller reports a fault of its supply, or a source a fault."""
 
 
 class NotHomed(NotReady):
@@ -60,7 +64,7 @@ class LimitViolation(BenchFault):
     """A limit or an interlock of the bench is violated: safe state, regardless of the procedure."""
 
 
-FAULTS = (NotSettled, OverloadedError, TooNoisy, FrozenReading, TemperatureLeft, DriverError)
+FAULTS = (NotSettled, OverloadedError, TooNoisy, FrozenReading, ReferenceDisagrees, TemperatureLeft, DriverError)
 """Classes of faults for the policies of procedures."""
 
 _CLASSES: tuple[tuple[type[Exception], str], ...] = (
@@ -70,6 +74,7 @@ _CLASSES: tuple[tuple[type[Exception], str], ...] = (
     (OverloadedError, "overload"),
     (TooNoisy, "noisy"),
     (FrozenReading, "frozen"),
+    (ReferenceDisagrees, "reference"),
     (TemperatureLeft, "temperature_left"),
     (DriveFault, "drive_fault"),
     (SupplyFailure, "supply_failure"),

@@ -12,18 +12,12 @@ from types import MappingProxyType
 
 from drivers.roles import ChamberState
 from procedures.run_list import RunList
-from rig.engine.axes import AxisReading
+from rig.engine.axes import CHAMBER_MARGIN_DEGC, AxisReading
 from rig.engine.fault_classes import LimitViolation
 from rig.engine.interlocks import Interlocks
 from rig.errors import ConfigurationError
 from rig.protection import InterlockConfig
 from rig.quantities import PRESSURE
-
-_READBACK_MARGIN = 0.05
-"""A readback may pass a limit by this much, degrees or psi, while an axis rests against it."""
-
-_CHAMBER_MARGIN_DEGC = 2.0
-"""The same for a chamber, which overshoots a setpoint at a limit before it settles; degrees Celsius."""
 
 _RATE_MARGIN = 1.25
 """A rate may exceed its limit by this factor: it is the difference of two readings, each with noise and delay."""
@@ -54,7 +48,8 @@ class Guard:
         self._now = now
         self._rated: dict[str, tuple[float, float]] = {}
         of_chambers = {f: limits[f"{name}_degC"] for f, name in factors.items() if f"{name}_degC" in limits}
-        self._limits = {**of_chambers, **limits}
+        of_factors = {f"{name}_degC": limits[f] for f, name in factors.items() if f in limits and f.endswith("_degC")}
+        self._limits = {**of_factors, **of_chambers, **limits}
 
     @property
     def limits(self) -> Mapping[str, tuple[float, float]]:
@@ -112,7 +107,7 @@ class Guard:
         """Refuse readbacks that violate a limit or an interlock. Raises `LimitViolation`, `InterlockHold`."""
         for axis, reading in axes.items():
             low, high = self._limits.get(reading.quantity, (float("-inf"), float("inf")))
-            if not low - _READBACK_MARGIN <= reading.value <= high + _READBACK_MARGIN:
+            if not low - reading.margin <= reading.value <= high + reading.margin:
                 unit = reading.quantity.rpartition("_")[2]
                 raise LimitViolation(f"{axis} is at {reading.value:g} {unit}, outside {low:g} to {high:g}")
             if reading.quantity == PRESSURE:
@@ -126,7 +121,7 @@ class Guard:
             alarms = ", ".join(state.alarms)
             raise LimitViolation(f"{name} reports an alarm: {alarms}; look at the chamber, then resume")
         low, high = self._limits.get(f"{name}_degC", (float("-inf"), float("inf")))
-        if not low - _CHAMBER_MARGIN_DEGC <= state.temperature_degC <= high + _CHAMBER_MARGIN_DEGC:
+        if not low - CHAMBER_MARGIN_DEGC <= state.temperature_degC <= high + CHAMBER_MARGIN_DEGC:
             raise LimitViolation(
                 f"{name} is at {state.temperature_degC:.2f} degC, outside {low:g} to {high:g}; look at the chamber, "
                 f"then resume"

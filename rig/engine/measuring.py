@@ -1,9 +1,9 @@
-"""Readings of a point and their statistics."""
+"""Statistics of a point's readings. Whether they are repeated is decided in `rig.engine.at_point`."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -64,7 +64,12 @@ class Observation:
 
     def overloaded(self) -> list[str]:
         """Names of the quantities that were out of range."""
-        return [name for name, c in (*self.outputs.items(), *self.temperatures.items()) if c.overload]
+        every = (*self.outputs.items(), *self.temperatures.items(), *self.references.items())
+        return [name for name, c in every if c.overload]
+
+    @property
+    def _overloaded_references(self) -> list[tuple[str, Channel]]:
+        return [(name, c) for name, c in self.references.items() if c.overload]
 
     def frozen(self, before: Mapping[str, Sequence[float]], *, moved: bool) -> list[str]:
         """Outputs that repeat their last reading to the last digit.
@@ -80,16 +85,17 @@ class Observation:
             if (then := before.get(name)) and set(c.readings) == {then[-1]} and (moved or len(set(then)) > 1)
         ]
 
-    def noisiest(self, scales: Mapping[str, float]) -> tuple[str, float]:
-        """The output with the largest standard deviation, and this standard deviation in volts.
+    def noisiest(self, volts: Mapping[str, float]) -> tuple[str, float] | None:
+        """The output with the largest standard deviation, and this standard deviation in volts; None without outputs
+        in volts.
 
         Args:
-            scales: by output column, its unit per volt; outputs may be in different units.
+            volts: by output column, its unit per volt; outputs may be in different units.
 
         """
-        sd_V = {name: c.sd / scales[name] for name, c in self.outputs.items()}
-        name = max(sd_V, key=sd_V.__getitem__)
-        return name, sd_V[name]
+        sd_V = {name: c.sd / volts[name] for name, c in self.outputs.items() if name in volts}
+        name = max(sd_V, key=sd_V.__getitem__, default="")
+        return (name, sd_V[name]) if name else None
 
     def as_json(self) -> dict[str, Any]:
         """Its fields for the run file. Overloads are written as null, so that nobody can average them."""
@@ -98,7 +104,7 @@ class Observation:
                 "overload": self.overloaded(),
                 "readings": {
                     name: [None if is_overload(r) else r for r in c.readings]
-                    for name, c in (*self.outputs.items(), *self.temperatures.items())
+                    for name, c in (*self.outputs.items(), *self.temperatures.items(), *self._overloaded_references)
                 },
             }
         return {
@@ -137,3 +143,22 @@ def assemble(
         temperatures={name: pick(source) for name, source in temperatures.items()},
         references={name: Channel(tuple(values)) for name, values in references.items()},
     )
+
+
+def standards(
+    fetched: Mapping[str, Mapping[str, Sequence[float]]],
+    sources: Mapping[str, tuple[str, str]],
+    values: Mapping[str, Callable[[float], float]],
+) -> dict[str, Channel]:
+    """Readings of reference standards, as factors.
+
+    Args:
+        fetched: readings by instrument and channel.
+        sources: by factor, (instrument, channel).
+        values: by factor, its value from a reading; an overload stays one.
+
+    """
+    return {
+        factor: Channel(tuple(r if is_overload(r) else values[factor](r) for r in fetched[reader][channel]))
+        for factor, (reader, channel) in sources.items()
+    }

@@ -8,7 +8,7 @@ approach of the last point. Every axis then goes beyond the previous point, to t
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from procedures.run_list import Factor, Point
@@ -31,10 +31,10 @@ class Arrival:
     start: float
 
 
-def _moved(factors: Sequence[Factor], point: Point) -> Iterator[tuple[Factor, float, int]]:
-    """(factor, target, side) of every factor that moves from point to point."""
+def _moved(factors: Sequence[Factor], point: Point, axes: Collection[str]) -> Iterator[tuple[Factor, float, int]]:
+    """(factor, target, side) of every factor that an axis moves from point to point."""
     for factor, target, side in zip(factors, point.setpoints, point.sides, strict=True):
-        if not factor.hard:
+        if not factor.hard and factor.axis in axes:
             yield factor, target, side
 
 
@@ -43,16 +43,16 @@ def plan_legs(
     point: Point,
     now: Mapping[str, float],
     arrivals: Mapping[str, Arrival],
-    tolerance: float,
+    tolerance: Callable[[str], float],
 ) -> list[Leg]:
     """Legs from where the axes are to a point.
 
     Args:
         factors: meaning of the point's setpoints.
         point: the target, and the sides to arrive from.
-        now: present position by axis.
+        now: present position by axis; factors without an axis here are left out.
         arrivals: last approach of each axis; the history of a missing axis is unknown.
-        tolerance: an axis this close to its setpoint stays, if it arrived from its planned side.
+        tolerance: an axis this close to its setpoint stays, if it arrived from its planned side; by axis.
 
     Returns:
         No leg (nothing to move), one (direct), or two (some axes first go beyond).
@@ -60,12 +60,12 @@ def plan_legs(
     """
     beyond: Leg = {}
     final: Leg = {}
-    for factor, target, side in _moved(factors, point):
+    for factor, target, side in _moved(factors, point, now):
         axis = factor.axis
         here = now[axis]
         arrival = arrivals.get(axis)
         came_right = arrival is not None and side in (0, arrival.side)
-        if factor.stays and came_right and abs(here - target) <= tolerance:
+        if factor.stays and came_right and abs(here - target) <= tolerance(axis):
             continue
         if side and side * (target - here) < factor.overtravel:
             beyond[axis] = target - side * factor.overtravel
@@ -73,23 +73,29 @@ def plan_legs(
     return [leg for leg in (beyond, final) if leg]
 
 
-def recovery_legs(factors: Sequence[Factor], point: Point, previous: Point | None) -> list[Leg]:
+def recovery_legs(
+    factors: Sequence[Factor], point: Point, previous: Point | None, axes: Collection[str] | None = None
+) -> list[Leg]:
     """Legs to a point after an interruption: beyond the previous point, to it, then on to the point itself.
 
     Args:
         factors: meaning of the setpoints.
         point: where the run continues.
         previous: the point before it in the run list; None at the very first.
+        axes: that instruments move; None if every factor that is easy to change has one.
 
     """
+    axes = {f.axis for f in factors} if axes is None else axes
     first = point if previous is None else previous
-    moved = list(_moved(factors, first))
+    moved = list(_moved(factors, first, axes))
     beyond = {f.axis: target - side * f.overtravel for f, target, side in moved}
     to_first = {f.axis: target for f, target, _ in moved}
+    if not moved:
+        return []
     legs = [to_first] if beyond == to_first else [beyond, to_first]
     if previous is not None:
         arrivals = {f.axis: Arrival(side, beyond[f.axis]) for f, _, side in moved}
-        legs += plan_legs(factors, point, to_first, arrivals, tolerance=0.0)
+        legs += plan_legs(factors, point, to_first, arrivals, lambda _: 0.0)
     return legs
 
 

@@ -11,7 +11,7 @@ import contextlib
 from typing import Any
 
 from drivers.clock import Clock
-from drivers.roles import Chamber, Head, Instrument, PressureController, Reader
+from drivers.roles import Chamber, Head, Instrument, PressureController, Reader, Source
 from rig.bench import Bench
 from rig.protection import SafetyConfig
 from rig.quantities import PRESSURE
@@ -140,9 +140,18 @@ class _PressureController(_Task):
             self._before = (now, psia)
 
 
+class _Source(_Task):
+    def _read_back(self, last: bool) -> str:
+        state = self._instrument.read()
+        self.found |= {"setpoint": state.setpoint, "value": state.value, "output": state.output, "safe": state.safe}
+        unit = self._instrument.unit()
+        return "" if state.safe else f"it still puts out {state.value:g} {unit}; switch it off at its panel"
+
+
 _TASKS: tuple[tuple[type, type[_Task]], ...] = (
     (Head, _Head),
     (PressureController, _PressureController),
+    (Source, _Source),
     (Chamber, _Chamber),
     (Reader, _Reader),
     (Instrument, _Task),

@@ -36,6 +36,7 @@ from rig.engine.parking import Parking
 from rig.engine.queue import PointQueue
 from rig.engine.safe_state import make_safe
 from rig.engine.session import Outcome, Progress, Session, Signals
+from rig.engine.set_by_hand import SetByHand
 from rig.engine.soaking import Soaking
 from rig.engine.standing import Standing
 from rig.engine.states import AT_POINT, FINAL, State, machine
@@ -94,6 +95,7 @@ class Sequencer:
         self._do = BenchActions(bench, self._axes, self._guard, clock, self._wait)
         self._journal.settling = lambda: self._do.judges
         requests = Requests(run.path, session.number, clock.stopwatch)
+        self._settings = SetByHand(bench, run_list, conduct)
         self._by_hand = ByHand(
             run_list,
             self._journal,
@@ -102,6 +104,7 @@ class Sequencer:
             stop_motion=self._do.stop_motion,
             person=bench.person,
             hold_max_s=conduct.hold_max_s,
+            settings=self._settings,
         )
         self._interruptions = Interruptions(signals, requests, self._journal, lambda: self.state, clock, self._by_hand)
         self._look_up = self._interruptions.look_up
@@ -135,6 +138,7 @@ class Sequencer:
             policies=self._policies,
             check_time=self._interruptions.check_time,
             by_hand=self._by_hand,
+            settings=self._settings,
         )
         self._standing = Standing(conduct, self._journal, self._queue, self._soaking)
         self._hold = Holding(

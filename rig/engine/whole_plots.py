@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from drivers.roles import Chamber, is_overload
+from drivers.roles import is_overload
 from procedures.conduct import WholePlotConduct
 from procedures.run_list import Point, RunList
 from rig.bench import Bench
@@ -76,9 +76,7 @@ class WholePlots:
         self._run_list = run_list
         self._soak = conduct.soak
         self._continue_gap_s = conduct.continue_gap_s
-        self.soaked = [
-            Soaked(f.name, bench.setting(f.name, Chamber)[0], f.name in bench.temperatures) for f in run_list.hard
-        ]
+        self.soaked = [Soaked(f.name, bench.soaks(f.name)[0], f.name in bench.temperatures) for f in run_list.hard]
         self.doubted_s = 0.0
         self._open_for: dict[str, int] = {}
         self._pairs: Counter[str] = Counter()

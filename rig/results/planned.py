@@ -287,6 +287,8 @@ def _environment(checked: Checked) -> str | None:
 
 def _due(instruments: Mapping[str, Any], on: date) -> Iterator[str]:
     for name, instrument in instruments.items():
+        if not instrument.address:  # a person
+            continue
         if instrument.due is None:
             yield f"{name}: the bench file has no due date of its calibration"
         elif instrument.due < on:

@@ -8,12 +8,12 @@ from functools import cache
 from typing import Any
 
 from drivers.wires import Wires
-from drivers.wires.addresses import simulated
+from drivers.wires.addresses import messages, simulated
 from rig.config import BenchConfig
 from rig.contract_files import with_contracts
 from rig.engine.holes import WatchedClock
 from rig.errors import ConfigurationError
-from rig.plugins import installed, load
+from rig.plugins import driver_class, installed, load
 from rig.simulated.person import SimulatedPerson
 from sims.bench import SimBench, world_for
 from sims.physics import WorldError
@@ -53,6 +53,8 @@ def plain(config: BenchConfig) -> dict[str, Any]:
     values = config.model_dump(mode="json", exclude_none=True)
     for name, instrument in config.instruments.items():
         values["instruments"][name] |= with_contracts(instrument.driver, instrument.options)
+        if messages(instrument.address) and "interface" in driver_class(instrument.driver).Options.model_fields:
+            values["instruments"][name].setdefault("interface", "gpib")  # the twin has no serial line then
     return values
 
 
@@ -92,7 +94,7 @@ class DryBench:
         except WorldError as error:
             raise ConfigurationError(f"{where}: {error}") from error
         instruments = {
-            name: i.model_copy(update={"address": simulated(i.address, f"sim://{key}/{name}")})
+            name: i.model_copy(update={"address": i.address and simulated(i.address, f"sim://{key}/{name}")})
             for name, i in config.instruments.items()
         }
         self.config = config.model_copy(update={"instruments": instruments, "simulated": True})

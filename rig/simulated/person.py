@@ -20,21 +20,41 @@ class SimulatedPerson:
         self._sim, self._truth = sim, sim.plant.truth.person
         self._step: HandStep | None = None
         self._due_s = 0.0
+        self._setting: tuple[str, float] | None = None
+
+    def asked_to_set(self, factor: str, value: float) -> bool:
+        """See `Person.asked_to_set`."""
+        self._step, self._setting = None, (factor, value)
+        self._due_s = self._sim.world.now() + self._truth.sets_s
+        return self._truth.comes
 
     def asked(self, step: HandStep) -> bool:
         """See `Person.asked`."""
+        self._setting = None
         self._step, self._due_s = step, self._sim.world.now() + self._truth.after_s
         return self._truth.comes
 
     def answer(self) -> tuple[str | None, str] | None:
         """See `Person.answer`."""
         step = self._step
-        if step is None or self._sim.world.now() < self._due_s:
+        if self._sim.world.now() < self._due_s:
+            return None
+        if self._setting is not None:
+            factor, value = self._setting
+            self._setting = None
+            self._sim.plant.set_by_hand(factor, value)
+            return None, _NAME
+        if step is None:
             return None
         self._step = None
         number = self._truth.states if step.value else None
         self._sim.by_hand(step.change, number)
         return (None if number is None else repr(number)), _NAME
+
+    def recall_setting(self, factor: str, value: float) -> None:
+        """See `Person.recall_setting`."""
+        self._setting = None
+        self._sim.plant.set_by_hand(factor, value)
 
     def recall(self, change: str, number: float | None) -> None:
         """See `Person.recall`."""

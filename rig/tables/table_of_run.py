@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Iterable, Mapping
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -51,7 +52,7 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False) ->
         turned = {f"mounting_{axis}": turn for axis, turn in mounting_of(documents).items()}
         made = () if salvage else _by_hand(reader)
         rows: list[dict[str, float]] = []
-        left_out = rejected = 0
+        left_out, rejected, flags = 0, 0, Counter[str]()
         doubted = _doubted(reader.salvage() if salvage else reader.records(WholePlotLost.kind))
         records = reader.salvage() if salvage else reader.records(Observed.kind)
         for record in records:
@@ -64,6 +65,7 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False) ->
                 if not (accepted or everything):
                     continue
                 row = _row(record, run_list, len(rows) + 1, factors)
+                flags.update(_flags(record))
                 row["block"] += sum(one.elapsed_s <= record.elapsed_s for one in made)
             except ContentsError:
                 if not salvage:
@@ -84,6 +86,7 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False) ->
         skipped = [] if salvage else _skipped(reader, run_list)
     if not rows:
         raise RunFileError(f"{path} holds no observations yet; `rig resume {path}` measures some")
+    _fill_setpoints(rows, run_list)
     columns = {name: np.array([row.get(name, math.nan) for row in rows], float) for name in _all_names(rows)}
     provenance = {
         "file": path.name,
@@ -103,12 +106,25 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False) ->
         **({"by_hand": [one.as_json() for one in made]} if made else {}),
         **({"skipped": skipped} if skipped else {}),
         **({"left_out_in_doubt": left_out} if left_out else {}),
+        **({"flags": dict(flags)} if flags else {}),
         **({"observations_rejected": rejected} if rejected else {}),
     }
-    sensors = bench.table("sensors").tables()
-    axes_of = {f"{name}_{s.text('unit', 'V')}": s.text("axis") for name, s in sensors if "axis" in s}
-    about = Table(str(path), _package_temperature(columns, bench), run.simulated, provenance, axes_of)
-    return replace(about, declared=declared_model(documents), kind=kind_of_run(documents), by_hand=made)
+    about = Table(str(path), _package_temperature(columns, bench), run.simulated, provenance)
+    about = replace(about, declared=declared_model(documents), kind=kind_of_run(documents), by_hand=made)
+    return _of_sensors(about, bench)
+
+
+def _of_sensors(table: Table, bench: Stored) -> Table:
+    """The table with what the bench file says of the sensors."""
+    sensors = {f"{name}_{s.text('unit', 'V')}": (name, s) for name, s in bench.table("sensors").tables()}
+    axes = {column: s.text("axis") for column, (_, s) in sensors.items() if "axis" in s}
+    outputs = {column: name for column, (name, _) in sensors.items() if column in table.columns}
+    return replace(table, axes=axes, outputs=outputs)
+
+
+def _flags(record: Record) -> Sequence[str]:
+    """Flags of an observation."""
+    return record.event.flags if isinstance(record.event, Observed) else ()
 
 
 def _package_temperature(columns: Columns, bench: Stored) -> Columns:
@@ -208,9 +224,20 @@ def _row(record: Record, run_list: RunList, order: int, factors: Mapping[str, st
             setpoints[run_list.factor(factor).set_name] = value
     row |= measured | _means(seen.outputs) | setpoints
     row |= {f"{f.axis}_side": side for f, side in zip(run_list.factors, point.sides, strict=True) if not f.hard}
-    readback = {name: value for name, value in seen.readback.items() if name not in measured}
+    by_hand = {f.name for f in run_list.easy if f.axis not in seen.settling}  # their readback is what was asked for
+    readback = {name: value for name, value in seen.readback.items() if name not in measured and name not in by_hand}
     row |= {_readback_name(name): float(value) for name, value in readback.items()}
     return row | {"block": record.session, "run_index": point.index}
+
+
+def _fill_setpoints(rows: Iterable[dict[str, float]], run_list: RunList) -> None:
+    """Give every row the setpoint of a factor that was measured in some of them: there it was the value."""
+    rows = list(rows)
+    for factor in run_list.factors:
+        if any(factor.set_name in row for row in rows):
+            for row in rows:
+                if factor.set_name not in row and "run_index" in row:
+                    row[factor.set_name] = run_list.setting(run_list.points[int(row["run_index"])])[factor.name]
 
 
 def _readback_name(quantity: str) -> str:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from drivers.wires.addresses import CanAddress, parse_address
+from drivers.wires.visa_address import VisaAddress
 from rig.bench import check_options
 from rig.config import BenchConfig
 from rig.errors import ExitCode, UsageError
@@ -124,6 +125,8 @@ class ServiceUnit:
         reached = [parse_address(address) for address in self.addresses]
         families = " AF_CAN" if any(isinstance(one, CanAddress) for one in reached) else ""
         devices = sorted({_device_class(one.device) for one in reached if one.device is not None})
+        buses = {one.kind for one in reached if isinstance(one, VisaAddress)}
+        devices += [_VISA_DEVICES[bus] for bus in sorted(buses & _VISA_DEVICES.keys())]
         allowed = "".join(f"DeviceAllow={device} rw\n" for device in devices)
         return _SYSTEM_HARDENING.format(families=families) + f"{allowed}ReadWritePaths={writable}\n"
 
@@ -194,6 +197,9 @@ def _device_class(device: str) -> str:
     kind = next((kind for kind in _DEVICE_KINDS if re.fullmatch(rf"{kind}[0-9]+", name)), None)
     return device if kind is None else f"char-{kind}"
 
+
+_VISA_DEVICES = {"gpib": "char-gpib", "usb": "char-usb_device"}
+"""Devices behind VISA addresses, as systemd's permissions: GPIB adapters with the kernel's driver, and USB."""
 
 _DEVICE_KINDS = ("ttyUSB", "ttyACM", "ttyS", "ttyAMA", "rfcomm")
 

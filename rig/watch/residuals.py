@@ -10,7 +10,7 @@ import numpy as np
 from fitter.arrays import FloatArray
 from fitter.errors import FitError
 from procedures.expected import Previous
-from rig.quantities import PER_VOLT
+from rig.quantities import per_volt
 from rig.watch.against import columns_of, model_columns
 from rig.watch.reading import Seen
 
@@ -80,12 +80,13 @@ def _fitted(
 
 def _sensor(name: str, values: FloatArray) -> dict[str, Any]:
     unit = name.rpartition("_")[2]
-    scaled = values * 1e6 / PER_VOLT[unit] if unit in PER_VOLT else values
+    scale = per_volt(unit)
+    scaled = values if scale is None else values * 1e6 / scale
     finite = scaled[np.isfinite(scaled)]
     rms = float(np.sqrt(np.mean(finite**2))) if finite.size else None
     return {
         "name": name,
-        "unit": "uV" if unit in PER_VOLT else unit,
+        "unit": unit if scale is None else "uV",
         "rms": rms,
         "values": [float(f"{v:.4g}") if np.isfinite(v) else None for v in scaled],
     }

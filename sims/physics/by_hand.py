@@ -30,11 +30,13 @@ class PersonTruth:
         comes: whether a person comes when a step by hand is asked for.
         after_s: time until the step is done.
         states: number that the person states if one is asked for.
+        sets_s: time until a factor is set, when that is asked for.
     """
 
     comes: bool = field(default=True, metadata=accepts(Switch()))
     after_s: float = quantity(600.0, 1.0, 1e6)
     states: float = quantity(0.0)
+    sets_s: float = quantity(30.0, 0.1, 1e6)
 
 
 @dataclass(frozen=True)

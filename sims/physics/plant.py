@@ -14,6 +14,7 @@ from sims.physics.attitude import Accelerometer
 from sims.physics.by_hand import OTHER_VOLTMETER, PADS_LOCKED, REMOUNTED, Drawn
 from sims.physics.chamber import Chamber
 from sims.physics.head import HeadMechanics
+from sims.physics.laboratory import Laboratory, Source
 from sims.physics.pressure_line import PressureLine
 from sims.physics.pressure_stand import PressureStand
 from sims.physics.rotations import GRAVITY, Matrix, Vector, apply, compose, pitch_matrix, roll_matrix, yaw_matrix
@@ -80,15 +81,35 @@ class Plant:
         }
         factors = {factor: str(instrument) for factor, instrument in _tables(bench, "factors").items()}
         self.stand = PressureStand(t, factors, self._lab, world.now())
+        self.laboratory = Laboratory(t, bench, self._lab, world.now())
+        self._world = world
+        self._standards = {_wire(table): name for name, table in _tables(bench, "references").items()}
+        self._set_elsewhere(factors)
+        self._columns = {_wire(table): name for name, table in _tables(bench, "temperatures").items()}
         self._volts = {_wire(table): name for name, table in sensors.items()}
         temperatures = _tables(bench, "temperatures").values()
         self._places = {_wire(table): str(table.get("place", "package")) for table in temperatures}
+
+    def _set_elsewhere(self, factors: Mapping[str, str]) -> None:
+        """Tell the laboratory of factors that the head sets."""
+        for factor, axis in (("pitch_deg", self._pitch), ("roll_deg", self._roll)):
+            if factor in factors:
+                self.laboratory.set_by(factors[factor], axis.true_deg)
+
+    def source(self, instrument: str) -> Source:
+        """The quantity behind a source of the bench."""
+        return self.laboratory.source(instrument)
+
+    def set_by_hand(self, factor: str, value: float) -> None:
+        """A person sets a factor. The setting is in force at once."""
+        self._latest.clear()
+        self.laboratory.by_hand(factor, value, self._world.now())
 
     def chamber(self, instrument: str) -> Chamber | Enclosure:
         """The object of a temperature controller of the bench: a chamber, or otherwise the enclosure around the
         package.
         """
-        return self.stand.chamber(instrument) or self.enclosure
+        return self.laboratory.chamber(instrument) or self.stand.chamber(instrument) or self.enclosure
 
     def by_hand(self, change: str) -> None:
         """A person changes the bench by hand; see `sims.physics.by_hand`. The change is in force at once."""
@@ -105,7 +126,9 @@ class Plant:
 
     def pressure_line(self, instrument: str) -> PressureLine:
         """The line behind a pressure controller of the bench."""
-        return self.stand.line(instrument)
+        line = self.stand.line(instrument)
+        self.laboratory.set_by(instrument, line.pressure_psia)
+        return line
 
     def gravity(self, t: float) -> Vector:
         """Gravity in the axes of the package's sensors, g: head angles, mounting, then the pads' deflection."""
@@ -128,12 +151,17 @@ class Plant:
         """
         if sensor in self.stand.transducers:
             return self._clean(sensor, t0, t1) + self.stand.noise_V(sensor, t0, t1)
+        if sensor in self.laboratory.sensors:
+            return self._clean(sensor, t0, t1) + self.laboratory.volts(sensor, self.laboratory.noise(sensor, t0, t1))
         accelerometer = self._sensors[sensor]
         noise = accelerometer.noise / sqrt(t1 - t0)
         return self._clean(sensor, t0, t1) + noise * normal(self._seed, accelerometer.channel, event_at(t0))
 
     def clean_V(self, instrument: str, channel: str, t0: float, t1: float) -> float:
         """Mean output of the sensor at an input over a window, without noise; 0 V without a sensor."""
+        standard = self._standards.get((instrument, channel))
+        if standard is not None:
+            return self.laboratory.standard(standard, t0, t1, noisy=False)
         sensor = self._volts.get((instrument, channel))
         return 0.0 if sensor is None else self._clean(sensor, t0, t1)
 
@@ -142,8 +170,12 @@ class Plant:
         latest = self._latest.get(sensor)
         if latest is not None and latest[0] == (t0, t1):
             return latest[1]
-        of_stand = sensor in self.stand.transducers
-        output = self.stand.clean_V(sensor, t0, t1) if of_stand else self._tilt_V(sensor, t0, t1)
+        if sensor in self.laboratory.sensors:
+            output = self.laboratory.volts(sensor, self.laboratory.clean(sensor, t0, t1))
+        elif sensor in self.stand.transducers:
+            output = self.stand.clean_V(sensor, t0, t1)
+        else:
+            output = self._tilt_V(sensor, t0, t1)
         output = self._voltmeter.reads_V(output)
         self._latest[sensor] = ((t0, t1), output)
         return output
@@ -164,6 +196,8 @@ class Plant:
     def factors(self, t0: float, t1: float) -> Mapping[str, float]:
         """True values of the factors over a window, by their names in run files."""
         t = (t0 + t1) / 2.0
+        if self.laboratory.sensors:
+            return self.laboratory.factors(t)
         if self.stand.transducers:
             return {
                 "pressure_psia": self.stand.pressure_psia(t0, t1),
@@ -181,6 +215,8 @@ class Plant:
 
         An axis that has never moved counts as approached upwards.
         """
+        if self.laboratory.sensors:
+            return self.laboratory.sides(t)
         if self.stand.transducers:
             return {"pressure_psia": self.stand.side(t)}
         return {"pitch_deg": self._pitch.side(t), "roll_deg": self._roll.side(t)}
@@ -189,6 +225,8 @@ class Plant:
         """Number of the stay at a pair of temperatures, as for the transducers' whole-plot errors; 0 without
         transducers.
         """
+        if self.laboratory.sensors:
+            return self.laboratory.stay(t)
         return self.stand.whole_plot(t) if self.stand.transducers else 0
 
     def temperature_degC(self, place: str, t: float) -> float:
@@ -212,11 +250,17 @@ class Plant:
 
     def channel_V(self, instrument: str, channel: str, t0: float, t1: float) -> float:
         """Mean voltage at an instrument's input over the window; an open input reads 0 V."""
+        standard = self._standards.get((instrument, channel))
+        if standard is not None:
+            return self.laboratory.standard(standard, t0, t1, noisy=True)
         sensor = self._volts.get((instrument, channel))
         return 0.0 if sensor is None else self.sensor_V(sensor, t0, t1)
 
     def channel_degC(self, instrument: str, channel: str, t: float) -> float:
         """Temperature of the thermometer at an instrument's input; infinite without a thermometer."""
+        column = self._columns.get((instrument, channel))
+        if column is not None and self.laboratory.sets(column):
+            return self.laboratory.true(column, t)
         place = self._places.get((instrument, channel))
         return inf if place is None else self.temperature_degC(place, t)
 

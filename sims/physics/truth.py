@@ -12,6 +12,7 @@ from typing import Any
 
 from sims.physics.by_hand import PersonTruth, VoltmeterTruth
 from sims.physics.fields import Moment, Switch, Whole, WorldError, accepts, known_keys, quantity, read_table
+from sims.physics.laboratory_truth import ANY, AnySensorTruth, LagTruth, SourceTruth, StandardTruth, Tables
 from sims.physics.pressure_line import LineTruth
 from sims.physics.pressure_truth import ChamberTruth, TransducerTruth, ordinary
 from sims.physics.undeclared import Effects
@@ -19,6 +20,8 @@ from sims.physics.undeclared_pressure import PressureEffects
 
 FAULTS = "faults"
 """The key of the faults, which are not physics (`sims.faults`)."""
+
+_PRESSURE_BENCH = frozenset({"pressure_psia", "sensor_temperature_degC", "sse_temperature_degC"})
 
 __all__ = [
     "FAULTS",
@@ -161,13 +164,16 @@ class HeadTruth:
 class _SensorTables:
     """`[sensors.NAME]` tables; a sensor of the bench without a table gets default values."""
 
-    def read(self, value: object, where: str, axes: Mapping[str, str]) -> Mapping[str, SensorTruth | TransducerTruth]:
+    def read(self, value: object, where: str, axes: Mapping[str, str]) -> Mapping[str, Any]:
         """See `fields.Kind.read`."""
         if not isinstance(value, Mapping):
             raise WorldError(f"{where} must be tables, [{where}.NAME]")
         known_keys(value, axes, where, "on this bench")
         numbers = {name: n for n, name in enumerate((name for name, axis in axes.items() if not axis), start=1)}
-        usual = {name: SENSORS[axis] if axis else ordinary(numbers[name]) for name, axis in axes.items()}
+        usual: dict[str, SensorTruth | TransducerTruth | AnySensorTruth] = {
+            name: AnySensorTruth() if axis == ANY else SENSORS[axis] if axis else ordinary(numbers[name])
+            for name, axis in axes.items()
+        }
         return {name: read_table(usual[name], value.get(name, {}), f"{where}.{name}", axes) for name in axes}
 
 
@@ -183,9 +189,12 @@ class Truth:
 
     seed: int = field(default=1, metadata=accepts(Whole()))
     epoch: float | None = field(default=None, metadata=accepts(Moment()))
-    sensors: Mapping[str, SensorTruth | TransducerTruth] = field(
+    sensors: Mapping[str, SensorTruth | TransducerTruth | AnySensorTruth] = field(
         default_factory=dict, metadata=accepts(_SensorTables())
     )
+    sources: Mapping[str, SourceTruth] = field(default_factory=dict, metadata=accepts(Tables(SourceTruth)))
+    lags: Mapping[str, LagTruth] = field(default_factory=dict, metadata=accepts(Tables(LagTruth)))
+    references: Mapping[str, StandardTruth] = field(default_factory=dict, metadata=accepts(Tables(StandardTruth)))
     package: PackageTruth = field(default_factory=PackageTruth)
     mounting: MountingTruth = field(default_factory=MountingTruth)
     lab: LabTruth = field(default_factory=LabTruth)
@@ -200,8 +209,23 @@ class Truth:
 
 
 def sensor_axes(bench: Mapping[str, Any]) -> Mapping[str, str]:
-    """Package axis ("x", "y", "z") by sensor name, as on the bench; "" for a pressure transducer."""
+    """Package axis ("x", "y", "z") by sensor name, as on the bench; "" for a pressure transducer, `ANY` for a sensor of
+    any other laboratory.
+    """
+    if any_laboratory(bench):
+        return dict.fromkeys(bench["sensors"], ANY)
     return {name: str(table.get("axis") or "") for name, table in bench.get("sensors", {}).items()}
+
+
+def any_laboratory(bench: Mapping[str, Any]) -> bool:
+    """Whether a bench is of no particular kind: it has factors beyond those of the pressure bench, references, or
+    outputs in other units than volts.
+    """
+    sensors = bench.get("sensors", {}).values()
+    if any(table.get("axis") for table in sensors):
+        return False
+    units = {str(table.get("unit", "V")) for table in sensors}
+    return bool(set(bench.get("factors", {})) - _PRESSURE_BENCH or bench.get("references") or units - {"V", "mV"})
 
 
 def read_truth(values: Mapping[str, object], axes: Mapping[str, str]) -> Truth:
@@ -217,6 +241,8 @@ def read_truth(values: Mapping[str, object], axes: Mapping[str, str]) -> Truth:
     own = {key: value for key, value in values.items() if key != FAULTS}
     truth = read_table(Truth(), {"sensors": {}, **own}, "", axes)
     effects = values.get("effects")
+    if effects and ANY in axes.values():
+        raise WorldError("effects are those of attitude sensors and transducers; write `hidden` of [sensors.NAME]")
     for name in effects if isinstance(effects, Mapping) else ():
         of_transducers = name in {f.name for f in fields(PressureEffects)}
         if axes and not any((not axis) == of_transducers for axis in axes.values()):

@@ -1,5 +1,7 @@
 """The catalogue of effects that an attitude calibration may lack, each a declarative entry.
 
+An entry stands in the module of its cause (head, package, sensor, ...) and in the order below.
+
 The order is the order of preference among equally good explanations: simplest and most usual cause first.
 """
 

@@ -1,4 +1,4 @@
-"""Findings of a trace, for printing and plots."""
+"""Findings of a trace, and the rows of its table before and after the effects."""
 
 from __future__ import annotations
 

@@ -258,13 +258,13 @@ class TableJudge:
             shortlist[j] = self._trial(chosen, j).gained - per_column * float(self._price[j])
         return sorted(shortlist, key=lambda j: -shortlist[j])
 
-    @property
+    @cached_property
     def _weight(self) -> FloatArray:
         """(J,) factor of p before effects are compared."""
         doubtful = [self.problem.presumed and c.effect.source == "time" for c in self.candidates]
         return np.where(doubtful, DOUBTFUL, 1.0)
 
-    @property
+    @cached_property
     def _price(self) -> FloatArray:
         return np.array([c.term.price for c in self.candidates], np.float64)
 

@@ -41,7 +41,7 @@ class Blocks:
     units: Floats
     start: IntArray
 
-    @property
+    @cached_property
     def rank(self) -> IntArray:
         """(J,) columns of each."""
         return np.diff(self.start)

@@ -4,10 +4,9 @@ from rig.closed_loop.confirm.answers import Confirmed, chance, evidence, judge, 
 from rig.closed_loop.confirm.calibration import fit_confirmed
 from rig.closed_loop.confirm.first import First, open_traced
 from rig.closed_loop.confirm.plans import plan_for, procedure_text
+from rig.closed_loop.confirm.proposal import SURE, Proposal
 from rig.closed_loop.confirm.proposals import (
-    SURE,
     Inseparable,
-    Proposal,
     consider,
     inseparable,
     ordered,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from rig.run_file.bodies import Count, MaybeNumber, Seconds, Text
+from rig.run_file.bodies import Count, MaybeNumber, Number, Seconds, Text
 from rig.run_file.events.event import DECISION, Event, Importance
 
 if TYPE_CHECKING:
@@ -71,3 +71,57 @@ class DoneByHand(Event, kind="by-hand", status="done", matters=DECISION, exporte
         by = f" by {self.who}" if self.who else ""
         stated = "" if self.number is None else f", {self.value} = {self.number!r}"
         return f"step {self.step} was done by hand{by} after {self.waited_s:.0f} s: {self.say.rstrip('. ')}{stated}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class AskedToSet(
+    Event, kind="by-hand", status="asked-to-set", matters=Importance("decision", "warning", "hold"), exported=True
+):
+    """The run holds before a point, for a factor that a person has to set.
+
+    Attributes:
+        before: index of the point for which it is set.
+        factor: its name, with its unit.
+        setpoint: the value, in that unit.
+        say: what the person has to do.
+        timeout_s: time after which the run is parked.
+
+    """
+
+    before: Count
+    factor: Text
+    setpoint: Number
+    say: Text
+    timeout_s: Seconds
+
+    def sentence(self, record: Record) -> str:
+        """The task."""
+        return f"a person is asked, for point {self.before}: {self.say}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class SetByHand(Event, kind="by-hand", status="set", matters=DECISION, exported=True):
+    """A person said that a factor was set.
+
+    Attributes:
+        before: index of the point for which it was set.
+        factor: its name, with its unit.
+        setpoint: the value that was asked for, in that unit.
+        number: the stated value; None if none was stated.
+        who: name of the person, "" if unknown; not verified.
+        waited_s: time between asking and answer.
+
+    """
+
+    before: Count
+    factor: Text
+    setpoint: Number
+    number: MaybeNumber = None
+    who: Text = ""
+    waited_s: Seconds = 0.0
+
+    def sentence(self, record: Record) -> str:
+        """The setting, its author, and the stated value."""
+        by = f" by {self.who}" if self.who else ""
+        stated = "" if self.number is None else f", stated as {self.number!r}"
+        return f"{self.factor} was set to {self.setpoint:g}{by} after {self.waited_s:.0f} s{stated}"

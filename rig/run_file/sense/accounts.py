@@ -8,7 +8,7 @@ from typing import Any
 from procedures.by_hand import next_step
 from rig.run_file.chain import Record
 from rig.run_file.events.bench import AsFound, Fault
-from rig.run_file.events.by_hand import AskedByHand, DoneByHand
+from rig.run_file.events.by_hand import AskedByHand, AskedToSet, DoneByHand, SetByHand
 from rig.run_file.events.event import Event
 from rig.run_file.events.points import Observed, Skipped, WholePlotBegan, WholePlotLost
 from rig.run_file.events.sessions import Ended, Held, Identified, Interruption, Released, SessionBegan, Stopped
@@ -31,6 +31,8 @@ class Accounts:
         self._found = False
         self._closed = self._held = ""
         self._all_known = False
+        self._asked: AskedToSet | None = None
+        self._set: dict[str, float] = {}
 
     def look(self, record: Record, event: Event, fold: RunState) -> Iterator[str]:
         """See `Rule.look`."""
@@ -41,6 +43,7 @@ class Accounts:
             case SessionBegan():
                 self._found = False
                 self._closed = self._held = ""
+                self._asked, self._set = None, {}
             case AsFound():
                 self._found = True
             case Held():
@@ -50,6 +53,11 @@ class Accounts:
             case AskedByHand():
                 self._held = "a person was asked for a step by hand"
                 yield from self._step(event, fold)
+            case AskedToSet():
+                self._held = "a person was asked to set a factor"
+                self._asked = event
+            case SetByHand():
+                yield from self._setting(event)
             case DoneByHand():
                 if not self._held:
                     yield "nothing says that a person was asked for it"
@@ -95,6 +103,9 @@ class Accounts:
         number = next_step(self._case.run_list.steps, fold.by_hand)
         if number is not None and self._case.run_list.steps[number - 1].before <= record.run_index:
             yield f"nothing says that step {number} by hand was done, which comes before its point"
+        for factor, target in self._case.run_list.setting(self._case.run_list.points[record.run_index]).items():
+            if factor in self._case.by_hand and self._set.get(factor) != target:
+                yield f"nothing says that a person set {factor} to {target:g} in its session"
         if not self._all_known:
             unknown = sorted(self._instruments - fold.identities.keys())
             self._all_known = not unknown
@@ -109,6 +120,18 @@ class Accounts:
             yield f"it is of whole plot {record.whole_plot}, where {fold.whole_plot} is open"
         elif planned != fold.planned:
             yield f"its point belongs to whole plot {planned} of the plan, and {fold.planned} is measured"
+
+    def _setting(self, event: SetByHand) -> Iterator[str]:
+        """Check that a setting by hand is the one that was asked for."""
+        asked, self._asked, self._held = self._asked, None, ""
+        if asked is None:
+            yield "nothing says that a person was asked for it"
+        elif (asked.before, asked.factor, asked.setpoint) != (event.before, event.factor, event.setpoint):
+            yield f"it is of {event.factor} = {event.setpoint:g}, and {asked.factor} = {asked.setpoint:g} was asked for"
+        tolerance = None if self._case.conduct is None else self._case.conduct.tolerances.get(event.factor)
+        if event.number is not None and tolerance is not None and abs(event.number - event.setpoint) > tolerance:
+            yield f"{event.number:g} was stated for {event.setpoint:g}, more than {tolerance:g} apart"
+        self._set[event.factor] = event.setpoint
 
     def _step(self, event: AskedByHand | DoneByHand, fold: RunState) -> Iterator[str]:
         """Check that a step by hand is the next one of the run list."""

@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
+from typing import Protocol, cast
 
+from drivers.roles import ByHand
 from procedures.conduct import Conduct, EnvironmentSettings, SoakSettings
 from procedures.kind import Procedure
 from procedures.run_list import RunList
 from rig.config import BenchConfig, parse_bench, parse_procedure
 from rig.errors import ConfigurationError
+from rig.plugins import driver_class
 from rig.run_file.chain import Record
 from rig.run_file.events.event import Event
 from rig.run_file.events.sessions import ClockSet, NotNotified, RunCreated
@@ -65,6 +67,14 @@ class Case:
         """Requested environment, if any."""
         return None if self.conduct is None else self.conduct.environment
 
+    @cached_property
+    def by_hand(self) -> frozenset[str]:
+        """Factors that a person sets."""
+        if self.bench is None:
+            return frozenset()
+        drivers = {factor: self.bench.instruments[name].driver for factor, name in self.bench.factors.items()}
+        return frozenset(factor for factor, driver in drivers.items() if _is_person(driver))
+
     @property
     def speed(self) -> float:
         """Bench seconds per real second."""
@@ -77,6 +87,13 @@ class Case:
             yield "this version of rig does not read its procedure: nothing was held against what that asks for"
         if self.bench is None:
             yield "this version of rig does not read its bench file: nothing was held against what that declares"
+
+
+def _is_person(driver: str) -> bool:
+    try:
+        return issubclass(cast(type, driver_class(driver)), ByHand)
+    except ConfigurationError:  # it is not installed here
+        return False
 
 
 def _procedure(documents: Mapping[str, str]) -> Procedure | None:

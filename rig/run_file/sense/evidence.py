@@ -23,7 +23,7 @@ _BEYOND = 2.0
 """Number of overtravels, plus one unit, by which an axis may be found beyond its limits."""
 _SETPOINT_STANDS = 0.1
 _RE_HOME = "re-home"
-_CLASS_OF = {"noisy": "noisy", "frozen": "frozen", "temperature": "temperature_left"}
+_CLASS_OF = {"noisy": "noisy", "frozen": "frozen", "temperature": "temperature_left", "reference": "reference"}
 """Flags, and the class of fault that the procedure accepts with each."""
 _OF_THE_RUN = "temperature_left"
 _ROUNDING = 1e-9
@@ -154,10 +154,10 @@ class Evidence:
         self._last = setpoints, event
         yield from self._marks(record, event)
         self._note_chambers(event)
-        settle = None if self._case.conduct is None else self._case.conduct.settle
+        conduct = self._case.conduct
         for factor, target in zip(self._case.run_list.factors, setpoints, strict=True):
-            if not factor.hard and settle is not None:
-                yield from self._axis(factor, target, settle, event)
+            if not factor.hard and conduct is not None:
+                yield from self._axis(factor, target, conduct.settled(factor.axis), event)
 
     def _axis(self, factor: Factor, target: float, settle: Settle, event: Observed) -> Iterator[str]:
         evidence = event.settling.get(factor.axis)

@@ -11,6 +11,7 @@ from typing import Any
 from rig.config import InstrumentConfig
 from rig.errors import ConfigurationError
 from rig.plugins import driver_class
+from rig.quantities import per_volt
 from rig.run_file.chain import Record
 from rig.run_file.events.bench import AsFound, Homed, MadeSafe, ReadBack
 from rig.run_file.events.event import Event
@@ -23,7 +24,6 @@ _ABSOLUTE_ZERO_DEGC = -273.15
 _OVER_RANGE = 1.21
 """Largest reading of a meter, relative to its range; beyond that it reports an overload."""
 _ROUNDING = 1e-6
-_PER_VOLT = {"V": 1.0, "mV": 1e3}
 
 
 class Instruments:
@@ -41,8 +41,9 @@ class Instruments:
         if case.bench is not None:
             for name, sensor in case.bench.sensors.items():
                 range_V = _measuring_range(case.bench.instruments[sensor.reader], sensor.channel)
-                if range_V is not None:
-                    self._most[f"{name}_{sensor.unit}"] = _OVER_RANGE * range_V * _PER_VOLT[sensor.unit]
+                scale = per_volt(sensor.unit)
+                if range_V is not None and scale is not None:
+                    self._most[f"{name}_{sensor.unit}"] = _OVER_RANGE * range_V * scale
         self._chambers: set[str] = set()
         self._not_homed: list[str] = []
         self._writes_all = False
@@ -109,6 +110,8 @@ class Instruments:
     def _left(self, name: str, found: Mapping[str, Any]) -> Iterator[str]:
         assert self._bench is not None
         safety = self._bench.safety
+        if found.get("safe") is False:
+            yield f"{name} was still on, and it is not named as unsafe"
         if found.get("controlling"):
             yield f"{name} still controlled pressure, and it is not named as unsafe"
         for what, (low, high), unit in (

@@ -17,7 +17,7 @@ _AT_POINT = ("recovering", "moving", "settling", "measuring", "recording")
 """States in which a failure is counted at the current point."""
 _OF_THE_RUN = "temperature_left"
 """Class of fault that is counted over the whole session."""
-_FLAGS = {"noisy", "frozen", "temperature"}
+_FLAGS = {"noisy", "frozen", "temperature", "reference"}
 _SKIP, _MEASURING, _OVERLOAD = "skip", "measuring", "overload"
 
 

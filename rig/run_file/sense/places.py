@@ -33,7 +33,7 @@ class Places:
 
     def __init__(self, case: Case) -> None:
         self._case = case
-        self._settle = None if case.conduct is None else case.conduct.settle
+        self._conduct = case.conduct
         self._chambers = {} if case.bench is None else dict(case.bench.factors)
 
     def look(self, record: Record, event: Event, _fold: RunState) -> Iterator[str]:
@@ -57,10 +57,12 @@ class Places:
             yield from self._environment(event, self._case.environment)
 
     def _axis(self, factor: Factor, target: float, side: int, event: Observed) -> Iterator[str]:
-        if self._settle is None:
+        if self._conduct is None:
             return
-        band, name, unit = self._settle.band + _ROUNDING, factor.name, factor.name.rpartition("_")[2]
-        within = f"not within {self._settle.band:g} of its setpoint {target:g} {unit}"
+        settle, by_hand = self._conduct.settled(factor.axis), factor.name in self._case.by_hand
+        most = self._conduct.tolerances.get(factor.name, settle.band) if by_hand else settle.band
+        band, name, unit = most + _ROUNDING, factor.name, factor.name.rpartition("_")[2]
+        within = f"not within {most:g} of its setpoint {target:g} {unit}"
         back = event.readback.get(name)
         if back is None:
             yield f"it has no readback of {name}"
@@ -69,14 +71,20 @@ class Places:
         reference = event.references.get(name)
         if not factor.stays and (reference is None or not abs(reference["mean"] - target) <= band):
             yield f"{name} read {'nothing' if reference is None else format(reference['mean'], 'g')}, {within}"
+        yield from self._came(factor, target, side, event, unit)
+        if by_hand:
+            return
         settled = event.settling.get(factor.axis)
         if settled is None or settled["outcome"] != "settled":
             yield f"{factor.axis} had not settled"
             return
-        if settled["seconds"] < self._settle.dwell_s - _ROUNDED_S:
+        if settled["seconds"] < settle.dwell_s - _ROUNDED_S:
             yield f"{factor.axis} settled within {settled['seconds']:g} s, less than its dwell"
         if not abs(settled["samples"][-1][1] - target) <= band:
             yield f"{factor.axis} settled at {settled['samples'][-1][1]:g}, {within}"
+
+    def _came(self, factor: Factor, target: float, side: int, event: Observed, unit: str) -> Iterator[str]:
+        """Check the side of approach."""
         came, start = event.approach.get(factor.axis, (0, target))
         if side and came != side:
             yield f"{factor.axis} did not come from the side that its point asks for"

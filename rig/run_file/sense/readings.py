@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
-from rig.quantities import PER_VOLT
+from rig.quantities import per_volt
 from rig.run_file.chain import Record
 from rig.run_file.events.event import Event
 from rig.run_file.events.points import Observed
@@ -37,9 +37,12 @@ class Readings:
         self._again = _Again()
         self._columns: dict[str, set[str]] = {}
         self._scales: dict[str, float] = {}
+        self._standards: set[str] = set()
         if bench is not None:
-            self._scales = {f"{name}_{s.unit}": PER_VOLT[s.unit] for name, s in bench.sensors.items()}
-            self._columns = {"outputs": set(self._scales), "temperatures": set(bench.temperatures)}
+            outputs = {f"{name}_{s.unit}": per_volt(s.unit) for name, s in bench.sensors.items()}
+            self._scales = {name: volts for name, volts in outputs.items() if volts is not None}
+            self._standards = {name for name in bench.references if name in {f.name for f in case.run_list.factors}}
+            self._columns = {"outputs": set(outputs), "temperatures": set(bench.temperatures)}
 
     def look(self, record: Record, event: Event, _fold: RunState) -> Iterator[str]:
         """See `Rule.look`."""
@@ -58,6 +61,8 @@ class Readings:
             if group in self._columns and channels.keys() != self._columns[group]:
                 odd = sorted(channels.keys() ^ self._columns[group])
                 yield f"its {group}{where} are not those of the bench file: {', '.join(odd)}"
+            if group == "references" and (missing := sorted(self._standards - channels.keys())):
+                yield f"its references{where} do not have that of {', '.join(missing)}, which the bench file has"
             for name, channel in channels.items():
                 for wrong in self._channel(channel, counted=group != "references"):
                     yield f"{wrong.replace('NAME', name, 1)}{where}"
@@ -86,8 +91,11 @@ class Readings:
             if marked:
                 yield "it is marked as noisy, and the procedure sets no limit to noise"
             return
-        name = max(event.outputs, key=lambda n: event.outputs[n]["sd"])
-        sd, most = event.outputs[name]["sd"], self._most_V * self._scales.get(name, 1.0)
+        judged = [n for n in event.outputs if n in self._scales]
+        if not judged:
+            return
+        name = max(judged, key=lambda n: event.outputs[n]["sd"] / self._scales[n])
+        sd, most = event.outputs[name]["sd"], self._most_V * self._scales[name]
         if sd > most and not marked:
             yield f"sd of {name} is {sd:g}, more than the procedure allows ({most:g}), and it is not marked as noisy"
         elif marked and not sd > most:

@@ -9,10 +9,12 @@ import re
 import socket
 import stat
 from collections.abc import Iterator, Mapping
+from importlib.util import find_spec
 from pathlib import Path
 
 from drivers.errors import WrongAddress
 from drivers.wires.addresses import CanAddress, parse_address
+from drivers.wires.visa_address import VisaAddress
 from rig.config import InstrumentConfig
 from rig.unattended.doctor.findings import Finding, ok, problem, warning
 
@@ -23,7 +25,8 @@ def check_addresses(instruments: Mapping[str, InstrumentConfig]) -> Iterator[tup
     """Pairs (name, finding) for every instrument; nothing is opened."""
     holders = _holders()
     for name, instrument in instruments.items():
-        yield name, _check(f"address of {name}", instrument.address, holders)
+        if instrument.address:
+            yield name, _check(f"address of {name}", instrument.address, holders)
 
 
 def _check(check: str, address: str, holders: Mapping[str, str]) -> Finding:
@@ -35,6 +38,8 @@ def _check(check: str, address: str, holders: Mapping[str, str]) -> Finding:
         return _check_device(check, Path(found.device), holders)
     if isinstance(found, CanAddress) and found.interface == "socketcan":
         return _check_can(check, found.channel)
+    if isinstance(found, VisaAddress) and not all(map(find_spec, ("pyvisa", "pyvisa_py"))):
+        return _check_visa(check, address)
     if found.host is not None:
         return _check_host(check, address, found.host.host)
     return ok(check, address)
@@ -109,6 +114,14 @@ def _check_can(check: str, interface: str) -> Finding:
     except (OSError, ValueError):
         return warning(check, f"the state of {interface} cannot be read", "ip -details link")
     return ok(check, f"{interface} is up") if flags & 1 else problem(check, f"{interface} is down", up)
+
+
+def _check_visa(check: str, address: str) -> Finding:
+    """Check the libraries that a VISA address needs."""
+    extra = "pip install 'calibration-rig[visa]'"
+    if find_spec("pyvisa") is None:
+        return problem(check, f"{address} needs pyvisa, which is not installed", extra)
+    return ok(check, f"{address}, through a maker's VISA library if there is one: pyvisa-py is not installed ({extra})")
 
 
 def _check_host(check: str, address: str, host: str) -> Finding:

@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 
 from procedures.durations import duration
 from rig.engine.session import Progress
-from rig.run_file.events.by_hand import AskedByHand
+from rig.run_file.events.by_hand import AskedByHand, AskedToSet
 from rig.run_file.live import done_command
 from rig.unattended.happenings import Happening, Kind, RunFacts, one_line
 
@@ -97,7 +97,7 @@ def compose(happening: Happening, facts: RunFacts, news: Progress | None) -> Mes
     """A report as a message."""
     mark = "SIMULATED " if facts.simulated else ""
     who = facts.bench or "rig"
-    asked = isinstance(happening.event, AskedByHand)
+    asked = isinstance(happening.event, AskedByHand | AskedToSet)
     headline = f"{mark}{who}: {_ASKED if asked else HEADLINES[happening.kind]}"
     if happening.unsafe:
         headline = f"{mark}{who}: FAULT, AND NOT SAFE"
@@ -137,11 +137,19 @@ def _by_hand(asked: AskedByHand, run: str) -> str:
     return f"Do it, then: {done_command(run, asked.value)}{value}. rig release does not count as done. {late}"
 
 
+def _to_set(asked: AskedToSet, run: str) -> str:
+    """The next step of a person who sets a factor, and the consequence if nobody does it."""
+    late = f"After {duration(asked.timeout_s)} it parks; rig resume {run} then asks again."
+    return f"Do it, then: {done_command(run, '')}, with --value V if {asked.factor} is known exactly as V. {late}"
+
+
 def _next(happening: Happening, facts: RunFacts) -> str:
     run = "RUN" if facts.path is None else one_line(str(facts.path.absolute()))
     if happening.unsafe:
         return f"Go and look at the bench now: not everything is in its safe state. Then: rig resume {run}"
     again = _AGAIN if facts.served else ""
+    if isinstance(happening.event, AskedToSet):
+        return _to_set(happening.event, run)
     if isinstance(happening.event, AskedByHand):
         return _by_hand(happening.event, run)
     match happening.kind:

@@ -1,0 +1,199 @@
+"""Talk with a SCPI instrument that a bench file describes: identity, lines with their errors, settings read back.
+
+Before the identity is known, only the question for it is sent. After every command the instrument's errors are read.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Mapping
+from typing import TypeVar
+
+from drivers.clock import Clock
+from drivers.errors import BadReply, DriverError, InstrumentError, WrongInstrument
+from drivers.numbers import decimal, whole
+from drivers.roles import Identity
+from drivers.scpi import PREPARED, agrees, raise_errors
+from drivers.scpi_options import ScpiOptions
+from drivers.wires import SerialLine, SerialSettings, Wires
+
+Value = TypeVar("Value")
+
+_MOST_ERRORS = 32
+_EVENTS = {4: "query error", 8: "device error", 16: "execution error", 32: "command error"}
+"""Errors in the standard event register (IEEE 488.2, 11.5.1)."""
+
+
+class ConfiguredScpi:
+    """One instrument; sends what its options say.
+
+    Args:
+        name: the bench's name for it.
+        address: text address.
+        options: see `ScpiOptions`.
+        wires: where to open it.
+        clock: bench time.
+
+    Attributes:
+        line: its line.
+
+    Raises:
+        Unreachable: the address cannot be opened.
+    """
+
+    def __init__(self, name: str, address: str, options: ScpiOptions, wires: Wires, clock: Clock) -> None:
+        self.line: SerialLine = wires.serial(
+            address,
+            SerialSettings(
+                options.baud,
+                options.frame,
+                options.flow_at(address),
+                send_end=options.send_end,
+                reply_end=options.reply_end,
+                timeout_s=options.timeout_s,
+                sync=("*IDN?", options.model) if options.model else None,
+            ),
+            name,
+        )
+        self._options = options
+        self._clock = clock
+        self._number = options.number_pattern
+        self._free = -math.inf  # the time from which the next line may be sent
+
+    def _paced(self) -> None:
+        if self._options.pace_s:
+            self._clock.sleep(self._free - self._clock.now())
+            self._free = self._clock.now() + self._options.pace_s
+
+    def ask(self, question: str, timeout_s: float | None = None, *, repeat: bool = True) -> str:
+        """The answer to a question."""
+        self._paced()
+        return self.line.query(question, timeout_s, repeat=repeat)
+
+    def asked(self, question: str, meaning: Callable[[str, str], Value]) -> Value:
+        """The meaning of an answer; the question has no side effect and is asked again if that makes no sense.
+
+        Args:
+            question: the question.
+            meaning: takes question and answer; raises `BadReply`.
+        """
+        try:
+            return meaning(question, self.ask(question))
+        except BadReply:
+            return meaning(question, self.ask(question))
+
+    def number(self, question: str) -> float:
+        """The number in the answer to a question, by the bench file's form. Raises `BadReply`."""
+        return self.asked(question, self.number_in)
+
+    def whole(self, question: str) -> int:
+        """The answer to a question as a whole number. Raises `BadReply`."""
+        return self.asked(question, self._whole_in)
+
+    def _whole_in(self, question: str, answer: str) -> int:
+        try:
+            return whole(answer)
+        except ValueError:
+            raise self.line.bad_reply(question, answer, "a whole number") from None
+
+    def number_in(self, question: str, answer: str) -> float:
+        """The number in an answer. Raises `BadReply`."""
+        found = self._number.fullmatch(answer)
+        try:
+            if found is not None:
+                return decimal(found[1])
+        except ValueError:
+            pass
+        raise self.line.bad_reply(question, answer, f"a number as in {self._options.number!r}") from None
+
+    def tell(self, command: str) -> None:
+        """Send a command without looking at its errors: only on the way to the safe state."""
+        self._paced()
+        self.line.write(command)
+
+    def send(self, command: str) -> None:
+        """Send a command, and check that it was not refused. Raises `InstrumentError`."""
+        self.tell(command)
+        try:
+            self.raise_errors()
+        except InstrumentError as error:
+            raise InstrumentError(f"{self.line.where}, after {command!r},", error.code, error.text) from None
+
+    def raise_errors(self) -> None:
+        """Empty the error queue. Raises `InstrumentError` with the first error."""
+        question = self._options.error
+        if not question.upper().endswith("*ESR?"):
+            raise_errors(self.line, lambda: self.ask(question, repeat=False), _MOST_ERRORS, question)
+            return
+        events = self._whole_in(question, self.ask(question, repeat=False))
+        found = [words for bit, words in _EVENTS.items() if events & bit]
+        if found:
+            raise InstrumentError(self.line.where, events, " and ".join(found))
+
+    def forget_errors(self) -> None:
+        """Empty the error queue of errors that are nobody's; an answer that makes no sense is left for later."""
+        for _ in range(2):
+            try:
+                self.raise_errors()
+            except InstrumentError:
+                continue
+            except DriverError:
+                self.line.drain()
+            return
+
+    def identify(self) -> Identity:
+        """See `Instrument.identify`. Nothing but *IDN? is sent."""
+        options = self._options
+        answer = self.ask("*IDN?")
+        if "*IDN?" in answer.upper():
+            raise WrongInstrument(
+                f"{self.line.where} echoes the command before its answer, {answer!r}: switch the echo off, "
+                f"at the instrument, the adapter or the serial server"
+            )
+        parts = [part.strip() for part in answer.split(",", 3)]
+        maker, model, serial, firmware = (parts + [""] * 4)[:4]
+        if options.identity:
+            known = re.fullmatch(options.identity, answer) is not None
+        else:
+            known = model == options.model and options.maker in ("", maker)
+        if not known:
+            wanted = options.identity or f"{options.maker}{options.maker and ' '}{options.model}"
+            raise WrongInstrument(f"{self.line.where} should be a {wanted}; it answers {answer!r} to *IDN?")
+        return Identity(maker, model, serial, firmware)
+
+    def prepare(self) -> None:
+        """Send the prepare lines one by one, read settings back, and set the mark of `restarted`."""
+        self.forget_errors()
+        for command in self._options.prepare:
+            self.send(command)
+        for question, value in self._options.wanted.items():
+            self.verify(question, value)
+        if self._options.mark:
+            self.send("*PSC 1")
+            self.send(f"*ESE {PREPARED}")
+            self.verify("*ESE?", float(PREPARED))
+
+    def verify(self, question: str, wanted: float | str) -> None:
+        """Read a setting back. Raises `BadReply`."""
+
+        def right(_: str, answer: str) -> None:
+            if not agrees(answer, wanted):
+                raise BadReply(f"{self.line.where}: {question} should answer {wanted} and answers {answer!r}")
+
+        self.asked(question, right)
+
+    def restarted(self) -> bool:
+        """See `Restartable.restarted`. Without a mark, settings that have been lost are the evidence."""
+        if not self._options.mark:
+            return bool(self.unhealthy(self._options.wanted))
+        return self.whole("*ESE?") != PREPARED
+
+    def unhealthy(self, healthy: Mapping[str, float | str]) -> tuple[str, ...]:
+        """Questions whose answer is not the healthy one, as sentences."""
+        found = []
+        for question, wanted in healthy.items():
+            answer = self.ask(question)
+            if not agrees(answer, wanted):
+                found.append(f"{question} answers {answer}, not {wanted}")
+        return tuple(found)

@@ -1,0 +1,197 @@
+"""A voltmeter or other meter with one input that the bench file describes: any maker's, over any wire for text.
+
+It is started and fetched as the bench file says. Readings are recognised by a number in the service request mask where
+the instrument allows that, as in `drivers.scpi`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Annotated, ClassVar, Self
+
+from pydantic import AfterValidator, Field, model_validator
+
+from drivers.clock import Clock
+from drivers.driver import ContractFile, Medium
+from drivers.errors import DriverError, LimitError, NotReady
+from drivers.numbers import whole
+from drivers.roles import OVERLOAD, Identity
+from drivers.scpi_configured import ConfiguredScpi
+from drivers.scpi_options import Command, Question, ScpiOptions, filled
+from drivers.wires import Wires
+
+_INPUT = "input"
+_LATE_S = 2.0
+_CHARACTERS_PER_READING = 20
+_MARKS = 31
+
+
+class ScpiMeter:
+    """The meter; satisfies `drivers.roles.Reader`, `WithUnits` and `Restartable` with one channel, "input".
+
+    Args:
+        name: the bench's name for it.
+        address: text address.
+        options: see `Options`.
+        wires: where to open it.
+        clock: bench time.
+
+    Raises:
+        Unreachable: the address cannot be opened.
+    """
+
+    wire: ClassVar[Medium] = "serial"
+    contracts: ClassVar[tuple[ContractFile, ...]] = ()
+
+    class Options(ScpiOptions):
+        """Options of this instrument in the bench file."""
+
+        start: Annotated[str, AfterValidator(filled("count"))] | None = Field(
+            None, description="starts {count} readings that it keeps; left out: each fetch takes one reading"
+        )
+        fetch: Question = Field("READ?", description="asks for all readings since start, or for one new reading")
+        abort: Command | None = Field(None, description="gives up readings under way; left out: device clear only")
+        reading_s: float = Field(ge=0.0, le=600.0, description="duration of a reading, seconds")
+        most: int = Field(1000, ge=1, le=1_000_000, description="maximum number of readings in its memory")
+        numbered: bool = Field(
+            True, description="number measurements in *SRE, so that late readings are recognised; needs start"
+        )
+        overload: float = Field(9.9e37, gt=0.0, description="readings of this size or larger are outside the range")
+
+        @model_validator(mode="after")
+        def _counted(self) -> Self:
+            if self.numbered and self.start is None and "numbered" in self.model_fields_set:
+                raise ValueError("numbered needs start: a reading that is taken by its question cannot be an old one")
+            return self
+
+    def __init__(self, name: str, address: str, options: Options, wires: Wires, clock: Clock) -> None:
+        self.name = name
+        self._options = options
+        self._clock = clock
+        self._scpi = ConfiguredScpi(name, address, options, wires, clock)
+        self._where = self._scpi.line.where
+        self._numbered = options.numbered and options.start is not None
+        self._count = self._mark = 0
+        self._due = 0.0
+
+    def channels(self) -> Sequence[str]:
+        """See `Reader.channels`."""
+        return (_INPUT,)
+
+    def units(self) -> Mapping[str, str]:
+        """See `WithUnits.units`."""
+        return {_INPUT: self._options.unit}
+
+    def identify(self) -> Identity:
+        """See `Instrument.identify`.
+
+        The bus is cleared first, which ends a measurement of an earlier session; nothing but *IDN? is sent.
+        """
+        self._scpi.line.drain()
+        return self._scpi.identify()
+
+    def prepare(self) -> None:
+        """Send the lines of the bench file, and read settings back.
+
+        Raises:
+            InstrumentError: a line was refused.
+            BadReply: a setting reads back differently.
+        """
+        self._count = 0
+        self._give_up()
+        self._scpi.prepare()
+
+    def restarted(self) -> bool:
+        """See `Restartable.restarted`."""
+        return self._scpi.restarted()
+
+    def start(self, count: int) -> float:
+        """See `Reader.start`.
+
+        Raises:
+            LimitError: fewer than one reading, or more than its memory holds.
+            InstrumentError: it refuses.
+        """
+        options = self._options
+        if not 1 <= count <= options.most:
+            raise LimitError(f"{self._where} can take 1 to {options.most} readings at once, not {count}")
+        self._mark = self._mark % _MARKS + 1
+        if options.start is not None:
+            if self._numbered:
+                self._scpi.tell(f"*SRE {self._mark}")
+            self._scpi.tell(options.start.replace("{count}", str(count)))
+        expected = count * options.reading_s if options.start is not None else 0.0  # otherwise fetching takes the time
+        self._count = count
+        self._due = self._clock.now() + expected
+        return expected
+
+    def fetch(self) -> Mapping[str, Sequence[float]]:
+        """See `Reader.fetch`.
+
+        Raises:
+            NotReady: nothing was started.
+            NoReply: the readings did not come; the measurement has been given up.
+            InstrumentError: it reports an error; its readings are not used.
+            BadReply: the wrong number of readings, or readings of another measurement.
+        """
+        if not self._count:
+            raise NotReady(f"{self._where}: there is nothing to fetch; start a measurement first")
+        count, self._count = self._count, 0
+        try:
+            values = self._block(count) if self._options.start is not None else self._singly(count)
+        except DriverError:
+            try:
+                self._scpi.raise_errors()  # often the reason
+            finally:
+                self._give_up()
+            raise
+        self._scpi.raise_errors()
+        return {_INPUT: values}
+
+    def _singly(self, count: int) -> list[float]:
+        """One question for each reading."""
+        timeout = self._options.reading_s * 1.25 + self._options.timeout_s
+        question = self._options.fetch
+        return [self._value(question, self._scpi.ask(question, timeout, repeat=False)) for _ in range(count)]
+
+    def _block(self, count: int) -> list[float]:
+        """All readings with one answer, when they are due."""
+        self._clock.sleep(self._due - self._clock.now())
+        sending_s = self._scpi.line.takes_s(count * _CHARACTERS_PER_READING)
+        timeout = sending_s + count * self._options.reading_s / 4 + _LATE_S + self._options.timeout_s
+        question = f"{self._options.fetch};*SRE?" if self._numbered else self._options.fetch
+        answer = self._scpi.ask(question, timeout, repeat=False)
+        words = answer
+        if self._numbered:
+            words, _, mark = answer.rpartition(";")
+            try:
+                ours = whole(mark) == self._mark
+            except ValueError:
+                raise self._scpi.line.bad_reply(question, answer, "readings and the measurement's mark") from None
+            if not ours:
+                raise self._scpi.line.bad_reply(question, answer, f"mark {self._mark}: these are other readings")
+        readings = words.split(",")
+        if len(readings) != count:
+            raise self._scpi.line.bad_reply(question, answer, f"{count} numbers")
+        return [self._value(question, reading) for reading in readings]
+
+    def _value(self, question: str, reading: str) -> float:
+        value = self._scpi.number_in(question, reading)
+        if abs(value) >= self._options.overload:
+            return OVERLOAD if value > 0 else -OVERLOAD
+        return value
+
+    def make_safe(self) -> None:
+        """See `Instrument.make_safe`: a running measurement is given up; nothing else can do harm."""
+        self._count = 0
+        self._give_up()
+
+    def _give_up(self) -> None:
+        self._scpi.line.drain()
+        if self._options.abort is not None:
+            self._scpi.tell(self._options.abort)
+            self._scpi.forget_errors()
+
+    def close(self) -> None:
+        """See `Instrument.close`."""
+        self._scpi.line.close()

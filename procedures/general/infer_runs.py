@@ -1,0 +1,59 @@
+"""The factor from outputs of sensors that were calibrated together in a run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from procedures.errors import DataError
+from procedures.general.infer import CurveCalibration
+from procedures.general.infer_table import infer_general
+from procedures.inference import Inference
+from procedures.table import Reader
+from procedures.unused import Unused
+
+
+def infer_sensors(
+    calibrations: Mapping[str, CurveCalibration], read: Reader, u_reading: float | None = None
+) -> Inference:
+    """Infer the variable of the curve of every calibrated output in a table, each by itself.
+
+    Args:
+        calibrations: by output.
+        read: the table, with a column for one or more of the outputs.
+        u_reading: standard uncertainty of one reading, in place of those of the calibrations.
+
+    Returns:
+        With one output as for a calibration of one sensor. With several, columns begin with the sensor's name:
+        `prt_1_bath_degC` from `prt_1_V`.
+
+    Raises:
+        DataError: none of the columns is there, or a curve cannot be inverted.
+    """
+    table = read(())
+    present = [name for name in calibrations if name in table.columns]
+    if not present:
+        raise DataError(
+            f"{table.source} has no output of a calibrated sensor; these are calibrated: {', '.join(calibrations)}"
+        )
+    found = {name: infer_general(calibrations[name], read, u_reading) for name in present}
+    if len(found) == 1:
+        return found[present[0]]
+    columns: dict[str, Any] = {**table.columns, **table.text}
+    quantities, flagged = [], np.zeros(len(table), np.bool_)
+    for output, one in found.items():
+        stem, (quantity,) = output.rpartition("_")[0], one.quantities
+        named = f"{stem}_{calibrations[output].variable}"
+        columns |= {
+            f"{named}{name.removeprefix(quantity)}" if name.startswith(quantity) else f"{stem}_{name}": one.columns[
+                name
+            ]
+            for name in one.added
+        }
+        quantities.append(named)
+        flagged |= np.asarray(one.columns[one.added[-1]]) != ""
+    added = tuple(name for name in columns if name not in table.columns and name not in table.text)
+    notes = tuple(dict.fromkeys(f"{name}: {note}" for name, one in found.items() for note in one.notes))
+    return Inference(columns, added, notes, int(flagged.sum()), tuple(quantities), Unused())

@@ -1,0 +1,197 @@
+"""Fits and traces of runs of kind "general": every sensor, by the declared model of the procedure."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+from fitter.errors import FitError
+from fitter.formula import Formula
+from fitter.trace.outcome import Outcome
+from procedures.blocks import Block
+from procedures.errors import DataError
+from procedures.general.column_roles import Roles
+from procedures.general.evaluate import GeneralTraced, trace_general_table
+from procedures.general.fit import fit_general
+from procedures.general.settings import ModelSettings
+from procedures.results import Page, PlainFitted
+from procedures.table import Reader, Table
+
+_WHOLE_PLOT, _REPLICATE, _TIME = "whole_plot", "replicate", "elapsed_s"
+_FLAGS = {
+    "reference": "since the reference standard read something else than was set",
+    "noisy": "as noisier than the procedure allows",
+    "frozen": "since an output repeated itself to the last digit",
+    "temperature": "since the environment had left its tolerance",
+}
+_NOT_TRACED = ("run_index", "order", "accepted", "simulated")
+
+
+def models_of(table: Table) -> Mapping[str, str]:
+    """Declared formula of every output of a run. Raises `DataError` if the run declares none."""
+    try:
+        declared = {k: v for k, v in table.declared.items() if v is not None and k != "temperature"}
+        model = ModelSettings.model_validate(declared)
+    except ValueError as error:
+        raise DataError(f"{table.source}: its procedure declares no model: [model] formula") from error
+    return {column: model.of(sensor) for column, sensor in table.outputs.items()}
+
+
+def reader_of(table: Table) -> Reader:
+    """Reads a table that is read already."""
+
+    def read(needed: Collection[str]) -> Table:
+        for name in needed:
+            if name not in table.columns:
+                raise DataError(f"{table.source} has no column {name} (columns: {', '.join(table.columns)})")
+        return table
+
+    return read
+
+
+def has_whole_plots(table: Table) -> bool:
+    """Whether readings share whole plots; a whole plot of one reading has no error of its own beside that reading's."""
+    plots = table.columns.get(_WHOLE_PLOT)
+    return plots is not None and len(set(plots.tolist())) < len(plots)
+
+
+def notes_of(table: Table) -> tuple[str, ...]:
+    """Sentences on a run that belong to every result of it."""
+    told = []
+    if _WHOLE_PLOT in table.columns and not has_whole_plots(table):
+        told.append("every whole plot has one reading: its error is a part of that of the row, and was not separated")
+    flags: Mapping[str, int] = table.provenance.get("flags", {})
+    for flag, count in flags.items():
+        rows = "1 row is" if count == 1 else f"{count} rows are"
+        told.append(f"{rows} flagged {_FLAGS.get(flag, flag)}; `rig export --all` and the run's events say which")
+    return tuple(told)
+
+
+def _noted(result: dict[str, Any], notes: Sequence[str]) -> dict[str, Any]:
+    return {**result, "notes": [*result["notes"], *notes]}
+
+
+@dataclass(frozen=True)
+class RunFitted(PlainFitted):
+    """Fits of all sensors of a run, as JSON values; a run of one sensor has the result of a table."""
+
+    def blocks(self) -> Iterator[Block]:
+        """Blocks for people."""
+        from procedures.general.shown import show_general_fit  # noqa: PLC0415
+
+        for one in results_of(self.result).values():
+            yield from show_general_fit(self.result["data"]["file"], one)
+
+
+def results_of(result: Mapping[str, Any]) -> Mapping[str, Mapping[str, Any]]:
+    """Result of each output, from the JSON of a fit."""
+    sensors: Mapping[str, Mapping[str, Any]] | None = result.get("sensors")
+    return {result["response"]: result} if sensors is None else sensors
+
+
+def fit_run(table: Table, leave_out: Sequence[str] = ()) -> RunFitted:
+    """Fit the declared model to every sensor.
+
+    Raises:
+        DataError: the rows do not determine a model, or it cannot be read.
+    """
+    plots = [_WHOLE_PLOT] if has_whole_plots(table) else []
+    read, notes = reader_of(table), notes_of(table)
+    found = {
+        column: _noted(fit_general(read, column, formula, plots, None, leave_out), notes)
+        for column, formula in models_of(table).items()
+    }
+    if len(found) == 1:
+        return RunFitted(next(iter(found.values())))
+    first = next(iter(found.values()))
+    return RunFitted({"data": first["data"], "sensors": found, "unused": first["unused"]})
+
+
+@dataclass(frozen=True, eq=False)
+class RunTraced:
+    """Traces of all sensors of a run.
+
+    Attributes:
+        each: by output.
+    """
+
+    each: Mapping[str, GeneralTraced]
+
+    @property
+    def table(self) -> Table:
+        """Source of the data."""
+        return next(iter(self.each.values())).table
+
+    @cached_property
+    def outcomes(self) -> tuple[Outcome, ...]:
+        """One outcome per sensor."""
+        return tuple(one.outcome for one in self.each.values())
+
+    def to_json(self) -> dict[str, Any]:
+        """JSON values for `rig trace --json`."""
+        told = [one.to_json() for one in self.each.values()]
+        return told[0] | {"sensors": {name: found for one in told for name, found in one["sensors"].items()}}
+
+    def blocks(self) -> Iterator[Block]:
+        """Blocks for people."""
+        for one in self.each.values():
+            yield from one.blocks()
+
+    def summary(self) -> Iterator[Block]:
+        """All of it."""
+        return self.blocks()
+
+    def page(self) -> Page:
+        """The report of the sensor; of several sensors that of the first one."""
+        return next(iter(self.each.values())).page()
+
+
+def trace_run(table: Table) -> RunTraced:
+    """Find effects missing in the declared model of every sensor.
+
+    Raises:
+        DataError: there are too few rows for a model, or it cannot be read.
+    """
+    read, plots = reader_of(table), has_whole_plots(table)
+    models = models_of(table)
+    found = {}
+    for column, formula in models.items():
+        try:
+            used = set(Formula.parse(formula).names)
+        except FitError as error:
+            raise DataError(f"{table.source}: the declared model of {column}: {error}") from error
+        roles = Roles(
+            column,
+            formula,
+            whole_plot=(_WHOLE_PLOT,) if plots else (),
+            replicate=None if plots else _replicated(table),
+            time=_TIME,
+            direction=_direction(table, used),
+            ignore=tuple(name for name in table.columns if _ignored(name, table, models)),
+        )
+        found[column] = trace_general_table(read, roles)
+    return RunTraced(found)
+
+
+def _replicated(table: Table) -> str | None:
+    """The column of replications, if there are several."""
+    values = table.columns[_REPLICATE]
+    return _REPLICATE if len(set(values.tolist())) > 1 else None
+
+
+def _direction(table: Table, used: Collection[str]) -> str | None:
+    """Column with the side of approach of a factor of the model; None if there is not exactly one that varies."""
+    sides = [f"{name.rpartition('_')[0]}_side" for name in used]
+    varying = [name for name in sides if name in table.columns and len(set(table.columns[name].tolist())) > 1]
+    return varying[0] if len(varying) == 1 else None
+
+
+def _ignored(name: str, table: Table, outputs: Collection[str]) -> bool:
+    """Whether a column says nothing beyond others: other outputs, setpoints and readbacks of measured factors."""
+    stem, _, unit = name.rpartition("_")
+    doubled = any(stem.endswith(end) for end in ("_set", "_readback")) and f"{stem.rpartition('_')[0]}_{unit}" in (
+        table.columns
+    )
+    return name in _NOT_TRACED or name in outputs or doubled

@@ -1,0 +1,152 @@
+"""The declared models of a general procedure before the run: what the design can estimate, and how precisely."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from fitter.designs import Evaluation, evaluate
+from fitter.designs.advice import advice as of_design
+from fitter.errors import FitError
+from fitter.formula import Formula
+from fitter.split_plot import plan_precision
+from procedures.advice import Advice
+from procedures.general.factors import AS_WRITTEN
+from procedures.general.settings import GeneralProcedure
+from procedures.precision import Precision
+from procedures.run_list import RunList
+
+_MOST_SHOWN = 4
+
+
+def formulas_of(procedure: GeneralProcedure) -> Mapping[str, Formula]:
+    """Declared models by the sensor's name; "" for those without one of their own.
+
+    Raises:
+        FitError: a formula violates the grammar, or has variables that are not factors.
+    """
+    found = {}
+    for sensor, text in {"": procedure.model.formula, **procedure.model.own}.items():
+        where = f"model.{sensor}.formula" if sensor else "model.formula"
+        try:
+            formula = Formula.parse(text)
+        except FitError as error:
+            raise FitError(f"{where}: {error}") from None
+        unknown = [name for name in formula.names if name not in procedure.factors]
+        if unknown and not unknown[0].endswith("_degC"):  # a temperature that the bench reads may be in the model
+            raise FitError(
+                f"{where}: {unknown[0]} is not a factor ({', '.join(procedure.factors)}); a model is of factors, and "
+                f"of temperatures that the bench reads"
+            )
+        if not formula.terms:
+            raise FitError(f"{where}: it has no terms: there is nothing to fit")
+        found[sensor] = formula
+    return found
+
+
+def evaluations(procedure: GeneralProcedure, run_list: RunList) -> Iterator[tuple[str, Formula, Evaluation]]:
+    """Every declared model of factors alone, by sensor, and what the run list determines of it.
+
+    Raises:
+        FitError: a formula cannot be used.
+    """
+    names = [factor.name for factor in run_list.factors]
+    points = np.array([run_list.column(name) for name in names]).T
+    shared = 0 < run_list.whole_plots < len(run_list)  # a whole plot of one point has no error of its own
+    plots = np.array([p.whole_plot for p in run_list.points]) if shared else None
+    for sensor, formula in formulas_of(procedure).items():
+        if formula.has_categories or not set(formula.names) <= set(names):
+            continue  # of a temperature, which is only known when it has been read
+
+        def columns(given: FloatArray, formula: Formula = formula) -> FloatArray:
+            return formula.columns(dict(zip(names, given.T, strict=True)))[1]
+
+        terms, _ = formula.columns(dict(zip(names, points.T, strict=True)))
+        levels = [np.unique(points[:, at]) for at in range(len(names))]
+        eta = procedure.expect.whole_plot_ratio**2
+        yield sensor, formula, evaluate(points, levels, columns, terms, whole_plot=plots, eta=eta)
+
+
+def check_declared(procedure: GeneralProcedure, run_list: RunList) -> None:
+    """Refuse a design that cannot estimate a declared model.
+
+    Raises:
+        FitError: with the terms that cannot be estimated, and points that would estimate them.
+    """
+    for sensor, formula, found in evaluations(procedure, run_list):
+        if not found.undetermined:
+            continue
+        of = f" of {sensor}" if sensor else ""
+        names = [factor.name for factor in run_list.factors]
+        points = [
+            ", ".join(f"{name} = {value:g}" for name, value in zip(names, point, strict=True))
+            for point in found.would[:_MOST_SHOWN].tolist()
+        ]
+        would = f"; these points would determine them: {'; '.join(points)}" if points else ""
+        raise FitError(
+            f"the design cannot estimate the declared model{of} ({formula}): it does not determine "
+            f"{', '.join(found.undetermined)}{would}; or leave terms out"
+        )
+
+
+def precision(procedure: GeneralProcedure, run_list: RunList) -> Precision:
+    """Standard error of every coefficient, and of the fitted value over the design."""
+    expect, rows, further, cells = procedure.expect, [], [], []
+    models = {sensor: (formula, found) for sensor, formula, found in evaluations(procedure, run_list)}
+    for sensor in [*dict.fromkeys([*procedure.model.own, *expect.sigma])] or [""]:
+        formula, found = models.get(sensor, models.get("", (None, None)))
+        if formula is None or found is None:
+            further.append(f"{sensor or 'the model'}: its precision depends on what is read in the run")
+            continue
+        sigma, who = expect.sigma.get(sensor), sensor or "any sensor"
+        for term, sd, df in zip(found.names, found.stderr, _freedom(found), strict=True):
+            known = float(df) if np.isfinite(df) and df > 0 else None
+            row = {"sensor": sensor, "term": term, "sd": float(sd) * (sigma or 1.0), "df": known}
+            rows.append(row)
+            cells.append((sensor or "any", term, f"{row['sd']:.3g}", "-" if known is None else f"{known:.0f}"))
+        settings = found.region.settings
+        variance = found.variance(settings)
+        at = zip(procedure.factors, settings[int(variance.argmax())].tolist(), strict=True)
+        where = ", ".join(f"{name} = {value:g}" for name, value in at)
+        mean, worst = ((value**0.5) * (sigma or 1.0) for value in (found.mean_variance, float(variance.max())))
+        unit = "" if sigma else ", in standard deviations of one observation"
+        further.append(f"{who}: the fitted value has an sd of {mean:.3g} on average{unit}; of {worst:.3g} at {where}")
+    told = ", ".join(f"{name} {value:g}" for name, value in expect.sigma.items())
+    assumed = f"for a standard deviation of one observation of {told}"
+    if not told:
+        assumed = "for a standard deviation of one observation of 1: expect.sigma says what it is, by sensor"
+    if 0 < run_list.whole_plots < len(run_list):
+        assumed += f"; that between whole plots is {expect.whole_plot_ratio:g} times as large: expect.whole_plot_ratio"
+    return Precision(("sensor", "term", "sd", "df"), rows, cells, assumed, tuple(further))
+
+
+def _freedom(found: Evaluation) -> FloatArray:
+    """(p,) degrees of freedom of the coefficients' standard errors."""
+    if found.whole_plot is None:
+        return np.full(len(found.names), float(found.freedom.residual))
+    columns = found.region.raw(found.points)
+    return plan_precision(columns, found.whole_plot, found.eta**0.5, 1.0, found.names).df
+
+
+def advice(procedure: GeneralProcedure) -> list[Advice]:
+    """Terms and effects that are confounded, and errors without degrees of freedom."""
+    run_list = procedure.expand()
+    told: dict[str, None] = {}
+    for sensor, _, found in evaluations(procedure, run_list):
+        of = f"{sensor}: " if sensor else ""
+        told |= dict.fromkeys(f"{of}{sentence}" for sentence in of_design(found, list(procedure.factors)))
+    told |= dict.fromkeys(_of_order(procedure, run_list))
+    return [Advice(0, "design", False, sentence) for sentence in told]
+
+
+def _of_order(procedure: GeneralProcedure, run_list: RunList) -> Iterator[str]:
+    """Orders that confound an effect with time."""
+    for name, factor in procedure.factors.items():
+        once = procedure.replications == 1 and factor.order == AS_WRITTEN and not factor.hard
+        if once and len(run_list.levels(run_list.factor(name))) > 2:
+            yield (
+                f"{name} is set in one order, once: its effect and a drift look alike; use "
+                f'order = "up-down" or "random", or replications'
+            )

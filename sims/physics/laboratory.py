@@ -1,0 +1,220 @@
+"""Any laboratory: factors that sources and people set, and sensors whose output is a formula of them.
+
+Variables of formulas are true values of the bench's factors, such as `force_kN`; `force_side`, the direction of its
+last change (1, -1 or 0); `force_for_s`, the time since then; the lags of the world file; `elapsed_h` since the world
+began; and `lab_degC`. Pure functions of virtual time between commands.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from math import sqrt
+from typing import Any
+
+from sims.noise import event_at, normal
+from sims.physics.chamber import Chamber
+from sims.physics.expression import Formula
+from sims.physics.fields import WorldError, known_keys
+from sims.physics.laboratory_truth import AnySensorTruth, SourceTruth, StandardTruth
+from sims.physics.steps import Steps
+from sims.physics.thermal import Lab
+from sims.physics.told import Told
+from sims.physics.truth import Truth
+
+_POWERS = {"p": -12, "n": -9, "u": -6, "m": -3, "k": 3, "M": 6, "G": 9}
+
+
+class Source:
+    """One quantity that is set from time to time, and approaches its setting.
+
+    Args:
+        truth: of the factor that it sets.
+        start: virtual time of its first state: off, at zero.
+        where: name of the factor, for messages.
+
+    Attributes:
+        on: whether its output is on.
+        setpoint: as commanded last.
+        told: called with every command.
+        settings: history of its true settings.
+    """
+
+    def __init__(self, truth: SourceTruth, start: float, where: str) -> None:
+        self.on, self.setpoint = False, 0.0
+        self.told: Told | None = None
+        self._tau = truth.time_constant_s
+        self._true = Formula.parse(truth.formula, f"sources.{where}.formula", {"set"}) if truth.formula else None
+        self.settings = Steps(start, 0.0)
+
+    def set(self, now: float, value: float) -> None:
+        """Command a value, with the output on."""
+        self.on, self.setpoint = True, value
+        self.settings.set(now, value if self._true is None else self._true.value({"set": value}))
+        if self.told is not None:
+            self.told("setpoint", value)
+
+    def off(self, now: float) -> None:
+        """Switch the output off: it goes to zero."""
+        self.on = False
+        self.settings.set(now, 0.0)
+        if self.told is not None:
+            self.told("control", "off")
+
+    def value(self, t: float) -> float:
+        """The true value."""
+        return self.settings.value(t) + (self.settings.behind(t, self._tau) if self._tau else 0.0)
+
+    def reads(self, t: float) -> float:
+        """Its own readback, which does not know its error: the approach to the setpoint."""
+        true, set_to = self.settings.value(t), self.setpoint if self.on else 0.0
+        return self.value(t) - true + set_to
+
+    def settled(self, t: float, within: float) -> bool:
+        """Whether it is within this of its setting."""
+        return abs(self.value(t) - self.settings.value(t)) <= within
+
+
+class Laboratory:
+    """Factors and sensors of a bench of no particular kind.
+
+    Args:
+        truth: the world file.
+        bench: the bench file as plain values.
+        lab: its surroundings.
+        start: virtual time of its first known state.
+
+    Attributes:
+        sensors: by name on the bench; empty on benches of other kinds.
+    """
+
+    def __init__(self, truth: Truth, bench: Mapping[str, Any], lab: Lab, start: float) -> None:
+        self._truth, self._lab, self._start = truth, lab, start
+        self._factors = {name: str(instrument) for name, instrument in bench.get("factors", {}).items()}
+        self._sources: dict[str, Source] = {}
+        self._chambers: dict[str, Chamber] = {}
+        self._others: dict[str, Callable[[float], float]] = {}
+        self._by_hand: dict[str, Source] = {}
+        self.sensors = {n: s for n, s in truth.sensors.items() if isinstance(s, AnySensorTruth)}
+        tables = bench.get("sensors", {})
+        self._units = {name: str(tables[name].get("unit", "V")) for name in self.sensors}
+        self._formulas: dict[str, tuple[Formula, ...]] = {}
+        self._standards: dict[str, Formula] = {}
+        if self.sensors:
+            self._read_formulas(bench)
+
+    def _read_formulas(self, bench: Mapping[str, Any]) -> None:
+        known = [*self._factors, *self._truth.lags, "elapsed_h", "lab_degC"]
+        stems = [factor.rpartition("_")[0] for factor in self._factors]
+        known += [f"{stem}{what}" for stem in stems for what in ("_side", "_for_s")]
+        for name, sensor in self.sensors.items():
+            formula = sensor.formula or " + ".join(self._factors) or "0"
+            parts = {"formula": formula, "hidden": sensor.hidden}
+            self._formulas[name] = tuple(
+                Formula.parse(text, f"sensors.{name}.{key}", known) for key, text in parts.items() if text
+            )
+        for where, given in (("sources", self._truth.sources), ("references", self._truth.references)):
+            known_keys(given, list(self._factors), where, "factors of this bench")
+        for name, lag in self._truth.lags.items():
+            if lag.of not in self._factors:
+                raise WorldError(f"lags.{name}.of = {lag.of!r} is not a factor of this bench")
+        for factor in bench.get("references", {}):
+            text = self._truth.references.get(factor, StandardTruth()).formula or factor
+            self._standards[factor] = Formula.parse(text, f"references.{factor}.formula", known)
+
+    def source(self, instrument: str) -> Source:
+        """The quantity behind a source of the bench."""
+        if instrument not in self._sources:
+            factor = next((f for f, name in self._factors.items() if name == instrument), instrument)
+            truth = self._truth.sources.get(factor, SourceTruth())
+            self._sources[instrument] = Source(truth, self._start, factor)
+        return self._sources[instrument]
+
+    def chamber(self, instrument: str) -> Chamber | None:
+        """The chamber of a temperature controller that sets a factor; None on benches of other kinds."""
+        if not self.sensors or instrument not in self._factors.values():
+            return None
+        if instrument not in self._chambers:
+            self._chambers[instrument] = Chamber(self._truth.sensor_chamber, self._lab, self._start)
+        return self._chambers[instrument]
+
+    def set_by(self, instrument: str, value: Callable[[float], float]) -> None:
+        """Note the true value of what another instrument sets: a pressure line, an axis of the head."""
+        self._others[instrument] = value
+
+    def by_hand(self, factor: str, value: float, now: float) -> None:
+        """A person sets a factor."""
+        self._hand(factor).set(now, value)
+
+    def _hand(self, factor: str) -> Source:
+        if factor not in self._by_hand:
+            truth = self._truth.sources.get(factor, SourceTruth())
+            self._by_hand[factor] = Source(SourceTruth(truth.formula, 0.0), self._start, factor)
+        return self._by_hand[factor]
+
+    def sets(self, factor: str) -> bool:
+        """Whether this is a factor of such a bench, whose true value is known here."""
+        return bool(self.sensors) and factor in self._factors
+
+    def true(self, factor: str, t: float) -> float:
+        """The true value of a factor."""
+        instrument = self._factors[factor]
+        if instrument in self._sources:
+            return self._sources[instrument].value(t)
+        if instrument in self._chambers:
+            return self._chambers[instrument].package_degC(t)
+        if instrument in self._others:
+            return self._others[instrument](t)
+        return self._hand(factor).value(t)
+
+    def _steps(self, factor: str) -> Steps:
+        """History of a factor's settings; without changes if it has none."""
+        instrument = self._factors[factor]
+        if instrument in self._sources:
+            return self._sources[instrument].settings
+        if instrument in self._chambers:
+            return self._chambers[instrument].temperatures
+        return self._hand(factor).settings
+
+    def factors(self, t: float) -> dict[str, float]:
+        """True values of all factors."""
+        return {factor: self.true(factor, t) for factor in self._factors}
+
+    def sides(self, t: float) -> dict[str, int]:
+        """Direction of the last change of every factor."""
+        return {factor: self._steps(factor).direction(t) for factor in self._factors}
+
+    def stay(self, t: float) -> int:
+        """A number for the stay at the present temperatures of the chambers."""
+        return event_at(max((c.temperatures.since(t) for c in self._chambers.values()), default=self._start))
+
+    def _variables(self, t: float) -> dict[str, float]:
+        found = self.factors(t)
+        for factor in self._factors:
+            stem, steps = factor.rpartition("_")[0], self._steps(factor)
+            found[f"{stem}_side"] = float(steps.direction(t))
+            found[f"{stem}_for_s"] = max(0.0, t - steps.since(t))
+        for name, lag in self._truth.lags.items():
+            found[name] = self._steps(lag.of).behind(t, lag.time_constant_s)
+        return found | {"elapsed_h": (t - self._start) / 3600.0, "lab_degC": self._lab.degC(t)}
+
+    def clean(self, sensor: str, t0: float, t1: float) -> float:
+        """Output of a sensor in the middle of a window, without noise, in its unit on the bench."""
+        given = self._variables((t0 + t1) / 2.0)
+        return sum(formula.value(given) for formula in self._formulas[sensor])
+
+    def noise(self, sensor: str, t0: float, t1: float) -> float:
+        """Noise of its mean over a window; a function of the window."""
+        return self.sensors[sensor].noise / sqrt(t1 - t0) * normal(self._truth.seed, f"sensor {sensor}", event_at(t0))
+
+    def volts(self, sensor: str, value: float) -> float:
+        """An output in volts, for a meter that reads volts. An output in another unit is taken for volts."""
+        unit = self._units[sensor]
+        return value * 10.0 ** _POWERS[unit[0]] if unit[1:] == "V" and unit[0] in _POWERS else value
+
+    def standard(self, factor: str, t0: float, t1: float, *, noisy: bool) -> float:
+        """Reading of the channel of a reference standard over a window."""
+        value = self._standards[factor].value(self._variables((t0 + t1) / 2.0))
+        sd = self._truth.references.get(factor, StandardTruth()).noise
+        if not noisy or not sd:
+            return value
+        return value + sd / sqrt(t1 - t0) * normal(self._truth.seed, f"reference {factor}", event_at(t0))

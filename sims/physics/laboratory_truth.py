@@ -1,0 +1,105 @@
+"""World-file tables of any laboratory: sensors, sources and reference standards by formulas."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from sims.physics.expression import Formula
+from sims.physics.fields import WorldError, accepts, quantity, read_table
+
+ANY = "any"
+"""Axis, among those of `sensor_axes`, of a sensor of any laboratory."""
+
+
+@dataclass(frozen=True)
+class Text:
+    """A text that is a formula; its variables are checked with the bench."""
+
+    def read(self, value: object, where: str, axes: Mapping[str, str]) -> str:
+        """See `fields.Kind.read`."""
+        if not isinstance(value, str):
+            raise WorldError(f"{where} must be a formula in quotes (it is {value!r})")
+        Formula.parse(value or "0", where)
+        return value
+
+
+@dataclass(frozen=True)
+class Name:
+    """The name of a factor; it is checked with the bench."""
+
+    def read(self, value: object, where: str, axes: Mapping[str, str]) -> str:
+        """See `fields.Kind.read`."""
+        if not isinstance(value, str) or not value:
+            raise WorldError(f"{where} must be the name of a factor (it is {value!r})")
+        return value
+
+
+@dataclass(frozen=True)
+class AnySensorTruth:
+    """A sensor of any laboratory: `[sensors.NAME]`, NAME as on the bench.
+
+    Attributes:
+        formula: its output, in the unit on the bench, from true values of factors; "" for the sum of all factors.
+        hidden: what its declared model may lack, in the same unit and from the same variables, added to it.
+        noise: standard deviation of a mean over 1 s; over t seconds it is this divided by sqrt(t).
+    """
+
+    formula: str = field(default="", metadata=accepts(Text()))
+    hidden: str = field(default="", metadata=accepts(Text()))
+    noise: float = quantity(1e-5, 0.0, 1e9)
+
+
+@dataclass(frozen=True)
+class SourceTruth:
+    """A factor as a source or a person sets it: `[sources.FACTOR]`.
+
+    Attributes:
+        formula: the true value, from the value `set`; "" for exactly that.
+        time_constant_s: of its approach; a person's setting is there at once.
+    """
+
+    formula: str = field(default="", metadata=accepts(Text()))
+    time_constant_s: float = quantity(0.5, 0.0, 1e6)
+
+
+@dataclass(frozen=True)
+class LagTruth:
+    """A memory of a factor: `[lags.NAME]`, a variable of formulas.
+
+    It is the difference between a first-order lag and the factor, zero after a long rest: creep, thermal lag.
+
+    Attributes:
+        of: the factor.
+        time_constant_s: of the lag.
+    """
+
+    of: str = field(default="", metadata=accepts(Name()))
+    time_constant_s: float = quantity(300.0, 1e-3, 1e7)
+
+
+@dataclass(frozen=True)
+class StandardTruth:
+    """A reference standard: `[references.FACTOR]`.
+
+    Attributes:
+        formula: reading of its channel, from true values of factors; "" for the factor itself.
+        noise: standard deviation of a mean over 1 s.
+    """
+
+    formula: str = field(default="", metadata=accepts(Text()))
+    noise: float = quantity(0.0, 0.0, 1e9)
+
+
+@dataclass(frozen=True)
+class Tables:
+    """Tables with names of their own, `[KEY.NAME]`, each of one class."""
+
+    table: type
+
+    def read(self, value: object, where: str, axes: Mapping[str, str]) -> Mapping[str, Any]:
+        """See `fields.Kind.read`."""
+        if not isinstance(value, Mapping):
+            raise WorldError(f"{where} must be tables, [{where}.NAME]")
+        return {str(name): read_table(self.table(), one, f"{where}.{name}", axes) for name, one in value.items()}

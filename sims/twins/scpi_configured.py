@@ -1,0 +1,140 @@
+"""Twins of SCPI instruments that a bench file describes.
+
+Such a twin knows the headers of its prepare lines, written as they are there, and keeps their parameters until *RST or
+power-off. A question about one of them answers what was set, if that is a number or a switch. Any other setting that
+the bench file reads back has its wanted value once all prepare lines have come. Everything else is an undefined header.
+The twin shows whether a bench file is consistent. Whether it is right shows the instrument.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+from sims.twins.scpi import COMMON, ScpiTwin, Wait
+from sims.twins.scpi_syntax import Command, ScpiError, compiled, number, split_outside
+from sims.world import World
+
+__all__ = ["ConfiguredTwin", "Wait"]
+
+_STATUS = compiled(tuple(row for row in COMMON if row.header not in ("SYSTem:REMote", "SYSTem:RWLock", "SYSTem:LOCal")))
+_SWITCH = {"ON": "1", "OFF": "0"}
+_ENDS = {"lf": b"\n", "cr": b"\r", "crlf": b"\r\n"}
+
+
+def units(line: str) -> list[tuple[str, str]]:
+    """Headers of a line, each with its whole path in upper case and its question mark, and their parameters."""
+    found, path = [], ""
+    for unit in split_outside(line, ";"):
+        header, _, rest = unit.strip().partition(" ")
+        name = header.upper()
+        if not name.startswith("*"):
+            name = name[1:] if name.startswith(":") else path + name
+            path = name[: name.rfind(":") + 1]
+        found.append((name, rest.strip()))
+    return found
+
+
+class ConfiguredTwin(ScpiTwin):
+    """An instrument with the commands of its bench file; always in remote control.
+
+    Args:
+        name: the bench's name for it.
+        options: its options in the bench file.
+        world: virtual time.
+        serial: its serial number.
+    """
+
+    commands: ClassVar[Mapping[str, Command]] = _STATUS
+
+    def __init__(self, name: str, options: Mapping[str, object], world: World, serial: str) -> None:
+        self.options = options
+        self._serial = serial
+        self.line_end = _ENDS[str(options.get("line_end", "lf"))]
+        self._prepare = [unit for line in _texts(options, "prepare") for unit in units(line)]
+        check = options.get("check", {})
+        assert isinstance(check, Mapping)
+        self._check = {units(str(question))[0][0]: str(answer) for question, answer in check.items()}
+        self._error = units(str(options.get("error", "SYST:ERR?")))[0][0]
+        super().__init__(name, world, int(str(options.get("baud", 9600))), str(options.get("frame", "8N1")))
+
+    def reset(self) -> None:
+        """*RST: settings are forgotten."""
+        self._kept: dict[str, str] = {}
+        self._came: set[str] = set()
+
+    def switch_on(self) -> None:
+        """As after *RST, in remote control."""
+        super().switch_on()
+        self.remote = True
+
+    def ask_identity(self) -> str:
+        """*IDN?."""
+        model = str(self.options.get("model") or "SIMULATED")
+        return f"{self.options.get('maker') or 'SIMULATED'},{model},{self._serial},1.0"
+
+    def number(self, text: str) -> str:
+        """An answer with a number, in the form of the bench file."""
+        return str(self.options.get("number", "{number}")).replace("{number}", text).replace("*", "0")
+
+    def does(self, name: str, rest: str) -> str | None:
+        """Execute a header of its own; the answer if it is a question. Raises `KeyError` if there is none.
+
+        Args:
+            name: with its path, in upper case.
+            rest: its parameters.
+        """
+        raise KeyError(name)
+
+    def _execute(self, path: str, header: str, rest: str) -> tuple[str, str | None]:
+        if not header:
+            return path, None
+        ((name, _),) = units(header if header.startswith(("*", ":")) else f":{path}{header}")
+        own = path if name.startswith("*") else name[: name.rfind(":") + 1]
+        if name == self._error and name != "*ESR?":
+            return own, self.ask_error()
+        try:
+            return own, self.does(name, rest)
+        except KeyError:
+            pass
+        if name.removesuffix("?") in self.commands:
+            return super()._execute(path, header, rest)
+        return own, self._setting(name, rest)
+
+    def _setting(self, name: str, rest: str) -> str | None:
+        """A setting of the prepare lines, or a question about one."""
+        if name.endswith("?"):
+            return self._recalled(name)
+        if all(name != known for known, _ in self._prepare):
+            raise ScpiError(-113)
+        self._kept[name] = rest
+        self._came.add(name)
+        return None
+
+    def _recalled(self, name: str) -> str:
+        """A number or a switch as it was set; another setting as wanted, since instruments print texts differently."""
+        kept = _SWITCH.get(self._kept.get(name.removesuffix("?"), "").upper(), self._kept.get(name.removesuffix("?")))
+        if kept is not None and (name not in self._check or _is_number(kept)):
+            return kept
+        if name in self._check:
+            return self._check[name] if self._prepared() else "0"
+        if any(name == f"{known}?" for known, _ in self._prepare):
+            return "0"
+        raise ScpiError(-113)
+
+    def _prepared(self) -> bool:
+        return all(name in self._came for name, _ in self._prepare if not name.startswith("*"))
+
+
+def _is_number(text: str) -> bool:
+    try:
+        number(text)
+    except ScpiError:
+        return False
+    return True
+
+
+def _texts(options: Mapping[str, object], key: str) -> list[str]:
+    found = options.get(key) or ()
+    assert isinstance(found, list | tuple)
+    return [str(text) for text in found]
