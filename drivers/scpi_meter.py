@@ -16,7 +16,7 @@ from drivers.driver import ContractFile, Medium
 from drivers.errors import DriverError, LimitError, NotReady
 from drivers.numbers import whole
 from drivers.roles import OVERLOAD, Identity
-from drivers.scpi_configured import ConfiguredScpi
+from drivers.scpi_described import DescribedScpi
 from drivers.scpi_options import Command, Question, ScpiOptions, filled
 from drivers.wires import Wires
 
@@ -26,7 +26,7 @@ _CHARACTERS_PER_READING = 20
 _MARKS = 31
 
 
-class ScpiMeter:
+class DescribedMeter:
     """The meter; satisfies `drivers.roles.Reader`, `WithUnits` and `Restartable` with one channel, "input".
 
     Args:
@@ -68,7 +68,7 @@ class ScpiMeter:
         self.name = name
         self._options = options
         self._clock = clock
-        self._scpi = ConfiguredScpi(name, address, options, wires, clock)
+        self._scpi = DescribedScpi(name, address, options, wires, clock)
         self._where = self._scpi.line.where
         self._numbered = options.numbered and options.start is not None
         self._count = self._mark = 0

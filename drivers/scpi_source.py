@@ -16,7 +16,7 @@ from drivers.clock import Clock
 from drivers.driver import ContractFile, Medium
 from drivers.errors import BadReply, DriverError, LimitError, NotReady
 from drivers.roles import Identity, SourceState
-from drivers.scpi_configured import ConfiguredScpi
+from drivers.scpi_described import DescribedScpi
 from drivers.scpi_options import Answer, Command, Question, ScpiOptions, filled
 from drivers.wires import Wires
 
@@ -24,7 +24,7 @@ _ON = {"1", "ON"}
 _OFF = {"0", "OFF"}
 
 
-class ScpiSource:
+class DescribedSource:
     """The source; satisfies `drivers.roles.Source` and `Restartable`.
 
     Args:
@@ -92,7 +92,7 @@ class ScpiSource:
         self.name = name
         self._options = options
         self._clock = clock
-        self._scpi = ConfiguredScpi(name, address, options, wires, clock)
+        self._scpi = DescribedScpi(name, address, options, wires, clock)
         self._where = self._scpi.line.where
         self._near_since: float | None = None  # begin of the time within tolerance
         self._set_at = clock.now()

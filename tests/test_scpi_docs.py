@@ -12,8 +12,8 @@ from command import rig
 
 from drivers.driver import DriverClass
 from drivers.roles import Reader, Source
-from drivers.scpi_meter import ScpiMeter
-from drivers.scpi_source import ScpiSource
+from drivers.scpi_meter import DescribedMeter
+from drivers.scpi_source import DescribedSource
 from rig.bench import check_options, open_bench
 from rig.config import parse_bench
 from rig.simulated.dry_run import DryBench
@@ -34,7 +34,7 @@ def benches() -> dict[str, str]:
     return {"calibrator": block("bench.toml"), "smu": toml(second)}
 
 
-@pytest.mark.parametrize("driver", [ScpiMeter, ScpiSource])
+@pytest.mark.parametrize("driver", [DescribedMeter, DescribedSource])
 def test_options_are_documented(driver: DriverClass) -> None:
     for name, field in driver.Options.model_fields.items():
         default = "required" if field.is_required() else f"`{json.dumps(field.default)}`"

@@ -20,6 +20,7 @@ from rig.errors import ConfigurationError
 from rig.locks import wire_of
 from rig.simulated.dry_run import DryBench
 from rig.unattended.doctor.addresses import check_addresses
+from rig.unattended.service import ServiceUnit
 
 METERS = Path(__file__).parent / "visa" / "meters.yaml"
 BENCH = """
@@ -205,3 +206,16 @@ def test_the_doctor_says_what_is_missing_before_a_night(monkeypatch):
     ((_, found),) = check_addresses(config.instruments)
     assert "needs pyvisa, which is not installed" in found.found
     assert "calibration-rig[visa]" in found.next_step
+
+
+def test_a_service_of_the_machine_may_open_the_buses_of_its_bench_and_no_others():
+    addresses = ("visa://GPIB0::22::INSTR", "visa://TCPIP::dvm.lab::INSTR", "/dev/rig/dvm")
+    run = Path("/data/runs/a.sqlite")
+    for usb in ((), ("visa://USB0::0x2A8D::0x1301::MY1::INSTR",)):
+        unit = ServiceUnit(run, "a", "volts", system=True, user="rig", addresses=(*addresses, *usb))
+        allowed = [line for line in unit.text().splitlines() if line.startswith("DeviceAllow=")]
+        assert allowed == [
+            "DeviceAllow=/dev/rig/dvm rw",
+            "DeviceAllow=char-gpib rw",
+            *(["DeviceAllow=char-usb_device rw"] if usb else []),
+        ]

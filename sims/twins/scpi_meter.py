@@ -12,7 +12,7 @@ from sims.noise import event_at, normal
 from sims.twin import Accuracy, Role
 from sims.twins.keysight_meter import OVERLOAD, Plant
 from sims.twins.scpi import ScpiTwin, Wait
-from sims.twins.scpi_configured import ConfiguredTwin, units
+from sims.twins.scpi_described import DescribedTwin, units
 from sims.twins.scpi_syntax import ScpiError, number
 from sims.world import World
 
@@ -21,7 +21,7 @@ _NOISE = 1e-6  # standard deviation of a reading, V
 _SPAN_V = 1200.0
 
 
-class ScpiMeterTwin(ConfiguredTwin):
+class DescribedMeterTwin(DescribedTwin):
     """The meter; its input is the plant's channel "input".
 
     Args:

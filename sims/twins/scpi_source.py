@@ -8,7 +8,7 @@ from typing import ClassVar, Protocol
 from sims.faults import Kind
 from sims.twin import Role
 from sims.twins.scpi import ScpiTwin
-from sims.twins.scpi_configured import ConfiguredTwin, units
+from sims.twins.scpi_described import DescribedTwin, units
 from sims.twins.scpi_syntax import ScpiError, number
 from sims.world import World
 
@@ -44,7 +44,7 @@ class Plant(Protocol):
         ...
 
 
-class ScpiSourceTwin(ConfiguredTwin):
+class DescribedSourceTwin(DescribedTwin):
     """The source.
 
     Args:

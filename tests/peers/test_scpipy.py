@@ -12,8 +12,8 @@ import pytest
 
 from drivers.clock import RealClock
 from drivers.errors import InstrumentError, WrongInstrument
-from drivers.scpi_meter import ScpiMeter
-from drivers.scpi_source import ScpiSource
+from drivers.scpi_meter import DescribedMeter
+from drivers.scpi_source import DescribedSource
 from drivers.wires import Wires
 
 SERVER = Path(__file__).parent / "foreign_scpi.py"
@@ -64,7 +64,7 @@ def make(request, port, monkeypatch):
 
 
 def test_a_source_is_set_read_back_and_made_safe(make):
-    source = make(ScpiSource, **SOURCE)
+    source = make(DescribedSource, **SOURCE)
     assert source.identify().serial == "S123"
     source.prepare()
     assert not source.restarted()
@@ -79,24 +79,31 @@ def test_a_source_is_set_read_back_and_made_safe(make):
 
 
 def test_what_the_instrument_refuses_is_told_with_its_own_words(make):
-    source = make(ScpiSource, **SOURCE)
+    source = make(DescribedSource, **SOURCE)
     source.prepare()
     with pytest.raises(InstrumentError, match=r"after 'SOUR:VOLT 25.000000', reports error -222: Data out of range"):
         source.set(25.0)
 
 
 def test_a_line_that_it_does_not_know_is_named(make):
-    meter = make(ScpiMeter, **KNOWN, reading_s=0.02, prepare=("SENS:VOLT:NPLC 10",))
+    meter = make(DescribedMeter, **KNOWN, reading_s=0.02, prepare=("SENS:VOLT:NPLC 10",))
     with pytest.raises(InstrumentError, match=r"after 'SENS:VOLT:NPLC 10', reports error -110: Command header error"):
         meter.prepare()
 
 
+def test_a_question_that_it_does_not_know_is_named(make):
+    source = make(DescribedSource, **(SOURCE | {"read": "MEAS:CURR?", "timeout_s": 0.2}))
+    source.prepare()
+    with pytest.raises(InstrumentError, match=r"after 'MEAS:CURR\?', reports error -110: Command header error"):
+        source.read()
+
+
 def test_a_meter_reads_in_a_block_and_one_by_one(make):
-    source = make(ScpiSource, **SOURCE)
+    source = make(DescribedSource, **SOURCE)
     source.prepare()
     source.set(-1.5)
-    block = make(ScpiMeter, **KNOWN, **RANGE, reading_s=0.02, start="SAMP:COUN {count};:INIT", fetch="FETC?")
-    one_by_one = make(ScpiMeter, **KNOWN, **RANGE, reading_s=0.02)
+    block = make(DescribedMeter, **KNOWN, **RANGE, reading_s=0.02, start="SAMP:COUN {count};:INIT", fetch="FETC?")
+    one_by_one = make(DescribedMeter, **KNOWN, **RANGE, reading_s=0.02)
     for meter in (block, one_by_one):
         meter.identify()
         meter.prepare()
@@ -106,7 +113,7 @@ def test_a_meter_reads_in_a_block_and_one_by_one(make):
 
 
 def test_another_instrument_is_asked_for_its_identity_and_nothing_else(make):
-    source = make(ScpiSource, **(SOURCE | {"model": "SMU 2"}))
+    source = make(DescribedSource, **(SOURCE | {"model": "SMU 2"}))
     with pytest.raises(WrongInstrument, match=r"should be a STRANGER INC\. SMU 2; it answers 'STRANGER"):
         source.identify()
     assert source._scpi.line.exchanges == 1

@@ -15,7 +15,7 @@ from sims.twins.scpi import COMMON, ScpiTwin, Wait
 from sims.twins.scpi_syntax import Command, ScpiError, compiled, number, split_outside
 from sims.world import World
 
-__all__ = ["ConfiguredTwin", "Wait"]
+__all__ = ["DescribedTwin", "Wait"]
 
 _STATUS = compiled(tuple(row for row in COMMON if row.header not in ("SYSTem:REMote", "SYSTem:RWLock", "SYSTem:LOCal")))
 _SWITCH = {"ON": "1", "OFF": "0"}
@@ -35,7 +35,7 @@ def units(line: str) -> list[tuple[str, str]]:
     return found
 
 
-class ConfiguredTwin(ScpiTwin):
+class DescribedTwin(ScpiTwin):
     """An instrument with the commands of its bench file; always in remote control.
 
     Args:

@@ -7,14 +7,13 @@ from dataclasses import asdict
 from typing import Any
 
 import pytest
-import pyvisa
 from pydantic import ValidationError
 
 from drivers.clock import RealClock
 from drivers.errors import BadReply, InstrumentError, LimitError, NotReady, WrongInstrument
 from drivers.roles import OVERLOAD
-from drivers.scpi_meter import ScpiMeter
-from drivers.scpi_source import ScpiSource
+from drivers.scpi_meter import DescribedMeter
+from drivers.scpi_source import DescribedSource
 from drivers.wires import Wires
 from rig.bench import check_options, open_bench
 from rig.config import parse_bench
@@ -255,29 +254,29 @@ def test_lines_keep_their_distance(bench):
 @pytest.mark.parametrize(
     ("cls", "table", "says"),
     [
-        (ScpiMeter, {"model": None}, "give model, or identity"),
-        (ScpiMeter, {"identity": ".*"}, "give model, or identity"),
-        (ScpiMeter, {"model": None, "identity": "("}, "is not a regular expression"),
-        (ScpiMeter, {"start": "INIT"}, r"needs the placeholder \{count\} once"),
-        (ScpiMeter, {"fetch": "FETC"}, "is not a question"),
-        (ScpiMeter, {"prepare": ["*IDN?"]}, "is a question; this is for commands"),
-        (ScpiMeter, {"prepare": ["A\nB"]}, "one line of 1 to 200 printable"),
-        (ScpiMeter, {"number": "x"}, r"needs the placeholder \{number\} once"),
-        (ScpiMeter, {"mark": False, "check": None}, "without mark, check is needed"),
-        (ScpiMeter, {"start": None, "numbered": True}, "numbered needs start"),
-        (ScpiSource, {"low": 10}, "low = 10 has to be below high = 10"),
-        (ScpiSource, {"high": float("inf")}, "both finite"),
-        (ScpiSource, {"off": None}, "on, off and output belong together; here is only on and output"),
-        (ScpiSource, {"on": None, "off": None, "output": None}, "its safe state is missing"),
-        (ScpiSource, {"safe_value": 11}, "safe_value = 11 is outside -10 to 10"),
-        (ScpiSource, {"read": None}, "tolerance needs read, and no settled"),
-        (ScpiSource, {"prepare": ["*RST"]}, r"prepare must not contain \*RST"),
-        (ScpiSource, {"set": "VOLT {value} {value}"}, r"needs the placeholder \{value\} once"),
-        (ScpiSource, {"decimals": 3}, "setpoints would be rounded further than it allows"),
+        (DescribedMeter, {"model": None}, "give model, or identity"),
+        (DescribedMeter, {"identity": ".*"}, "give model, or identity"),
+        (DescribedMeter, {"model": None, "identity": "("}, "is not a regular expression"),
+        (DescribedMeter, {"start": "INIT"}, r"needs the placeholder \{count\} once"),
+        (DescribedMeter, {"fetch": "FETC"}, "is not a question"),
+        (DescribedMeter, {"prepare": ["*IDN?"]}, "is a question; this is for commands"),
+        (DescribedMeter, {"prepare": ["A\nB"]}, "one line of 1 to 200 printable"),
+        (DescribedMeter, {"number": "x"}, r"needs the placeholder \{number\} once"),
+        (DescribedMeter, {"mark": False, "check": None}, "without mark, check is needed"),
+        (DescribedMeter, {"start": None, "numbered": True}, "numbered needs start"),
+        (DescribedSource, {"low": 10}, "low = 10 has to be below high = 10"),
+        (DescribedSource, {"high": float("inf")}, "both finite"),
+        (DescribedSource, {"off": None}, "on, off and output belong together; here is only on and output"),
+        (DescribedSource, {"on": None, "off": None, "output": None}, "its safe state is missing"),
+        (DescribedSource, {"safe_value": 11}, "safe_value = 11 is outside -10 to 10"),
+        (DescribedSource, {"read": None}, "tolerance needs read, and no settled"),
+        (DescribedSource, {"prepare": ["*RST"]}, r"prepare must not contain \*RST"),
+        (DescribedSource, {"set": "VOLT {value} {value}"}, r"needs the placeholder \{value\} once"),
+        (DescribedSource, {"decimals": 3}, "setpoints would be rounded further than it allows"),
     ],
 )
 def test_a_description_that_cannot_be_meant_is_refused(cls, table, says):
-    given = (METER if cls is ScpiMeter else SOURCE) | table
+    given = (METER if cls is DescribedMeter else SOURCE) | table
     options = {key: one for key, one in given.items() if one is not None and key not in ("driver", "address")}
     with pytest.raises(ValidationError, match=says):
         cls.Options.model_validate(options)
@@ -294,9 +293,10 @@ class TestMock:
         table |= {"error": ":SYST:ERR?", "check": {"*IDN?": "SCPI,MOCK,VERSION_1.0"}, "dwell_s": 0.0}
         clock, wires = RealClock(), None
         wires = Wires(clock)
-        yield ScpiSource("mock", "visa://GPIB0::4::INSTR", ScpiSource.Options.model_validate(table), wires, clock)
+        yield DescribedSource(
+            "mock", "visa://GPIB0::4::INSTR", DescribedSource.Options.model_validate(table), wires, clock
+        )
         wires.close()
-        pyvisa.ResourceManager("@sim")
 
     def test_it_is_set_and_made_safe(self, source):
         assert asdict(source.identify()) == {

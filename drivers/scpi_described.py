@@ -5,13 +5,14 @@ Before the identity is known, only the question for it is sent. After every comm
 
 from __future__ import annotations
 
+import contextlib
 import math
 import re
 from collections.abc import Callable, Mapping
 from typing import TypeVar
 
 from drivers.clock import Clock
-from drivers.errors import BadReply, DriverError, InstrumentError, WrongInstrument
+from drivers.errors import BadReply, DriverError, InstrumentError, NoReply, WrongInstrument
 from drivers.numbers import decimal, whole
 from drivers.roles import Identity
 from drivers.scpi import PREPARED, agrees, raise_errors
@@ -25,7 +26,7 @@ _EVENTS = {4: "query error", 8: "device error", 16: "execution error", 32: "comm
 """Errors in the standard event register (IEEE 488.2, 11.5.1)."""
 
 
-class ConfiguredScpi:
+class DescribedScpi:
     """One instrument; sends what its options say.
 
     Args:
@@ -67,9 +68,21 @@ class ConfiguredScpi:
             self._free = self._clock.now() + self._options.pace_s
 
     def ask(self, question: str, timeout_s: float | None = None, *, repeat: bool = True) -> str:
-        """The answer to a question."""
+        """The answer to a question.
+
+        Raises:
+            InstrumentError: it does not answer, and has an error to tell.
+            NoReply: it does not answer.
+            BadReply: the answer is no line of text.
+        """
         self._paced()
-        return self.line.query(question, timeout_s, repeat=repeat)
+        try:
+            return self.line.query(question, timeout_s, repeat=repeat)
+        except NoReply:
+            if question not in ("*IDN?", self._options.error):
+                with contextlib.suppress(NoReply, BadReply):
+                    self._check(question)
+            raise
 
     def asked(self, question: str, meaning: Callable[[str, str], Value]) -> Value:
         """The meaning of an answer; the question has no side effect and is asked again if that makes no sense.
@@ -115,10 +128,14 @@ class ConfiguredScpi:
     def send(self, command: str) -> None:
         """Send a command, and check that it was not refused. Raises `InstrumentError`."""
         self.tell(command)
+        self._check(command)
+
+    def _check(self, line: str) -> None:
+        """Raise `InstrumentError` with the first error after a line."""
         try:
             self.raise_errors()
         except InstrumentError as error:
-            raise InstrumentError(f"{self.line.where}, after {command!r},", error.code, error.text) from None
+            raise InstrumentError(f"{self.line.where}, after {line!r},", error.code, error.text) from None
 
     def raise_errors(self) -> None:
         """Empty the error queue. Raises `InstrumentError` with the first error."""
