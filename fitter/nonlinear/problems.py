@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Protocol
 
@@ -14,7 +14,7 @@ from fitter.arrays import FloatArray, IntArray
 from fitter.errors import FitError
 from fitter.nonlinear.curve import Curve
 
-_STEPS = 100
+_STEPS, _NEAR = 100, 1e-13
 
 
 class Problem(Protocol):
@@ -94,6 +94,7 @@ class Distance:
         y: (n,) response.
         u_x: (n,) standard uncertainty of the column, may be zero.
         u_y: (n,) standard uncertainty of the response, above zero.
+        known: true values of the last parameters.
     """
 
     curve: Curve
@@ -102,6 +103,7 @@ class Distance:
     y: FloatArray
     u_x: FloatArray
     u_y: FloatArray
+    known: dict[bytes, dict[str, FloatArray]] = field(default_factory=dict, repr=False)
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -130,9 +132,16 @@ class Distance:
 
     def true_values(self, b: FloatArray) -> dict[str, FloatArray]:
         """The columns, with the estimated true values of that with errors."""
+        key = b.tobytes()
+        if key not in self.known:
+            self.known.clear()
+            self.known[key] = self._true_values(b)
+        return self.known[key]
+
+    def _true_values(self, b: FloatArray) -> dict[str, FloatArray]:
         x = self.table[self.name]
         xi, ratio = x.copy(), (self.u_x / self.u_y) ** 2
-        tiny = 4.0 * np.finfo(float).eps * (np.abs(x) + self.u_x)
+        tiny = _NEAR * (np.abs(x) + 10.0 * self.u_x)
         for _ in range(_STEPS):
             at = {**self.table, self.name: xi}
             slope = self.curve.slope(b, at, self.name)

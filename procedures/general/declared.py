@@ -19,6 +19,7 @@ from fitter.nonlinear import Curve, Distance, Weighted, WrittenCurve
 from procedures.errors import DataError
 from procedures.general.order import identities
 from procedures.general.rows import CurveRows, LinearRows, Rows
+from procedures.general.series import Series
 from procedures.table import Table
 
 if TYPE_CHECKING:
@@ -37,6 +38,7 @@ class Declared:
         weight: column of relative weights, 1 over the variance up to a factor.
         u_y: column or value of the standard uncertainty of the response.
         u_x: the same of the abscissa.
+        series: series of rising and falling forces, whose figures are wanted; None for none.
     """
 
     formula: str | None = None
@@ -46,6 +48,7 @@ class Declared:
     weight: str | None = None
     u_y: str | None = None
     u_x: str | None = None
+    series: Series | None = None
 
     def __post_init__(self) -> None:
         if self.model is not None and self.formula is not None:
@@ -93,7 +96,9 @@ class Declared:
         """Columns of the table that are known to be needed beside the response."""
         curve = self.curve()
         named = [one for one in (self.weight, self.u_y, self.u_x) if one is not None and _number(one) is None]
-        return [*(curve.names if curve else ()), *([self.abscissa] if self.abscissa else []), *map(column_name, named)]
+        series = self.series.columns if self.series else ()
+        abscissa = [column_name(self.abscissa)] if self.abscissa else []
+        return [*(curve.names if curve else ()), *abscissa, *map(column_name, named), *series]
 
 
 def _number(text: str) -> float | None:
@@ -215,7 +220,8 @@ def _named(declared: Declared, table: Table, response: str) -> NamedCurve:
     if declared.abscissa is not None:
         name = column_name(declared.abscissa)
     else:
-        aside = {column_name(one) for one in (declared.weight, declared.u_y, declared.u_x) if one is not None}
+        named = [one for one in (declared.weight, declared.u_y, declared.u_x) if one is not None]
+        aside = {*map(column_name, named), *(declared.series.columns if declared.series else ())}
         free = [one for one in table.columns if one not in {response, *aside, "order", "replicate", "simulated"}]
         fit = [one for one in free if units[one] == model.abscissa.unit and model.abscissa.unit]
         found = fit or free

@@ -22,6 +22,7 @@ from procedures.errors import DataError
 from procedures.file_rows import rows_of_file
 from procedures.general.declared import Declared, Model, model_of
 from procedures.general.infer import CurveCalibration, Factored
+from procedures.general.iso376 import figures, rising
 from procedures.general.judged import derived_table, judged_fit, prediction_table, within_tolerance
 from procedures.left_out import FitSummary, LeaveOut, Where, kept_with, search
 from procedures.results import PlainFitted
@@ -61,8 +62,11 @@ def fit_general(
     table = read(dict.fromkeys([response, *declared.columns(), *extra]))
     if response not in table.columns:
         raise DataError(f"{table.source}: the response {response} is not a column of numbers")
-    asked = LeaveOut.of(leave_out, table)
+    every, falling = table, ""
     try:
+        if declared.series is not None:
+            table, falling = rising(table, declared.series)
+        asked = LeaveOut.of(leave_out, table)
         with rows_of_file(table):
             model = model_of(declared, table, response, whole_plot, replicate)
         searched = search(table, asked, lambda rows: {response: model.rows.take(rows).gross()})
@@ -70,7 +74,9 @@ def fit_general(
         fit = model.rows.take(used).fitted()
         others = searched.with_the_others(lambda rows: model.rows.take(rows).fitted())
         judged = judged_fit(fit, model, table, used)
-        calibration = calibration_of(fit, response, model, table, used, judged.notes)
+        notes = [*([falling] if falling else []), *judged.notes]
+        calibration = calibration_of(fit, response, model, table, used, notes)
+        of_series = {} if declared.series is None else figures(every, declared.series, calibration)
     except RankError as error:
         raise DataError(f"{table.source}: {error}{_hint(declared)}") from error
     except FitError as error:
@@ -94,7 +100,8 @@ def fit_general(
         **derived_table(model.curve, calibration),
         **prediction_table(calibration),
         **within_tolerance(calibration, tolerance, table.source),
-        "notes": [*found["notes"], *judged.notes],
+        **of_series,
+        "notes": [*found["notes"], *calibration.notes],
         "unused": unused_columns(table, [response, *model.names, *extra, "simulated"]).to_json(),
         "gross_errors": searched.of_sensor(
             response,

@@ -49,6 +49,7 @@ class GeneralKind(Kind):
             return fit_run(source.table, leave_out)
         from procedures.general.declared import Declared  # noqa: PLC0415
         from procedures.general.fit import GeneralFitted, fit_general  # noqa: PLC0415
+        from procedures.general.series import series_of  # noqa: PLC0415
 
         if options.response is None:
             raise DataError("--formula and --model need --response, the column to be explained")
@@ -61,6 +62,7 @@ class GeneralKind(Kind):
             options.weight,
             options.u_y,
             options.u_x,
+            series_of(options.series, options.direction, options.position),
         )
         result = fit_general(
             source.read, options.response, None, plots, options.replicate, leave_out, declared, options.tolerance

@@ -32,6 +32,11 @@ class FitOptions(Options):
         None, description="standard uncertainty of the response, known beforehand: a column, or a value"
     )
     u_x: str | None = Field(None, description="standard uncertainty of the abscissa: a column, or a value; with --u-y")
+    series: str | None = Field(
+        None, description="column of series of rising and falling forces: figures of ISO 376; with --direction"
+    )
+    direction: str | None = Field(None, description="with --series: column that says which rows rise, in words or +-1")
+    position: str | None = Field(None, description="with --series: column of the transducer's orientation")
     tolerance: float | None = Field(
         None,
         description="largest accepted 95 % half-width of a value inferred from one reading, in the unit of the "

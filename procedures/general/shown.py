@@ -61,6 +61,7 @@ def show_general_fit(file: str, result: Mapping[str, Any]) -> Iterator[Block]:
             yield Line(f"  {key:<16} {number(result[key], 5)}  {what}", wrapped=True)
     yield from _tests(result)
     yield from _predictions(result)
+    yield from _of_series(result)
     yield from show_left_out(result["data"])
     yield from show_gross(result["gross_errors"])
     for note in result.get("notes", ()):
@@ -102,4 +103,16 @@ def _predictions(result: Mapping[str, Any]) -> Iterator[Block]:
             f"+-{number(row['confidence95'], 3)}",
             f"+-{number(row['prediction95'], 3)}",
         )
+    yield table
+
+
+def _of_series(result: Mapping[str, Any]) -> Iterator[Block]:
+    """Figures of series of forces."""
+    rows = result.get("iso376", ())
+    if not rows:
+        return
+    name, *keys = rows[0]
+    table = Grid((escape(name), *keys), title="ISO 376, figures in % of the mean deflection")
+    for row in rows:
+        table.add_row(number(row[name], 6), number(row["mean"], 8), *(number(row[key], 3) for key in keys[1:]))
     yield table
