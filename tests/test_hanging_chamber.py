@@ -20,7 +20,7 @@ RESTARTED = "the controller's machine was restarted, so it is not known how long
 
 def rules(steps):
     """After eight points of one whole plot, at which the cold box read so much more than its setpoint."""
-    bench = SimpleNamespace(setting=lambda factor, role: (CHAMBERS[factor], None), temperatures={})
+    bench = SimpleNamespace(soaks=lambda factor: (CHAMBERS[factor], None), temperatures={})
     found = WholePlots(bench, RUN_LIST, PROCEDURE.conduct.whole_plots)
     for off in steps:
         found.note(1, states(found, off))
@@ -147,7 +147,7 @@ def test_a_temperature_that_stands_is_left_towards_ambient(target, left):
 
 
 def with_thermometers():
-    bench = SimpleNamespace(setting=lambda factor, role: (CHAMBERS[factor], None), temperatures=dict.fromkeys(CHAMBERS))
+    bench = SimpleNamespace(soaks=lambda factor: (CHAMBERS[factor], None), temperatures=dict.fromkeys(CHAMBERS))
     return WholePlots(bench, RUN_LIST, PROCEDURE.conduct.whole_plots)
 
 

@@ -371,7 +371,7 @@ PUBLIC = {
 RESULT = {"plot", "to_json", "to_pandas", "to_xarray", "blocks", "notes", "frame"}
 MEMBERS = {
     "Data": {"table", "fit", "trace"},
-    "Calibration": RESULT | {"infer", "report", "save"},
+    "Calibration": RESULT | {"infer", "inside", "report", "save"},
     "Trace": RESULT | {"report", "verdicts"},
     "ControlChart": RESULT | {"report"},
     "Inferred": RESULT | {"columns", "words"},

@@ -101,7 +101,7 @@ class GeneralKind(Kind):
         return likely(source, table)
 
     def calibration_of(self, given: Mapping[str, Any]) -> CurveCalibration | Mapping[str, CurveCalibration]:
-        """Of one response, or by output of each sensor of a run."""
+        """For one response, or for every sensor of a run by its output."""
         from procedures.general.infer import CurveCalibration  # noqa: PLC0415
 
         if "sensors" in given:
