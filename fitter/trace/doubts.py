@@ -11,7 +11,7 @@ BUNDLE = 3
 PERIODS = 3.0
 """Number of periods in the data, below which an oscillation in time is doubtful: it has not come back yet."""
 MANY = 4
-"""Number of other causes that the data cannot tell from a name, from which on it is doubtful."""
+"""Number of causes of other families or variables that the data cannot tell from a name, from which on it is doubtful."""
 EARNED = 3.0
 """Minimum lead in nats of a name over the most probable shape without a name: odds of 20 to 1."""
 
