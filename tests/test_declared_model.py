@@ -8,7 +8,9 @@ import pytest
 from command import rig
 from dry_pressure import LAB, SHORT, dry
 
+from proving.truth.whole_plot import Bench, Run, simulate
 from rig.config import parse_procedure
+from rig.tables import write_csv
 
 ONE_TEMPERATURE = (
     SHORT.replace("[[10, 20], [20, 10], [20, 30], [30, 20], [15, 15]]", "[[20, 20], [20, 20]]")
@@ -81,3 +83,21 @@ def test_earlier_procedures_declare_it_under_expect():
     assert parse_procedure(text, "p").declared_model == "full"
     with pytest.raises(Exception, match="are two models"):
         parse_procedure(SHORT + '[expect]\nmodel = "1 + P"\n', "p")
+
+
+def test_a_table_whose_temperatures_follow_each_other_is_fitted_without_the_second_and_says_so(tmp_path):
+    """It was refused: many laboratories record one temperature twice, or set both together."""
+    data = simulate(Bench(), Run(pairs=((-1.0, -1.0), (0.0, 0.0), (1.0, 1.0), (0.0, 0.0), (-1.0, -1.0), (1.0, 1.0))), 5)
+    path = tmp_path / "alike.csv"
+    names = ("whole_plot", "order", "elapsed_s", "pressure_psia", "sensor_temperature_degC", "sse_temperature_degC")
+    (mV,) = data.outputs.values()
+    write_csv({**{name: getattr(data, name) for name in names}, "bridge_1_mV": mV}, path)
+    told = fitted("fit", path)
+    assert told["data"]["model"]["source"] == "default"
+    assert "do not determine terms of T_SSE" in told["data"]["model"]["sentence"]
+    (sensor,) = told["sensors"].values()
+    assert not any("T_SSE" in term for term in sensor["coefficients"])
+    assert "do not determine terms of T_SSE" in rig("trace", path).stdout.replace("\n", " ")
+    asked = rig("fit", path, "--formula", "full")
+    assert asked.returncode == 2
+    assert "cannot tell apart" in asked.stderr

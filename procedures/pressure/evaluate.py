@@ -28,7 +28,7 @@ from procedures.pressure.effects import PRESSURE_CATALOGUE
 from procedures.pressure.effects.scene import PressureEffect
 from procedures.pressure.figures import effect_figures
 from procedures.pressure.fit import PressureFit, fit_transducers, named_formula, variance_inflation
-from procedures.pressure.fit.models import FULL
+from procedures.pressure.fit.models import ONE_TEMPERATURE, usual
 from procedures.pressure.gross import of_whole_plots
 from procedures.pressure.table import KNOWN, UNIT, whole_plot_data
 from procedures.pressure.trace import FoundPressureEffect, TransducerTrace, WholePlotTrace, trace_whole_plots
@@ -56,12 +56,12 @@ class Declared:
     procedure: str | None
 
     @staticmethod
-    def of(table: Table, asked: str | None) -> Declared:
-        """As requested; otherwise as declared by the procedure of the table's run; otherwise the full second order."""
+    def of(table: Table, asked: str | None, data: WholePlotData) -> Declared:
+        """As requested; otherwise as declared by the procedure of the table's run; otherwise of second order."""
         told = table.declared.get("formula")
         if asked is not None:
             return Declared(asked, "--formula", told)
-        return Declared(FULL, "default", None) if told is None else Declared(told, "procedure", told)
+        return Declared(usual(data), "default", None) if told is None else Declared(told, "procedure", told)
 
     def to_dict(self) -> dict[str, str | None]:
         """JSON values, with a sentence."""
@@ -69,6 +69,11 @@ class Declared:
             said = f"model {self.model}, as the run's procedure declares it"
         elif self.source == "default":
             said = f"model {self.model}: none is declared"
+            if self.model == ONE_TEMPERATURE:
+                said += (
+                    ", and the temperatures that were set do not determine terms of T_SSE; it holds where T_SSE "
+                    "follows T_sensor as in these data"
+                )
         elif self.procedure is None:
             said = f"model {self.model}, as --formula says"
         else:
@@ -185,7 +190,7 @@ def fit_whole_plots(
         DataError: columns or values are missing, or the rows do not determine the model or its errors.
     """
     data, dead = _alive(table)
-    declared = Declared.of(table, model)
+    declared = Declared.of(table, model, data)
     asked = LeaveOut.of(leave_out, table)
 
     def fitted(rows: IntArray) -> Mapping[str, PressureFit]:
@@ -380,7 +385,7 @@ def _errors(found: TransducerTrace) -> Errors:
 def trace_whole_plot_table(table: Table, model: str | None = None, own: Sequence[Entry] = ()) -> WholePlotTraced:
     """Find effects missing in the declared model of a whole-plot table; errors as for `fit_whole_plots`."""
     data, dead = _alive(table)
-    declared = Declared.of(table, model)
+    declared = Declared.of(table, model, data)
     try:
         with rows_of_file(table):
             found = trace_whole_plots(data, declared.model, with_own(PRESSURE_CATALOGUE, own, PressureEffect))

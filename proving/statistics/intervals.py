@@ -126,7 +126,7 @@ def _whole_plots(seed: int, name: str) -> Result:
     transducer, truth = WHOLE_PLOTS[name]
     data = simulate_whole_plots(Bench((transducer,)), Run(), FIRST + seed)
     table = Table("run", {"pressure_psia": data.pressure_psia}, True, {})
-    traced = WholePlotTraced(table, data, trace_whole_plots(data), {}, Declared.of(table, None))
+    traced = WholePlotTraced(table, data, trace_whole_plots(data), {}, Declared.of(table, None, data))
     return _holds(traced.to_json()["sensors"]["bridge_1_mV"]["effects"], name, truth)
 
 

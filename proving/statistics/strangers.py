@@ -27,6 +27,7 @@ def effects(set: str = "", judged: str = "", sizes: str = "1,2", left_out: int =
     folder, list_of_judge = _folder(set), Path(judged) if judged else None
     stranger = load(folder)
     judge = judge_of(stranger, list_of_judge)
+    opened(stranger)  # before workers compare the sources, of which OPENED.txt is one
     cases, listed = {}, {}
     for kind in stranger.modules:
         for names in stranger.effects(kind):
@@ -63,6 +64,7 @@ def nulls(set: str = "") -> Study:  # noqa: A002
     """Tables of a set with nothing hidden, by noise: in how many anything is named, or said to be there without one."""
     folder = _folder(set)
     stranger = load(folder)
+    opened(stranger)
     cases = {
         f"{kind}, nothing hidden, {noise}": partial(runs.null, folder=folder, kind=kind, noise=noise)
         for kind in stranger.modules

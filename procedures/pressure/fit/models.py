@@ -28,6 +28,9 @@ MODELS: Mapping[str, str] = {
 }
 """Eq. (1); the list of section II.C, which is not hierarchical; eq. (10), meant for whole-plot indicators."""
 
+ONE_TEMPERATURE = "(P + T_sensor)^2 + P^2 + T_sensor^2"
+"""The full model without the temperature of the electronics."""
+
 HIERARCHICAL = "hierarchical"
 """Name of the reduction of the full model, see `reduced`."""
 
@@ -70,6 +73,20 @@ def check_determined(data: WholePlotData, formula: Formula) -> None:
             f"{error}, at the {pairs} pairs of temperatures and {pressures} pressures that were set; "
             f"fit a smaller model"
         ) from error
+
+
+def usual(data: WholePlotData) -> str:
+    """The model where none is declared: the full one, if the settings determine it.
+
+    Otherwise that of one temperature, if they determine that: often the electronics follow the chamber of the sensor.
+    """
+    for model in (FULL, ONE_TEMPERATURE):
+        try:
+            check_determined(data, named_formula(model))
+        except RankError:
+            continue
+        return model
+    return FULL
 
 
 def of_whole_plot(term: Term) -> bool:
