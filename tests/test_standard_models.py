@@ -263,10 +263,17 @@ def test_calibrations_of_a_standard_model_are_charted(tmp_path):
         (tmp_path / "t.csv").write_text(f"t_degC,R_ohm\n{rows}")
         options = ("--response", "R_ohm", "--model", "callendar", "--out", f"{year}.json")
         assert rig("fit", "t.csv", *options, cwd=tmp_path).returncode == 0
+        # a run of two sensors keeps its calibrations by sensor
+        one = json.loads((tmp_path / f"{year}.json").read_text())
+        two = {**one, "response": "S_ohm", "calibration": {**one["calibration"], "response": "S_ohm"}}
+        kept = {"data": one["data"], "unused": one["unused"], "sensors": {"R_ohm": one, "S_ohm": two}}
+        (tmp_path / f"{year}.json").write_text(json.dumps(kept))
     files = [f"{year}.json@{year}-06-01" for year in (2023, 2024, 2025, 2026)]
     done = rig("chart", *files, "--json", "--today", "2026-07-01", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    sensor = json.loads(done.stdout)["sensors"]["R_ohm"]
+    sensors = json.loads(done.stdout)["sensors"]
+    assert set(sensors) == {"R_ohm", "S_ohm"}
+    sensor = sensors["R_ohm"]
     assert len(sensor["quantities"]) == 3
     for t, one in zip((25.0, 75.0, 125.0), sensor["quantities"].values(), strict=True):
         per_year = MODELS["callendar"].curve([2e-3, *IEC[1:3]], np.array([t]))[0]

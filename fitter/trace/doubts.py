@@ -8,10 +8,10 @@ DOUBT = 1e-2
 """Probability of a remainder at the place of an effect, below which the effect is doubtful."""
 BUNDLE = 3
 """Number of names found together in the same sensors at one level, from which on they may be parts of one shape."""
-PERIODS = 3.0
+PERIODS = 2.0
 """Number of periods in the data, below which an oscillation in time is doubtful: it has not come back yet."""
 MANY = 4
-"""Number of other causes that the data cannot tell from a name, from which on it is doubtful."""
+"""Number of causes of other families or variables that the data cannot tell from a name, from which it is doubtful."""
 EARNED = 3.0
 """Minimum lead in nats of a name over the most probable shape without a name: odds of 20 to 1."""
 

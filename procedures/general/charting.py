@@ -122,10 +122,12 @@ class GeneralCharting(Charting):
         )
 
     def of_file(self, content: Mapping[str, Any], source: str) -> Calibrations:
-        """Such a calibration has no date of its own."""
-        curve, simulated = CurveCalibration.from_dict(content["calibration"]), bool(content["data"].get("simulated"))
-        name = curve.response
-        return Calibrations({name: curve}, {name: ()}, simulated, {"file": PurePath(source).name})
+        """Calibrations of one response, or of every sensor of a run; they have no date of their own."""
+        each = content["sensors"].values() if "sensors" in content else [content]
+        curves = [CurveCalibration.from_dict(one["calibration"]) for one in each]
+        sensors = {curve.response: curve for curve in curves}
+        simulated = bool(content["data"].get("simulated"))
+        return Calibrations(sensors, dict.fromkeys(sensors, ()), simulated, {"file": PurePath(source).name})
 
     def view(self, every: Sequence[CurveCalibration], years: FloatArray, usage: float | None) -> View:
         """Use over the common range of all calibrations."""

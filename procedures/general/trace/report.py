@@ -87,8 +87,8 @@ def trace_general(data: TableData) -> TableTrace:
 
 def _doubt(effect: FoundTableEffect, wandering: Collection[str]) -> str | None:
     """Reason for doubt about a name that leads every shape without a name, if there is one."""
-    if len(effect.aliases) >= MANY:
-        return several_causes(len(effect.aliases) + 1)
+    if effect.other_causes >= MANY:
+        return several_causes(effect.other_causes + 1)
     return beside_a_wander() if effect.effect in wandering else None
 
 
@@ -148,6 +148,7 @@ def _effect(judge: TableJudge, after: Estimate, name: str, data: TableData) -> F
         family=effect.family,
         columns=effect.columns,
         contribution=own,
+        other_causes=sum((one.family, one.columns) != (effect.family, effect.columns) for one in alike),
     )
 
 
