@@ -44,6 +44,7 @@ class Table:
             new number in the column `block`, as an interruption does.
         units: of columns, where the source gives them in a row of units.
         outputs: columns of the sensors' outputs, and the sensors' names on the bench, if the source gives them.
+        factors: columns of the factors of a run.
         understood: how a table of others was read, as JSON values with "sentence"; {} for our own tables.
     """
 
@@ -61,6 +62,7 @@ class Table:
     units: Mapping[str, str] = field(default_factory=dict)
     understood: Mapping[str, Any] = field(default_factory=dict)
     outputs: Mapping[str, str] = field(default_factory=dict)
+    factors: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(next(iter({**self.text, **self.columns}.values()), ()))

@@ -605,3 +605,35 @@ def test_arithmetic_of_worlds():
     assert formula.value({"x": 0.5}) == pytest.approx(-0.5 + 0.25)
     with pytest.raises(WorldError, match="has no value at x = -1"):
         Formula.parse("log(x)", "f", {"x"}).value({"x": -1.0})
+
+
+def test_a_standard_model_is_declared_by_its_name_and_fitted_to_its_factor(tmp_path):
+    procedure = PROCEDURE.replace('formula = "1 + force_kN"', 'standard = "load-cell-cubic"')
+    path, result = run_dry(tmp_path, procedure)
+    assert result.outcome is Outcome.COMPLETE, result.message
+    found = json.loads(rig("fit", path, "--json").stdout)
+    assert found["model"]["name"] == "load-cell-cubic"
+    traced = rig("trace", path)
+    assert traced.returncode == 2
+    assert "linear in its coefficients" in traced.stderr
+    for change, says in (
+        ('standard = "load-cell-quartic"', "there is no model 'load-cell-quartic'"),
+        ('standard = "load-cell-cubic"\nformula = "1"', "give one of them"),
+        ('standard = "load-cell-cubic"\nabscissa = "load_kN"', "is not a factor"),
+    ):
+        files = written(tmp_path / "wrong", PROCEDURE.replace('formula = "1 + force_kN"', change))
+        with pytest.raises(ConfigurationError, match=says):
+            load_plan(files[0], files[1])
+
+
+def test_a_rehearsal_without_a_world_meets_no_fault_of_its_own(tmp_path):
+    files = written(tmp_path, lab.BATH_PROCEDURE, lab.BATH)
+    plan = load_plan(files[0], files[1], dry=True)
+    paths = []
+    result = start_run(plan, tmp_path, signals=Signals(), announce=paths.append, on_progress=lambda _: None)
+    assert result.outcome is Outcome.COMPLETE, result.message
+    assert not records(paths[0], "fault")
+    table = run_table(paths[0])
+    assert table.columns["bath_degC"] == pytest.approx(table.columns["bath_set_degC"], abs=0.05), (
+        "by the inverse formula"
+    )

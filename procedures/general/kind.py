@@ -158,7 +158,9 @@ class GeneralKind(Kind):
         """Columns of the declared model, for the residuals of a running run."""
         from fitter.formula import Formula  # noqa: PLC0415
 
-        formula = Formula.parse(str(declared.get("formula") or "1"))
+        if not declared.get("formula") or declared.get("start"):
+            return None
+        formula = Formula.parse(str(declared["formula"]))
         if formula.has_categories or not set(formula.names) <= columns.keys():
             return None
         return formula.columns(columns)[1]

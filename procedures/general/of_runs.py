@@ -13,9 +13,10 @@ from fitter.trace.outcome import Outcome
 from procedures.blocks import Block
 from procedures.errors import DataError
 from procedures.general.column_roles import Roles
+from procedures.general.declared import Declared
 from procedures.general.evaluate import GeneralTraced, trace_general_table
 from procedures.general.fit import fit_general
-from procedures.general.settings import ModelSettings
+from procedures.general.settings import ModelSettings, SensorModel
 from procedures.results import Page, PlainFitted
 from procedures.table import Reader, Table
 
@@ -29,8 +30,8 @@ _FLAGS = {
 _NOT_TRACED = ("run_index", "order", "accepted", "simulated")
 
 
-def models_of(table: Table) -> Mapping[str, str]:
-    """Declared formula of every output of a run. Raises `DataError` if the run declares none."""
+def models_of(table: Table) -> Mapping[str, SensorModel]:
+    """Declared model of every output of a run. Raises `DataError` if the run declares none."""
     try:
         declared = {k: v for k, v in table.declared.items() if v is not None and k != "temperature"}
         model = ModelSettings.model_validate(declared)
@@ -49,6 +50,14 @@ def reader_of(table: Table) -> Reader:
         return table
 
     return read
+
+
+def _declared(model: SensorModel, table: Table) -> Declared:
+    """A model as tables of any kind declare it."""
+    only = table.factors[0] if len(table.factors) == 1 else None
+    abscissa = (model.abscissa or only) if model.standard is not None else None
+    start = tuple(f"{name}={value!r}" for name, value in model.start.items())
+    return Declared(model.formula, model.standard, abscissa, start)
 
 
 def has_whole_plots(table: Table) -> bool:
@@ -100,8 +109,8 @@ def fit_run(table: Table, leave_out: Sequence[str] = ()) -> RunFitted:
     plots = [_WHOLE_PLOT] if has_whole_plots(table) else []
     read, notes = reader_of(table), notes_of(table)
     found = {
-        column: _noted(fit_general(read, column, formula, plots, None, leave_out), notes)
-        for column, formula in models_of(table).items()
+        column: _noted(fit_general(read, column, None, plots, None, leave_out, _declared(model, table)), notes)
+        for column, model in models_of(table).items()
     }
     if len(found) == 1:
         return RunFitted(next(iter(found.values())))
@@ -157,7 +166,15 @@ def trace_run(table: Table) -> RunTraced:
     read, plots = reader_of(table), has_whole_plots(table)
     models = models_of(table)
     found = {}
-    for column, formula in models.items():
+    if not any(model.linear for model in models.values()):
+        raise DataError(
+            f"{table.source}: a trace needs a formula that is linear in its coefficients, and the declared model is "
+            f"not; `rig export` and `rig trace FILE --response ... --formula ...` trace against another one"
+        )
+    for column, model in models.items():
+        formula = model.formula
+        if formula is None or not model.linear:
+            continue
         try:
             used = set(Formula.parse(formula).names)
         except FitError as error:

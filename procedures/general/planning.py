@@ -14,7 +14,8 @@ from fitter.formula import Formula
 from fitter.split_plot import plan_precision
 from procedures.advice import Advice
 from procedures.general.factors import AS_WRITTEN
-from procedures.general.settings import GeneralProcedure
+from procedures.general.models.named import standard_model
+from procedures.general.settings import GeneralProcedure, SensorModel
 from procedures.precision import Precision
 from procedures.run_list import RunList
 
@@ -22,14 +23,19 @@ _MOST_SHOWN = 4
 
 
 def formulas_of(procedure: GeneralProcedure) -> Mapping[str, Formula]:
-    """Declared models by the sensor's name; "" for those without one of their own.
+    """Declared formulas by the sensor's name; "" for those without one of their own.
 
     Raises:
-        FitError: a formula violates the grammar, or has variables that are not factors.
+        FitError: a formula violates the grammar, has variables that are not factors, or a standard model is not known.
     """
     found = {}
-    for sensor, text in {"": procedure.model.formula, **procedure.model.own}.items():
-        where = f"model.{sensor}.formula" if sensor else "model.formula"
+    for sensor, model in {"": procedure.model, **procedure.model.own}.items():
+        where, text = f"model.{sensor}.formula" if sensor else "model.formula", model.formula
+        if model.standard is not None:
+            standard_model(model.standard)
+            _check_abscissa(sensor, model, procedure)
+        if text is None or not model.linear:
+            continue
         try:
             formula = Formula.parse(text)
         except FitError as error:
@@ -44,6 +50,16 @@ def formulas_of(procedure: GeneralProcedure) -> Mapping[str, Formula]:
             raise FitError(f"{where}: it has no terms: there is nothing to fit")
         found[sensor] = formula
     return found
+
+
+def _check_abscissa(sensor: str, model: SensorModel, procedure: GeneralProcedure) -> None:
+    """Refuse a standard model whose factor is not known. Raises `FitError`."""
+    factors = list(procedure.factors)
+    where = f"model.{sensor}" if sensor else "model"
+    if model.abscissa is None and len(factors) > 1:
+        raise FitError(f"{where}.standard = {model.standard!r}: abscissa has to say the factor, {' or '.join(factors)}")
+    if model.abscissa is not None and model.abscissa not in factors:
+        raise FitError(f"{where}.abscissa = {model.abscissa!r} is not a factor ({', '.join(factors)})")
 
 
 def evaluations(procedure: GeneralProcedure, run_list: RunList) -> Iterator[tuple[str, Formula, Evaluation]]:
@@ -96,9 +112,12 @@ def precision(procedure: GeneralProcedure, run_list: RunList) -> Precision:
     expect, rows, further, cells = procedure.expect, [], [], []
     models = {sensor: (formula, found) for sensor, formula, found in evaluations(procedure, run_list)}
     for sensor in [*dict.fromkeys([*procedure.model.own, *expect.sigma])] or [""]:
-        formula, found = models.get(sensor, models.get("", (None, None)))
+        formula, found = models.get(sensor if sensor in procedure.model.own else "", (None, None))
         if formula is None or found is None:
-            further.append(f"{sensor or 'the model'}: its precision depends on what is read in the run")
+            further.append(
+                f"{sensor or 'the model'}: no precision is predicted: its model is not linear in its coefficients, or "
+                f"has quantities that are only known when they are read"
+            )
             continue
         sigma, who = expect.sigma.get(sensor), sensor or "any sensor"
         for term, sd, df in zip(found.names, found.stderr, _freedom(found), strict=True):

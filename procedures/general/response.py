@@ -23,6 +23,8 @@ def response_of(
         parsed = [Formula.parse(text) for text in formulas]
     except FitError:
         return None  # refused where the design is checked
+    if not parsed:
+        return None
     terms = dict.fromkeys(term for one in parsed for term in one.terms)
     model = Formula(tuple(sorted(terms, key=len)))
     if model.has_categories or not set(model.names) <= set(factors):

@@ -40,32 +40,53 @@ _TAKEN = re.compile(r"(replicate|whole_plot|order|elapsed|block|run_index|simula
 
 
 class SensorModel(Strict):
-    """`[model.NAME]`: the declared model of one sensor."""
+    """The declared model of a sensor: a formula, or a standard model."""
 
-    formula: str = Field(min_length=1, description="in place of `model.formula`")
+    formula: str | None = Field(
+        None, min_length=1, description="terms in the factors, such as `1 + force_kN + force_kN^2` (docs/formulas.md)"
+    )
+    standard: str | None = Field(
+        None,
+        min_length=1,
+        description="instead: a standard model by name, such as callendar-van-dusen (docs/table_models.md)",
+    )
+    abscissa: str | None = Field(None, description="the factor that it is about, if there are several")
+    start: dict[str, float] = Field(
+        default_factory=dict, description="start values of parameters, for a formula that is not linear in them"
+    )
+
+    @model_validator(mode="after")
+    def _is_one_model(self) -> Self:
+        if (self.formula is None) == (self.standard is None):
+            raise ValueError("a model is a formula or the name of a standard model: give one of them")
+        return self
+
+    @property
+    def linear(self) -> bool:
+        """Whether it is linear in its coefficients, as plans, traces and searched designs need it."""
+        return self.formula is not None and not self.start
 
 
-class ModelSettings(Strict):
-    """The declared model of every sensor; `[model.NAME]` has one of its own. docs/formulas.md describes formulas."""
+class ModelSettings(SensorModel):
+    """The declared model of every sensor; `[model.NAME]` has one of its own."""
 
     model_config = ConfigDict(extra="allow")
     __pydantic_extra__: dict[str, SensorModel]
 
-    formula: str = Field(min_length=1, description="terms in the factors, such as `1 + force_kN + force_kN^2`")
-
     @property
-    def own(self) -> Mapping[str, str]:
-        """Formulas of sensors with one of their own, by the sensors' names."""
-        return {name: model.formula for name, model in (self.__pydantic_extra__ or {}).items()}
+    def own(self) -> Mapping[str, SensorModel]:
+        """Models of sensors with one of their own, by the sensors' names."""
+        return dict(self.__pydantic_extra__ or {})
 
     @property
     def formulas(self) -> tuple[str, ...]:
-        """All declared formulas, each once."""
-        return tuple(dict.fromkeys((self.formula, *self.own.values())))
+        """All declared formulas that are linear in their coefficients, each once."""
+        models: tuple[SensorModel, ...] = (self, *self.own.values())
+        return tuple(dict.fromkeys(one.formula for one in models if one.linear and one.formula is not None))
 
-    def of(self, sensor: str) -> str:
-        """The formula of a sensor, by its name on the bench."""
-        return self.own.get(sensor, self.formula)
+    def of(self, sensor: str) -> SensorModel:
+        """The model of a sensor, by its name on the bench."""
+        return self.own.get(sensor, self)
 
 
 class SettleSettings(Strict):
@@ -239,6 +260,8 @@ class GeneralProcedure(Strict):
             rows, plots = rows_of(texts[file], file, tuple(self.factors))
         else:
             formulas, ratio = self.model.formulas, self.expect.whole_plot_ratio
+            if not formulas:
+                raise ValueError('design "optimal" is searched for a formula, and the model has none: write `formula`')
             rows, plots = optimal_rows(design, self.factors, formulas, ratio, self.seed)
         values = self.model_dump(mode="json", exclude_none=True, exclude_unset=True)
         found = {"rows": rows} if plots is None else {"rows": rows, "plots": plots}

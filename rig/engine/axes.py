@@ -17,7 +17,7 @@ from procedures.run_list import Factor, RunList
 from rig.bench import Bench
 from rig.engine.fault_classes import DriveFault, NotHomed, SupplyFailure
 from rig.errors import ConfigurationError
-from rig.quantities import HEAD, PRESSURE_UNIT, TEMPERATURE_UNIT, unit_of
+from rig.quantities import HEAD_AXES, PRESSURE_UNIT, TEMPERATURE_UNIT, unit_of
 
 CHAMBER_MARGIN_DEGC = 2.0
 """Difference by which a chamber may pass a limit, which overshoots a setpoint at it before it settles."""
@@ -301,10 +301,16 @@ def axes_of(bench: Bench, factors: Sequence[Factor]) -> Axes:
         ConfigurationError: nothing sets a factor, or its instrument cannot.
     """
     movers: list[Mover] = []
-    if any(f.name in HEAD for f in factors):
+    if any(_of_head(bench, f) for f in factors):
         movers.append(HeadMover(bench.head))
-    movers += [_mover(bench, f) for f in factors if f.name not in HEAD and bench.by_hand(f.name) is None]
+    movers += [_mover(bench, f) for f in factors if not _of_head(bench, f) and bench.by_hand(f.name) is None]
     return Axes(movers)
+
+
+def _of_head(bench: Bench, factor: Factor) -> bool:
+    """Whether a factor is an angle of the head, which needs no entry under `[factors]`."""
+    name = bench.config.factors.get(factor.name)
+    return factor.axis in HEAD_AXES and (name is None or isinstance(bench.instruments[name], Head))
 
 
 def _mover(bench: Bench, factor: Factor) -> Mover:

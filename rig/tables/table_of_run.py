@@ -111,15 +111,15 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False) ->
     }
     about = Table(str(path), _package_temperature(columns, bench), run.simulated, provenance)
     about = replace(about, declared=declared_model(documents), kind=kind_of_run(documents), by_hand=made)
-    return _of_sensors(about, bench)
+    return _of_sensors(about, bench, run_list)
 
 
-def _of_sensors(table: Table, bench: Stored) -> Table:
-    """The table with what the bench file says of the sensors."""
+def _of_sensors(table: Table, bench: Stored, run_list: RunList) -> Table:
+    """The table with what the bench file says of the sensors, and with the names of the factors."""
     sensors = {f"{name}_{s.text('unit', 'V')}": (name, s) for name, s in bench.table("sensors").tables()}
     axes = {column: s.text("axis") for column, (_, s) in sensors.items() if "axis" in s}
     outputs = {column: name for column, (name, _) in sensors.items() if column in table.columns}
-    return replace(table, axes=axes, outputs=outputs)
+    return replace(table, axes=axes, outputs=outputs, factors=tuple(factor.name for factor in run_list.factors))
 
 
 def _flags(record: Record) -> Sequence[str]:

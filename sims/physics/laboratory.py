@@ -24,6 +24,27 @@ from sims.physics.truth import Truth
 _POWERS = {"p": -12, "n": -9, "u": -6, "m": -3, "k": 3, "M": 6, "G": 9}
 
 
+_FULL, _USUAL = 0.01, 100.0
+"""Largest output of a sensor without a formula, in its unit, and sum of factors at which it is three quarters of it: no
+meter is beyond its range.
+"""
+_STEPS, _NEAR = 60, 1e-12
+
+
+def _solved(formula: Formula, value: float) -> float:
+    """The reading at which a formula of it has a value, by secants. Raises `WorldError` if none is found."""
+    a, b = 0.5, 1.0
+    at_a, at_b = (formula.value({"reading": x}) - value for x in (a, b))
+    for _ in range(_STEPS):
+        if abs(at_b) <= _NEAR * max(1.0, abs(value)) or at_a == at_b:
+            break
+        a, at_a, b = b, at_b, b - at_b * (b - a) / (at_b - at_a)
+        at_b = formula.value({"reading": b}) - value
+    if abs(at_b) > 1e-6 * max(1.0, abs(value)):
+        raise WorldError(f"no reading gives {value:g} by {formula.text!r:.60}: say references.FACTOR.formula")
+    return b
+
+
 class Source:
     """One quantity that is set from time to time, and approaches its setting.
 
@@ -99,6 +120,7 @@ class Laboratory:
         self._units = {name: str(tables[name].get("unit", "V")) for name in self.sensors}
         self._formulas: dict[str, tuple[Formula, ...]] = {}
         self._standards: dict[str, Formula] = {}
+        self._undone: dict[str, Formula] = {}
         if self.sensors:
             self._read_formulas(bench)
 
@@ -107,7 +129,7 @@ class Laboratory:
         stems = [factor.rpartition("_")[0] for factor in self._factors]
         known += [f"{stem}{what}" for stem in stems for what in ("_side", "_for_s")]
         for name, sensor in self.sensors.items():
-            formula = sensor.formula or " + ".join(self._factors) or "0"
+            formula = sensor.formula or f"{_FULL:g}*tanh(({' + '.join(self._factors) or '0'})/{_USUAL:g})"
             parts = {"formula": formula, "hidden": sensor.hidden}
             self._formulas[name] = tuple(
                 Formula.parse(text, f"sensors.{name}.{key}", known) for key, text in parts.items() if text
@@ -117,9 +139,12 @@ class Laboratory:
         for name, lag in self._truth.lags.items():
             if lag.of not in self._factors:
                 raise WorldError(f"lags.{name}.of = {lag.of!r} is not a factor of this bench")
-        for factor in bench.get("references", {}):
-            text = self._truth.references.get(factor, StandardTruth()).formula or factor
-            self._standards[factor] = Formula.parse(text, f"references.{factor}.formula", known)
+        for factor, table in bench.get("references", {}).items():
+            text, of_bench = self._truth.references.get(factor, StandardTruth()).formula, table.get("formula")
+            where = f"references.{factor}.formula"
+            if not text and of_bench:
+                self._undone[factor] = Formula.parse(str(of_bench), where, {"reading"})
+            self._standards[factor] = Formula.parse(text or factor, where, known)
 
     def source(self, instrument: str) -> Source:
         """The quantity behind a source of the bench."""
@@ -214,6 +239,8 @@ class Laboratory:
     def standard(self, factor: str, t0: float, t1: float, *, noisy: bool) -> float:
         """Reading of the channel of a reference standard over a window."""
         value = self._standards[factor].value(self._variables((t0 + t1) / 2.0))
+        if factor in self._undone:
+            value = _solved(self._undone[factor], value)
         sd = self._truth.references.get(factor, StandardTruth()).noise
         if not noisy or not sd:
             return value

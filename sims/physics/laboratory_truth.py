@@ -41,7 +41,8 @@ class AnySensorTruth:
     """A sensor of any laboratory: `[sensors.NAME]`, NAME as on the bench.
 
     Attributes:
-        formula: its output, in the unit on the bench, from true values of factors; "" for the sum of all factors.
+        formula: its output, in the unit on the bench, from true values of factors; "" for a small one that grows with
+            their sum.
         hidden: what its declared model may lack, in the same unit and from the same variables, added to it.
         noise: standard deviation of a mean over 1 s; over t seconds it is this divided by sqrt(t).
     """
@@ -84,7 +85,8 @@ class StandardTruth:
     """A reference standard: `[references.FACTOR]`.
 
     Attributes:
-        formula: reading of its channel, from true values of factors; "" for the factor itself.
+        formula: reading of its channel, from true values of factors; "" for the one that the formula of the bench file
+            makes the factor.
         noise: standard deviation of a mean over 1 s.
     """
 
