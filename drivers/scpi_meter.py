@@ -7,9 +7,9 @@ the instrument allows that, as in `drivers.scpi`.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Annotated, ClassVar, Self
+from typing import Annotated, ClassVar
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, Field
 
 from drivers.clock import Clock
 from drivers.driver import ContractFile, Medium
@@ -54,15 +54,9 @@ class DescribedMeter:
         reading_s: float = Field(ge=0.0, le=600.0, description="duration of a reading, seconds")
         most: int = Field(1000, ge=1, le=1_000_000, description="maximum number of readings in its memory")
         numbered: bool = Field(
-            True, description="number measurements in *SRE, so that late readings are recognised; needs start"
+            True, description="number measurements in *SRE, so that late and other readings are recognised"
         )
         overload: float = Field(9.9e37, gt=0.0, description="readings of this size or larger are outside the range")
-
-        @model_validator(mode="after")
-        def _counted(self) -> Self:
-            if self.numbered and self.start is None and "numbered" in self.model_fields_set:
-                raise ValueError("numbered needs start: a reading that is taken by its question cannot be an old one")
-            return self
 
     def __init__(self, name: str, address: str, options: Options, wires: Wires, clock: Clock) -> None:
         self.name = name
@@ -70,7 +64,6 @@ class DescribedMeter:
         self._clock = clock
         self._scpi = DescribedScpi(name, address, options, wires, clock)
         self._where = self._scpi.line.where
-        self._numbered = options.numbered and options.start is not None
         self._count = self._mark = 0
         self._due = 0.0
 
@@ -115,10 +108,8 @@ class DescribedMeter:
         options = self._options
         if not 1 <= count <= options.most:
             raise LimitError(f"{self._where} can take 1 to {options.most} readings at once, not {count}")
-        self._mark = self._mark % _MARKS + 1
         if options.start is not None:
-            if self._numbered:
-                self._scpi.tell(f"*SRE {self._mark}")
+            self._number()
             self._scpi.tell(options.start.replace("{count}", str(count)))
         expected = count * options.reading_s if options.start is not None else 0.0  # otherwise fetching takes the time
         self._count = count
@@ -148,21 +139,36 @@ class DescribedMeter:
         self._scpi.raise_errors()
         return {_INPUT: values}
 
+    def _number(self) -> None:
+        """Give the next readings a number."""
+        self._mark = self._mark % _MARKS + 1
+        if self._options.numbered:
+            self._scpi.tell(f"*SRE {self._mark}")
+
     def _singly(self, count: int) -> list[float]:
         """One question for each reading."""
         timeout = self._options.reading_s * 1.25 + self._options.timeout_s
-        question = self._options.fetch
-        return [self._value(question, self._scpi.ask(question, timeout, repeat=False)) for _ in range(count)]
+        found = []
+        for _ in range(count):
+            self._number()
+            found += self._readings(1, timeout)
+        return found
 
     def _block(self, count: int) -> list[float]:
         """All readings with one answer, when they are due."""
         self._clock.sleep(self._due - self._clock.now())
         sending_s = self._scpi.line.takes_s(count * _CHARACTERS_PER_READING)
-        timeout = sending_s + count * self._options.reading_s / 4 + _LATE_S + self._options.timeout_s
-        question = f"{self._options.fetch};*SRE?" if self._numbered else self._options.fetch
-        answer = self._scpi.ask(question, timeout, repeat=False)
+        return self._readings(
+            count, sending_s + count * self._options.reading_s / 4 + _LATE_S + self._options.timeout_s
+        )
+
+    def _readings(self, count: int, timeout_s: float) -> list[float]:
+        """Ask for readings, and check that they are those of the present number."""
+        numbered = self._options.numbered
+        question = f"{self._options.fetch};*SRE?" if numbered else self._options.fetch
+        answer = self._scpi.ask(question, timeout_s, repeat=False)
         words = answer
-        if self._numbered:
+        if numbered:
             words, _, mark = answer.rpartition(";")
             try:
                 ours = whole(mark) == self._mark

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from proving.seeds import Place
 
 
-Labs = Literal["attitude", "pressure", "both"]
+Labs = Literal["attitude", "pressure", "load-cell", "both", "all"]
 
 
 @app.command()
@@ -72,7 +72,7 @@ def night(
     Examples: `rig night --seeds 1000`, `rig night --seed 42 --lab attitude`, `rig night --bug skip-re-approach`
     """
     from proving.night.bugs import BUGS  # noqa: PLC0415
-    from proving.night.scenario import LABS  # noqa: PLC0415
+    from proving.night.scenario import EVERY_LAB, LABS  # noqa: PLC0415
     from proving.seeds import Place  # noqa: PLC0415
 
     if bug is not None and bug not in BUGS:
@@ -80,7 +80,7 @@ def night(
     if full and brief:
         raise UsageError("--full or --brief: a night has one size")
     size: Size = "full" if full else "brief" if brief else "short"
-    labs: tuple[Lab, ...] = LABS if lab == "both" else (lab,)
+    labs: tuple[Lab, ...] = LABS if lab == "both" else EVERY_LAB if lab == "all" else (lab,)
     texts = None
     if bench is not None:
         if lab == "both":

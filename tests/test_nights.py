@@ -12,12 +12,12 @@ from proving.night.bugs import BUGS
 from proving.night.campaign import one_night, replay, unbiased
 from proving.night.checks import judge
 from proving.night.play import play
-from proving.night.scenario import LABS, draw
+from proving.night.scenario import EVERY_LAB, draw
 from rig.engine.actions import BenchActions
 from rig.run_file.reader import RunReader
 from rig.tables import run_table
 
-NIGHTS = {"attitude": range(24), "pressure": range(8)}
+NIGHTS = {"attitude": range(24), "pressure": range(8), "load-cell": range(24)}
 """Those of `FOUND_BY` are among them: each is played once without a bug."""
 FOUND_BY = {
     "accept-late-reply": ("attitude", 3),
@@ -28,6 +28,7 @@ FOUND_BY = {
     "stale-reading": ("pressure", 0),
     "whole-plot-goes-on": ("pressure", 4),
     "sleep-through": ("attitude", 3),
+    "weights-from-any-side": ("load-cell", 5),
 }
 """A night that finds each planted bug."""
 
@@ -40,6 +41,7 @@ BREAKS = {
     "stale-reading": {"truthful"},
     "whole-plot-goes-on": {"one stay"},
     "sleep-through": {"unbroken"},
+    "weights-from-any-side": {"approached"},
 }
 """What does not hold then, and not just anything: a bug that stops the controller altogether would prove nothing."""
 
@@ -47,7 +49,7 @@ BREAKS = {
 without_bug = cache(one_night)
 
 
-@pytest.mark.parametrize("lab", LABS)
+@pytest.mark.parametrize("lab", EVERY_LAB)
 def test_whatever_happens_in_a_night_everything_holds_after_it(lab):
     nights = [without_bug(seed, lab) for seed in NIGHTS[lab]]
     broken = {f"rig night --lab {lab} --seed {n.seed}": n.violations for n in nights if n.violations}

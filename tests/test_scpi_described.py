@@ -144,6 +144,14 @@ def test_readings_of_another_measurement_are_refused(bench):
         it.it.fetch()
 
 
+def test_a_meter_that_takes_one_command_at_a_time(bench):
+    it = bench(METER, start=None, abort=None, fetch="READ?", numbered=False)
+    it.it.prepare()
+    it.it.start(3)
+    assert len(it.it.fetch()["input"]) == 3
+    assert it.sent[-4:] == ["READ?"] * 3 + ["SYST:ERR?"]
+
+
 def test_an_overload_in_the_words_of_the_instrument(bench):
     it = bench(METER, overload=0.1)
     it.it.prepare()
@@ -158,7 +166,7 @@ def test_a_reading_that_is_taken_by_its_question(bench):
     began = it.dry.world.now()
     assert len(set(it.it.fetch()["input"])) == 3
     assert it.dry.world.now() - began > 0.3
-    assert it.sent[-4:] == ["READ?"] * 3 + ["SYST:ERR?"]
+    assert it.sent[-3:] == ["*SRE 3", "READ?;*SRE?", "SYST:ERR?"]
     with pytest.raises(NotReady):
         it.it.fetch()
     with pytest.raises(LimitError):
@@ -263,7 +271,6 @@ def test_lines_keep_their_distance(bench):
         (DescribedMeter, {"prepare": ["A\nB"]}, "one line of 1 to 200 printable"),
         (DescribedMeter, {"number": "x"}, r"needs the placeholder \{number\} once"),
         (DescribedMeter, {"mark": False, "check": None}, "without mark, check is needed"),
-        (DescribedMeter, {"start": None, "numbered": True}, "numbered needs start"),
         (DescribedSource, {"low": 10}, "low = 10 has to be below high = 10"),
         (DescribedSource, {"high": float("inf")}, "both finite"),
         (DescribedSource, {"off": None}, "on, off and output belong together; here is only on and output"),

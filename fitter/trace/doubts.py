@@ -10,6 +10,8 @@ BUNDLE = 3
 """Number of names found together in the same sensors at one level, from which on they may be parts of one shape."""
 PERIODS = 2.0
 """Number of periods in the data, below which an oscillation in time is doubtful: it has not come back yet."""
+MANY = 4
+"""Number of causes of other families or variables that the data cannot tell from a name, from which it is doubtful."""
 EARNED = 3.0
 """Minimum lead in nats of a name over the most probable shape without a name: odds of 20 to 1."""
 
@@ -51,3 +53,13 @@ def few_periods(count: float) -> str:
 def several_values(count: int) -> str:
     """Sentence about an effect that uses several values of its searched constant at once."""
     return f"it takes {count} values of a constant that has one true value: together they can have almost any shape"
+
+
+def several_causes(count: int) -> str:
+    """Sentence about a name that is one of many."""
+    return f"{count} causes explain these data alike, and a cause that is not listed may do so too"
+
+
+def beside_a_wander() -> str:
+    """Sentence about a slow effect beside neighbouring errors that are alike."""
+    return "errors of neighbouring rows are alike: something wanders slowly, and this may be a part of it"

@@ -10,6 +10,7 @@ import numpy as np
 from fitter.arrays import FloatArray
 from fitter.split_plot import SplitPlotDesign
 from proving.night.play import Played
+from proving.night.scenario import LOAD_CELL_V, LOAD_CELL_V_PER_KN
 from rig.tables import run_table
 from sims.physics.pressure_truth import TransducerTruth
 from sims.physics.truth import SensorTruth
@@ -19,12 +20,14 @@ def deviations(played: Played) -> Iterator[tuple[str, float, float]]:
     """(quantity, coefficient less the truth over its standard error, degrees of freedom) of a complete night.
 
     Attitude: offset and sensitivity of every sensor, by least squares of a single sphere of gravity; pressure:
-    offset and sensitivity, whole plots with an error of their own.
+    offset and sensitivity, whole plots with an error of their own; load cell: offset and sensitivity.
     """
     assert played.path is not None
     table = run_table(played.path)
     if played.scenario.lab == "attitude":
         yield from _attitude(played, table.columns)
+    elif played.scenario.lab == "load-cell":
+        yield from _load_cell(table.columns)
     else:
         yield from _pressure(played, table.columns)
 
@@ -49,6 +52,18 @@ def _attitude(played: Played, columns: Mapping[str, FloatArray]) -> Iterator[tup
         towards = b[1:] / size
         error = float(np.sqrt(towards @ cov[1:, 1:] @ towards))
         yield f"{name} sensitivity", float((size - true.sensitivity_V_per_g) / error), df
+
+
+def _load_cell(columns: Mapping[str, FloatArray]) -> Iterator[tuple[str, float, float]]:
+    force, y = columns["force_kN"], columns["cell_V"]
+    x = np.column_stack([np.ones_like(force), force])
+    b, *_ = np.linalg.lstsq(x, y, rcond=None)
+    left, df = y - x @ b, len(y) - 2
+    if df < 3:
+        return
+    cov = np.linalg.inv(x.T @ x) * (left @ left) / df
+    for i, (what, true) in enumerate((("offset", LOAD_CELL_V), ("sensitivity", LOAD_CELL_V_PER_KN))):
+        yield f"cell {what}", float((b[i] - true) / np.sqrt(cov[i, i])), df
 
 
 def _pressure(played: Played, columns: Mapping[str, FloatArray]) -> Iterator[tuple[str, float, float]]:

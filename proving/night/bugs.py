@@ -18,6 +18,7 @@ from rig.engine import at_point, sequencer
 from rig.engine.guard import Guard
 from rig.engine.holes import WatchedClock
 from rig.engine.journal import Journal
+from rig.engine.set_by_hand import SetByHand
 from rig.engine.whole_plots import WholePlots
 from rig.run_file.events.event import Event
 from rig.run_file.events.points import Observed
@@ -121,6 +122,16 @@ def _sleep_through() -> AbstractContextManager[Any]:
     return patch.object(WatchedClock, "take_hole", lambda _: None)
 
 
+def _weights_from_any_side() -> AbstractContextManager[Any]:
+    """A person is asked for the setting itself, whatever stood before, and nobody looks from which side it came."""
+
+    def any_side(self: Any, factor: Factor, target: float, _side: int) -> float | None:
+        stands = self._stands.get(factor.name)
+        return None if stands is not None and stands.setpoint == target else target
+
+    return patch.object(SetByHand, "_next", any_side)
+
+
 BUGS: Mapping[str, Callable[[], AbstractContextManager[Any]]] = {
     "accept-late-reply": _accept_late_reply,
     "skip-re-approach": _skip_re_approach,
@@ -130,4 +141,5 @@ BUGS: Mapping[str, Callable[[], AbstractContextManager[Any]]] = {
     "stale-reading": _stale_reading,
     "whole-plot-goes-on": _whole_plot_goes_on,
     "sleep-through": _sleep_through,
+    "weights-from-any-side": _weights_from_any_side,
 }

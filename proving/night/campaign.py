@@ -154,7 +154,7 @@ class Bias:
 
 
 _CHANCE = 4.0
-_OWN_SD: Mapping[Lab, float] = {"attitude": 1.0, "pressure": 1.02}
+_OWN_SD: Mapping[Lab, float] = {"attitude": 1.0, "pressure": 1.02, "load-cell": 1.0}
 """Standard deviation that the method itself has: for four whole plots degrees of freedom are an approximation, and calm
 nights have this (docs/nights.md)."""
 

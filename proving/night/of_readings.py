@@ -11,6 +11,7 @@ from operator import attrgetter
 from procedures.run_list import Point
 from proving.night.judged import Night
 from rig.run_file.chain import Record
+from sims.physics.laboratory_truth import AnySensorTruth
 from sims.physics.pressure_truth import TransducerTruth
 from sims.physics.truth import SensorTruth
 from sims.tape import Reading
@@ -29,7 +30,8 @@ def truthful(night: Night) -> Iterator[str]:
         for column, values in {**record.data["outputs"], **record.data["temperatures"]}.items():
             yield from _read(night, record, point, inputs[column], values["readings"])
         for column, values in record.data.get("references", {}).items():
-            yield from _readback(night, record, column, values["readings"])
+            if column not in stated(night, record):  # which are compared where the sensors were read
+                yield from _readback(night, record, column, values["readings"])
 
 
 def _read(night: Night, record: Record, point: Point, of: _Input, values: list[float]) -> Iterator[str]:
@@ -54,11 +56,11 @@ def _read(night: Night, record: Record, point: Point, of: _Input, values: list[f
             then = made[at]
         judged = then if reading.unit == "degC" else reading
         off = abs(judged.given - judged.true)
-        wrong = list(_there(night, point, of.column, reading))
+        wrong = list(_there(night, record, of.column, reading))
         if off > of.bound(judged):
             wrong.append(f"point {point.index}: {of.column} = {value:g} is off by {off:.2g} {reading.unit}")
         if reading.unit == "V":
-            wrong += _there(night, point, f"{of.column}, repeated since then,", then)
+            wrong += _there(night, record, f"{of.column}, repeated since then,", then)
         if wrong:
             yield wrong[0]
             return
@@ -117,6 +119,16 @@ class _Input:
         return _SDS * self.noise / sqrt(reading.end_s - reading.t_s) + self.accuracy.adds
 
 
+def _noise_volts(truth: TransducerTruth | SensorTruth | AnySensorTruth) -> float:
+    """Standard deviation of a sensor's mean over 1 s; outputs of other laboratories are in volts here."""
+    match truth:
+        case TransducerTruth():
+            return truth.noise_mV * 1e-3
+        case SensorTruth():
+            return truth.noise_V
+    return truth.noise
+
+
 def _inputs(night: Night) -> dict[str, _Input]:
     """Of every column that is recorded."""
     bench, sim = night.played.plan.bench, night.played.bench.sim
@@ -129,13 +141,7 @@ def _inputs(night: Night) -> dict[str, _Input]:
 
     for name, sensor in bench.sensors.items():
         true = truth.sensors[name]
-        noise = (
-            true.noise_mV * 1e-3
-            if isinstance(true, TransducerTruth)
-            else true.noise_V
-            if isinstance(true, SensorTruth)
-            else 0.0
-        )
+        noise = _noise_volts(true)
         scale = 1e-3 if sensor.unit == "mV" else 1.0
         wire = (sensor.reader, sensor.channel)
         found.append(_Input(f"{name}_{sensor.unit}", wire, scale, noise, accuracy(*wire, "V")))
@@ -153,12 +159,22 @@ _TEXT = 6e-9
 
 _DIGIT_PSI = 1e-7
 
-_THERE = {"deg": 0.003, "psia": 0.02}
-"""How far the truth may be from the setpoint: band, encoder and reference errors and control noise."""
+_THERE = {"deg": 0.003, "psia": 0.02, "kN": 1e-9}
+"""How far the truth may be from the setpoint: band, encoder and reference errors and control noise; none of weights."""
 
 
-def _there(night: Night, point: Point, column: str, reading: Reading) -> Iterator[str]:
-    for factor, setpoint in zip(night.run_list.factors, point.setpoints, strict=True):
+def stated(night: Night, record: Record) -> dict[str, float]:
+    """Values that a person stated for the factors of an observation: these are where it was made."""
+    bench = night.played.plan.bench
+    people = {factor for factor, name in bench.factors.items() if bench.instruments[name].driver == "person"}
+    references = record.data.get("references", {})
+    return {factor: references[factor]["mean"] for factor in people & references.keys()}
+
+
+def _there(night: Night, record: Record, column: str, reading: Reading) -> Iterator[str]:
+    point, said = night.point(record), stated(night, record)
+    for factor, planned in zip(night.run_list.factors, point.setpoints, strict=True):
+        setpoint = said.get(factor.name, planned)
         if factor.hard:
             continue
         is_at = reading.factors[factor.name]

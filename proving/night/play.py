@@ -138,6 +138,7 @@ class _Stage:
         wires = Wires(clock, simulated=self.bench.sim.transports(), tap=self._tap)
         config = self.bench.config
         bench = open_bench(config, check_options(config, "bench.toml"), clock, wires)
+        bench.person = self.bench.person
         try:
             yield bench, clock, f"night-{self._boot}"
         finally:
@@ -220,15 +221,18 @@ class _Stage:
                 self.world.call_in(mishap.options["for_s"], partial(self._ask, "release"))
             case "stop":
                 self._ask("stop")
+            case "answer":
+                value = mishap.options.get("value")
+                self._ask("done", **({} if value is None else {"value": str(value)}))
             case "suspend":
                 self.world.suspend(mishap.options["for_s"])
             case "no-memory":
                 raise MemoryError("drawn for this night")
 
-    def _ask(self, verb: str) -> None:
+    def _ask(self, verb: str, **more: str) -> None:
         if self._running and self.played.path is not None:
             with contextlib.suppress(FileExistsError):
-                send_request(self.played.path, verb)
+                send_request(self.played.path, verb, **more)
 
     def _die(self, lost: Literal["none", "some"]) -> NoReturn:
         """End the process here: no byte leaves it any more, and none of its writes reaches the disk."""

@@ -18,9 +18,10 @@ from rig.simulated.dry_run import twin_class
 from sims.faults import kinds_of, kinds_on
 from sims.twin import TwinClass
 
-Lab = Literal["attitude", "pressure"]
+Lab = Literal["attitude", "pressure", "load-cell"]
 Size = Literal["brief", "short", "full"]
 LABS: tuple[Lab, ...] = ("attitude", "pressure")
+EVERY_LAB: tuple[Lab, ...] = (*LABS, "load-cell")
 
 _ATTITUDE = """\
 kind = "pitch-roll"
@@ -72,6 +73,39 @@ continue_gap_s = 600
 hold_max_s = 1800
 whole_plot_repeats = 10
 """
+
+_LOAD_CELL = """\
+kind = "general"
+name = "night"
+seed = {seed}
+replications = {replications}
+[factors.force_kN]
+levels = {levels}
+order = "{order}"
+[settle]
+dwell_s = 3
+[measure]
+readings = {readings}
+max_sd_V = 0.0005
+[faults]
+noisy = ["retry 10", "skip"]
+[model]
+formula = "1 + force_kN"
+[recovery]
+max_gap_s = 900
+hold_max_s = 1800
+"""
+
+_LOAD_CELL_WORLD = """\
+seed = {seed}
+[sensors.cell]
+formula = "0.012 + 0.5*force_kN"
+noise = 2e-5
+[person]
+sets_s = {sets_s}
+"""
+LOAD_CELL_V, LOAD_CELL_V_PER_KN = 0.012, 0.5
+"""Offset and sensitivity of the load cell of these nights."""
 
 _ATTITUDE_WORLD = """\
 seed = {seed}
@@ -128,6 +162,7 @@ MISHAPS: Mapping[str, str] = {
     "disk-full": "the disk is full, and is cleared later",
     "failed-sync": "the disk fails to make something durable",
     "slow-disk": "the disk is slow for a while",
+    "answer": "somebody says that weights were set, unasked, twice, or with a value",
     "suspend": "the controller's process is stopped, or its machine asleep, and goes on later",
 }
 
@@ -157,6 +192,7 @@ class Scenario:
 _LASTS_S: Mapping[Lab, Mapping[Size, float]] = {
     "attitude": {"brief": 150.0, "short": 730.0, "full": 28 * 3600.0},
     "pressure": {"brief": 1500.0, "short": 5500.0, "full": 37 * 3600.0},
+    "load-cell": {"brief": 200.0, "short": 900.0, "full": 5000.0},
 }
 """How long a night without trouble takes."""
 
@@ -191,10 +227,10 @@ def draw(
         bench = {"bench.toml": text if full else _fewer(text)}
     tables = tomllib.loads(bench["bench.toml"])
     happening = sorted(
-        (_mishap(rng, rng.uniform(0.0, 1.2 * lasts)) for _ in range(mishaps)), key=lambda mishap: mishap.at_s
+        (_mishap(rng, rng.uniform(0.0, 1.2 * lasts), lab) for _ in range(mishaps)), key=lambda mishap: mishap.at_s
     )
     gaps = tuple(rng.choice((2.0, 30.0, 120.0, 700.0, 2000.0)) for _ in range(20))
-    world = _world(rng.randrange(2**31), lab, tables["sensors"])
+    world = _world(rng.randrange(2**31), lab, tables["sensors"], rng)
     twins = {name: twin_class(str(table["driver"])) for name, table in tables["instruments"].items()}
     entries = [_fault(rng, twins, rng.uniform(0.0, lasts)) for _ in range(faults)]
     documents = {
@@ -212,7 +248,9 @@ def draw(
 _SQLITES_OWN = 1000
 
 
-def _world(seed: int, lab: Lab, sensors: Iterable[str]) -> str:
+def _world(seed: int, lab: Lab, sensors: Iterable[str], rng: random.Random) -> str:
+    if lab == "load-cell":
+        return _LOAD_CELL_WORLD.format(seed=seed, sets_s=rng.choice((5, 30, 90, 700)))
     if lab == "attitude":
         return _ATTITUDE_WORLD.format(seed=seed)
     transducers = (
@@ -237,9 +275,16 @@ def _suspended(seed: int, lab: Lab, size: Size, lasts_s: float) -> Iterator[Mish
     yield Mishap(round(rng.uniform(0.0, 1.2 * lasts_s), 3), "suspend", {"for_s": for_s})
 
 
-def _mishap(rng: random.Random, at_s: float) -> Mishap:
-    kind = rng.choice(tuple(kind for kind in MISHAPS if kind != "suspend"))
+_APART = {"suspend", "answer"}
+"""Not among the mishaps that every laboratory draws; or nights known by their seed would become others."""
+
+
+def _mishap(rng: random.Random, at_s: float, lab: Lab) -> Mishap:
+    kind = rng.choice(tuple(kind for kind in MISHAPS if kind not in _APART))
     options: dict[str, float] = {}
+    if lab == "load-cell" and rng.random() < 0.4:
+        value = rng.choice((None, None, -3.0, 2.05, 1e9, float("nan")))
+        return Mishap(round(at_s, 3), "answer", {} if value is None else {"value": value})
     if kind in ("hold", "slow-disk"):
         options = {"for_s": rng.choice((20.0, 200.0, 1000.0))}
     elif kind == "disk-full":
@@ -297,6 +342,14 @@ def _procedure(rng: random.Random, lab: Lab, size: Size) -> str:
             roll=[0, 90] if brief else [-120, 0, 90, 120],
             order=rng.choice(("serpentine", "random")),
             readings=rng.choice((3, 4)),
+        )
+    if lab == "load-cell":
+        return _LOAD_CELL.format(
+            seed=rng.randrange(1000),
+            replications=1 if brief else 2,
+            levels=[0, 2, 5] if brief else [0, 1, 2, 5],
+            order=rng.choice(("up-down", "random")),
+            readings=rng.choice((4, 5)),  # more than a spike lasts: the same error in all readings shows nowhere
         )
     return _PRESSURE.format(
         seed=rng.randrange(1000),

@@ -49,7 +49,7 @@ class DescribedMeterTwin(DescribedTwin):
         """*RST: no readings."""
         super().reset()
         self._count, self._began = 1, -1.0
-        self._taken: list[float] = []
+        self._taken: list[str] = []
 
     def device_clear(self) -> None:
         """Gives up readings under way."""
@@ -94,14 +94,16 @@ class DescribedMeterTwin(DescribedTwin):
         if self.busy_for() > 0:
             raise ScpiError(-213)
         self._began = self.world.now()
+        self._taken.clear()
 
     def _fetched(self) -> str:
         if self._began < 0:
             raise ScpiError(-230)
         if (left := self.busy_for()) > 0:
             raise Wait(left)
-        times = [self._began + n * self._reading_s for n in range(self._count)]
-        return ",".join(self._reading(t) for t in times)
+        if not self._taken:  # they are kept until the next start
+            self._taken = [self._reading(self._began + n * self._reading_s) for n in range(self._count)]
+        return ",".join(self._taken)
 
     def _one(self) -> str:
         """A reading that is taken by its question."""

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from fitter.arrays import FloatArray
+from fitter.effects.noise import AUTOCORRELATION
 from fitter.errors import FitError
 from fitter.linear import orthonormal
 from fitter.split_plot import fit_split_plot
 from fitter.trace.aliases import DELTA
+from fitter.trace.doubts import MANY, beside_a_wander, several_causes
 from fitter.trace.found import verdict
 from fitter.trace.search import names_of
 from fitter.trace.shares import of_rest, shares, unnamed_part
@@ -32,6 +34,8 @@ from procedures.general.trace.shared import Shared
 
 WANDER = "slow-wander"
 """Name of the alias "noise with long memory" of an effect."""
+ORDER = "order"
+"""Column of the executed position."""
 CONSTANT = 0.99
 """Share of a column between whole plots from which it counts as constant in them."""
 
@@ -47,14 +51,17 @@ def trace_general(data: TableData) -> TableTrace:
     left = unnamed(nameless, _variables(data))
     shown = [_effect(judge, after, name, data) for name in names_of(judge.candidates, chosen)]
     divided = _shares(judge, chosen, shown, unnamed_part(left))
+    noise = noise_findings(judge, chosen, found.growth, data)
+    wanders = any(finding.effect == AUTOCORRELATION for finding in noise)
+    slow = {c.effect.name for c in judge.candidates if c.effect.source == "time" or ORDER in c.effect.columns}
+    wandering = slow if wanders else set()
     effects = [
-        replace(effect, share=float(share), doubtful=nameless.doubts.get(effect.effect))
+        replace(effect, share=float(share), doubtful=nameless.doubts.get(effect.effect) or _doubt(effect, wandering))
         for effect, share in zip(shown, divided, strict=True)
     ]
     effects.sort(key=lambda effect: -effect.share)
     rest = of_rest(divided, left)
     cv = (None, None) if crossed is None else crossed[0]
-    noise = noise_findings(judge, chosen, found.growth, data)
     return TableTrace(
         response=data.response,
         declared=data.formula,
@@ -76,6 +83,13 @@ def trace_general(data: TableData) -> TableTrace:
         levels={name: g.levels for name, g in data.scene.groups.items()},
         left_out=None if crossed is None else crossed[1],
     )
+
+
+def _doubt(effect: FoundTableEffect, wandering: Collection[str]) -> str | None:
+    """Reason for doubt about a name that leads every shape without a name, if there is one."""
+    if effect.other_causes >= MANY:
+        return several_causes(effect.other_causes + 1)
+    return beside_a_wander() if effect.effect in wandering else None
 
 
 def _variables(data: TableData) -> dict[str, FloatArray]:
@@ -134,6 +148,7 @@ def _effect(judge: TableJudge, after: Estimate, name: str, data: TableData) -> F
         family=effect.family,
         columns=effect.columns,
         contribution=own,
+        other_causes=sum((one.family, one.columns) != (effect.family, effect.columns) for one in alike),
     )
 
 

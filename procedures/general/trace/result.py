@@ -28,6 +28,7 @@ class FoundTableEffect(Found):
         columns: its columns of the table.
         contribution: (n,) its contribution to the response, beyond the part absorbed by the declared model; zero for
             noise.
+        other_causes: number of its aliases of another family or over other columns.
         intervals: for a finding about noise, ratio of true standard error to that of least squares with independent,
             equal rows, by coefficient of the declared model.
     """
@@ -35,6 +36,7 @@ class FoundTableEffect(Found):
     family: str
     columns: tuple[str, ...]
     contribution: FloatArray
+    other_causes: int = 0
     intervals: Mapping[str, float] = field(default_factory=dict)
 
     @property
