@@ -68,6 +68,33 @@ def test_reference_function_of_its_90():
     assert np.isnan(reference_ratio(np.array([-260.0, 962.0]))).all()
 
 
+CERTIFICATE = {
+    "its90-al": (
+        [-2.982376094442697e-4, -2.347216136920800e-5, 5.058518332814592e-6],
+        {231.927: 1.8925127, 419.527: 2.5684113, 660.32: 3.3752260},
+    ),
+    "its90-hg-ga": ([-2.796694757957740e-4, -3.199472366290438e-4], {-38.8344: 0.8441779, 29.7646: 1.1181014}),
+}
+"""Sample certificate of a 25 ohm thermometer (Isothermal Technology, 2004): coefficients, and W as measured at degC."""
+
+
+@pytest.mark.parametrize("name", CERTIFICATE)
+def test_deviations_are_those_of_a_certificate_of_others(name):
+    """Every digit of W from the coefficients, and the coefficients from W as far as its digits determine them."""
+    coefficients, measured = CERTIFICATE[name]
+    t = np.array(list(measured))
+    W = MODELS[name].curve([1.0, *coefficients], t)
+    assert [round(each, 7) for each in W.tolist()] == list(measured.values())
+    rows = Weighted(
+        NamedCurve(MODELS[name], "t"),
+        {"t": np.append(t, 0.01)},
+        np.append(list(measured.values()), 1.0),
+        np.ones(len(t) + 1),
+    )
+    found = solve(rows, [1.0, *np.zeros(len(coefficients))]).fit.coefficients
+    np.testing.assert_allclose(found[1:], coefficients, atol=1.5e-6)
+
+
 @pytest.mark.parametrize("letter", EMF_MV)
 def test_emf_of_thermocouples(letter):
     for t, printed in EMF_MV[letter].items():
