@@ -54,7 +54,7 @@ def test_the_undeclared_creep_is_named(said):
     _, _, found = said
     told = next(text for line, text in found.items() if line.startswith("rig trace"))
     assert "cell_V (declared 1 + force_kN + force_kN^2): explained" in told
-    assert "setting-lag:force_kN (subplot): all of the error beyond scatter" in told
+    assert "creep:force_kN (subplot): all of the error beyond scatter" in told
     before, after = (
         float(cell) for cell in re.search(r"standard error of one row\s*│\s*(\S+)\s*│\s*(\S+)", told).groups()
     )

@@ -127,12 +127,13 @@ def _roles(table: Table, roles: Roles, formula: Formula, response: Formula) -> t
         raise FitError(f"the formula {roles.formula!r} has no terms: there is nothing to compare with")
     if len(y) <= len(names):
         raise FitError(f"{len(y)} rows are not enough for {len(names)} coefficients and an error")
+    read = _read_by_reference(parts.settings, table)
     scene = TableScene(
         settings={
             **_settings(formula, columns),
             **{name: np.asarray(columns[name], np.float64) for name in given if np.ptp(columns[name]) > 0},
         },
-        covariates={name: columns[name] for name in free if np.ptp(columns[name]) > 0},
+        covariates={n: columns[n] for n in free if np.ptp(columns[n]) > 0 and n not in read.values()},
         groups={
             **{name: _grouping(columns[name], declared=False) for name in roles.group},
             **{c.name: _grouping(columns[c.name], declared=True) for term in formula.terms for c in term.categories},
@@ -140,6 +141,7 @@ def _roles(table: Table, roles: Roles, formula: Formula, response: Formula) -> t
         time=time,
         direction=_direction(roles, parts.settings, columns),
         speed=_speed(roles, parts.settings, columns),
+        setpoints={name: np.asarray(columns[setpoint], np.float64) for name, setpoint in read.items()},
     )
     notes.extend(_not_looked_at(table, roles, (*formula.names, *response.names)))
     shared = roles.whole_plot or ((roles.replicate,) if roles.replicate else ())
@@ -205,13 +207,15 @@ def parts_played(data: TableData) -> dict[str, Any]:
         "groups": list(scene.groups),
         "time": None if scene.time is None else scene.time.name,
         "direction": None if scene.direction is None else scene.direction[0],
+        **({"read by a reference": list(scene.setpoints)} if scene.setpoints else {}),
     }
 
 
 def used_columns(roles: Roles, parts: Mapping[str, Any]) -> set[str]:
     """Used columns, from `parts` of `parts_played`."""
     named = {*_parse("--formula", roles.formula).names, *_parse("--response", f"0 + I({roles.response})").names}
-    return named | {*roles.named, *parts["covariates"]} | ({parts["time"]} if parts["time"] else set())
+    setpoints = {_setpoint_of(name) for name in parts.get("read by a reference", ())}
+    return named | setpoints | {*roles.named, *parts["covariates"]} | ({parts["time"]} if parts["time"] else set())
 
 
 def _settings(formula: Formula, columns: Mapping[str, Any]) -> dict[str, FloatArray]:
@@ -224,6 +228,16 @@ def _settings(formula: Formula, columns: Mapping[str, Any]) -> dict[str, FloatAr
             if np.ptp(v) > 0:
                 found[expression.of[0] if expression.operation == "name" else str(expression)] = v
     return found
+
+
+def _read_by_reference(settings: Sequence[str], table: Table) -> dict[str, str]:
+    """Columns of setpoints, by the settings that a reference standard read: `force_set_kN` beside `force_kN`."""
+    pairs = {name: _setpoint_of(name) for name in settings}
+    return {name: setpoint for name, setpoint in pairs.items() if setpoint in table.columns}
+
+
+def _setpoint_of(name: str) -> str:
+    return "_set_".join(name.rpartition("_")[::2])
 
 
 def _subtracted(response: Formula) -> tuple[str, ...]:

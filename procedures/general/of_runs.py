@@ -163,8 +163,17 @@ def trace_run(table: Table) -> RunTraced:
     Raises:
         DataError: there are too few rows for a model, or it cannot be read.
     """
-    read, plots = reader_of(table), has_whole_plots(table)
-    models = models_of(table)
+    read = reader_of(table)
+    return RunTraced({column: trace_general_table(read, roles) for column, roles in roles_of_run(table).items()})
+
+
+def roles_of_run(table: Table) -> dict[str, Roles]:
+    """Roles of the columns of a run in the trace of every output.
+
+    Raises:
+        DataError: a declared model cannot be read.
+    """
+    plots, models = has_whole_plots(table), models_of(table)
     found = {}
     if not any(model.linear for model in models.values()):
         raise DataError(
@@ -179,7 +188,7 @@ def trace_run(table: Table) -> RunTraced:
             used = set(Formula.parse(formula).names)
         except FitError as error:
             raise DataError(f"{table.source}: the declared model of {column}: {error}") from error
-        roles = Roles(
+        found[column] = Roles(
             column,
             formula,
             whole_plot=(_WHOLE_PLOT,) if plots else (),
@@ -188,8 +197,7 @@ def trace_run(table: Table) -> RunTraced:
             direction=_direction(table, used),
             ignore=tuple(name for name in table.columns if _ignored(name, table, models)),
         )
-        found[column] = trace_general_table(read, roles)
-    return RunTraced(found)
+    return found
 
 
 def _replicated(table: Table) -> str | None:

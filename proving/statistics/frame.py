@@ -36,6 +36,7 @@ NAMES = (
     "gross_errors",
     "inference",
     "intervals",
+    "laboratories",
     "pressure",
     "split_plots",
     "strangers",

@@ -28,6 +28,8 @@ class Lab(StrEnum):
     ATTITUDE = "attitude"
     PRESSURE = "pressure"
     LOAD_CELL = "load-cell"
+    BATH = "bath"
+    VOLTMETER = "voltmeter"
 
 
 @dataclass(frozen=True)
@@ -46,6 +48,8 @@ _NIGHTS = {
     # The 104th point is the fifth of its whole plot; the power cut loses this whole plot.
     Lab.PRESSURE: _Night("pressure-lab", "procedure.toml", 104, ("centre = 6 ", "centre = 2 "), 71),
     Lab.LOAD_CELL: _Night("load-cell-lab", "procedure.toml", 42, ("replications = 3", "replications = 2"), 21),
+    Lab.BATH: _Night("bath-lab", "procedure.toml", 18, ("replications = 2", "replications = 1"), 10),
+    Lab.VOLTMETER: _Night("voltmeter-lab", "procedure.toml", 30, ("-1000, -500, ", "-1000, "), 20),
 }
 
 
@@ -68,6 +72,12 @@ def demo(
 
     load-cell: a load cell under dead weights, which a person sets one after the other, up and down, three times: about
     80 minutes. After every change of load the cell creeps, which the declared parabola has no term for.
+
+    bath: four resistance thermometers and a thermocouple in a stirred bath beside a reference thermometer, five
+    temperatures as whole plots: about 5 hours. The measuring current heats the thermometers, undeclared.
+
+    voltmeter: a voltmeter of six ranges against a calibrator: 13 minutes. The two highest ranges have an offset of
+    their own, which the declared straight line has no term for.
 
     Example: `rig demo pressure`
     """

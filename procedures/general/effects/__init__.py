@@ -18,7 +18,7 @@ def effects_of(scene: TableScene, response: str) -> Iterator[TableEffect]:
     """All effects that can be tested in a table, in catalogue order."""
     for kind in TABLE_CATALOGUE:
         for names in _columns_for(kind.of, scene):
-            yield _effect(kind, names, response)
+            yield _effect(kind.of_columns(names, response), names, response)
 
 
 def _effect(kind: TableKind, names: tuple[str, ...], response: str) -> TableEffect:

@@ -7,6 +7,13 @@ cause first.
 from __future__ import annotations
 
 from procedures.general.effects.kind import TableKind
+from procedures.general.effects.of_instruments import (
+    RANGE_GAIN,
+    RANGE_STEP,
+    REFERENCE_NONLINEARITY,
+    SELF_HEATING,
+    SELF_HEATING_OF_COVARIATE,
+)
 from procedures.general.effects.of_others import (
     BIT_INTERACTION,
     BIT_WEIGHTS,
@@ -61,6 +68,9 @@ TABLE_CATALOGUE: tuple[TableKind, ...] = (
     OFFSET,
     GROUP_OFFSET,
     COVARIATE,
+    SELF_HEATING,
+    SELF_HEATING_OF_COVARIATE,
+    REFERENCE_NONLINEARITY,
     SECOND_ORDER,
     PRODUCT,
     SENSITIVITY,
@@ -84,6 +94,8 @@ TABLE_CATALOGUE: tuple[TableKind, ...] = (
     FIFTH_ORDER,
     STEP,
     SENSITIVITY_STEP,
+    RANGE_STEP,
+    RANGE_GAIN,
     LAG,
     SETTING_LAG,
     KINK,

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Literal
 
 from fitter.effects.entry import Entry, Stratum
+from procedures.general.effects.quantities import Quantity, are_neighbours, is_quantity
 from procedures.general.effects.scene import TableScene, TableTerm
 
 Of = Literal[
@@ -47,6 +48,8 @@ class TableKind:
         usual_size: usual size for instruments.
         terms: its columns.
         warm: the kind's name if the column is a temperature.
+        called: kinds in its place if the column is such a quantity: the same columns under the field's own name.
+        beside: the same for the output of a sensor beside that of the response.
     """
 
     name: str
@@ -59,6 +62,14 @@ class TableKind:
     usual_size: str
     terms: Callable[..., Sequence[TableTerm]]
     warm: str = ""
+    called: Mapping[Quantity, TableKind] = field(default_factory=dict)
+    beside: TableKind | None = None
+
+    def of_columns(self, names: Sequence[str], response: str) -> TableKind:
+        """The kind for certain columns and a response."""
+        if self.beside is not None and are_neighbours(names[0], response):
+            return self.beside
+        return next((kind for quantity, kind in self.called.items() if is_quantity(names[0], quantity)), self)
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,18 @@ GROUP_OFFSET = TableKind(
     groups.offsets,
 )
 
+CROSS_TALK = TableKind(
+    "cross-talk",
+    "covariate",
+    "covariate",
+    "{y} takes up a part of {0}, which is read beside it on one scanner, or both follow what was not recorded",
+    "point-by-replication",
+    "{y} per unit of {0}",
+    "short the input of {0} and read {y} again; exchange the channels; wait longer after the scanner has switched",
+    "1 to 100 ppm of the other channel",
+    columns.linear,
+)
+
 COVARIATE = TableKind(
     "covariate",
     "covariate",
@@ -32,6 +44,19 @@ COVARIATE = TableKind(
     "1 to 100 ppm of range per unit",
     columns.linear,
     warm="temperature",
+    beside=CROSS_TALK,
+)
+
+LOADING = TableKind(
+    "loading",
+    "covariate",
+    "covariate of setting",
+    "what reads {1} draws a current through {0}: the sensitivity falls with it",
+    "point-by-replication",
+    "{y} per unit of {0} and of {1}",
+    "put a resistor of a tenth of the input resistance in series: the change is a tenth; or read through a buffer",
+    "{0} over the input resistance",
+    columns.product,
 )
 
 SENSITIVITY = TableKind(
@@ -45,6 +70,7 @@ SENSITIVITY = TableKind(
     "10 to 500 ppm of reading per unit",
     columns.product,
     warm="sensitivity-temperature",
+    called={"resistance": LOADING},
 )
 
 DIRECTION = TableKind(

@@ -105,6 +105,18 @@ LAG = TableKind(
     warm="thermal-lag",
 )
 
+CREEP = TableKind(
+    "creep",
+    "creep",
+    "setting by the clock",
+    "{y} still moves minutes after a change of {0}: the material creeps under load, and recovers",
+    "point-by-replication",
+    "{y} per unit of {0}",
+    "keep the largest {0} for half an hour, then none, and read all the time: creep and its recovery are alike",
+    "0.01 to 0.05 % of the load in 30 minutes",
+    in_time.lag,
+)
+
 SETTING_LAG = TableKind(
     "setting-lag",
     "lag",
@@ -116,6 +128,7 @@ SETTING_LAG = TableKind(
     "seconds to minutes",
     in_time.lag,
     warm="thermal-lag",
+    called={"load": CREEP},
 )
 
 ANNUAL_CYCLE = TableKind(

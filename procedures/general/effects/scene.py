@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import ceil, log
 
@@ -90,6 +90,7 @@ class TableScene:
         time: None if the times are unknown.
         direction: name and (n,) +1, -1 or 0 for the direction of approach of a setting; None if unknown.
         speed: name and (n,) velocity, if the direction is given by one.
+        setpoints: (n,) what was asked for, of settings whose value a reference standard read.
     """
 
     settings: Mapping[str, FloatArray]
@@ -98,6 +99,7 @@ class TableScene:
     time: Timeline | None
     direction: tuple[str, FloatArray] | None
     speed: tuple[str, FloatArray] | None = None
+    setpoints: Mapping[str, FloatArray] = field(default_factory=dict)
 
     @property
     def variables(self) -> dict[str, FloatArray]:

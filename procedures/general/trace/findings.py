@@ -8,10 +8,12 @@ import numpy as np
 from scipy import special
 
 from fitter.arrays import FloatArray
-from fitter.effects.noise import AUTOCORRELATION, NOISE_GROWS, OUTLIERS
+from fitter.effects.noise import AUTOCORRELATION, NOISE_GROWS, OUTLIERS, QUANTISATION
+from fitter.resolution import least_sd, resolution
 from fitter.trace.chance import ALPHA
 from fitter.trace.growing_noise import Growth
 from procedures.general.trace.both import Both
+from procedures.general.trace.estimate import error_of
 from procedures.general.trace.intervals import in_words, moved, understated
 from procedures.general.trace.judge import TableJudge
 from procedures.general.trace.noise import Wandering
@@ -22,6 +24,8 @@ from procedures.general.trace.run import TableData
 SHOWN = 8
 """Maximum number of named outliers."""
 CLEAR = 0.01
+COARSE = 0.5
+"""Share of the standard error of a row from which the error of rounding alone, step / sqrt(12), is reported."""
 
 
 def noise_findings(
@@ -39,6 +43,7 @@ def noise_findings(
         _wander(judge, chosen, data),
         _growing(judge, chosen, growth, data),
         _alone(judge, chosen, data),
+        _rounded(judge, chosen, data),
     )
     return tuple(finding for finding in every if finding is not None)
 
@@ -128,6 +133,25 @@ def _alone(judge: TableJudge, chosen: tuple[int, ...], data: TableData) -> Found
         size,
         p,
         "look in the log at these rows, and measure them again",
+        None,
+    )
+
+
+def _rounded(judge: TableJudge, chosen: tuple[int, ...], data: TableData) -> FoundTableEffect | None:
+    """Rounding as a large part of the scatter: read off the digits, so that nothing about it is by chance."""
+    step, error = resolution(data.y), error_of(judge, chosen)
+    if not least_sd(step) > COARSE * error:
+        return None
+    return _finding(
+        judge,
+        data,
+        QUANTISATION,
+        f"{data.response} is rounded to a coarse step: errors are not normal, and repeats may look too good",
+        {"step": step},
+        data.response,
+        f"a step of {step:.3g}, whose rounding error of {least_sd(step):.3g} (sd) compares with {error:.3g} of a row",
+        0.0,
+        "read with more digits, or in a lower range; or average readings with noise of more than half a step",
         None,
     )
 

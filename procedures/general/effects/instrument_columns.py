@@ -1,0 +1,91 @@
+"""Columns of effects of the instruments: self-heating, ranges, a reference's own curve."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from procedures.general.effects.columns import Terms, middle, rounded, searched, whole
+from procedures.general.effects.quantities import is_quantity
+from procedures.general.effects.scene import TableScene, TableTerm, is_temperature
+
+DECADES = 0.15
+"""Settings spread over decades if their median size is below this share of the largest; on an even scale it is 0.5."""
+FEWEST_SIZES, FEWEST_BESIDE_RANGE = 6, 3
+SMOOTH = 0.9
+"""Share of a difference's variation that a cubic explains, if it is a curve and not scatter."""
+
+
+def self_heating(scene: TableScene, name: str) -> Terms:
+    """Square and cube of a current, alone and with their change with a temperature that is set.
+
+    The power is I^2 R. The output is higher by its slope times the temperature rise: by I^2 of a resistance, by I^3 of
+    a voltage.
+    """
+    c = scene.of(name)
+    if not is_quantity(name, "current") or len(np.unique(np.abs(c))) < 3:
+        return ()
+    warm = [other for other in scene.settings if other != name and is_temperature(other)]
+    found = []
+    for order in (2, 3):
+        text, column = f"{whole(name)}^{order}", c**order
+        found.append(TableTerm((text,), column[:, None]))
+        for other in warm:
+            with_it = column * scene.of(other)
+            found.append(TableTerm((text, f"{text} * {whole(other)}"), np.column_stack([column, with_it])))
+    return found
+
+
+def range_step(scene: TableScene, name: str) -> Terms:
+    """One above a searched size of the setting."""
+    v = scene.of(name)
+
+    def at(k: float) -> TableTerm:
+        k = rounded(k, k, 3)
+        return TableTerm((f"(abs({name}) > {k:.15g})",), np.asarray(np.abs(v) > k, np.float64)[:, None])
+
+    return searched(_borders(v), at, log=True)
+
+
+def range_gain(scene: TableScene, name: str) -> Terms:
+    """The setting above a searched size of it, else zero."""
+    v = scene.of(name)
+
+    def at(k: float) -> TableTerm:
+        k = rounded(k, k, 3)
+        return TableTerm((f"(abs({name}) > {k:.15g}) * {whole(name)}",), np.where(np.abs(v) > k, v, 0.0)[:, None])
+
+    return searched(_borders(v), at, log=True)
+
+
+def _borders(v: FloatArray) -> FloatArray:
+    """Sizes between those of neighbouring settings, with a few rows on either side; none unless they span decades."""
+    size = np.abs(v)
+    distinct = np.unique(size[size > 0.0])
+    if len(distinct) < FEWEST_SIZES or np.median(distinct) > DECADES * distinct[-1]:
+        return np.zeros(0)
+    between = np.sqrt(distinct[:-1] * distinct[1:])
+    beside = [min(int(np.sum(size > k)), int(np.sum(size < k))) for k in between]
+    return np.asarray(between[np.array(beside) >= FEWEST_BESIDE_RANGE], np.float64)
+
+
+def set_less_read(scene: TableScene, name: str) -> Terms:
+    """Setpoint minus the reference's reading, if that is a curve over the setting."""
+    if name not in scene.setpoints:
+        return ()
+    v = scene.of(name)
+    difference = scene.setpoints[name] - v
+    u = (v - middle(v)) / max(float(np.ptp(v)), np.finfo(float).tiny)
+    if len(np.unique(np.round(u, 4))) < 5:
+        return ()
+    straight, curve = _left(difference, u, 1), _left(difference, u, 3)
+    if float(straight @ straight) * (1.0 - SMOOTH) <= float(curve @ curve):
+        return ()
+    stem, _, unit = name.rpartition("_")
+    return (TableTerm((f"{stem}_set_{unit} - {name}",), difference[:, None]),)
+
+
+def _left(y: FloatArray, u: FloatArray, order: int) -> FloatArray:
+    """(n,) residual of a polynomial."""
+    columns = np.vander(u, order + 1)
+    return np.asarray(y - columns @ np.linalg.lstsq(columns, y, rcond=None)[0])

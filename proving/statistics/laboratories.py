@@ -1,0 +1,93 @@
+"""The three example laboratories of the general kind, dry: is what the declared model lacks named, and else nothing?
+
+Each seed is another world (noise) and another random order. A clean run has the same world without `hidden`.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Mapping
+from functools import partial
+from pathlib import Path
+
+from procedures.general.column_roles import roles_of
+from procedures.general.of_runs import roles_of_run
+from procedures.general.trace import search_table
+from proving.ledger import Result
+from proving.statistics.dry_runs import dry, plan_from, read
+from proving.statistics.frame import Figures, Part, Results, Study
+from rig.tables import run_table
+
+HIDDEN: Mapping[str, str] = {
+    "load-cell-lab": "creep:force_kN",
+    "bath-lab": "self-heating:current_A",
+    "voltmeter-lab": "range-step:input_V",
+}
+"""What the declared model of each laboratory lacks, by the name that it is to be given."""
+
+
+def names(lab: str, seed: int, *, hidden: bool) -> dict[str, list[str]]:
+    """Names of the effects found in a dry run of a laboratory, by output.
+
+    Args:
+        lab: folder of the example.
+        seed: of the world and of the order.
+        hidden: whether the world has what the declared model lacks.
+    """
+    bench, procedure, world = read(lab, "bench", "procedure", "world")
+    procedure["seed"] = world["seed"] = seed
+    if not hidden:
+        for sensor in world["sensors"].values():
+            sensor.pop("hidden", None)
+    with tempfile.TemporaryDirectory() as folder:
+        plan = plan_from({"bench.toml": bench, "procedure.toml": procedure, "world.toml": world})
+        table = run_table(dry(plan, Path(folder)))
+    found = {}
+    for column, roles in roles_of_run(table).items():
+        result = search_table(roles_of(table, roles)[0])
+        found[column] = list(dict.fromkeys(result.judge.candidates[j].effect.name for j in result.chosen))
+    return found
+
+
+def affected(lab: str) -> frozenset[str]:
+    """Sensors of a laboratory whose declared model lacks something."""
+    (world,) = read(lab, "world")
+    return frozenset(name for name, sensor in world["sensors"].items() if "hidden" in sensor)
+
+
+def hidden() -> Study:
+    """How often the hidden effect of each laboratory is named in all sensors that have it, and anything besides."""
+    return Study({lab: partial(_hidden, lab=lab) for lab in HIDDEN}, _named)
+
+
+def _hidden(seed: int, lab: str) -> Result:
+    found, has = names(lab, seed, hidden=True), affected(lab)
+    right = {column: [HIDDEN[lab]] if column.rpartition("_")[0] in has else [] for column in found}
+    named = all(set(right[column]) <= set(what) for column, what in found.items())
+    return {"named": named, "besides": any(set(what) - set(right[column]) for column, what in found.items())}
+
+
+def _named(results: Results) -> Figures:
+    return {**{name: sum(one[name] for one in results) for name in results[0]}, "of": len(results)}
+
+
+def clean() -> Study:
+    """How often anything is reported of a sensor whose declared model lacks nothing."""
+    return Study({lab: partial(_clean, lab=lab) for lab in HIDDEN}, _reported, _all)
+
+
+def _clean(seed: int, lab: str) -> Result:
+    found = names(lab, seed, hidden=False)
+    return {"sensors": len(found), "reported": [name for what in found.values() for name in what[:1]]}
+
+
+def _reported(results: Results) -> Figures:
+    said = [name for one in results for name in one["reported"]]
+    return {"sensors reported": len(said), "of": sum(one["sensors"] for one in results), "effects": sorted(said)}
+
+
+def _all(found: Mapping[str, Results]) -> Mapping[str, Figures]:
+    return {"all": _reported([one for results in found.values() for one in results])}
+
+
+PARTS = {"hidden": Part(hidden), "clean": Part(clean)}

@@ -1,0 +1,80 @@
+"""What instruments do to a measurement is found in tables by the field's names, and nothing where nothing is."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from procedures.general.column_roles import Roles, roles_of
+from procedures.general.effects.quantities import are_neighbours, is_quantity
+from procedures.general.trace import family, search_table, trace_general
+from procedures.table import Table
+from proving.truth.instruments import CAUSES
+from proving.truth.table import Lab, options, simulate
+
+
+@pytest.fixture(autouse=True)
+def _few_draws(monkeypatch):
+    """500 draws of the family are enough to tell 3.5 % from nothing, and quick."""
+    monkeypatch.setattr(family, "MOST", 500)
+
+
+def prepared(columns, told):
+    text = {name: v for name, v in columns.items() if v.dtype.kind == "U"}
+    numbers = {name: v for name, v in columns.items() if name not in text}
+    return roles_of(Table("simulated", numbers, simulated=True, provenance={}, text=text), Roles(**told))[0]
+
+
+def found(columns, told):
+    result = search_table(prepared(columns, told))
+    return list(dict.fromkeys(result.judge.candidates[j].effect.name for j in result.chosen))
+
+
+@pytest.mark.parametrize("name", CAUSES)
+def test_every_cause_is_found_by_its_name_at_one_sigma(name):
+    cause = CAUSES[name]
+    assert found(cause.table(2), cause.options()) == [cause.named]
+
+
+def test_nothing_is_found_where_nothing_is_missing():
+    """One table in twenty may say something; of ten, two at most is 0.988 probable even then."""
+    said = {name: found(cause.table(5, rms=0.0), cause.options()) for name, cause in CAUSES.items()}
+    assert sum(bool(names) for names in said.values()) <= 2, said
+
+
+def test_rounding_that_is_as_large_as_the_scatter_is_told():
+    """An error of rounding of one sd beside a scatter of one sd: a step of sqrt(12)."""
+    lab = Lab(60)
+    columns = simulate(lab, 3)
+    plain = trace_general(prepared(columns, options(lab)))
+    assert "quantisation" not in [effect.effect for effect in plain.effects]
+    coarse = {**columns, "y": np.round(columns["y"] / 3.5) * 3.5}
+    said = trace_general(prepared(coarse, options(lab)))
+    (finding,) = [effect for effect in said.effects if effect.effect == "quantisation"]
+    assert finding.coefficients == (3.5,)
+    assert said.verdict == "nothing to add"
+
+
+@pytest.mark.parametrize(
+    ("name", "quantity", "is_one"),
+    [
+        ("force_kN", "load", True),
+        ("load", "load", True),
+        ("input_V", "load", False),
+        ("line_psia", "load", True),
+        ("current_A", "current", True),
+        ("heater_mA", "current", True),
+        ("area", "current", False),
+        ("source_kohm", "resistance", True),
+        ("ohms_V", "resistance", False),
+        ("bath_degC", "temperature", True),
+    ],
+)
+def test_quantities_are_known_by_names_and_units(name, quantity, is_one):
+    assert is_quantity(name, quantity) is is_one
+
+
+def test_neighbours_differ_by_a_number_only():
+    assert are_neighbours("cell_1_V", "cell_2_V")
+    assert not are_neighbours("supply_V", "cell_2_V")
+    assert not are_neighbours("cell_1_V", "cell_1_V")
