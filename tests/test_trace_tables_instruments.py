@@ -7,8 +7,9 @@ import pytest
 
 from procedures.general.column_roles import Roles, roles_of
 from procedures.general.effects.quantities import are_neighbours, is_quantity
-from procedures.general.trace import family, search_table, trace_general
+from procedures.general.trace import family, trace_general
 from procedures.table import Table
+from proving.statistics.laboratories import named
 from proving.truth.instruments import CAUSES
 from proving.truth.table import Lab, options, simulate
 
@@ -19,37 +20,29 @@ def _few_draws(monkeypatch):
     monkeypatch.setattr(family, "MOST", 500)
 
 
-def prepared(columns, told):
-    text = {name: v for name, v in columns.items() if v.dtype.kind == "U"}
-    numbers = {name: v for name, v in columns.items() if name not in text}
-    return roles_of(Table("simulated", numbers, simulated=True, provenance={}, text=text), Roles(**told))[0]
-
-
-def found(columns, told):
-    result = search_table(prepared(columns, told))
-    return list(dict.fromkeys(result.judge.candidates[j].effect.name for j in result.chosen))
-
-
 @pytest.mark.parametrize("name", CAUSES)
 def test_every_cause_is_found_by_its_name_at_one_sigma(name):
-    cause = CAUSES[name]
-    assert found(cause.table(2), cause.options()) == [cause.named]
+    assert named(name, 2, rms=1.0) == [CAUSES[name].named]
 
 
 def test_nothing_is_found_where_nothing_is_missing():
     """One table in twenty may say something; of ten, two at most is 0.988 probable even then."""
-    said = {name: found(cause.table(5, rms=0.0), cause.options()) for name, cause in CAUSES.items()}
+    said = {name: named(name, 5, rms=0.0) for name in CAUSES}
     assert sum(bool(names) for names in said.values()) <= 2, said
+
+
+def _traced(columns, lab):
+    return trace_general(roles_of(Table("simulated", columns, simulated=True, provenance={}), Roles(**options(lab)))[0])
 
 
 def test_rounding_that_is_as_large_as_the_scatter_is_told():
     """An error of rounding of one sd beside a scatter of one sd: a step of sqrt(12)."""
     lab = Lab(60)
     columns = simulate(lab, 3)
-    plain = trace_general(prepared(columns, options(lab)))
+    plain = _traced(columns, lab)
     assert "quantisation" not in [effect.effect for effect in plain.effects]
     coarse = {**columns, "y": np.round(columns["y"] / 3.5) * 3.5}
-    said = trace_general(prepared(coarse, options(lab)))
+    said = _traced(coarse, lab)
     (finding,) = [effect for effect in said.effects if effect.effect == "quantisation"]
     assert finding.coefficients == (3.5,)
     assert said.verdict == "nothing to add"

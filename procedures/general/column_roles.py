@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,12 +11,16 @@ import numpy as np
 from fitter.arithmetic import Expression
 from fitter.arithmetic_text import column_name
 from fitter.arrays import FloatArray, IntArray
+from fitter.effects.entry import Entry
 from fitter.errors import FitError
 from fitter.formula import Formula
+from procedures.catalogue import with_own
 from procedures.errors import DataError
 from procedures.file_rows import rows_of_file
 from procedures.general.clock_texts import is_clock
 from procedures.general.directions import SIDES, are_directions
+from procedures.general.effects.kind import TableEffect
+from procedures.general.effects.own import missing_in
 from procedures.general.effects.scene import Grouping, TableScene
 from procedures.general.order import Parts, alike, identities, time_of
 from procedures.general.trace import TableData
@@ -41,6 +45,7 @@ class Roles:
         date: column of the dates of a time of day.
         date_order: "dmy" or "mdy", for dates that do not show it.
         wrap: period of the response, symmetric about zero; None if it is not an angle.
+        own: the laboratory's own effects, of any kind of calibration.
     """
 
     response: str
@@ -55,6 +60,7 @@ class Roles:
     wrap: float | None = None
     date: str | None = None
     date_order: str | None = None
+    own: tuple[Entry, ...] = ()
 
     @property
     def label(self) -> str:
@@ -143,6 +149,7 @@ def _roles(table: Table, roles: Roles, formula: Formula, response: Formula) -> t
         speed=_speed(roles, parts.settings, columns),
         setpoints={name: np.asarray(columns[setpoint], np.float64) for name, setpoint in read.items()},
     )
+    scene = replace(scene, own=tuple(_testable(scene, roles.own, notes)))
     notes.extend(_not_looked_at(table, roles, (*formula.names, *response.names)))
     shared = roles.whole_plot or ((roles.replicate,) if roles.replicate else ())
     hi, lo = exact.hi, exact.lo
@@ -164,6 +171,16 @@ def _roles(table: Table, roles: Roles, formula: Formula, response: Formula) -> t
         numbers=table.numbers[order],
     )
     return data, tuple(notes)
+
+
+def _testable(scene: TableScene, own: Sequence[Entry], notes: list[str]) -> Iterator[TableEffect]:
+    """The laboratory's own effects of tables whose columns this table has; the others are noted."""
+    for effect in with_own((), own, TableEffect):
+        missing = missing_in(scene, effect)
+        if missing:
+            notes.append(f"{effect.name} was not tested: {missing[0]} is no setting, covariate or time of this table")
+        else:
+            yield effect
 
 
 def _parse(option: str, text: str) -> Formula:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from fitter.arrays import FloatArray
 from fitter.effects.entry import Entry
+from fitter.effects.own import Grammar
 from fitter.errors import FitError
 from procedures.acceptance import Verdict
 from procedures.advice import Advice
@@ -38,6 +39,13 @@ class GeneralKind(Kind):
     asked_by = frozenset({"response"})
     in_use = "the response's column; the fitted curve is inverted where it rises or falls all the way"
     described = "any other table is fitted with --response and --formula"
+
+    @property
+    def own_effects(self) -> Grammar:
+        """See `Kind`."""
+        from procedures.general.effects.own import GRAMMAR  # noqa: PLC0415
+
+        return GRAMMAR
 
     def fit(
         self, source: Source, options: FitOptions, *, leave_out: Sequence[str], own: Sequence[Entry], keep: bool
@@ -74,7 +82,7 @@ class GeneralKind(Kind):
         if options.response is None and source.table.outputs:
             from procedures.general.of_runs import trace_run  # noqa: PLC0415
 
-            return trace_run(source.table)
+            return trace_run(source.table, own)
         from procedures.general.column_roles import Roles  # noqa: PLC0415
         from procedures.general.evaluate import trace_general_table  # noqa: PLC0415
 
@@ -93,6 +101,7 @@ class GeneralKind(Kind):
             wrap=options.wrap,
             date=options.date,
             date_order=options.date_order,
+            own=tuple(own),
         )
         return trace_general_table(source.read, roles)
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
+from fitter.effects.entry import Entry
 from fitter.errors import FitError
 from fitter.formula import Formula
 from fitter.trace.outcome import Outcome
@@ -157,14 +158,15 @@ class RunTraced:
         return next(iter(self.each.values())).page()
 
 
-def trace_run(table: Table) -> RunTraced:
-    """Find effects missing in the declared model of every sensor.
+def trace_run(table: Table, own: Sequence[Entry] = ()) -> RunTraced:
+    """Find effects missing in the declared model of every sensor; `own` are the laboratory's own effects.
 
     Raises:
         DataError: there are too few rows for a model, or it cannot be read.
     """
     read = reader_of(table)
-    return RunTraced({column: trace_general_table(read, roles) for column, roles in roles_of_run(table).items()})
+    every = {column: replace(roles, own=tuple(own)) for column, roles in roles_of_run(table).items()}
+    return RunTraced({column: trace_general_table(read, roles) for column, roles in every.items()})
 
 
 def roles_of_run(table: Table) -> dict[str, Roles]:

@@ -1,6 +1,7 @@
 """The three example laboratories of the general kind, dry: is what the declared model lacks named, and else nothing?
 
-Each seed is another world (noise) and another random order. A clean run has the same world without `hidden`.
+Each seed is another world (noise) and another random order. A clean run has the same world without `hidden`. The parts
+`causes` and `no-causes` ask the same of tables with what instruments do (proving/truth/instruments.py).
 """
 
 from __future__ import annotations
@@ -10,12 +11,14 @@ from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 
-from procedures.general.column_roles import roles_of
+from procedures.general.column_roles import Roles, roles_of
 from procedures.general.of_runs import roles_of_run
 from procedures.general.trace import search_table
+from procedures.table import Table
 from proving.ledger import Result
 from proving.statistics.dry_runs import dry, plan_from, read
 from proving.statistics.frame import Figures, Part, Results, Study
+from proving.truth.instruments import CAUSES
 from rig.tables import run_table
 
 HIDDEN: Mapping[str, str] = {
@@ -42,11 +45,12 @@ def names(lab: str, seed: int, *, hidden: bool) -> dict[str, list[str]]:
     with tempfile.TemporaryDirectory() as folder:
         plan = plan_from({"bench.toml": bench, "procedure.toml": procedure, "world.toml": world})
         table = run_table(dry(plan, Path(folder)))
-    found = {}
-    for column, roles in roles_of_run(table).items():
-        result = search_table(roles_of(table, roles)[0])
-        found[column] = list(dict.fromkeys(result.judge.candidates[j].effect.name for j in result.chosen))
-    return found
+    return {column: _found(table, roles) for column, roles in roles_of_run(table).items()}
+
+
+def _found(table: Table, roles: Roles) -> list[str]:
+    result = search_table(roles_of(table, roles)[0])
+    return list(dict.fromkeys(result.judge.candidates[j].effect.name for j in result.chosen))
 
 
 def affected(lab: str) -> frozenset[str]:
@@ -90,4 +94,32 @@ def _all(found: Mapping[str, Results]) -> Mapping[str, Figures]:
     return {"all": _reported([one for results in found.values() for one in results])}
 
 
-PARTS = {"hidden": Part(hidden), "clean": Part(clean)}
+def causes() -> Study:
+    """How often each cause in tables is named at one sd rms, and anything besides."""
+    return Study({name: partial(_cause, name=name) for name in CAUSES}, _named)
+
+
+def _cause(seed: int, name: str) -> Result:
+    found = named(name, seed, rms=1.0)
+    return {"named": CAUSES[name].named in found, "besides": bool(set(found) - {CAUSES[name].named})}
+
+
+def no_causes() -> Study:
+    """How often anything is reported in the same tables without the cause."""
+    return Study({name: partial(_no_cause, name=name) for name in CAUSES}, _reported, _all)
+
+
+def _no_cause(seed: int, name: str) -> Result:
+    return {"sensors": 1, "reported": named(name, seed, rms=0.0)[:1]}
+
+
+def named(name: str, seed: int, rms: float) -> list[str]:
+    """Names of the effects found in a table with a cause of so many sd."""
+    cause = CAUSES[name]
+    columns = cause.table(seed, rms)
+    text = {key: v for key, v in columns.items() if v.dtype.kind == "U"}
+    numbers = {key: v for key, v in columns.items() if key not in text}
+    return _found(Table("simulated", numbers, simulated=True, provenance={}, text=text), Roles(**cause.options()))
+
+
+PARTS = {"hidden": Part(hidden), "clean": Part(clean), "causes": Part(causes), "no-causes": Part(no_causes)}

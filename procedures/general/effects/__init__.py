@@ -15,10 +15,11 @@ __all__ = ["TABLE_CATALOGUE", "TableEffect", "TableKind", "effects_of"]
 
 
 def effects_of(scene: TableScene, response: str) -> Iterator[TableEffect]:
-    """All effects that can be tested in a table, in catalogue order."""
+    """All effects that can be tested in a table, in catalogue order, then the laboratory's own."""
     for kind in TABLE_CATALOGUE:
         for names in _columns_for(kind.of, scene):
             yield _effect(kind.of_columns(names, response), names, response)
+    yield from (effect for effect in scene.own if isinstance(effect, TableEffect))
 
 
 def _effect(kind: TableKind, names: tuple[str, ...], response: str) -> TableEffect:

@@ -11,6 +11,7 @@ from math import ceil, log
 import numpy as np
 
 from fitter.arrays import FloatArray, IntArray
+from fitter.effects.entry import Entry
 from fitter.errors import FitError
 
 _TEMPERATURE = re.compile(r"temp|deg_?c$|(^|[_.])t_?c$|_c$|_k$|oven|ambient|^t[0-9]?$", re.IGNORECASE)
@@ -91,6 +92,7 @@ class TableScene:
         direction: name and (n,) +1, -1 or 0 for the direction of approach of a setting; None if unknown.
         speed: name and (n,) velocity, if the direction is given by one.
         setpoints: (n,) what was asked for, of settings whose value a reference standard read.
+        own: the laboratory's own effects that the table can be tested for.
     """
 
     settings: Mapping[str, FloatArray]
@@ -100,6 +102,7 @@ class TableScene:
     direction: tuple[str, FloatArray] | None
     speed: tuple[str, FloatArray] | None = None
     setpoints: Mapping[str, FloatArray] = field(default_factory=dict)
+    own: tuple[Entry, ...] = ()
 
     @property
     def variables(self) -> dict[str, FloatArray]:
