@@ -209,7 +209,7 @@ def test_an_effect_of_a_transducer_has_interval_sentence_and_figure():
     """5e-3 mV to each side were put in; whole plots' own errors are no witness against what varies within them."""
     data = simulate_whole_plots(Bench((Transducer(hysteresis=5e-3),)), Run(), 1)
     table = Table("run", {"pressure_psia": data.pressure_psia}, True, {})
-    traced = WholePlotTraced(table, data, trace_whole_plots(data), {}, Declared.of(table, None))
+    traced = WholePlotTraced(table, data, trace_whole_plots(data), {}, Declared.of(table, None, data))
     found = traced.to_json()["sensors"]["bridge_1_mV"]
     (effect,) = found["effects"]
     assert effect["effect"] == "hysteresis"

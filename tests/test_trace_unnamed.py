@@ -155,7 +155,7 @@ def test_a_bump_at_one_pressure_is_drawn_there():
     catalogue = [effect for effect in PRESSURE_CATALOGUE if effect.name not in local]
     found = trace_whole_plots(data, validate=False, catalogue=catalogue)
     table = Table("run", {"pressure_psia": data.pressure_psia}, True, {})
-    told = told_of(WholePlotTraced(table, data, found, {}, Declared.of(table, None)))
+    told = told_of(WholePlotTraced(table, data, found, {}, Declared.of(table, None, data)))
     (shape, *_) = shapes_of(told)
     assert shape["over"]["variable"] == "pressure_psia"
     assert shape["unit"] == "mV"
