@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from procedures.general.effects import columns
 from procedures.general.effects import time_columns as in_time
 from procedures.general.effects.kind import TableKind
@@ -32,6 +34,21 @@ SENSITIVITY_DRIFT = TableKind(
     columns.product,
 )
 
+CREEP = TableKind(
+    "creep",
+    "creep",
+    "setting by the clock",
+    "{y} still moves minutes after a change of {0}: the material creeps under load, and recovers",
+    "point-by-replication",
+    "{y} per unit of {0}",
+    "keep the largest {0} for half an hour, then none, and read all the time: creep and its recovery are alike",
+    "0.01 to 0.05 % of the load in 30 minutes",
+    in_time.lag,
+)
+
+CREEP_OF_ONE_STEP = replace(CREEP, terms=in_time.previous)
+"""Creep that is over before the row after the next."""
+
 CARRY_OVER = TableKind(
     "carry-over",
     "carry-over",
@@ -42,6 +59,7 @@ CARRY_OVER = TableKind(
     "read one setting twice after a large step, and wait longer before the second reading",
     "0.01 to 0.1 % of the step",
     in_time.previous,
+    called={"load": CREEP_OF_ONE_STEP},
 )
 
 DRIFT_SECOND_ORDER = TableKind(
@@ -103,18 +121,6 @@ LAG = TableKind(
     "minutes for instruments, hours for enclosures",
     in_time.lag,
     warm="thermal-lag",
-)
-
-CREEP = TableKind(
-    "creep",
-    "creep",
-    "setting by the clock",
-    "{y} still moves minutes after a change of {0}: the material creeps under load, and recovers",
-    "point-by-replication",
-    "{y} per unit of {0}",
-    "keep the largest {0} for half an hour, then none, and read all the time: creep and its recovery are alike",
-    "0.01 to 0.05 % of the load in 30 minutes",
-    in_time.lag,
 )
 
 SETTING_LAG = TableKind(
