@@ -39,18 +39,6 @@ def test_a_meter_that_hangs_at_the_very_first_point_is_not_believed_however_ofte
     assert not alive.hanging(POINTS[0], lively(random.Random(1), 1.0), {})
 
 
-def test_a_spike_between_the_readings_of_a_meter_that_hangs_does_not_make_it_believed():
-    """One channel alone, as in the laboratory of a load cell: night 6081 accepted the reading of the point before."""
-    alive = Liveness({"cell_V": "dvm"}, None, {})
-    assert not alive.hanging(POINTS[0], observed({"cell_V": [1.01201, 1.01203, 1.01198, 1.012]}), {})
-    assert not alive.hanging(POINTS[1], observed({"cell_V": [0.51202, 0.51199, 0.512, 0.512011]}), {})
-    stuck = observed({"cell_V": [0.512011] * 4})
-    assert alive.hanging(POINTS[2], stuck, {})
-    assert not alive.hanging(POINTS[2], observed({"cell_V": [0.512011, 0.512011, 0.512011, 3.5]}), {})
-    assert alive.hanging(POINTS[2], stuck, {})
-    assert not alive.hanging(POINTS[2], observed({"cell_V": [0.01231, 0.0123, 0.01229, 0.01232]}), {})
-
-
 def test_a_coarse_meter_is_doubted_at_one_point_and_believed_from_then_on():
     alive = Liveness(THREE, None, {})
     assert alive.hanging(POINTS[0], still(0.5), {})

@@ -45,12 +45,6 @@ class Channel:
         return {"mean": self.mean, "sd": self.sd, "readings": list(self.readings)}
 
 
-def _again(now: Sequence[float], then: Sequence[float]) -> bool:
-    """Whether all readings are one that was the last before, or at least half of those before."""
-    value = now[0]
-    return set(now) == {value} and (value == then[-1] or 2 * then.count(value) >= max(len(then), 4))
-
-
 @dataclass
 class Observation:
     """Readings captured at a point.
@@ -78,9 +72,7 @@ class Observation:
         return [(name, c) for name, c in self.references.items() if c.overload]
 
     def frozen(self, before: Mapping[str, Sequence[float]], *, moved: bool) -> list[str]:
-        """Outputs that repeat their last reading, or one that most of the readings before were, to the last digit.
-
-        A meter that hangs may still give another reading now and then: a spike between equal readings.
+        """Outputs that repeat their last reading to the last digit.
 
         Args:
             before: readings of the previous point and those since, by column.
@@ -90,7 +82,7 @@ class Observation:
         return [
             name
             for name, c in self.outputs.items()
-            if (then := before.get(name)) and _again(c.readings, then) and (moved or len(set(then)) > 1)
+            if (then := before.get(name)) and set(c.readings) == {then[-1]} and (moved or len(set(then)) > 1)
         ]
 
     def noisiest(self, volts: Mapping[str, float]) -> tuple[str, float] | None:
