@@ -637,3 +637,14 @@ def test_a_rehearsal_without_a_world_meets_no_fault_of_its_own(tmp_path):
     assert table.columns["bath_degC"] == pytest.approx(table.columns["bath_set_degC"], abs=0.05), (
         "by the inverse formula"
     )
+
+
+def test_a_sensor_that_cannot_be_traced_is_named(tmp_path):
+    """It was left out of the trace without a word where another sensor had a linear model."""
+    procedure = lab.BATH_PROCEDURE + '[model.prt_2]\nstandard = "callendar"\n'
+    path, result = run_dry(tmp_path, procedure, lab.BATH, lab.BATH_WORLD)
+    assert result.outcome is Outcome.COMPLETE, result.message
+    told = json.loads(rig("trace", path, "--json").stdout)
+    assert list(told["sensors"]) == ["prt_1_V"]
+    assert told["not_traced"] == ["prt_2_mV"]
+    assert "not traced: prt_2_mV" in rig("trace", path).stdout.replace("\n", " ")

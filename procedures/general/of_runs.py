@@ -11,7 +11,7 @@ from fitter.effects.entry import Entry
 from fitter.errors import FitError
 from fitter.formula import Formula
 from fitter.trace.outcome import Outcome
-from procedures.blocks import Block
+from procedures.blocks import Block, Line
 from procedures.errors import DataError
 from procedures.general.column_roles import Roles
 from procedures.general.declared import Declared
@@ -142,12 +142,25 @@ class RunTraced:
     def to_json(self) -> dict[str, Any]:
         """JSON values for `rig trace --json`."""
         told = [one.to_json() for one in self.each.values()]
-        return told[0] | {"sensors": {name: found for one in told for name, found in one["sensors"].items()}}
+        together = told[0] | {"sensors": {name: found for one in told for name, found in one["sensors"].items()}}
+        return together | ({"not_traced": list(self.not_traced)} if self.not_traced else {})
+
+    @cached_property
+    def not_traced(self) -> tuple[str, ...]:
+        """Outputs whose declared model is not linear in its coefficients."""
+        return tuple(column for column in models_of(self.table) if column not in self.each)
 
     def blocks(self) -> Iterator[Block]:
         """Blocks for people."""
         for one in self.each.values():
             yield from one.blocks()
+        if self.not_traced:
+            yield Line(
+                f"not traced: {', '.join(self.not_traced)}; a trace needs a model that is linear in its coefficients, "
+                f"and the declared one is not"
+            )
+        if len(self.each) > 1:
+            yield Line(f"a report shows the first sensor only, {next(iter(self.each))}")
 
     def summary(self) -> Iterator[Block]:
         """All of it."""
