@@ -1,4 +1,4 @@
-"""What a register of equipment states of errors of recorded quantities: corrections, uncertainties, behaviour."""
+"""Errors of recorded quantities as a register of equipment states them: corrections, uncertainties, behaviour."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Literal
 from fitter.arrays import FloatArray
 
 Behaviour = Literal["offset", "gain", "turn", "setting", "replication", "reading"]
-Distribution = Literal["normal", "uniform", "triangular", "arcsine"]
+Distribution = Literal["normal", "rectangular", "triangular", "arcsine"]
 BEHAVIOURS: dict[Behaviour, str] = {
     "offset": "the same error in all readings, of a size that may vary over the quantity",
     "gain": "an error in proportion to the reading",

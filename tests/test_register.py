@@ -55,7 +55,7 @@ def test_the_register_of_the_document_is_read():
         (('behaves = "gain"', 'behaves = "gian"'), "did you mean 'gain'?"),
         (("drift = 20", "table = [[0, 0, 1], [0, 0, 1]]"), "has to increase from row to row"),
         (("drift = 20", "range = [5, 1]"), "5 is not below 1"),
-        (("drift = 20", 'distribution = "uniform"'), "belongs to `half_width`"),
+        (("drift = 20", 'distribution = "triangular"'), "belongs to `half_width`"),
     ],
 )
 def test_a_wrong_register_is_explained_with_file_and_key(change, says):

@@ -36,7 +36,7 @@ class Uncertain(Strict):
         None, description="limits of error, as a specification gives them: half of the full width"
     )
     distribution: Distribution | None = Field(
-        None, description="with `half_width`: distribution between the limits; without it uniform"
+        None, description="with `half_width`: distribution between the limits; without it rectangular"
     )
     df: float | None = Field(
         None, ge=1, description="degrees of freedom; without it from `k` and `probability`, or infinite"
@@ -73,7 +73,7 @@ class Statement(Uncertain):
 
     quantity: str = Field(
         min_length=1,
-        description="of what: a column of tables, `pitch_deg`, or a unit for all columns in it, `V`",
+        description="of what: a column of tables, `bath_degC`, or a unit for all columns in it, `V`",
     )
     behaves: Behaviour = Field(
         "offset", description="; ".join(f"`{name}`: {words}" for name, words in BEHAVIOURS.items())
@@ -93,10 +93,10 @@ class Statement(Uncertain):
     )
     meter_range: float | None = Field(None, gt=0, description="for this range of a meter only, in the quantity's unit")
     drift: Amount | None = Field(
-        None, description="allowance for drift since the calibration: half-width, uniform; behaves as the statement"
+        None, description="allowance for drift since the calibration: half-width, rectangular; behaves as the statement"
     )
     resolution: Amount | None = Field(
-        None, description="resolution of the indication; independent at every setting, uniform"
+        None, description="resolution of the indication; independent at every setting, rectangular"
     )
 
     @property
