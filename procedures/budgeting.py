@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from fitter.arrays import FloatArray
+from fitter.arrays import FloatArray, IntArray
 from fitter.budget import TypeA
 from procedures.stated import PlaceConstant
 from procedures.table import Columns
@@ -79,12 +79,12 @@ class Evaluation(ABC):
 
     @property
     @abstractmethod
-    def settings(self) -> Mapping[str, FloatArray]:
+    def settings(self) -> Mapping[str, IntArray]:
         """(n,) number of the setting of each observation, from 0, by the column of a factor; "" for points of all."""
 
     @property
     @abstractmethod
-    def replication(self) -> FloatArray:
+    def replication(self) -> IntArray:
         """(n,) number of the replication of each observation, from 0."""
 
     def of_place(self, constant: PlaceConstant) -> Iterable[tuple[str, Shifts]]:

@@ -6,12 +6,12 @@ that several results share keeps its sign in each, and one that cancels cancels.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from fitter.arrays import FloatArray
+from fitter.arrays import FloatArray, IntArray
 from fitter.budget import Influence, TypeA
 from procedures.budgeting import Evaluation, Reading, Shift, Shifts, no_error
 from procedures.stated import Stated, Statements
@@ -111,9 +111,12 @@ def _shifts(one: Stated, columns: Columns, *, same_meter: bool) -> Iterator[tupl
     yield "", _shift_of(one, columns, np.ones_like, _in_use(one) if same_meter and one.reads else no_error)
 
 
-def _shift_of(one: Stated, columns: Columns, wave: np.ufunc, in_use: Reading = no_error) -> Shifts:
+def _shift_of(one: Stated, columns: Columns, wave: Callable[..., FloatArray], in_use: Reading = no_error) -> Shifts:
     def shifts(times: float) -> Shift:
-        moved = {name: times * size(one, name, columns[name]) * wave(np.radians(columns[name])) for name in _used(one, columns)}
+        moved = {
+            name: times * size(one, name, columns[name]) * wave(np.radians(columns[name]))
+            for name in _used(one, columns)
+        }
         return Shift(moved, lambda name, values: times * in_use(name, values))
 
     return shifts
@@ -151,5 +154,5 @@ def _independent(evaluation: Evaluation, one: Stated) -> FloatArray:
     return covariance
 
 
-def _settings(settings: Mapping[str, FloatArray], column: str) -> FloatArray:
+def _settings(settings: Mapping[str, IntArray], column: str) -> IntArray:
     return settings[column] if column in settings else settings[""]

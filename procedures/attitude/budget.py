@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from fitter.arrays import FloatArray
+from fitter.arrays import FloatArray, IntArray
 from fitter.budget import TypeA
 from fitter.errors import FitError
 from fitter.misfit import lacks_fit
@@ -22,10 +22,12 @@ from procedures.attitude.infer import AttitudeCalibration, infer_attitude
 from procedures.attitude.infer.calibrate import calibrate_package
 from procedures.attitude.influences import levelled
 from procedures.attitude.model import attitude_columns, sensitive_axis
+from procedures.attitude.table import attitude_data
 from procedures.attitude.temperature import Temperature
 from procedures.budgeting import Evaluation, Results, Shift, Shifts, no_error
+from procedures.errors import DataError
 from procedures.stated import PlaceConstant
-from procedures.table import SENSOR_TEMPERATURE, Columns
+from procedures.table import SENSOR_TEMPERATURE, Columns, Table
 
 STANDARD_GRAVITY = 9.80665
 """m/s2, CGPM 1901."""
@@ -145,13 +147,13 @@ class AttitudeEvaluation(Evaluation):
         return {PITCH: d.pitch_deg, ROLL: d.roll_deg, **warm, **d.outputs}
 
     @cached_property
-    def settings(self) -> Mapping[str, FloatArray]:
+    def settings(self) -> Mapping[str, IntArray]:
         """See `Evaluation`."""
         d = self._data
         return {PITCH: settings(d.pitch_deg), ROLL: settings(d.roll_deg), "": d.point}
 
     @property
-    def replication(self) -> FloatArray:
+    def replication(self) -> IntArray:
         """See `Evaluation`."""
         return self._data.replicate_index
 
@@ -241,7 +243,10 @@ class AttitudeEvaluation(Evaluation):
         for i in range(self._base.size):
             step = np.zeros(self._base.size)
             step[i] = _STEP * size
-            up, down = (model.values(self._base + s * step.reshape(self._base.shape), model.readings, model.gravity) for s in (1, -1))
+            up, down = (
+                model.values(self._base + s * step.reshape(self._base.shape), model.readings, model.gravity)
+                for s in (1, -1)
+            )
             J[:, i] = (up - down) / (2 * step[i])
         yield TypeA(J @ covariance @ J.T, df, "repeatability of the run", "scatter of the run")
         used = np.zeros((len(values), len(values)))
@@ -260,7 +265,7 @@ class AttitudeEvaluation(Evaluation):
         total = len(list(self._model.named()))
         where = np.full(total, -1)
         where[total - p * per :] = np.repeat(np.arange(p), per)
-        return (where[:, None] == where) * 1.0
+        return np.asarray((where[:, None] == where) * 1.0)
 
     @cached_property
     def _pure(self) -> tuple[FloatArray, FloatArray, float]:
@@ -310,5 +315,34 @@ class AttitudeEvaluation(Evaluation):
                 )
 
 
+def attitude_evaluation(
+    table: Table, at: Sequence[Mapping[str, float]], *, temperature: bool | None, gravity: float | None
+) -> AttitudeEvaluation:
+    """The evaluation of a table; arguments and errors as for `Kind.evaluation`.
+
+    Args:
+        temperature: as for `fit_attitude_table`.
+    """
+    data = attitude_data(table)
+    warm = bool(table.declared.get("temperature", False)) if temperature is None else temperature
+    try:
+        return AttitudeEvaluation(data, _points(data, at), temperature=warm, gravity=gravity)
+    except FitError as error:
+        raise DataError(f"{table.source}: {error}") from error
+
+
+def _points(data: AttitudeData, at: Sequence[Mapping[str, float]]) -> list[tuple[float, float]]:
+    """Pitch and roll of every point; level, and the ends of the calibrated pitch at zero roll, if none is given."""
+    if not at:
+        low, high = float(data.pitch_deg.min()), float(data.pitch_deg.max())
+        ends = [one for one in (max(low, -60.0), 0.0, min(high, 60.0)) if low <= one <= high]
+        return [(one, 0.0 if data.has_roll else float(data.roll_deg[0])) for one in dict.fromkeys(ends)]
+    for one in at:
+        unknown = [name for name in one if name not in (PITCH, ROLL)]
+        if unknown or PITCH not in one:
+            raise DataError(f"--at: a point has {PITCH}, and perhaps {ROLL}: --at {PITCH}=10,{ROLL}=30")
+    return [(one[PITCH], one.get(ROLL, 0.0)) for one in at]
+
+
 def _solve(h: FloatArray, y: FloatArray) -> FloatArray:
-    return np.linalg.lstsq(h, y, rcond=None)[0]
+    return np.asarray(np.linalg.lstsq(h, y, rcond=None)[0], np.float64)
