@@ -332,7 +332,7 @@ class CiA402Pair:
             axis.node.write(CONTROLWORD, _DISABLE)
 
     def _enable(self, name: str, axis: _Axis) -> None:
-        # Each command has its own time, and time is read before the state: a slow computer is not taken for a slow drive.
+        # Each command has its own time, and time is read before the state: a slow computer is no slow drive.
         before, commands, now = "", 0, self._clock.now()
         end = now + _ENABLE_S
         while (state := state_of(self._status(axis))) != "enabled":
