@@ -6,7 +6,7 @@ from math import inf, sqrt
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy import special
 
@@ -170,6 +170,7 @@ def test_probabilities_of_the_three_parts_of_the_line_add_up(value, u, middle, h
 @given(st.floats(-3, 3), st.floats(0.05, 2), st.floats(-2, 2), st.floats(0.05, 2))
 def test_a_normal_prior_and_a_normal_measurement_have_a_normal_posterior(value, u, mean, sd):
     """JCGM 106, 7.2.3 and annex B: precisions add."""
+    assume((value - mean) ** 2 < 30.0**2 * (u**2 + sd**2))
     variance = 1.0 / (1.0 / u**2 + 1.0 / sd**2)
     centre = variance * (value / u**2 + mean / sd**2)
     closed = conformity_probability(centre, sqrt(variance), UNIT)
@@ -195,7 +196,7 @@ def test_small_risks_keep_their_digits():
         (Tolerance, "one of lower and upper is needed"),
         (lambda: Tolerance(float("nan"), 1.0), "lower limit must be below"),
         (lambda: conformity_probability(0.0, 0.0, UNIT), "a decision needs one that is more than 0"),
-        (lambda: conformity_probability(1e6, 0.1, UNIT, prior=gamma_prior(4.0, 0.25)), "the prior excludes"),
+        (lambda: conformity_probability(1e6, 0.1, UNIT, prior=gamma_prior(4.0, 0.25)), "contradict each other"),
         (lambda: decide(0.0, 0.1, UNIT, GuardBand(-1.0), expanded_uncertainty=0.2), "conditional statements"),
         (lambda: decide(0.0, 0.1, UNIT, ProbabilityLimit(0.4), expanded_uncertainty=0.2), "more than 0.5"),
         (lambda: decide(0.0, 0.1, Tolerance(upper=1.0), SharedRisk(), expanded_uncertainty=0.2), "say with `of`"),

@@ -32,12 +32,12 @@ class Risks:
 
     @property
     def consumer_of_accepted(self) -> float:
-        """Of the accepted items, those that do not conform; NaN if none is accepted."""
+        """Share of accepted items that do not conform; NaN if none is accepted."""
         return self.consumer / self.accepted if self.accepted > 0.0 else float("nan")
 
     @property
     def producer_of_conforming(self) -> float:
-        """Of the conforming items, those that are rejected; NaN if none conforms."""
+        """Share of conforming items that are rejected; NaN if none conforms."""
         return self.producer / self.conforming if self.conforming > 0.0 else float("nan")
 
 

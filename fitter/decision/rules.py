@@ -13,7 +13,7 @@ from fitter.decision.tolerance import Tolerance
 from fitter.errors import FitError
 
 Word = Literal["pass", "fail", "conditionalPass", "conditionalFail", "noPass", "noFail"]
-"""What is stated.
+"""A statement of conformity.
 
 pass, fail: conformity, or nonconformity.
 conditionalPass, conditionalFail: inside, or outside the tolerance, and nearer to its limit than the guard band.
@@ -72,7 +72,7 @@ Rule = SimpleAcceptance | SharedRisk | GuardBand | ProbabilityLimit
 
 @dataclass(frozen=True)
 class Decision:
-    """What a rule states of one measured value.
+    """The statement of a rule about one measured value.
 
     Attributes:
         word: the statement.
@@ -89,7 +89,7 @@ class Decision:
 
     @property
     def inside(self) -> bool:
-        """Whether the word speaks for conformity."""
+        """Whether conformity is stated, or likelier than nonconformity."""
         return self.word in ("pass", "conditionalPass", "noPass")
 
     @property

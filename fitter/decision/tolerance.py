@@ -34,7 +34,7 @@ class Tolerance:
 
     @property
     def width(self) -> float:
-        """Of the interval; infinite with one limit."""
+        """Width of the interval; infinite with one limit."""
         return self.upper - self.lower
 
     def narrowed(self, guard: float) -> Tolerance | None:
