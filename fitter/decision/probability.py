@@ -103,8 +103,8 @@ def conformity_probability(
     total = float(np.sum(joint))
     if not total > 0.0:
         raise FitError(
-            f"the prior and the measured value {value:g} contradict each other: no value of the quantity is possible by "
-            "both. Check the prior, and the unit"
+            f"the prior and the measured value {value:g} contradict each other: no value of the quantity is possible "
+            "by both. Check the prior, and the unit"
         )
     inside = (x >= tolerance.lower) & (x <= tolerance.upper)
     return float(np.clip(np.sum(joint[inside]) / total, 0.0, 1.0))
