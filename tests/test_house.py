@@ -28,6 +28,7 @@ EXCEPTIONS: dict[str, tuple[set[str], str]] = {
     "plans.py": ({"psia"}, _CONTROLLER),
     "protection.py": ({"psia"}, _CONTROLLER),
     "quantities.py": ({"pitch", "roll", "psia", "mv"}, "what the roles of instruments set, and units of outputs"),
+    "register/units.py": ({"psia"}, "units that convert"),
     "run_file/events/points.py": ({"whole-plot"}, "a status in run files, of runs with hard-to-change factors"),
     "run_file/sense/instruments.py": (
         {"psia"},

@@ -1,0 +1,1 @@
+"""Decisions on conformity after JCGM 106."""

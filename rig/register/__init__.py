@@ -1,0 +1,25 @@
+"""The register of equipment: what a laboratory knows of its instruments, standards and place, with uncertainties.
+
+`equipment.toml` (docs/register.md) is referred to from the bench file by asset number, and kept in the run file.
+"""
+
+from rig.register.check import check_register, check_validity
+from rig.register.read import DOCUMENT, parse_register, read_register, register_beside, register_of
+from rig.register.schema import Certificate, Equipment, Item, Laboratory, Register, SensorItem, Statement
+
+__all__ = [
+    "DOCUMENT",
+    "Certificate",
+    "Equipment",
+    "Item",
+    "Laboratory",
+    "Register",
+    "SensorItem",
+    "Statement",
+    "check_register",
+    "check_validity",
+    "parse_register",
+    "read_register",
+    "register_beside",
+    "register_of",
+]
