@@ -218,18 +218,14 @@ def _coefficients(name: str, stage: Stage) -> ResultTable:
 
 def _budget(name: str, stage: Stage) -> Budget:
     lines = (
-        Contribution(
-            "pressure controller, its certificate", "B", "normal", "0.00040", "psi", "inf", "2.0041", "0.00080", 0.59
-        ),
-        Contribution("scatter between whole plots", "A", "normal", "0.00054", "mV", "17", "1", "0.00054", 0.27),
-        Contribution("scanner, 24-hour drift", "B", "rectangular", "0.00034", "mV", "inf", "1", "0.00034", 0.107),
-        Contribution("scatter between points", "A", "normal", "0.00018", "mV", "198", "1", "0.00018", 0.032),
-        Contribution(
-            "pressure head of the line", "B", "rectangular", "0.000006", "psi", "inf", "2.0041", "0.000012", 0.0001
-        ),
+        Contribution("PC-0061 offset", "certificate PTB 30112 2026", "B", "0.00080", "inf", 0.59),
+        Contribution("repeatability of the run", "scatter of the run", "A", "0.00054", "17", 0.27),
+        Contribution("DVM-0102 drift", "certificate NPL-E-2026-0044", "B", "0.00034", "inf", 0.107),
+        Contribution("DVM-0102 gain", "certificate NPL-E-2026-0044", "B", "0.00018", "inf", 0.034),
+        Contribution("line head", "survey of 2024", "B", "0.000012", "inf", -0.001),
     )
     return Budget(
-        name, "output_3", "output at 0.790 psi, −90.0 °C", "mV", lines, "0.00104", "41", "2.02", "0.0021", stage
+        name, "output_3", "output at 0.790 psi, −90.0 °C", "mV", lines, "0.00104", "41", "2.02", "0.0021", stage, 3
     )
 
 

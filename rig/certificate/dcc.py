@@ -97,8 +97,9 @@ def _administrative(parent: ET.Element, document: Document) -> None:
     _core(_add(parent, "coreData"), document)
     items = _add(parent, "items")
     measured = {one.sensor for one in document.tables}
+    every = "" in measured
     for number, item in enumerate(document.items):  # an id without a reference to it is an error in the Schematron
-        _item(_add(items, "item", id=f"item{number}" if item.name in measured else ""), item)
+        _item(_add(items, "item", id=f"item{number}" if every or item.name in measured else ""), item)
     laboratory = _add(parent, "calibrationLaboratory")
     if document.laboratory.accreditation:
         _add(laboratory, "calibrationLaboratoryCode", _solid(document.laboratory.accreditation))
@@ -259,9 +260,9 @@ def _measurement(parent: ET.Element, document: Document, stage: str) -> None:
     results = _add(parent, "results")
     for n, table in enumerate(document.tables):
         if table.stage == stage:
-            item = next(i for i, one in enumerate(document.items) if one.name == table.sensor)
+            items = [f"item{i}" for i, one in enumerate(document.items) if table.sensor in ("", one.name)]
             judged = any((one.sensor, one.stage) == (table.sensor, stage) for one in document.statements)
-            _result(_add(results, "result", id=f"result{n}" if judged else "", refId=f"item{item}"), table)
+            _result(_add(results, "result", id=f"result{n}" if judged else "", refId=" ".join(items)), table)
     evidence = [one for one in document.evidence if one.stage == stage]
     if evidence:
         metadata = _add(parent, "measurementMetaData")
@@ -274,8 +275,9 @@ def _measurement(parent: ET.Element, document: Document, stage: str) -> None:
 
 def _instrument(parent: ET.Element, one: Equipment) -> None:
     _words(parent, "name", one.name)
-    due = "" if one.due is None else f", due {one.due.isoformat()}"
-    _words(parent, "description", f"Certificate {one.certificate} of {one.laboratory}, {one.date.isoformat()}{due}")
+    if one.date is not None:
+        due = "" if one.due is None else f", due {one.due.isoformat()}"
+        _words(parent, "description", f"Certificate {one.certificate} of {one.laboratory}, {one.date.isoformat()}{due}")
     if one.maker:
         _words(_add(parent, "manufacturer"), "name", one.maker)
     if one.model:
@@ -306,7 +308,7 @@ def _condition(parent: ET.Element, condition: Condition, stage: str) -> None:
 
 
 def _result(parent: ET.Element, table: ResultTable) -> None:
-    _words(parent, "name", f"{table.sensor}: {table.title}")
+    _words(parent, "name", f"{table.sensor}: {table.title}" if table.sensor else table.title)
     if table.notes:
         _words(parent, "description", " ".join(table.notes))
     data = _add(parent, "data")

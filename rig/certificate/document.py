@@ -135,7 +135,19 @@ class Condition:
 
 @dataclass(frozen=True)
 class Equipment:
-    """An instrument or standard that was used, and its own certificate."""
+    """An instrument or standard that was used, and its own certificate.
+
+    Attributes:
+        name: what it is.
+        maker: manufacturer.
+        model: of the manufacturer.
+        serial: serial number.
+        asset: the laboratory's number for it.
+        certificate: number of its certificate; "" if no result is traced to it.
+        laboratory: that issued the certificate.
+        date: of the certificate; None without one.
+        due: date of its next calibration; None if there is none.
+    """
 
     name: str
     maker: str
@@ -144,7 +156,7 @@ class Equipment:
     asset: str
     certificate: str
     laboratory: str
-    date: datetime.date
+    date: datetime.date | None
     due: datetime.date | None
 
 
@@ -194,7 +206,7 @@ class ResultTable:
     """Results of one sensor.
 
     Attributes:
-        sensor: `Item.name`.
+        sensor: `Item.name`; "" for results of all items together.
         title: what the results are.
         results: in the order of the rows.
         at: what the results are given at; () for results without settings, such as coefficients.
@@ -216,24 +228,18 @@ class Contribution:
 
     Attributes:
         label: the influence.
+        source: what it is traced to.
         kind: evaluation of type A or B.
-        distribution: of the influence.
-        standard: its standard uncertainty.
-        unit: of `standard`.
+        standard: standard uncertainty of the result by this influence alone, in the result's unit.
         df: its degrees of freedom.
-        sensitivity: of the result to it.
-        contribution: absolute product of the two, in the unit of the result.
-        share: of the squared combined standard uncertainty, 0 to 1.
+        share: of the squared combined standard uncertainty; negative where a correlation reduces it.
     """
 
     label: str
+    source: str
     kind: Literal["A", "B"]
-    distribution: str
     standard: str
-    unit: str
     df: str
-    sensitivity: str
-    contribution: str
     share: float
 
 
@@ -242,17 +248,17 @@ class Budget:
     """The uncertainty budget of one result, for the annex.
 
     Attributes:
-        sensor: `Item.name`.
+        sensor: `Item.name`; "" for a result of all items together.
         result: `Result.name`.
         label: of the result.
         unit: of the result.
         contributions: largest share first.
+        left: number of smaller contributions that are not listed.
         combined: combined standard uncertainty.
         df: effective degrees of freedom.
         k: coverage factor.
         expanded: expanded uncertainty.
         stage: as found or as left.
-        notes: sentences, such as about correlations.
     """
 
     sensor: str
@@ -265,7 +271,7 @@ class Budget:
     k: str
     expanded: str
     stage: Stage = ""
-    notes: tuple[str, ...] = ()
+    left: int = 0
 
 
 @dataclass(frozen=True)

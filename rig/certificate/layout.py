@@ -187,9 +187,9 @@ def _equipment(document: Document) -> Iterator[Block]:
             one.name,
             ", ".join(filter(None, (one.maker, one.model))),
             ", ".join(filter(None, (one.serial, one.asset))),
-            one.certificate,
-            one.laboratory,
-            day(one.date),
+            one.certificate or "-",
+            one.laboratory or "-",
+            "-" if one.date is None else day(one.date),
             "-" if one.due is None else day(one.due),
         )
         for one in document.equipment
@@ -230,8 +230,7 @@ def _table(table: ResultTable) -> Grid:
         ]
         for one in table.results
     ]
-    staged = f", {table.stage}" if table.stage else ""
-    return _grid(f"{table.sensor}: {table.title}{staged}", heads, rows, notes=table.notes)
+    return _grid(_titled(table.sensor, table.title, table.stage), heads, rows, notes=table.notes)
 
 
 def _conformity(document: Document) -> Iterator[Block]:
@@ -299,29 +298,14 @@ def _annex(document: Document) -> Iterator[Block]:
 
 
 def _budget(budget: Budget) -> Grid:
-    heads = [Head("Influence"), Head("Type"), Head("Distribution"), Head("Standard\nuncertainty", align="right")]
-    heads += [Head("Unit"), Head("Degrees of\nfreedom", align="right"), Head("Sensitivity", align="right")]
-    heads += [Head("Contribution", budget.unit, "right"), Head("Share", align="bar")]
-    told = [
-        [
-            one.label,
-            one.kind,
-            one.distribution,
-            one.standard,
-            one.unit,
-            one.df,
-            one.sensitivity,
-            one.contribution,
-            _share(one.share),
-        ]
-        for one in budget.contributions
-    ]
+    heads = [Head("Influence"), Head("Traced to"), Head("Type"), Head("Standard\nuncertainty", budget.unit, "right")]
+    heads += [Head("Degrees of\nfreedom", align="right"), Head("Share", align="bar")]
+    told = [[one.label, one.source, one.kind, one.standard, one.df, _share(one.share)] for one in budget.contributions]
     grid = _grid("", heads, told)
     rows = tuple(
         (*row[:-1], Cell(row[-1].text, bar=min(max(one.share, 0.0), 1.0)))
         for row, one in zip(grid.rows, budget.contributions, strict=True)
     )
-    stage = f", {budget.stage}" if budget.stage else ""
     unit = f" {raised(budget.unit)}" if budget.unit else ""
     foot = (
         ("Combined standard uncertainty", f"{typeset(budget.combined)}{unit}"),
@@ -329,13 +313,18 @@ def _budget(budget: Budget) -> Grid:
         ("Coverage factor k", typeset(budget.k)),
         ("Expanded uncertainty", f"{typeset(budget.expanded)}{unit}"),
     )
-    return Grid(f"{budget.sensor}: {budget.label}{stage}", grid.heads, rows, budget.notes, foot)
+    left = (f"{budget.left} smaller contributions, each below 0.1 %, are not listed.",) if budget.left else ()
+    return Grid(_titled(budget.sensor, budget.label, budget.stage), grid.heads, rows, left, foot)
+
+
+def _titled(sensor: str, what: str, stage: str) -> str:
+    return "".join((f"{sensor}: " if sensor else "", what, f", {stage}" if stage else ""))
 
 
 def _share(share: float) -> str:
     """A share of the variance in percent."""
     per_cent = 100 * share
-    return "< 0.1 %" if 0 < per_cent < 0.1 else f"{per_cent:.1f} %"
+    return "< 0.1 %" if 0 < per_cent < 0.1 else f"{per_cent:.1f} %".replace("-", "−")
 
 
 def _grid(title: str, heads: Sequence[Head], texts: Sequence[Sequence[str]], notes: Sequence[str] = ()) -> Grid:

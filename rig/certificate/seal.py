@@ -233,7 +233,9 @@ def _one(run_file: Path, told: Any, holds: Holds, authority: Path | None, known:
     if not found.holds:
         return found
     if not holds(what.records, bytes.fromhex(what.head)):
-        words = f"DOES NOT HOLD: {found.words}, of another file: this has no record {what.records} of head {what.head[:16]}"
+        words = (
+            f"DOES NOT HOLD: {found.words}, of another file: this has no record {what.records} of head {what.head[:16]}"
+        )
         return Checked(False, found.by, found.key, found.when, words)
     of = "; ".join([f"records 1 to {what.records} are unchanged since", *_certificates(run_file, what)])
     return Checked(found.holds, found.by, found.key, found.when, f"{found.words}: {of}")
