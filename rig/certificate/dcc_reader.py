@@ -26,7 +26,7 @@ class Number:
 
     Attributes:
         value: in `unit`.
-        unit: as tables have it, such as `mV/Pa`; as the certificate has it where that is unknown.
+        unit: as tables have it, such as `kN/Pa`; as the certificate has it where that is unknown.
         expanded: expanded uncertainty in `unit`; None if the certificate gives none.
         k: its coverage factor; None if not given.
         probability: its coverage probability; None if not given.
@@ -249,7 +249,7 @@ def _statements(root: ET.Element) -> Iterator[str]:
 
 
 def _conformity(root: ET.Element) -> Iterator[tuple[str, str]]:
-    """What is judged, and the word, of every statement of conformity anywhere in the certificate."""
+    """Every statement of conformity anywhere in the certificate: its subject, and its word."""
     for one in root.iter():
         for name in ("conformity", "conformityXMLList"):
             if (verdict := _text(_child(one, name))) and _local(one) in ("statement", "metaData"):
@@ -300,7 +300,7 @@ def _numbers(quantity: ET.Element, path: tuple[str, ...]) -> Iterator[Number]:
 
 
 def _most_si(hybrid: ET.Element) -> ET.Element:
-    """Of the forms of one quantity those in the first unit of the SI brochure; the first form if there is none."""
+    """The form of a quantity in a unit of the SI brochure; its first form if there is none."""
     forms = [one for one in hybrid if not _unit(one).startswith("|")] or list(hybrid)
     chosen = ET.Element(hybrid.tag)
     chosen.extend(forms[:1])

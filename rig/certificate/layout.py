@@ -366,7 +366,7 @@ def percent(probability: str) -> str:
 
 
 def contents(document: Document) -> dict[str, Any]:
-    """What a template gets: the document and its sections, as JSON values."""
+    """The input of a template: the document and its sections, as JSON values."""
     return {
         "document": document.to_json(),
         "sections": [asdict(one) for one in sections(document)],

@@ -34,7 +34,7 @@ def typeset(text: str) -> str:
 
 
 def raised(text: str) -> str:
-    """A unit or formula with raised whole powers: `mV/psi^2` is `mV/psi²`."""
+    """A unit or formula with raised whole powers: `kN/m^2` is `kN/m²`."""
     return re.sub(r"(?:\^|\*\*)\(?(-?\d+)\)?", lambda power: power[1].translate(_RAISED), text)
 
 

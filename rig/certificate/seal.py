@@ -1,7 +1,8 @@
 """Seals of run files: a signature, or a time stamp by others, over the head hash and the certificates made from it.
 
-A run file has no secret in it: whoever writes it can recompute its chain. A seal is made by a key that the forger does
-not have. `RUN.seal` beside the run file holds all of its seals. cryptography and rfc3161-client are the extra `seal`.
+A run file has no secret in it: everybody who can write it can recompute its chain. A seal is made by a key that a
+forger does not have. `RUN.seal` beside the run file has all of its seals. cryptography and rfc3161-client are the extra
+`seal`.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ _MOST = 16 << 20
 
 @dataclass(frozen=True)
 class Sealed:
-    """What is sealed: a state of a run file, and files made from it.
+    """A state of a run file, and files made from it, to be sealed.
 
     Attributes:
         run_id: of the run.

@@ -1,4 +1,4 @@
-"""Units of tables in the notation of the Digital SI (D-SI): `mV/psi^2` as SI units, with a factor.
+"""Units of tables in the notation of the Digital SI (D-SI): `kN/in^2` as SI units, with a factor.
 
 Units with a symbol in the 9th SI brochure, with prefixes, and others that are defined by them (psi, standard gravity).
 The latter appear in a certificate together with their value in SI units.
@@ -93,12 +93,13 @@ _PARTS = re.compile(r"(\\[a-zA-Z]+)(?:\\tothe\{(-?\d+)\})?")
 def _factors(unit: str) -> list[tuple[str, int]]:
     """Name and power of each factor; what follows a slash, alone or in brackets, is inverse. Raises `UsageError`."""
     found: list[tuple[str, int]] = []
-    text, at, sign, inside = unit.strip(), 0, 1, 0
+    text, at, sign, inside, before = unit.strip() or "1", 0, 1, 0, "*"
     while at < len(text):
         token = _TOKEN.match(text, at)
-        if token is None:
-            raise UsageError(f"unit {unit!r} cannot be written in SI units; write it like mV/psi^2")
-        at, (mark, name, power) = token.end(), token.groups()
+        follows = token[1] or "unit" if token else ""
+        if token is None or follows not in _MAY_FOLLOW[before] or (follows == ")" and not inside):
+            raise UsageError(f"unit {unit!r} cannot be written in SI units; write it like kN/m^2")
+        at, (mark, name, power), before = token.end(), token.groups(), follows
         if mark == "/":
             sign = -1
         elif mark in ("(", ")"):
@@ -107,7 +108,14 @@ def _factors(unit: str) -> list[tuple[str, int]]:
             if name != "1":
                 found.append((name, sign * int(power or 1)))
             sign = inside or 1
+    if before not in ("unit", ")") or inside:
+        raise UsageError(f"unit {unit!r} cannot be written in SI units; write it like kN/m^2")
     return found
+
+
+_SIGNS = ("*", "/", "·", ".")
+_MAY_FOLLOW = {"unit": (*_SIGNS, ")"), ")": _SIGNS, "(": ("unit",), **dict.fromkeys(_SIGNS, ("unit", "("))}
+"""What may follow a part of a unit."""
 
 
 def _single(name: str, unit: str) -> str:
@@ -120,7 +128,7 @@ def _single(name: str, unit: str) -> str:
         prefix, rest = name[:length], name[length:]
         if prefix in _PREFIXES and rest in _SI:
             return f"\\{_PREFIXES[prefix]}\\{_SI[rest]}"
-    raise UsageError(f"unit {unit!r} cannot be written in SI units: {name!r} is not known; write it like mV/psi^2")
+    raise UsageError(f"unit {unit!r} cannot be written in SI units: {name!r} is not known; write it like kN/m^2")
 
 
 def _raised(text: str, power: int) -> str:
@@ -128,7 +136,7 @@ def _raised(text: str, power: int) -> str:
 
 
 def plain_unit(text: str) -> str:
-    """A unit of D-SI as tables have it: `\\milli\\volt\\pascal\\tothe{-1}` is `mV/Pa`. An unknown one is unchanged."""
+    """A unit of D-SI as tables have it: `\\kilo\\newton\\metre\\tothe{-2}` is `kN/m^2`. An unknown one is unchanged."""
     if text.startswith("|"):
         return text[1:]
     factors: list[tuple[str, int]] = []

@@ -144,7 +144,7 @@ def _verified(root: Any, signature: Any, now: datetime, authority: Path | None) 
 
 
 def _references(signxml: Any, root: Any, signature: Any, own: Any) -> list[Any]:
-    """What is signed, if the signature is that of this certificate's key. Raises signxml's and lxml's errors.
+    """The signed parts, if the signature is that of this certificate's key. Raises signxml's and lxml's errors.
 
     The certificate may have expired since: it is taken at its first moment, and its end is told beside the result.
     """
