@@ -92,6 +92,11 @@ COMMANDS = {
         "rig.cli.verify",
         "Check that a run file is intact and its contents are consistent; report changes and their places.",
     ),
+    "seal": Entry(
+        _DATA,
+        "rig.cli.seal",
+        "Seal a run file and its certificates: a signature by a key, or the time stamp of an authority.",
+    ),
     "demo": Entry(
         _TRYING,
         "rig.cli.demo",
