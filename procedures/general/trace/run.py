@@ -52,6 +52,7 @@ class TableData:
         order_unknown: whether rows are sorted by a setting and their order of measurement is unknown: neighbours may be
             correlated, but effects of time cannot be tested.
         numbers: (n,) row number in the file; None for 1, 2, 3.
+        sensors: of the run, each of which is searched.
     """
 
     response: str
@@ -65,6 +66,7 @@ class TableData:
     points: IntArray | None = None
     order_unknown: bool = False
     numbers: IntArray | None = None
+    sensors: int = 1
 
     @property
     def rows(self) -> list[int]:
@@ -97,6 +99,7 @@ def problem_of(data: TableData) -> Problem:
         ordered=time is not None or data.order_unknown,
         presumed=time is not None and time.presumed,
         left_out=large,
+        sensors=data.sensors,
     )
 
 
@@ -175,7 +178,7 @@ def _growth(judge: TableJudge, chosen: tuple[int, ...], data: TableData, rows: I
     left, kept, fitted = _left(judge, chosen)
     every = drivers(data, np.zeros(1))
     picked = {name: v if rows is None else v[rows] for name, v in every.items() if name != "fitted"}
-    return growth_of(left, kept, {**picked, "fitted": np.abs(fitted)})
+    return growth_of(left, kept, {**picked, "fitted": np.abs(fitted)}, data.sensors)
 
 
 def _driver(
