@@ -66,9 +66,8 @@ def _any(played: Played, columns: Mapping[str, FloatArray]) -> Iterator[tuple[st
             formula = Formula.parse(text, name, {"set"})
             there[name] = np.array([formula.value({"set": value}) for value in columns[name].tolist()])
     levels = [np.ptp(columns[name]) for name in factors]
-    x = np.column_stack(
-        [np.ones(len(columns["order"])), *(columns[n] / r for n, r in zip(factors, levels, strict=True))]
-    )
+    slopes = [columns[name] / span for name, span in zip(factors, levels, strict=True)]
+    x = np.column_stack([np.ones(len(columns["order"])), *slopes])
     plots = columns.get("whole_plot", np.arange(len(x)))
     terms = ("1", *factors)
     if len(x) - len(terms) < _FEWEST or len(np.unique(plots)) <= len(terms):

@@ -22,6 +22,7 @@ from rig.engine.set_by_hand import SetByHand
 from rig.engine.whole_plots import WholePlots
 from rig.run_file.events.event import Event
 from rig.run_file.events.points import Observed
+from rig.scatter import most_scatter
 
 
 @contextlib.contextmanager
@@ -134,7 +135,7 @@ def _weights_from_any_side() -> AbstractContextManager[Any]:
 
 def _trust_standards() -> AbstractContextManager[Any]:
     """Nobody looks at the scatter of what a reference standard reads."""
-    limits = at_point.most_scatter
+    limits = most_scatter
 
     def of_outputs(conduct: Any, config: Any) -> Any:
         return {name: most for name, most in limits(conduct, config).items() if name not in config.references}

@@ -206,7 +206,7 @@ def _truly(night: Night, factor: str, setpoint: float) -> float:
 
 
 def _near(night: Night, factor: Factor) -> float:
-    """How far the truth may be from that: nothing where a person sets it, or the band of what a source has settled in."""
+    """How far the truth may be from that: nothing where a person sets it; the band in which a source has settled."""
     unit = factor.name.rpartition("_")[2]
     if unit in _THERE:
         return _THERE[unit]
