@@ -190,9 +190,10 @@ def stated(night: Night, record: Record) -> dict[str, float]:
 
 def _there(night: Night, record: Record, column: str, reading: Reading) -> Iterator[str]:
     point, said = night.point(record), stated(night, record)
+    standard = column.partition(",")[0] in night.played.plan.bench.references  # of its own factor only
     for factor, planned in zip(night.run_list.factors, point.setpoints, strict=True):
         setpoint = said.get(factor.name, planned)
-        if factor.hard:
+        if factor.hard or standard:
             continue
         is_at = reading.factors[factor.name]
         if abs(is_at - _truly(night, factor.name, setpoint)) > _near(night, factor):

@@ -98,10 +98,11 @@ class AtPoint:
         self._standards = [f for f in run_list.factors if f.name in bench.references]
         self._most_scatter = most_scatter(conduct, bench.config)
         self._poll_s = conduct.poll_s
-        readers = {name: reader for name, (reader, _) in bench.sensors.items()}
+        readers = {name: reader for name, (reader, _) in (*bench.sensors.items(), *bench.references.items())}
         last = journal.last_read()
         at, read = (None, {}) if last is None else (run_list.points[last[0]], last[1])
-        self._liveness = Liveness(readers, at, read)
+        places = {f.name: place for place, f in enumerate(run_list.factors) if f.name in bench.references}
+        self._liveness = Liveness(readers, at, read, places)
         self.move_timeout_s = max(_MOVE_TIMEOUT_S, conduct.settle.timeout_s)
 
     def recovering(self) -> str:

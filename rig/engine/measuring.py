@@ -71,20 +71,6 @@ class Observation:
     def _overloaded_references(self) -> list[tuple[str, Channel]]:
         return [(name, c) for name, c in self.references.items() if c.overload]
 
-    def frozen(self, before: Mapping[str, Sequence[float]], *, moved: bool) -> list[str]:
-        """Outputs that repeat their last reading to the last digit.
-
-        Args:
-            before: readings of the previous point and those since, by column.
-            moved: whether the setting has changed. If it has not, an output that scattered before must scatter again.
-
-        """
-        return [
-            name
-            for name, c in self.outputs.items()
-            if (then := before.get(name)) and set(c.readings) == {then[-1]} and (moved or len(set(then)) > 1)
-        ]
-
     def as_json(self) -> dict[str, Any]:
         """Its fields for the run file. Overloads are written as null, so that nobody can average them."""
         if self.overloaded():
