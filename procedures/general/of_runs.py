@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from types import MappingProxyType
 from typing import Any
 
 from fitter.effects.entry import Entry
@@ -62,6 +63,10 @@ def _declared(model: SensorModel, table: Table) -> Declared:
     return Declared(model.formula, model.standard, abscissa, start)
 
 
+def _with_terms(model: SensorModel, terms: Sequence[str]) -> SensorModel:
+    return model.model_copy(update={"formula": " + ".join([str(model.formula), *terms])}) if terms else model
+
+
 def has_whole_plots(table: Table) -> bool:
     """Whether readings share whole plots; a whole plot of one reading has no error of its own beside that reading's."""
     plots = table.columns.get(_WHOLE_PLOT)
@@ -102,18 +107,20 @@ def results_of(result: Mapping[str, Any]) -> Mapping[str, Mapping[str, Any]]:
     return {result["response"]: result} if sensors is None else sensors
 
 
-def fit_run(table: Table, leave_out: Sequence[str] = ()) -> RunFitted:
-    """Fit the declared model to every sensor.
+def fit_run(
+    table: Table, leave_out: Sequence[str] = (), added: Mapping[str, Sequence[str]] = MappingProxyType({})
+) -> RunFitted:
+    """Fit the declared model to every sensor; `added` are further terms, by output.
 
     Raises:
         DataError: the rows do not determine a model, or it cannot be read.
     """
     plots = [_WHOLE_PLOT] if has_whole_plots(table) else []
     read, notes = reader_of(table), notes_of(table)
-    found = {
-        column: _noted(fit_general(read, column, None, plots, None, leave_out, _declared(model, table)), notes)
-        for column, model in models_of(table).items()
-    }
+    found = {}
+    for column, model in models_of(table).items():
+        declared = _declared(_with_terms(model, added.get(column, ())), table)
+        found[column] = _noted(fit_general(read, column, None, plots, None, leave_out, declared), notes)
     if len(found) == 1:
         return RunFitted(next(iter(found.values())))
     first = next(iter(found.values()))

@@ -101,7 +101,7 @@ class AnyLaboratory:
             factors[name] = {**given, "levels": chosen, **order}
         noise = max((sensor.get("noise", 1e-5) * self._volts(name) for name, sensor in self.truth["sensors"].items()))
         hard = any(factor.get("hard") for factor in factors.values())
-        soak = {"soak": {**self.example.get("soak", {}), "dwell_s": 120}} if hard else {}
+        soak = {"soak": self.example["soak"]} if hard and "soak" in self.example else {}
         return toml_text(
             {
                 "kind": "general",
