@@ -6,6 +6,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from procedures.file_rows import rows_in_words
 from procedures.table import Table
 
 NO_PART = "plays no part"
@@ -132,13 +133,5 @@ def sentences(unused: Mapping[str, Any]) -> list[str]:
     for each in (one for one in unused["rows"] if one["row"] is not None):
         by_reason.setdefault((each["column"], each["why"]), []).append(each["row"])
     for (column, why), rows in by_reason.items():
-        found.append(f"{_rows(rows)}{f', column {column}' if column else ''}: {why}")
+        found.append(f"{rows_in_words(rows)}{f', column {column}' if column else ''}: {why}")
     return found
-
-
-_SHOWN = 8
-
-
-def _rows(rows: Sequence[int]) -> str:
-    more = f" and {len(rows) - _SHOWN} more" if len(rows) > _SHOWN else ""
-    return f"row{'s' if len(rows) > 1 else ''} {', '.join(map(str, rows[:_SHOWN]))}{more}"

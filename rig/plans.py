@@ -25,6 +25,7 @@ from rig.engine.guard import Guard
 from rig.engine.whole_plots import renewal
 from rig.errors import ConfigurationError, RigError, UsageError
 from rig.quantities import ATMOSPHERE_PSIA, HEAD, PRESSURE_UNIT, TEMPERATURE_UNIT, unit_of
+from rig.register import DOCUMENT, check_register, parse_register, register_beside
 from rig.run_file.bodies import shown
 from rig.run_file.events.sessions import Identified
 from rig.run_file.reader import RunReader
@@ -62,7 +63,9 @@ def load_plan(procedure: Path, bench: Path, *, dry: bool = False, world: Path | 
     documents = {"bench.toml": read_text(bench, "bench"), "procedure.toml": read_text(procedure, "procedure")}
     if world is not None:
         documents["world.toml"] = read_text(world, "world")
-    documents |= files_beside(parse_bench(documents["bench.toml"], str(bench)), bench)
+    config = parse_bench(documents["bench.toml"], str(bench))
+    documents |= files_beside(config, bench)
+    documents |= _register(config, bench)
     against = parse_procedure(documents["procedure.toml"], str(procedure)).warnings.against
     if against is not None:
         from rig.previous import previous_text  # noqa: PLC0415 - imports the fitter, which few runs need
@@ -79,6 +82,20 @@ def load_plan(procedure: Path, bench: Path, *, dry: bool = False, world: Path | 
     except FitError as error:
         raise ConfigurationError(f"{procedure}: {error}") from error
     return plan
+
+
+def _register(config: BenchConfig, bench: Path) -> dict[str, str]:
+    """The register of equipment of a bench, as a document; none if it has none.
+
+    Raises:
+        ConfigurationError: it cannot be used, or contradicts the bench.
+    """
+    found = register_beside(config, bench)
+    if found is None:
+        return {}
+    path, text = found
+    check_register(parse_register(text, str(path)), config, str(path), str(bench))
+    return {DOCUMENT: text}
 
 
 def _with_files(text: str, procedure: Path) -> str:

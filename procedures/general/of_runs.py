@@ -55,7 +55,7 @@ def reader_of(table: Table) -> Reader:
     return read
 
 
-def _declared(model: SensorModel, table: Table) -> Declared:
+def declared_of(model: SensorModel, table: Table) -> Declared:
     """A model as tables of any kind declare it."""
     only = table.factors[0] if len(table.factors) == 1 else None
     abscissa = (model.abscissa or only) if model.standard is not None else None
@@ -117,10 +117,17 @@ def fit_run(
     """
     plots = [_WHOLE_PLOT] if has_whole_plots(table) else []
     read, notes = reader_of(table), notes_of(table)
+<<<<<<< HEAD
     found = {}
     for column, model in models_of(table).items():
         declared = _declared(_with_terms(model, added.get(column, ())), table)
         found[column] = _noted(fit_general(read, column, None, plots, None, leave_out, declared), notes)
+=======
+    found = {
+        column: _noted(fit_general(read, column, None, plots, None, leave_out, declared_of(model, table)), notes)
+        for column, model in models_of(table).items()
+    }
+>>>>>>> main
     if len(found) == 1:
         return RunFitted(next(iter(found.values())))
     first = next(iter(found.values()))

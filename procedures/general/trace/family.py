@@ -22,6 +22,7 @@ from scipy import special
 
 from fitter.arrays import FloatArray, IntArray
 from fitter.linear import orthonormal
+from fitter.sums_of_squares import off
 from fitter.trace.chance import ALPHA
 from procedures.general.trace.noise import BoolArray
 from procedures.general.trace.problem import SPARED, Problem
@@ -177,7 +178,7 @@ def family_of(
     errors = rng.standard_normal((n, draws))
     ratio = _ratios(bases, near[0], near[1], problem.noise.colour(at, errors), found.rank, df)
     if scatter and n >= FEWEST_FOR_SCATTER:
-        ratio /= _scatter(found, _off(basis, errors).astype(np.float32), df)
+        ratio /= _scatter(found, off(errors, basis).astype(np.float32), df)
     tails = {}
     smallest = np.ones(draws)
     for name in dict.fromkeys(problem.candidates[j].effect.name for j in judged):
@@ -208,7 +209,7 @@ def _deviance(problem: Problem, g: int, drawn: FloatArray) -> FloatArray:
     """
     which, k = np.array([g]), problem.declared.shape[1]
     white = problem.noise.whiten(which, np.hstack([problem.declared / problem.sd[:, None], drawn]))[0]
-    left = _off(orthonormal(white[:, :k]), white[:, k:])
+    left = off(white[:, k:], orthonormal(white[:, :k]))
     return np.asarray(problem.n * np.log(np.sum(left**2, axis=0)) + problem.noise.log_det[g])
 
 
@@ -221,7 +222,7 @@ def _ratios(bases: Bases, without: IntArray, beside: IntArray, drawn: FloatArray
     joined = np.full((len(rank), drawn.shape[1]), np.inf, np.float32)
     for g in np.union1d(without, beside).tolist():
         basis, found = bases.of(g)
-        left = _off(basis, problem.noise.whiten(np.array([g]), drawn)[0])
+        left = off(problem.noise.whiten(np.array([g]), drawn)[0], basis)
         total = np.sum(left**2, axis=0)
         deviance = n * np.log(total) + log_det[g] - zero
         if g in without:
@@ -248,7 +249,3 @@ def _scatter(found: Blocks, noise: Single, df: int) -> Single:
     own -= 2.0 * dots * ((squares * found.units).T @ noise)
     own += dots**2 * np.sum(squares**2, axis=0)[:, None]
     return np.asarray(np.maximum(found.sums(own) / rank / variance, 1.0))
-
-
-def _off(basis: FloatArray, columns: FloatArray) -> FloatArray:
-    return np.asarray(columns - basis @ (basis.T @ columns))
