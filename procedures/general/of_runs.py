@@ -117,21 +117,15 @@ def fit_run(
     """
     plots = [_WHOLE_PLOT] if has_whole_plots(table) else []
     read, notes = reader_of(table), notes_of(table)
-<<<<<<< HEAD
     found = {}
     for column, model in models_of(table).items():
-        declared = _declared(_with_terms(model, added.get(column, ())), table)
+        declared = declared_of(_with_terms(model, added.get(column, ())), table)
         found[column] = _noted(fit_general(read, column, None, plots, None, leave_out, declared), notes)
-=======
-    found = {
-        column: _noted(fit_general(read, column, None, plots, None, leave_out, declared_of(model, table)), notes)
-        for column, model in models_of(table).items()
-    }
->>>>>>> main
     if len(found) == 1:
         return RunFitted(next(iter(found.values())))
     first = next(iter(found.values()))
-    return RunFitted({"data": first["data"], "sensors": found, "unused": first["unused"]})
+    unused = _unused_by_all([one["unused"] for one in found.values()], found)
+    return RunFitted({"data": first["data"], "sensors": found, "unused": unused})
 
 
 @dataclass(frozen=True, eq=False)
