@@ -124,7 +124,8 @@ def fit_run(
     if len(found) == 1:
         return RunFitted(next(iter(found.values())))
     first = next(iter(found.values()))
-    return RunFitted({"data": first["data"], "sensors": found, "unused": first["unused"]})
+    unused = _unused_by_all([one["unused"] for one in found.values()], found)
+    return RunFitted({"data": first["data"], "sensors": found, "unused": unused})
 
 
 @dataclass(frozen=True, eq=False)
