@@ -81,6 +81,7 @@ def confirm(
     Examples: `rig confirm RUN --dry`, `rig confirm RUN --list`, `rig confirm RUN --by LATER_RUN`
     """
     from rig.closed_loop.confirm.answers import judge  # noqa: PLC0415
+    from rig.closed_loop.confirm.first import check_way  # noqa: PLC0415
     from rig.closed_loop.confirm.plans import plan_for, procedure_text  # noqa: PLC0415
     from rig.closed_loop.confirm.proposals import consider, inseparable, propose  # noqa: PLC0415
 
@@ -89,6 +90,8 @@ def confirm(
         raise UsageError("--world describes a simulated bench; it requires --dry")
     _check_options(by, write, report, out_dir, only_list=only_list, take=take)
     texts = _texts({"bench": bench, "world": world})
+    if by is None:
+        check_way(run_file, dry=dry or only_list or write is not None, rehearsed=dry)
     first = _opened(run_file, given)
     if not as_json:
         headline(run_file.name, first.traced.table)
@@ -99,7 +102,6 @@ def confirm(
         return ExitCode.DONE
     if by is not None:
         return _show(judge(first, by), {"first": str(run_file), "proposals": []}, report, as_json=as_json)
-    _check_kind(first, dry=dry or only_list or write is not None, rehearsed=dry)
     considered = consider(first)
     proposals, never = propose(considered), inseparable(first, considered)
     if not as_json:
@@ -182,16 +184,6 @@ def _check_options(
         raise UsageError("--by uses an existing run: it excludes --list, --take and --write")
     if report is not None and (write is not None or only_list):
         raise UsageError("--report shows a judgement; with --list or --write there is none")
-
-
-def _check_kind(first: First, *, dry: bool, rehearsed: bool) -> None:
-    if first.dry and not dry:
-        raise UsageError(f"{first.path} is a dry run; a run that confirms it must be a dry run too: add --dry")
-    if rehearsed and not first.simulated:
-        raise UsageError(
-            f"{first.path} was made on real instruments: simulated readings do not describe it. Omit --dry, or "
-            f"rehearse with --write FILE and `rig run FILE --dry`"
-        )
 
 
 def _wait_for_mounting(chosen: Proposal, *, dry: bool, yes: bool) -> None:
