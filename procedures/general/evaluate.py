@@ -24,7 +24,7 @@ from procedures.unused import TEXT, unused_columns
 from procedures.words import doubts_of, noise_of, part, verdict
 
 IGNORED = "named with --ignore"
-"""Why a column was not used that nobody wanted to be."""
+"""Reason for a column that a person excluded."""
 
 
 @dataclass(frozen=True, eq=False)

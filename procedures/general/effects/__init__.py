@@ -47,7 +47,7 @@ def _effect(kind: TableKind, names: tuple[str, ...], response: str) -> TableEffe
 
 
 def _of_what(name: str) -> str:
-    """What a coefficient is, if it is that of an error of a searched constant."""
+    """Words for the coefficient of an error of a searched constant; "" for others."""
     return " (its constant)" if name.startswith(OF_CONSTANT) else ""
 
 
