@@ -26,6 +26,7 @@ from fitter.effects.own import Grammar
 from fitter.errors import FitError
 from procedures.acceptance import Verdict
 from procedures.advice import Advice
+from procedures.budgeting import Evaluation
 from procedures.charting import Charting
 from procedures.conduct import Conduct
 from procedures.confirming import Confirming
@@ -199,6 +200,27 @@ class Kind(ABC):
     def confirming(self, traced: Any) -> Confirming | None:
         """A run that it traced, as the first of two; None if no further run is possible."""
         return None
+
+    @property
+    def budget_options(self) -> type[Options]:
+        """Options of `rig budget` for this kind only."""
+        return Options
+
+    def evaluation(
+        self, table: Table, options: Any, at: Sequence[Mapping[str, float]], gravity: float | None
+    ) -> Evaluation:
+        """The evaluation of a table, for uncertainty budgets.
+
+        Args:
+            table: with corrected columns.
+            options: as declared by this kind.
+            at: points at which outputs and inferred quantities are given, by quantity; empty for those of this kind.
+            gravity: local gravity, m/s2; None if it is not known.
+
+        Raises:
+            DataError: there are no budgets, or a point or the table cannot be used.
+        """
+        raise DataError(f"uncertainty budgets are not made of {self.title}")
 
     def charting(self) -> Charting:
         """Control charts of its sensors. Raises `DataError` if there are none."""

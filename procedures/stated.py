@@ -20,61 +20,69 @@ BEHAVIOURS: dict[Behaviour, str] = {
     "reading": "an independent error in every observation",
 }
 
+Curve = Callable[[FloatArray], FloatArray]
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, eq=False)
 class Stated:
     """One stated error of recorded columns.
 
     Attributes:
         name: for budgets: "DVM-0102 gain".
-        source: asset and certificate, or the constant of the place.
-        columns: recorded columns that have the error, with the number of their units in one of `quantity`.
+        source: asset and certificate.
+        columns: recorded columns that have the error, with the number of their units in one of the quantity's.
         behaves: how it varies over observations.
         correction: (n,) values of the quantity to (n,) corrections, in the quantity's unit.
         standard: (n,) values of the quantity to (n,) standard uncertainties, in the quantity's unit.
         df: degrees of freedom.
         distribution: of the error.
-        reads: whether the columns are read by a meter of outputs, which may be in use later too.
+        reads: whether it is a meter of sensors' outputs, which may be in use later too.
+        covered: lowest and highest value of the quantity covered; None for any.
+        key: place in the register's file, for messages.
     """
 
     name: str
     source: str
     columns: Mapping[str, float]
     behaves: Behaviour
-    correction: Callable[[FloatArray], FloatArray]
-    standard: Callable[[FloatArray], FloatArray]
+    correction: Curve
+    standard: Curve
     df: float = inf
     distribution: Distribution = "normal"
     reads: bool = False
+    covered: tuple[float, float] | None = None
+    key: str = ""
 
 
 @dataclass(frozen=True)
 class PlaceConstant:
-    """A constant of the place, in the unit that its name implies.
+    """A constant of the place: "gravity" (m/s2), "levelling" (deg), "line_head" (m).
 
     Attributes:
-        name: "gravity" (m/s2), "levelling" (deg), "line_head" (m).
+        name: its name.
         value: its value.
         standard: its standard uncertainty.
         df: degrees of freedom.
+        distribution: of its error.
         source: where it is from.
     """
 
     name: str
     value: float
     standard: float
-    df: float
-    source: str
+    df: float = inf
+    distribution: Distribution = "normal"
+    source: str = ""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Statements:
-    """All that a register states of the columns of a run.
+    """All that a register states about the columns of a run.
 
     Attributes:
         errors: of recorded columns.
-        place: constants of the place.
-        unused: what the register has for this bench and nothing uses, with the reason.
+        place: constants of the place, by name.
+        unused: parts of the register that belong to this bench and that nothing uses, with the reason.
         example: whether the values are examples.
     """
 

@@ -157,7 +157,7 @@ def _lines(inputs: Inputs, j: int) -> list[Contribution]:
     lines = []
     for fit, variance in zip(inputs.type_a, variances, strict=True):
         share = variance / total if total else 0.0
-        lines.append(Contribution(fit.name, fit.source, "A", sqrt(variance), _df(fit, j), share))
+        lines.append(Contribution(fit.name, fit.source, fit.kind, sqrt(variance), _df(fit, j), share))
     for i, one in enumerate(inputs.influences):
         share = float(with_others[i]) / total if total else 0.0
         lines.append(Contribution(one.name, one.source, one.kind, abs(float(s[i])), one.df, share))

@@ -55,6 +55,7 @@ class TypeA:
         df: (m,) degrees of freedom of each variance, or one number for all.
         name: of this source of error.
         source: what it is traced to.
+        kind: "B" for many independent errors of one source that are stated, not observed.
 
     """
 
@@ -62,6 +63,7 @@ class TypeA:
     df: FloatArray | float
     name: str = "repeatability"
     source: str = "repeatability"
+    kind: Literal["A", "B"] = "A"
 
 
 @dataclass(frozen=True)
@@ -186,7 +188,7 @@ def _checked_type_a(one: TypeA, m: int) -> TypeA:
     df = np.broadcast_to(np.asarray(one.df, dtype=np.float64), (m,))
     for number in df.tolist():
         _positive_df(f"type A covariance, {one.name}", number)
-    return TypeA(covariance, df, one.name, one.source)
+    return TypeA(covariance, df, one.name, one.source, one.kind)
 
 
 def _positive_df(what: str, df: float) -> None:

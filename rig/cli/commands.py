@@ -66,6 +66,11 @@ COMMANDS = {
     "trace": Entry(
         _DATA, "rig.cli.data", "Find effects missing in the declared model: residual, effect, error before and after."
     ),
+    "budget": Entry(
+        _DATA,
+        "rig.cli.budget",
+        "Uncertainty budgets of the results of a run, by its register of equipment.",
+    ),
     "infer": Entry(
         _DATA,
         "rig.cli.infer",

@@ -6,6 +6,7 @@
 from rig.register.check import check_register, check_validity
 from rig.register.read import DOCUMENT, parse_register, read_register, register_beside, register_of
 from rig.register.schema import Certificate, Equipment, Item, Laboratory, Register, SensorItem, Statement
+from rig.register.stated import check_covered, stated_of
 
 __all__ = [
     "DOCUMENT",
@@ -16,10 +17,12 @@ __all__ = [
     "Register",
     "SensorItem",
     "Statement",
+    "check_covered",
     "check_register",
     "check_validity",
     "parse_register",
     "read_register",
     "register_beside",
     "register_of",
+    "stated_of",
 ]
