@@ -141,14 +141,21 @@ def _item(parent: ET.Element, item: Item) -> None:
     _words(parent, "description", f"{item.description}. Condition as received: {item.condition}")
     _words(_add(parent, "manufacturer"), "name", item.maker)
     _add(parent, "model", _solid(item.model))
-    numbers = _add(parent, "identifications")
-    for issuer, value, kind in (
+    numbers = [
         ("manufacturer", item.serial, "serialNumber"),
         ("calibrationLaboratory", item.asset, "measurementEquipmentNumber"),
         ("customer", item.customer_id, "customerAssetNumber"),
-    ):
-        if value:
-            _identification(numbers, issuer, value, kind)
+    ]
+    _numbers(parent, numbers)
+
+
+def _numbers(parent: ET.Element, numbers: Sequence[tuple[str, str, str]]) -> None:
+    """Identifications: issuer, value and kind of each that has a value; no element if none has."""
+    known = [one for one in numbers if one[1]]
+    if known:
+        listed = _add(parent, "identifications")
+        for issuer, value, kind in known:
+            _identification(listed, issuer, value, kind)
 
 
 def _identification(parent: ET.Element, issuer: str, value: str, kind: str) -> None:
@@ -287,10 +294,7 @@ def _instrument(parent: ET.Element, one: Equipment) -> None:
         ("calibrationLaboratory", one.asset, "measurementEquipmentNumber"),
     ]
     numbers.append(("other", one.certificate, "certificateNumber"))
-    listed = _add(parent, "identifications")
-    for issuer, value, kind in numbers:
-        if value:
-            _identification(listed, issuer, value, kind)
+    _numbers(parent, numbers)
 
 
 _STATUS = {"as found": "beforeAdjustment", "as left": "afterAdjustment"}

@@ -67,12 +67,13 @@ class DecisionSettings(Strict):
     @property
     def made(self) -> Rule:
         """The rule."""
-        return {
+        rules: dict[str, Rule] = {
             "simple": SimpleAcceptance(),
             "guard-band": GuardBand(self.factor, self.binary),
             "probability": ProbabilityLimit(self.probability),
             "shared-risk": SharedRisk(self.largest_share),
-        }[self.rule]
+        }
+        return rules[self.rule]
 
     @property
     def words(self) -> str:
@@ -82,10 +83,10 @@ class DecisionSettings(Strict):
         return {
             "simple": "simple acceptance: a value inside the tolerance passes (JCGM 106, 8.2)",
             "guard-band": f"acceptance limits inside the tolerance by {band}; {ends} (JCGM 106, 8.3)",
-            "probability": f"a pass needs a probability of conformity of {100 * self.probability:g} % at least, a fail a "
-            f"probability of nonconformity of as much (JCGM 106, 7)",
-            "shared-risk": f"simple acceptance where the expanded uncertainty is at most {self.largest_share:.2g} of half "
-            f"the tolerance; otherwise no statement",
+            "probability": f"a pass needs a probability of conformity of {100 * self.probability:g} % at least, a "
+            f"fail a probability of nonconformity of as much (JCGM 106, 7)",
+            "shared-risk": f"simple acceptance where the expanded uncertainty is at most {self.largest_share:.2g} of "
+            f"half the tolerance; otherwise no statement",
         }[self.rule]
 
 
@@ -126,7 +127,7 @@ class CertificateSettings(Strict):
     same_meter: bool = Field(False, description="whether the meter of the run reads the sensors in use as well")
     annex: Literal["largest", "all", "none"] = Field(
         "largest",
-        description="budgets in the annex: of every table and unit that of the result with the largest uncertainty; all",
+        description="budgets in the annex: of every table and unit that of the largest uncertainty, or all",
     )
     customer_wants_due_date: bool = Field(False, description="whether the customer asked for a date")
     next_due: datetime.date | None = Field(None, description="date of the next calibration, if the customer wants one")
