@@ -14,7 +14,7 @@ from procedures.stated import PlaceConstant
 from procedures.table import Columns
 
 Reading = Callable[[str, FloatArray], FloatArray]
-"""What an error adds to readings in use: name of an output's column and its (n,) values, to (n,) additions."""
+"""Error of readings in use: name of an output's column and its (n,) values, to (n,) additions."""
 
 
 def no_error(_: str, values: FloatArray) -> FloatArray:
@@ -58,6 +58,20 @@ class Results:
     values: FloatArray
     type_a: tuple[TypeA, ...]
     sensors: tuple[str, ...]
+
+
+FIT = ("scatter of the run", "the run")
+"""Name and source of the fit's covariance."""
+
+
+def together(parts: Sequence[FloatArray]) -> FloatArray:
+    """(m, m) covariance of all results, from those of sensors that are independent."""
+    size = sum(len(one) for one in parts)
+    found, start = np.zeros((size, size)), 0
+    for one in parts:
+        found[start : start + len(one), start : start + len(one)] = one
+        start += len(one)
+    return found
 
 
 class Evaluation(ABC):

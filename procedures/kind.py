@@ -201,13 +201,17 @@ class Kind(ABC):
         """A run that it traced, as the first of two; None if no further run is possible."""
         return None
 
+    def placed(self, columns: Columns, constants: Mapping[str, float]) -> Columns:
+        """The recorded columns with corrections by constants of the place, as for `evaluation`."""
+        return columns
+
     @property
     def budget_options(self) -> type[Options]:
         """Options of `rig budget` for this kind only."""
         return Options
 
     def evaluation(
-        self, table: Table, options: Any, at: Sequence[Mapping[str, float]], gravity: float | None
+        self, table: Table, options: Any, at: Sequence[Mapping[str, float]], constants: Mapping[str, float]
     ) -> Evaluation:
         """The evaluation of a table, for uncertainty budgets.
 
@@ -215,7 +219,7 @@ class Kind(ABC):
             table: with corrected columns.
             options: as declared by this kind.
             at: points at which outputs and inferred quantities are given, by quantity; empty for those of this kind.
-            gravity: local gravity, m/s2; None if it is not known.
+            constants: of the place, by name, as in `procedures.stated.PlaceConstant`.
 
         Raises:
             DataError: there are no budgets, or a point or the table cannot be used.

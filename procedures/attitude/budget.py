@@ -24,7 +24,7 @@ from procedures.attitude.influences import levelled
 from procedures.attitude.model import attitude_columns, sensitive_axis
 from procedures.attitude.table import attitude_data
 from procedures.attitude.temperature import Temperature
-from procedures.budgeting import Evaluation, Results, Shift, Shifts, no_error
+from procedures.budgeting import FIT, Evaluation, Results, Shift, Shifts, no_error
 from procedures.errors import DataError
 from procedures.stated import PlaceConstant
 from procedures.table import SENSOR_TEMPERATURE, Columns, Table
@@ -248,7 +248,7 @@ class AttitudeEvaluation(Evaluation):
                 for s in (1, -1)
             )
             J[:, i] = (up - down) / (2 * step[i])
-        yield TypeA(J @ covariance @ J.T, df, "repeatability of the run", "scatter of the run")
+        yield TypeA(J @ covariance @ J.T, df, *FIT)
         used = np.zeros((len(values), len(values)))
         for j, sigma in enumerate(noise):
             step_V = np.zeros_like(model.readings)
@@ -257,7 +257,7 @@ class AttitudeEvaluation(Evaluation):
             gain = (up - down) / (2 * _STEP * size)
             same = self._same_reading()
             used += sigma**2 * np.outer(gain, gain) * same
-        yield TypeA(used, pure_df, "scatter of one reading in use", "scatter of the run")
+        yield TypeA(used, pure_df, "scatter of one reading in use", "the run")
 
     def _same_reading(self) -> FloatArray:
         """(m, m) 1 for results of the same reading in use."""
@@ -304,7 +304,7 @@ class AttitudeEvaluation(Evaluation):
                 )
 
     def notes(self, predicted: Sequence[FloatArray]) -> Iterable[str]:
-        """Of lack of fit."""
+        """Lack of fit, which the budget does not explain."""
         for name, fit in self._fits.items():
             if lacks_fit(fit.replication):
                 yield (

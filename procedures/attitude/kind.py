@@ -132,12 +132,12 @@ class AttitudeKind(Kind):
         return BudgetOptions
 
     def evaluation(
-        self, table: Table, options: BudgetOptions, at: Sequence[Mapping[str, float]], gravity: float | None
+        self, table: Table, options: BudgetOptions, at: Sequence[Mapping[str, float]], constants: Mapping[str, float]
     ) -> Evaluation:
         """Parameters, outputs and angles by the declared model."""
         from procedures.attitude.budget import attitude_evaluation  # noqa: PLC0415
 
-        return attitude_evaluation(table, at, temperature=options.temperature, gravity=gravity)
+        return attitude_evaluation(table, at, temperature=options.temperature, gravity=constants.get("gravity"))
 
     def charting(self) -> Charting:
         """See `Kind`."""

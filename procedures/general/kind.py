@@ -12,6 +12,7 @@ from fitter.effects.own import Grammar
 from fitter.errors import FitError
 from procedures.acceptance import Verdict
 from procedures.advice import Advice
+from procedures.budgeting import Evaluation
 from procedures.charting import Charting
 from procedures.errors import DataError
 from procedures.expected import Columns
@@ -20,7 +21,7 @@ from procedures.general.settings import GeneralProcedure
 from procedures.inference import Inference
 from procedures.kind import Kind
 from procedures.precision import Precision
-from procedures.results import Fitted, Source, Traced
+from procedures.results import Fitted, Options, Source, Traced
 from procedures.run_list import RunList
 from procedures.seen import Seen
 from procedures.table import Reader, Table
@@ -76,6 +77,14 @@ class GeneralKind(Kind):
             source.read, options.response, None, plots, options.replicate, leave_out, declared, options.tolerance
         )
         return GeneralFitted(result)
+
+    def evaluation(
+        self, table: Table, options: Options, at: Sequence[Mapping[str, float]], constants: Mapping[str, float]
+    ) -> Evaluation:
+        """Coefficients, outputs and inferred values of the sensors of a run."""
+        from procedures.general.budget import general_evaluation  # noqa: PLC0415
+
+        return general_evaluation(table, at)
 
     def trace(self, source: Source, options: TraceOptions, *, own: Sequence[Entry]) -> Traced:
         """See `Kind`."""

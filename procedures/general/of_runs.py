@@ -53,7 +53,7 @@ def reader_of(table: Table) -> Reader:
     return read
 
 
-def _declared(model: SensorModel, table: Table) -> Declared:
+def declared_of(model: SensorModel, table: Table) -> Declared:
     """A model as tables of any kind declare it."""
     only = table.factors[0] if len(table.factors) == 1 else None
     abscissa = (model.abscissa or only) if model.standard is not None else None
@@ -110,7 +110,7 @@ def fit_run(table: Table, leave_out: Sequence[str] = ()) -> RunFitted:
     plots = [_WHOLE_PLOT] if has_whole_plots(table) else []
     read, notes = reader_of(table), notes_of(table)
     found = {
-        column: _noted(fit_general(read, column, None, plots, None, leave_out, _declared(model, table)), notes)
+        column: _noted(fit_general(read, column, None, plots, None, leave_out, declared_of(model, table)), notes)
         for column, model in models_of(table).items()
     }
     if len(found) == 1:

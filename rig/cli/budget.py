@@ -40,7 +40,7 @@ def budget(
     at: Annotated[
         list[str] | None,
         typer.Option(
-            help="a point at which outputs and inferred quantities are given: pitch_deg=10,roll_deg=30; repeatable",
+            help="a point at which outputs and inferred quantities are given: force_kN=2.5; repeatable",
             show_default="a few points of the run",
         ),
     ] = None,
@@ -58,7 +58,7 @@ def budget(
     Every result has its expanded uncertainty, its effective degrees of freedom and the shares of all influences. An
     influence is what the register states about an instrument, carried through the whole evaluation of the run.
 
-    Example: `rig budget RUN --equipment equipment.toml --at pitch_deg=10,roll_deg=0`
+    Example: `rig budget RUN --equipment equipment.toml --at force_kN=2.5`
     """
     from rig.results.budget import budget as budget_run  # noqa: PLC0415
     from rig.results.budget import points  # noqa: PLC0415

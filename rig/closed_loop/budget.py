@@ -32,7 +32,7 @@ from rig.tables import is_run, run_table
 
 SAME_METER, OTHER_METER = (
     "readings in use are taken to be by the meter of the run, with the same errors, which are taken once",
-    "errors of the meter that reads the sensors in use are not in these uncertainties, but those of the meter of the run",
+    "errors of the meter that reads the sensors in use are not in these uncertainties; those of the run's meter are",
 )
 
 
@@ -117,10 +117,15 @@ def run_with_register(path: Path, equipment: Path | None = None) -> OfRun:
 
 
 def _corrected(table: Table, kind: Kind, config: BenchConfig, register: Register, stated: Statements) -> OfRun:
-    columns = corrected(table.columns, stated.errors)
+    columns = kind.placed(corrected(table.columns, stated.errors), constants_of(stated))
     changed = tuple(name for name, values in columns.items() if (values != table.columns[name]).any())
     table = replace(table, columns=columns) if changed else table
     return OfRun(table, kind, config, register, stated, changed)
+
+
+def constants_of(stated: Statements) -> Mapping[str, float]:
+    """Values of the constants of the place, by name."""
+    return {name: one.value for name, one in stated.place.items()}
 
 
 def _serials(reader: RunReader) -> Mapping[str, str]:
@@ -183,9 +188,8 @@ def budget_of(
     options: Mapping[str, Any] | None = None,
 ) -> RunBudget:
     """The same of a run that was read."""
-    gravity = of.stated.place.get("gravity")
     chosen = of.kind.budget_options(**dict(options or {}))
-    evaluation = of.kind.evaluation(of.table, chosen, at, None if gravity is None else gravity.value)
+    evaluation = of.kind.evaluation(of.table, chosen, at, constants_of(of.stated))
     results = evaluation.results
     found = influences(evaluation, of.stated, same_meter=same_meter)
     type_a = (*results.type_a, *found.grouped)

@@ -235,6 +235,10 @@ class Register(Strict):
                 raise ValueError(
                     f"place.{name}: unit = {constant.unit!r} does not convert to {PLACE_UNITS[name]}: use another"
                 )
+            if name == "levelling" and constant.value != 0.0:
+                raise ValueError(
+                    f"place.levelling: value = {constant.value:g}: level the head, or correct its zero; its value is 0"
+                )
             if isinstance(constant.expanded or constant.standard or constant.half_width, tuple):
                 raise ValueError(f"place.{name}: the uncertainty of a constant is one number")
         return self

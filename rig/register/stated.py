@@ -1,4 +1,4 @@
-"""What a register states about the columns of a run: by bench file, which equipment reads or sets which column."""
+"""Statements of a register about the columns of a run: the bench file says which equipment gives which column."""
 
 from __future__ import annotations
 

@@ -58,7 +58,7 @@ class Budget(Result):
             yield from _budget(one)
 
     def notes(self) -> Sequence[str]:
-        """What is in the budgets and what is not."""
+        """Sentences about influences that are in the budgets, and about those that are not."""
         return self.found.notes
 
     def frame(self) -> Frame:
@@ -126,7 +126,7 @@ def budget(
     Args:
         run: the run file.
         equipment: another register than the one kept with the run.
-        at: points at which outputs and inferred quantities are given, by quantity, such as {"pitch_deg": 10}.
+        at: points at which outputs and inferred quantities are given, by quantity, such as {"force_kN": 2.5}.
         same_meter: whether the meter of the run reads the sensors in use, with the same errors.
         probability: coverage probability of expanded uncertainties.
         options: of `rig budget` for this kind of run, with underscores for hyphens.
@@ -147,7 +147,7 @@ def budget(
 
 
 def points(texts: Sequence[str]) -> list[dict[str, float]]:
-    """Points of `--at`: "pitch_deg=10,roll_deg=30". Raises `UsageError`."""
+    """Points of `--at`: "force_kN=2.5". Raises `UsageError`."""
     found = []
     for text in texts:
         point: dict[str, float] = {}
