@@ -13,6 +13,7 @@ from fitter.decision import decide
 from fitter.trace.outcome import Finding, Outcome
 from rig.certificate.document import Budget, Condition, Contribution, Effect, Result, ResultTable, Stage, Statement
 from rig.certificate.settings import CertificateSettings, ToleranceSettings
+from rig.certificate.si_units import per_term
 from rig.closed_loop.budget import RunBudget
 from rig.closed_loop.confirm import Confirmed
 
@@ -28,23 +29,26 @@ def sensor_of(name: str, run: RunBudget) -> str:
     return run.of.table.outputs.get(name, name)
 
 
-def _label(one: Budgeted, column: str) -> str:
+def _label(one: Budgeted, column: str, run: RunBudget) -> str:
     """Name of a result without that of its sensor."""
-    return one.name.removeprefix(column).strip() if column else one.name
+    for name in (column, sensor_of(column, run)):
+        if name and one.name.startswith(f"{name} "):
+            return one.name.removeprefix(name).strip()
+    return one.name
 
 
-def _result(one: Budgeted, column: str) -> Result:
+def _result(one: Budgeted, column: str, run: RunBudget) -> Result:
     both = rounded(one.value, one.expanded_uncertainty)
     power = f"e{both.exponent:+03d}" if both.exponent else ""
     return Result(
         name=one.name,
-        label=_label(one, column),
+        label=_label(one, column, run),
         at=(),
         value=f"{both.value_text}{power}",
         expanded=f"{both.uncertainty_text}{power}",
         k=rounded_factor(one.coverage_factor),
         probability=f"{one.coverage_probability:g}",
-        unit=one.unit,
+        unit=per_term(one.unit),
         estimate=one.value,
         standard=one.standard_uncertainty,
         factor=one.coverage_factor,
@@ -64,7 +68,7 @@ def tables(run: RunBudget, stage: Stage) -> tuple[ResultTable, ...]:
     found = []
     for column, ones in _of_sensors(run):
         title = "results" if column else _SHARED
-        results = tuple(_result(one, column) for one in ones)
+        results = tuple(_result(one, column, run) for one in ones)
         found.append(ResultTable(sensor_of(column, run), title, results, (), stage))
     return tuple(found)
 
@@ -100,12 +104,12 @@ def _budget(one: Budgeted, column: str, run: RunBudget, stage: Stage) -> Budget:
         )
         for line in listed
     )
-    result = _result(one, column)
+    result = _result(one, column, run)
     return Budget(
         sensor=sensor_of(column, run),
         result=one.name,
         label=result.label,
-        unit=one.unit,
+        unit=result.unit,
         contributions=lines,
         combined=_uncertainty(one.standard_uncertainty),
         df=rounded_df(one.df),
@@ -148,17 +152,18 @@ def without_result(run: RunBudget, settings: CertificateSettings) -> Iterator[st
         found = list(_judged(run, one))
         where = f"tolerance of {one.result!r}" + (f" of {one.sensor!r}" if one.sensor else "")
         if not found:
-            known = "; ".join(dict.fromkeys(_label(b, c) for c, b in zip(run.sensors, run.budgets, strict=True)))
+            known = "; ".join(dict.fromkeys(_label(b, c, run) for c, b in zip(run.sensors, run.budgets, strict=True)))
             yield f"{where}: no result has that label; there are: {known}"
         for _, budget in found:
-            if budget.unit != one.unit:
-                yield f"{where}: unit = {one.unit!r}, and {budget.name} is in {budget.unit!r}: convert the limits"
+            unit = per_term(budget.unit)
+            if unit != one.unit:
+                yield f"{where}: unit = {one.unit!r}, and {budget.name} is in {unit!r}: convert the limits"
 
 
 def _judged(run: RunBudget, tolerance: ToleranceSettings) -> Iterator[tuple[str, Budgeted]]:
     for column, one in zip(run.sensors, run.budgets, strict=True):
         names = (sensor_of(column, run), column)
-        if _label(one, column) == tolerance.result and (not tolerance.sensor or tolerance.sensor in names):
+        if _label(one, column, run) == tolerance.result and (not tolerance.sensor or tolerance.sensor in names):
             yield column, one
 
 
@@ -179,13 +184,14 @@ def _statement(
         expanded_uncertainty=one.expanded_uncertainty,
         df=one.df,
     )
+    unit = per_term(one.unit)
     ends = (interval.lower, interval.upper)
     words = (
-        f"{tolerance.nominal:g} ± {tolerance.deviation:g} {one.unit}"
+        f"{tolerance.nominal:g} ± {tolerance.deviation:g} {unit}"
         if tolerance.nominal is not None
-        else f"{_end(ends[0], 'from')}{_end(ends[1], 'to' if np.isfinite(ends[0]) else 'up to')} {one.unit}".strip()
+        else f"{_end(ends[0], 'from')}{_end(ends[1], 'to' if np.isfinite(ends[0]) else 'up to')}{unit}".strip()
     )
-    what = _label(one, column)
+    what = _label(one, column, run)
     return Statement(
         sensor=sensor_of(column, run),
         what=what,

@@ -25,6 +25,7 @@ from rig.certificate.document import (
     Statement,
 )
 from rig.certificate.si_units import SIUnit, si_unit
+from rig.errors import UsageError
 
 VERSION = "3.2.0"
 DCC, SI, XSI = "https://ptb.de/dcc", "https://ptb.de/si", "http://www.w3.org/2001/XMLSchema-instance"
@@ -41,7 +42,7 @@ def dcc(document: Document, paper: bytes | None = None) -> bytes:
         paper: its PDF, to be kept in the XML; None for none.
 
     Raises:
-        UsageError: a unit cannot be written in SI units.
+        UsageError: the unit of a column cannot be written in SI units.
     """
     for prefix, space in (("dcc", DCC), ("si", SI), ("xsi", XSI)):
         ET.register_namespace(prefix, space)
@@ -337,8 +338,13 @@ def _result(parent: ET.Element, table: ResultTable) -> None:
 
 
 def _real(quantity: ET.Element, value: str, unit: str, result: Result | None = None) -> None:
-    """A number as a real, or as a hybrid with the unit of the laboratory."""
-    found = si_unit(unit)
+    """A number as a real, as a hybrid with the unit of the laboratory, or as a text if its unit has no SI unit."""
+    try:
+        found = si_unit(unit)
+    except UsageError:
+        told = "" if result is None else f" ± {result.expanded} (k = {result.k}, probability {result.probability})"
+        _words(quantity, "noQuantity", f"{value}{told}, in {unit}")
+        return
     places = (
         [(_add(quantity, "hybrid", space=SI), found), (None, _as_given(found))]
         if found.original
@@ -388,5 +394,11 @@ def _other_units(document: Document) -> Iterable[SIUnit]:
     used = [column.unit for table in document.tables for column in table.at]
     used += [one.unit for table in document.tables for one in table.results]
     used += [condition.unit for condition in document.conditions]
-    found = (si_unit(unit) for unit in dict.fromkeys(used))
-    return [unit for unit in found if unit.original]
+    return [found for unit in dict.fromkeys(used) if (found := _known(unit)) is not None and found.original]
+
+
+def _known(unit: str) -> SIUnit | None:
+    try:
+        return si_unit(unit)
+    except UsageError:
+        return None

@@ -188,8 +188,8 @@ def _document(
     calibrated, approved = about.people(of[-1], settings, origin, missing, asked.calibrated_by, asked.approved_by)
     laboratory = about.laboratory(of[-1].register, settings, origin, missing)
     place = settings.place or ", ".join(laboratory.party.address)
-    if len(runs) > 1 and not asked.adjustment.strip():
-        missing.reasons.append("two runs are as found and as left: say what was adjusted between them, --adjustment")
+    if len(asked.runs) > 1:
+        missing.reasons.extend(_of_two(budgets, asked.adjustment))
     with_budget = [(one, one.budget) for one in runs if one.budget is not None]
     try:
         statements = [s for one, b in with_budget for s in assembly.statements(b, one.stage, settings)]
@@ -231,6 +231,21 @@ def _document(
     if document.dates.issued < document.dates.ended and not document.simulated:
         reasons.append(f"issued on {document.dates.issued}, before the run ended on {document.dates.ended}")
     return document
+
+
+def _of_two(budgets: Sequence[RunBudget], adjustment: str) -> Iterator[str]:
+    """Reasons why two runs are not as found and as left."""
+    if not adjustment.strip():
+        yield "two runs are as found and as left: say what was adjusted between them, --adjustment"
+    if len(budgets) < 2:
+        return
+    found, left = (one.of.table for one in budgets)
+    if found.provenance["run_id"] == left.provenance["run_id"]:
+        yield "both files are of the same run: name the run as found, and the run as left"
+    elif found.provenance["began_utc"] > left.provenance["began_utc"]:
+        yield "the first run is later than the second: name the run as found first"
+    if set(found.outputs.values()) != set(left.outputs.values()):
+        yield "the two runs have other sensors: as found and as left are of the same ones"
 
 
 NUMBER = "(no number)"
