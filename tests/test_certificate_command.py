@@ -18,10 +18,10 @@ from command import rig
 from fitter.budget.rounding import rounded
 from fitter.trace.outcome import Finding
 from rig.certificate.assembly import conditions, decimal_text, doubtful
-from rig.certificate.dcc_reader import read_dcc
 from rig.certificate.files import write_once
 from rig.certificate.numbers import plain
-from rig.certificate.si_units import per_term
+from rig.dcc.reader import read_dcc
+from rig.dcc.si_units import per_term
 from rig.errors import ConfigurationError, UsageError
 from rig.results.budget import budget
 from rig.results.certificate import Asked, Issue, Made, Refused, issue, make

@@ -203,12 +203,14 @@ def authority(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("authority")
     (folder / "tsa.cnf").write_text(AUTHORITY)
     (folder / "serial").write_text("01")
-    command("req", "-x509", "-newkey", "rsa:2048", "-nodes", "-keyout", "root.key", "-out", "root.pem", "-days", "9000",
+    command("req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256", "-nodes", "-keyout", "root.key", "-out", "root.pem", "-days", "9000",
             "-subj", "/CN=Root", cwd=folder)  # fmt: skip
     command(
         "req",
         "-newkey",
-        "rsa:2048",
+        "ec",
+        "-pkeyopt",
+        "ec_paramgen_curve:P-256",
         "-nodes",
         "-keyout",
         "tsa.key",
@@ -247,7 +249,9 @@ def test_a_time_stamp_of_others_is_checked(run_file, authority, tmp_path):
         "req",
         "-x509",
         "-newkey",
-        "rsa:2048",
+        "ec",
+        "-pkeyopt",
+        "ec_paramgen_curve:P-256",
         "-nodes",
         "-keyout",
         "x.key",

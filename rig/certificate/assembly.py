@@ -13,9 +13,9 @@ from fitter.decision import decide
 from fitter.trace.outcome import Finding, Outcome
 from rig.certificate.document import Budget, Condition, Contribution, Effect, Result, ResultTable, Stage, Statement
 from rig.certificate.settings import CertificateSettings, ToleranceSettings
-from rig.certificate.si_units import per_term
 from rig.closed_loop.budget import RunBudget
 from rig.closed_loop.confirm import Confirmed
+from rig.dcc.si_units import per_term
 
 SMALL = 1e-3
 """Share of the variance below which an influence is not listed."""

@@ -120,7 +120,7 @@ def amended(folder: Path, number: str) -> Before:
 
 
 def amendment(before: Before, now: Mapping[str, Any], because: str) -> Amendment:
-    """What an amendment says: the reason, and every changed part.
+    """The words of an amendment: the reason, and every changed part.
 
     Args:
         before: the amended certificate.

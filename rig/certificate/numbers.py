@@ -35,7 +35,7 @@ def typeset(text: str) -> str:
 
 def raised(text: str) -> str:
     """A text with raised whole powers and real minus signs: `kN/m^2` is `kN/m²`."""
-    text = re.sub(r"(?<![\w)-])-(?=\d)", "−", text)
+    text = re.sub(r"(?<![\w)^-])-(?=\d)", "−", text)
     return re.sub(r"(?:\^|\*\*)\(?(-?\d+)\)?", lambda power: power[1].translate(_RAISED), text)
 
 

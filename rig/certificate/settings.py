@@ -114,14 +114,14 @@ class CertificateSettings(Strict):
     paper: Literal["a4", "letter"] = "a4"
     template: str = Field("", description="own template in typst, a file beside this one")
     place: str = Field("", description="where the calibration is made; left out: the laboratory's address")
-    item: str = Field("", description="what the items are: `Pressure transducer, 0 to 5 psi absolute`")
+    item: str = Field("", description="what the items are: `Load cell, 10 kN`")
     customer_country: str = Field("", pattern=f"{_COUNTRY}|^$", description="country of the customer, ISO 3166-1")
     calibrated_by: str = Field("", description="who calibrates; left out: the operators of the run")
     calibrated_by_role: str = "calibration"
     approved_by: str = Field("", description="who approves the certificate")
     approved_by_role: str = "approval"
     at: tuple[dict[str, float], ...] = Field(
-        (), description="points of the results, such as `{ pitch_deg = 10, roll_deg = 0 }`; left out: those of the kind"
+        (), description="points of the results, such as `{ force_kN = 2 }`; left out: those of the kind"
     )
     probability: float = Field(0.95, gt=0.5, lt=1, description="coverage probability of expanded uncertainties")
     same_meter: bool = Field(False, description="whether the meter of the run reads the sensors in use as well")

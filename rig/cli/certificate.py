@@ -15,8 +15,8 @@ from rig.cli.show import err, mark, out, print_json
 from rig.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
-    from rig.certificate.dcc_reader import Quantity, Read
-    from rig.certificate.signature import Signed
+    from rig.dcc.reader import Quantity, Read
+    from rig.dcc.signature import Signed
 
 
 def _file(text: str) -> Any:
@@ -117,19 +117,19 @@ def _date(text: str) -> date:
 def _read(path: Path, schema: Path | None, authority: Path | None, *, as_json: bool) -> int:
     """Show a digital calibration certificate. Exit code 1 if a signature or the schema does not hold."""
     from drivers.clock import RealClock  # noqa: PLC0415
-    from rig.certificate.dcc_reader import as_json as json_of  # noqa: PLC0415
-    from rig.certificate.dcc_reader import bytes_of, parsed  # noqa: PLC0415
+    from rig.dcc.reader import as_json as json_of  # noqa: PLC0415
+    from rig.dcc.reader import bytes_of, parsed  # noqa: PLC0415
 
     data = bytes_of(path)
     found = parsed(data, str(path))
     signed: tuple[Signed, ...] = ()
     if found.signatures:
-        from rig.certificate.signature import signatures  # noqa: PLC0415
+        from rig.dcc.signature import signatures  # noqa: PLC0415
 
         signed = signatures(data, datetime.fromtimestamp(RealClock().utc(), UTC), authority)
     errors: list[str] = []
     if schema is not None:
-        from rig.certificate.schema import schema_errors  # noqa: PLC0415
+        from rig.dcc.schema import schema_errors  # noqa: PLC0415
 
         errors = schema_errors(data, schema)
     if as_json:

@@ -51,7 +51,7 @@ class Refused(UsageError):
 
 @dataclass(frozen=True)
 class Asked:
-    """What a certificate is made of, and for whom.
+    """The contents of a certificate, as asked for.
 
     Attributes:
         runs: one run file, or two: as found, as left.
@@ -249,7 +249,7 @@ def _of_two(budgets: Sequence[RunBudget], adjustment: str) -> Iterator[str]:
 
 
 NUMBER = "(no number)"
-"""Of a document that is not issued yet."""
+"""The number of a document that is not issued yet."""
 
 
 @dataclass(frozen=True)
@@ -298,7 +298,7 @@ def issue(made: Made, how: Issue) -> Issued:
         UsageError: an extra is missing, the number exists, nothing was amended, a unit is unknown, or the disk refuses.
         ConfigurationError: the template cannot be used.
     """
-    from rig.certificate.dcc import dcc  # noqa: PLC0415 - where a certificate is written
+    from rig.certificate.as_dcc import dcc  # noqa: PLC0415 - where a certificate is written
     from rig.certificate.html import html  # noqa: PLC0415
     from rig.certificate.pdf import pdf  # noqa: PLC0415
 
@@ -335,7 +335,7 @@ def _paper(name: str) -> Any:
 
 
 def _check(xml: bytes, schema: Path) -> None:
-    from rig.certificate.schema import schema_errors  # noqa: PLC0415
+    from rig.dcc.schema import schema_errors  # noqa: PLC0415
 
     errors = schema_errors(xml, schema)
     if errors:
@@ -343,7 +343,7 @@ def _check(xml: bytes, schema: Path) -> None:
 
 
 def _signed(xml: bytes, how: Issue) -> bytes:
-    from rig.certificate.signature import signed  # noqa: PLC0415
+    from rig.dcc.signature import signed  # noqa: PLC0415
 
     if how.key is None or how.certificate is None:
         raise UsageError("a signature needs both: --key KEY.pem and --key-certificate CERTIFICATE.pem")

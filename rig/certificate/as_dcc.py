@@ -24,7 +24,7 @@ from rig.certificate.document import (
     ResultTable,
     Statement,
 )
-from rig.certificate.si_units import SIUnit, si_unit
+from rig.dcc.si_units import SIUnit, si_unit
 from rig.errors import UsageError
 
 VERSION = "3.2.0"

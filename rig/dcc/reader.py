@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
 
-from rig.certificate.si_units import plain_unit
+from rig.dcc.si_units import plain_unit
 from rig.errors import UsageError
 from rig.regular import open_regular
 
@@ -82,7 +82,7 @@ class Read:
         quantities: all of its values, in order.
         statements: declarations, as words.
         conformity: words of conformity with what they are about.
-        signatures: number of signatures in it; whether they hold is told by `rig.certificate.signature`.
+        signatures: number of signatures in it; whether they hold is told by `rig.dcc.signature`.
     """
 
     file: str
