@@ -136,7 +136,7 @@ class AttitudeEvaluation(Evaluation):
         self, data: AttitudeData, at_deg: Sequence[tuple[float, float]], *, temperature: bool, gravity: float | None
     ) -> None:
         self._data, self._temperature = data, temperature
-        calibration = calibrate_package(data, temperature=temperature)
+        calibration = self._with_scatter(calibrate_package(data, temperature=temperature))
         self._model = Model(calibration, np.array(at_deg, np.float64).reshape(-1, 2), gravity)
 
     @cached_property
@@ -232,11 +232,9 @@ class AttitudeEvaluation(Evaluation):
         names, units, sensors = zip(*named, strict=True)
         return Results(names, units, values, self._type_a(values), sensors)
 
-    @cached_property
-    def _used(self) -> AttitudeCalibration:
+    def _with_scatter(self, calibration: AttitudeCalibration) -> AttitudeCalibration:
         """The calibration with scatter from differences between replications where the residuals hold more than it."""
-        calibration = self._model.calibration
-        ratio, noise, df = self._pure
+        ratio, noise, df = self._pure(calibration)
         if calibration.drift is not None or np.all(ratio == 1.0):
             return calibration
         sizes = [one.coefficients.size for one in calibration.sensors]
@@ -248,11 +246,11 @@ class AttitudeEvaluation(Evaluation):
 
     def stored(self) -> Any:
         """See `Evaluation`."""
-        return self._used.to_dict()
+        return self._model.calibration.to_dict()
 
     def _type_a(self, values: FloatArray) -> TypeA:
         """Scatter of the run through the fit; of inferred angles as in use, with one reading."""
-        calibration, model = self._used, self._model
+        calibration, model = self._model.calibration, self._model
         sizes = [one.coefficients.size for one in calibration.sensors]
         starts = np.concatenate([[0], np.cumsum(sizes)[:-1]])
         rows = np.concatenate([np.arange(start, start + 4) for start in starts])
@@ -278,15 +276,14 @@ class AttitudeEvaluation(Evaluation):
         every[inferred] = np.repeat(answer.df, len(model.angles))
         return TypeA(found, every, *SCATTER)
 
-    @cached_property
-    def _pure(self) -> tuple[FloatArray, FloatArray, float]:
+    def _pure(self, calibration: AttitudeCalibration) -> tuple[FloatArray, FloatArray, float]:
         """(S,) pure error over the fit's sigma, (S,) sigma of one reading in V, and its degrees of freedom.
 
         If the fit lacks something that repeats in every replication, as an error of the head does, its residuals are no
         measure of scatter; differences between replications are.
         """
         ratio, noise, df = [], [], []
-        for one, fit in zip(self._model.calibration.sensors, self._fits.values(), strict=True):
+        for one, fit in zip(calibration.sensors, self._fits.values(), strict=True):
             table = fit.replication
             below = table.bias.df_below
             pure = table.sigma_prec * np.sqrt(one.df / below) if below > 0 else 0.0
