@@ -139,6 +139,11 @@ class AttitudeEvaluation(Evaluation):
         calibration = self._with_scatter(calibrate_package(data, temperature=temperature))
         self._model = Model(calibration, np.array(at_deg, np.float64).reshape(-1, 2), gravity)
 
+    @property
+    def calibration(self) -> AttitudeCalibration:
+        """Calibration of the run, with the scatter that its budget has."""
+        return self._model.calibration
+
     @cached_property
     def _fits(self) -> Mapping[str, AttitudeFit]:
         return fit_all(self._data, temperature=self._temperature)
