@@ -278,7 +278,7 @@ class AttitudeEvaluation(Evaluation):
         sd = np.column_stack([answer.pitch_sd_deg, answer.roll_sd_deg])[:, : len(model.angles)].ravel()
         inferred = np.arange(len(values) - last, len(values))
         found[inferred, inferred] = sd**2
-        every[inferred] = np.repeat(answer.df, len(model.angles))
+        every[inferred] = np.column_stack([answer.df, answer.roll_df])[:, : len(model.angles)].ravel()
         return TypeA(found, every, *SCATTER)
 
     def _pure(self, calibration: AttitudeCalibration) -> tuple[FloatArray, FloatArray, float]:
