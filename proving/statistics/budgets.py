@@ -1,230 +1,163 @@
-"""How often expanded uncertainties of budgets hold, in laboratories whose instruments err as their certificates say.
+"""Uncertainty budgets: against GTC, against simulation, and how often their expanded uncertainty holds.
 
-The truth is proving/truth/laboratories.py: each laboratory draws its instruments' errors once and calibrates with them.
-A seed is a number of laboratories.
+A seed is a laboratory (proving/truth/budgets.py): its sources of error, what is known of them, three results.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import replace
 from functools import partial
+from typing import Any, Literal, cast
 
 import numpy as np
+from GTC import core, reporting
 
 from fitter.arrays import FloatArray
-from fitter.budget import combine
-from procedures.attitude.budget import STANDARD_GRAVITY, AttitudeEvaluation
-from procedures.attitude.data import AttitudeData
-from procedures.attitude.infer import infer_attitude
-from procedures.budgeting import Evaluation
-from procedures.general.budget import GeneralEvaluation, general_evaluation
-from procedures.influences import Found, influences
-from procedures.pressure.budget import PressureEvaluation
-from procedures.stated import Curve, PlaceConstant, Stated, Statements
-from procedures.table import Table
+from fitter.budget import Budgeted, Correlation, Influence, TypeA, budgets, check, combine, monte_carlo
+from fitter.budget.coverage import NORMAL_FROM
 from proving.ledger import Result
 from proving.statistics.frame import Figures, Part, Results, Study
-from proving.truth import laboratories as truth
-from proving.truth import pressure as bridge
+from proving.truth.budgets import SHAPES, Laboratory, laboratory
 
-PITCH, ROLL = (
-    angle.ravel() for angle in np.meshgrid(np.linspace(-60, 60, 7), np.linspace(-180, 150, 12), indexing="ij")
-)
-USED_AT = np.array([[0.0, 0.0], [25.0, 40.0], [-45.0, 120.0]])
-VOLTS = {"x_V": 1.0, "y_V": 1.0, "z_V": 1.0}
-BRIDGE = replace(bridge.HOMOSCEDASTIC, wholeplot_mV=2e-3, subplot_mV=1e-3)
-PRESSURES = [(0.5, -90.0, 0.0), (2.5, -110.0, 15.0), (4.5, -70.0, -20.0)]
-FORCES = np.tile(np.linspace(0.0, 10.0, 9), 3)
-USED_FORCES = np.array([1.0, 5.0, 9.0])
+_COMPLEX_STEP = 1e-30
+_MEASUREMENTS = 2000
 
 
-def coverage(laboratories: int = 100) -> Study:
-    """Every laboratory is drawn afresh: two replications of 7 x 12 angles; 20 whole plots; 9 weights three times."""
-    cases = {"attitude": attitude, "pressure": pressure, "force": force}
-    return Study({name: partial(case, laboratories=laboratories) for name, case in cases.items()}, shares)
+def stated(lab: Laboratory) -> tuple[list[TypeA], list[Influence], list[Correlation]]:
+    """What a laboratory that knows its sources states of them."""
+    fits = [] if lab.scatter is None else [TypeA(lab.covariance, lab.scatter_df)]
+    shape = cast("list[Literal['normal', 'rectangular', 'triangular', 'arcsine']]", list(lab.shape))
+    influences = [
+        Influence(f"source {i}", "simulated", "B", lab.sd[i], float(lab.df[i]), shape[i]) for i in range(len(lab.df))
+    ]
+    pair = [] if lab.pair is None else [Correlation(f"source {lab.pair[0]}", f"source {lab.pair[1]}", lab.r)]
+    return fits, influences, pair
 
 
-def always(value: float) -> Curve:
-    """The same uncertainty everywhere."""
-    return lambda x: np.full_like(x, value)
+def engine() -> Study:
+    """Largest relative differences of u, df, k and U: of `combine`, and of perturbed evaluations, from GTC's."""
+    return Study({"rows in numpy": _rows, "calibration line": _line}, _largest)
 
 
-def share(value: float) -> Curve:
-    """An uncertainty in proportion."""
-    return lambda x: np.abs(x) * value
+def _rows(seed: int) -> Result:
+    lab = laboratory(np.random.default_rng([21, seed]))
+    fits, influences, pair = stated(lab)
+    told = budgets(["a", "b", "c"], ["V"] * 3, np.zeros(3), fits, influences, correlations=pair)
+    r = np.eye(len(influences))
+    if lab.pair is not None:
+        r[lab.pair] = r[lab.pair[::-1]] = lab.r
+    fast = combine(lab.sd.T, lab.df, [(np.diag(one.covariance), one.df) for one in fits], correlation=r)
+    pairs = zip(told, fast.standard_uncertainty, fast.df, fast.coverage_factor, fast.expanded_uncertainty, strict=True)
+    return {"difference": max(_difference(one, list(numbers)) for one, *numbers in pairs)}
 
 
-def expanded(evaluation: Evaluation, stated: Statements) -> tuple[dict[str, float], dict[str, float]]:
-    """Expanded uncertainty of every result for 95 %, with another meter in use and with the same."""
-    errors = stated.errors
-    first = influences(evaluation, replace(stated, errors=[e for e in errors if not e.reads]), same_meter=False)
-    meter = Statements([e for e in errors if e.reads])
-    other, same = (influences(evaluation, meter, same_meter=one) for one in (False, True))
-    return _combined(evaluation, first, other), _combined(evaluation, first, same)
+def _line(seed: int) -> Result:
+    """A straight line through readings of an erring meter over an erring standard; a value inferred with it.
+
+    GTC carries uncertain numbers through sums and quotients; ours evaluates in numpy with each input displaced.
+    """
+    rng = np.random.default_rng([22, seed])
+    x, true = np.linspace(1.0, 10.0, 8), rng.normal(size=2) + np.array([0.0, 4.0])
+    y, in_use = true[0] + true[1] * x + rng.normal(0.0, 0.01, 8), true[0] + true[1] * 5.5
+    names = ("gain of standard", "zero of standard", "gain of meter", "zero of meter", "zero of meter in use")
+    sizes, dfs = 10.0 ** rng.uniform(-4, -2, 5), [float(rng.choice([np.inf, rng.uniform(3.0, 50.0)])) for _ in names]
+
+    def fitted(errors: Any) -> list[Any]:
+        xs = [one * (1.0 + errors[0]) + errors[1] for one in x.tolist()]
+        ys = [one * (1.0 + errors[2]) + errors[3] for one in y.tolist()]
+        middle, height = sum(xs) / 8.0, sum(ys) / 8.0
+        across = sum((a - middle) * (b - height) for a, b in zip(xs, ys, strict=True))
+        slope = across / sum((a - middle) * (a - middle) for a in xs)
+        used = float(in_use) * (1.0 + errors[2]) + errors[4]
+        return [slope, height - slope * middle, (used - height) / slope + middle]
+
+    steps = np.eye(5) * 1j * _COMPLEX_STEP * sizes
+    influences = [
+        Influence(name, "simulated", "B", np.imag(fitted(step)) / _COMPLEX_STEP, df)
+        for name, step, df in zip(names, steps, dfs, strict=True)
+    ]
+    values = np.array(fitted(np.zeros(5)))
+    told = budgets(["slope", "zero", "inferred"], ["1"] * 3, values, (), influences)
+    uncertain = [core.ureal(0.0, size, df) for size, df in zip(sizes.tolist(), dfs, strict=True)]
+    return {"difference": max(_difference(a, _by_gtc(b)) for a, b in zip(told, fitted(uncertain), strict=True))}
 
 
-def _combined(evaluation: Evaluation, *found: Found) -> dict[str, float]:
-    results = evaluation.results
-    m = len(results.names)
-    single, grouped = ([one for part in found for one in getattr(part, name)] for name in ("influences", "grouped"))
-    s = np.array([one.sensitivities for one in single]).reshape(-1, m).T
-    parts = [(np.diag(one.covariance), np.broadcast_to(one.df, m)) for one in (results.type_a, *grouped)]
-    total = combine(s, np.array([one.df for one in single]), parts)
-    return dict(zip(results.names, total.expanded_uncertainty.tolist(), strict=True))
+def _by_gtc(result: Any) -> list[float]:
+    u, df = core.uncertainty(result), core.dof(result)
+    k = reporting.k_factor(df, 95)
+    return [u, df, k, k * u]
 
 
-def attitude(seed: int, laboratories: int) -> Result:
-    """Offsets, sensitivities, outputs, and angles by another meter and by the same."""
-    says, rng = truth.AttitudeCertificates(), np.random.default_rng(50_000 + seed)
-    stated = Statements(
-        (
-            Stated("pitch", "", {"pitch_deg": 1.0}, "turn", np.zeros_like, always(says.pitch_turn_deg)),
-            Stated("roll", "", {"roll_deg": 1.0}, "turn", np.zeros_like, always(says.roll_turn_deg)),
-            Stated("zero", "", {"pitch_deg": 1.0}, "offset", np.zeros_like, always(says.zero_deg)),
-            Stated("gain", "", VOLTS, "gain", np.zeros_like, share(says.gain_V), reads=True),
-            Stated("offset", "", VOLTS, "offset", np.zeros_like, always(says.offset_V), reads=True),
-            Stated("drift", "", VOLTS, "gain", np.zeros_like, share(says.half_drift / 3**0.5), reads=True),
-        ),
-        {
-            "gravity": PlaceConstant("gravity", says.local, says.gravity),
-            "levelling": PlaceConstant("levelling", 0.0, says.tilt_deg),
-        },
-    )
-    pitch, roll = np.tile(PITCH, 2), np.tile(ROLL, 2)
-    n = len(pitch)
-    replicate = np.repeat([1, 2], n // 2)
-    held: dict[str, int] = {}
-    for _ in range(laboratories):
-        lab = truth.attitude(says, pitch, roll, USED_AT, rng)
-        outputs = dict(zip(VOLTS, lab.outputs.T, strict=True))
-        data = AttitudeData(replicate, np.arange(n), np.arange(float(n)), pitch, roll, None, outputs)
-        evaluation = AttitudeEvaluation(data, USED_AT.tolist(), temperature=False, gravity=says.local)
-        calibration = evaluation.calibration
-        value = dict(zip(evaluation.results.names, evaluation.results.values.tolist(), strict=True))
-        U, U_same = expanded(evaluation, stated)
-        for words, read, limits in (("another meter", lab.readings, U), ("the same meter", lab.same, U_same)):
-            found = infer_attitude(calibration, read, near_deg=(USED_AT[:, 0], USED_AT[:, 1]))
-            for i, (a, r) in enumerate(USED_AT.tolist()):
-                where = f"at pitch {a:g} deg, roll {r:g} deg"
-                errors = {"pitch": found.pitch_deg[i] - a, "roll": found.roll_deg[i] - r}
-                for angle, error in errors.items():
-                    _count(held, f"{angle} {where}, {words}", error, limits[f"inferred {angle} {where}"])
-        S = np.linalg.norm(lab.m_V, axis=1)
-        for j, name in enumerate(VOLTS):
-            told = {
-                f"{name} offset": lab.b_V[j],
-                f"{name} sensitivity per local g": S[j],
-                f"{name} sensitivity per standard gravity": S[j] * STANDARD_GRAVITY / lab.gravity,
-                f"{name} mx": lab.m_V[j, 0],
-            }
-            for i, (a, r) in enumerate(USED_AT.tolist()):
-                told[f"{name} output at pitch {a:g} deg, roll {r:g} deg"] = lab.exact[i, j]
-            for what, true in told.items():
-                _count(held, what, value[what] - true, U[what])
-    return {"held": held, "of": laboratories}
+def _difference(one: Budgeted, other: list[float]) -> float:
+    ours = [one.standard_uncertainty, one.df, one.coverage_factor, one.expanded_uncertainty]
+    # Degrees of freedom that are infinite but for rounding errors are the same.
+    pairs = [
+        (min(a, NORMAL_FROM), min(b, NORMAL_FROM)) if at == 1 else (a, b)
+        for at, (a, b) in enumerate(zip(ours, other, strict=True))
+    ]
+    return max(abs(a / b - 1.0) for a, b in pairs)
 
 
-def pressure(seed: int, laboratories: int) -> Result:
-    """Outputs, and pressures by another meter and by the same."""
-    says, rng = truth.PressureCertificates(), np.random.default_rng(60_000 + seed)
-    mV = {"bridge_mV": 1e3}
-    stated = Statements(
-        (
-            Stated("standard gain", "", {"pressure_psia": 1.0}, "gain", np.zeros_like, share(says.gain)),
-            Stated("standard offset", "", {"pressure_psia": 1.0}, "offset", np.zeros_like, always(says.offset_psi)),
-            Stated("thermometer", "", {"sensor_temperature_degC": 1.0}, "offset", np.zeros_like, always(says.sensor_K)),
-            Stated("gain", "", mV, "gain", np.zeros_like, share(says.gain_V), reads=True),
-            Stated("offset", "", mV, "offset", np.zeros_like, always(says.offset_mV / 1e3), reads=True),
-        ),
-        {"line_head": PlaceConstant("line_head", 0.0, says.height_m)},
-    )
-    P, sensor, sse = np.array(PRESSURES).T
-    held: dict[str, int] = {}
-    for number in range(laboratories):
-        errors = truth.PressureErrors.drawn(says, rng)
-        clean, _ = bridge.simulate(BRIDGE, seed * laboratories + number)
-        scatter = clean.outputs["bridge_mV"] - BRIDGE.output_mV(
-            clean.pressure_psia, clean.sensor_temperature_degC, clean.sse_temperature_degC
-        )
-        true_T = clean.sensor_temperature_degC - errors.sensor_K
-        read = BRIDGE.output_mV(errors.true_pressure(clean.pressure_psia), true_T, clean.sse_temperature_degC) + scatter
-        data = replace(clean, outputs={"bridge_mV": errors.read(read)})
-        evaluation = PressureEvaluation(data, "full", PRESSURES)
-        value = dict(zip(evaluation.results.names, evaluation.results.values.tolist(), strict=True))
-        exact = BRIDGE.output_mV(P, sensor, sse)
-        later = exact + rng.normal(0.0, BRIDGE.wholeplot_mV, len(P)) + rng.normal(0.0, BRIDGE.subplot_mV, len(P))
-        U, U_same = expanded(evaluation, stated)
-        for words, read, limits in (("another meter", later, U), ("the same meter", errors.read(later), U_same)):
-            found = evaluation.inferred("bridge_mV", read)
-            for i, point in enumerate(PRESSURES):
-                where = "at {:g} psia, sensor {:g} degC, SSE {:g} degC".format(*point)
-                _count(held, f"pressure {where}, {words}", found[i] - P[i], limits[f"bridge inferred pressure {where}"])
-                if limits is U:
-                    output = f"bridge output {where}"
-                    _count(held, output, value[output] - exact[i], U[output])
-    return {"held": held, "of": laboratories}
+def _largest(results: Results) -> Figures:
+    return {"largest difference": max(one["difference"] for one in results), "of": len(results)}
 
 
-def force(seed: int, laboratories: int) -> Result:
-    """Coefficients, outputs and forces of a load cell; the certificate of the voltmeter is from a small sample."""
-    says, rng = truth.ForceCertificates(), np.random.default_rng(70_000 + seed)
-    held: dict[str, int] = {}
-    for _ in range(laboratories):
-        lab = truth.force(says, FORCES, USED_FORCES, rng)
-        volts = {"cell_V": 1.0}
-        stated = Statements(
-            (
-                Stated("weights", "", {"force_kN": 1.0}, "gain", np.zeros_like, share(says.gain)),
-                Stated("weight", "", {"force_kN": 1.0}, "setting", np.zeros_like, always(says.own_kN)),
-                Stated("gain", "", volts, "gain", np.zeros_like, share(lab.said), df=says.df, reads=True),
-                Stated("offset", "", volts, "offset", np.zeros_like, always(says.half_V / 3**0.5), reads=True),
-            )
-        )
-        evaluation = _load_cell(lab.outputs)
-        value = dict(zip(evaluation.results.names, evaluation.results.values.tolist(), strict=True))
-        U, _ = expanded(evaluation, stated)
-        found = evaluation.inferred("cell_V", lab.readings)
-        told = {"cell coefficient 1": lab.start, "cell coefficient force_kN": lab.slope}
-        for i, F in enumerate(USED_FORCES.tolist()):
-            told[f"cell output at force {F:g} kN"] = lab.start + lab.slope * F
-            _count(held, f"force at {F:g} kN", found[i] - F, U[f"cell inferred force at force {F:g} kN"])
-        for what, true in told.items():
-            _count(held, what, value[what] - true, U[what])
-    return {"held": held, "of": laboratories}
+def simulated(trials: int = 200_000) -> Study:
+    """Budgets beside simulations of the same inputs: all normal and well known, or of any shape and df.
+
+    Each result is judged with one significant digit, and with two (JCGM 101, 8.1).
+    """
+    return Study({case: partial(_simulated, case=case, trials=trials) for case in ("normal", "any")}, _agreement)
 
 
-def _load_cell(volts: FloatArray) -> GeneralEvaluation:
-    columns = {"force_kN": FORCES, "cell_V": volts, "replicate": np.repeat([1.0, 2.0, 3.0], len(FORCES) // 3)}
-    declared = {"formula": "1 + force_kN"}
-    table = Table(
-        "a stand",
-        columns,
-        True,
-        {},
-        declared=declared,
-        kind="general",
-        outputs={"cell_V": "cell"},
-        factors=("force_kN",),
-    )
-    return general_evaluation(table, [{"force_kN": value} for value in USED_FORCES.tolist()])
+def _simulated(seed: int, case: str, trials: int) -> Result:
+    lab = laboratory(np.random.default_rng([23, seed]), ("normal",) if case == "normal" else SHAPES)
+    fits, influences, pair = stated(lab)
+    if case == "normal":
+        fits = [TypeA(one.covariance, np.inf) for one in fits]
+        influences = [Influence(one.name, one.source, one.kind, one.sensitivities) for one in influences]
+    told = budgets(["a", "b", "c"], ["V"] * 3, np.zeros(3), fits, influences, correlations=pair)
+    found = [one.simulated for one in monte_carlo(told, fits, influences, seed=seed, correlations=pair, count=trials)]
+    pairs = list(zip(told, found, strict=True))
+    wider = [2.0 * one.expanded_uncertainty / (at.symmetric.upper - at.symmetric.lower) for one, at in pairs]
+    return {**{str(digits): [check(*one, digits).agrees for one in pairs] for digits in (1, 2)}, "wider": wider}
 
 
-def _count(held: dict[str, int], what: str, error: float, limit: float) -> None:
-    held[what] = held.get(what, 0) + int(abs(error) <= limit)
+def _agreement(results: Results) -> Figures:
+    out: Figures = {}
+    for digits in ("1", "2"):
+        every = [one for result in results for one in result[digits]]
+        out[f"{digits} digits"] = {str(word): every.count(word) for word in (True, False, None)}
+    wider = [one for result in results for one in result["wider"]]
+    return {**out, "budget's interval over simulated": [min(wider), float(np.median(wider)), max(wider)]}
 
 
-def shares(results: Results) -> Figures:
-    """In percent: expanded uncertainties that hold."""
-    of = sum(one["of"] for one in results)
-    found = dict(_percent(results, of))
-    every = list(found.values())
-    return {**found, "least": min(every), "greatest": max(every), "mean": float(np.mean(every)), "of": of}
+def coverage() -> Study:
+    """Share of measurements whose expanded uncertainty for 95 % holds, in percent; 2,000 in each laboratory.
+
+    A laboratory knows its standard deviations with their degrees of freedom, and computes its budget from those.
+    """
+    return Study({case: partial(_covered, case=case) for case in ("normal", "any")}, _covering)
 
 
-def _percent(results: Results, of: int) -> Iterator[tuple[str, float]]:
-    for what in results[0]["held"]:
-        yield what, 100.0 * sum(one["held"][what] for one in results) / of
+def _covered(seed: int, case: str) -> Result:
+    rng = np.random.default_rng([24, seed])
+    lab = laboratory(rng, ("normal",) if case == "normal" else SHAPES, results=1)
+    errors = lab.errors(rng, _MEASUREMENTS)[:, 0]
+    factors, scatter = lab.seen(rng, _MEASUREMENTS)
+    r = np.eye(len(lab.df))
+    if lab.pair is not None:
+        r[lab.pair] = r[lab.pair[::-1]] = lab.r
+    repeated: list[tuple[FloatArray, float]] = []
+    if lab.scatter is not None:
+        repeated = [(float(lab.covariance[0, 0]) * np.square(scatter), lab.scatter_df)]
+    found = combine(factors * lab.sd[:, 0], lab.df, repeated, correlation=r)
+    return {"held": int(np.sum(np.abs(errors) <= found.expanded_uncertainty))}
 
 
-PARTS = {"coverage": Part(coverage, 50)}
+def _covering(results: Results) -> Figures:
+    shares = [100.0 * one["held"] / _MEASUREMENTS for one in results]
+    return {"mean": float(np.mean(shares)), "least": min(shares), "greatest": max(shares), "laboratories": len(shares)}
+
+
+PARTS = {"engine": Part(engine, 200), "simulated": Part(simulated, 200), "coverage": Part(coverage, 500)}
+"""`python -m proving.statistics budgets engine`; docs/uncertainty.md."""
