@@ -214,6 +214,12 @@ class Kind(ABC):
             return f"no further run is made of {self.title}: make another run by `rig run`, and trace that by itself"
         return ""
 
+    def with_coefficients(self, calibration: Any, coefficients: Mapping[str, FloatArray]) -> Any:
+        """A calibration from `calibration_of` with other coefficients (k,) by sensor, as `Evaluation.coefficients`
+        gives them.
+        """
+        raise DataError(f"calibrations of {self.title} have no total uncertainties")
+
     def placed(self, columns: Columns, constants: Mapping[str, float]) -> Columns:
         """The recorded columns with corrections by constants of the place, as for `evaluation`."""
         return columns

@@ -202,6 +202,7 @@ class GeneralConfirming(Confirming):
         """See `Confirming`: the largest grid, if it has enough points to choose from."""
         largest = max(group, key=lambda variation: len(variation.procedure.expand()))
         whole = repeated(largest, times)
+        whole = replace(whole, procedure=with_routine(whole.procedure, largest.procedure))
         count = int(self.units(whole.procedure.expand()).max()) + 1
         return whole if LEAST_CANDIDATES <= count <= MOST_CANDIDATES else None
 
@@ -329,7 +330,7 @@ class GeneralConfirming(Confirming):
 
 
 def _unit_keys(run_list: RunList) -> list[tuple[float, ...]]:
-    """What is chosen together with each point: the settings of the hard factors, or without any the whole setting."""
+    """Settings that identify the unit of each point: those of the hard factors, or without any the whole setting."""
     hard = [at for at, factor in enumerate(run_list.factors) if factor.hard]
     return [tuple(p.setpoints[at] for at in hard) if hard else tuple(p.setpoints) for p in run_list.points]
 
@@ -347,9 +348,7 @@ def _of_points(run: GeneralProcedure, rows: list[list[float]]) -> GeneralProcedu
         factors[name] |= {"band": factor.band, "tolerance": factor.tolerance}
         factors[name] = {k: v for k, v in factors[name].items() if v is not None}
     design = {"type": "file", "points": CHOSEN, "rows": rows}
-    by_hand = {"by_hand": run.model_dump(mode="json", exclude_none=True)["by_hand"]}
-    new = GeneralProcedure.model_validate({**values, "factors": factors, "design": design})
-    return with_routine(new, GeneralProcedure.model_validate({**values, **by_hand}))
+    return with_routine(GeneralProcedure.model_validate({**values, "factors": factors, "design": design}), run)
 
 
 def _determined(procedure: GeneralProcedure) -> bool:

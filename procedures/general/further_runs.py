@@ -25,7 +25,7 @@ def further_runs(first: GeneralProcedure) -> Iterator[Variation]:
         for times in sorted({1, first.replications, 2 * first.replications}):
             named = {"name": _named(first.name, what), "seed": first.seed + 1, "replications": times}
             run = with_routine(GeneralProcedure.model_validate({**values_of(first), **changes, **named}), first)
-            yield Variation(what, run, wait_s=run.settle.dwell_s - first.settle.dwell_s)
+            yield Variation(what, run, wait_s=run.settle.dwell_s - first.settle.dwell_s, routine=True)
 
 
 def values_of(procedure: GeneralProcedure) -> Values:

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from proving.ledger import Result
 from proving.statistics.dry_runs import dry, plan_from, read
-from proving.statistics.frame import Figures, Part, Results, Study
+from proving.statistics.frame import Figures, Results, Study
 from rig.closed_loop.confirm import consider, judge, open_traced, plan_for, propose
 
 
@@ -97,6 +97,3 @@ def _judged(results: Results) -> Figures:
             f"seed {one['seed']}": [one["classes"], one["held"]] for one in results if one["outcome"] != "right"
         },
     }
-
-
-PARTS = {"loops": Part(loops, 5, 1)}

@@ -29,6 +29,7 @@ SHOWN = 5
 """Number of proposals shown by default."""
 
 if TYPE_CHECKING:
+    from procedures.further_runs import Variation
     from rig.closed_loop.confirm.answers import Confirmed
     from rig.closed_loop.confirm.first import First
     from rig.closed_loop.confirm.proposal import Proposal
@@ -82,7 +83,7 @@ def confirm(
     """
     from rig.closed_loop.confirm.answers import judge  # noqa: PLC0415
     from rig.closed_loop.confirm.first import check_way  # noqa: PLC0415
-    from rig.closed_loop.confirm.plans import plan_for, procedure_text  # noqa: PLC0415
+    from rig.closed_loop.confirm.plans import plan_for  # noqa: PLC0415
     from rig.closed_loop.confirm.proposals import consider, inseparable, propose  # noqa: PLC0415
 
     check_files([write, report], [run_file, *filter(None, (bench, world, by))])
@@ -115,15 +116,7 @@ def confirm(
         _show_proposals(first, proposals, never, take, every=only_list)
     if only_list or write is not None:
         if write is not None:
-            lines = f"# {chosen.variation.what}: to confirm the effects found in {run_file.name}\n"
-            lines += "# Turn the package first.\n" if chosen.variation.turned else ""
-            lines += "".join(
-                f"# {step.words}: the run waits, and `rig done` continues it.\n" for step in chosen.variation.steps
-            )
-            write_whole(
-                write,
-                lambda file: file.write(lines + procedure_text(chosen.variation.procedure, chosen.variation.steps)),
-            )
+            _write_procedure(write, run_file, chosen.variation)
             err.print(f"procedure: {escape(str(write))}", soft_wrap=True)
         if as_json:
             print_json(_listed(first, proposals, never))
@@ -184,6 +177,17 @@ def _check_options(
         raise UsageError("--by uses an existing run: it excludes --list, --take and --write")
     if report is not None and (write is not None or only_list):
         raise UsageError("--report shows a judgement; with --list or --write there is none")
+
+
+def _write_procedure(write: Path, run_file: Path, run: Variation) -> None:
+    """The procedure file of a further run, with what a person has to do as comments."""
+    from rig.closed_loop.confirm.plans import procedure_text  # noqa: PLC0415
+
+    lines = f"# {run.what}: to confirm the effects found in {run_file.name}\n"
+    lines += "# Turn the package first.\n" if run.turned else ""
+    lines += "".join(f"# {step.words}: the run waits, and `rig done` continues it.\n" for step in run.steps)
+    text = lines + procedure_text(run.procedure, run.steps, routine=run.routine)
+    write_whole(write, lambda file: file.write(text))
 
 
 def _wait_for_mounting(chosen: Proposal, *, dry: bool, yes: bool) -> None:
