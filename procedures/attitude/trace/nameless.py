@@ -200,9 +200,9 @@ class Nameless:
         return most if effect.searched and most >= (2 if effect.source == "sensor" else 3) else 0
 
     def _own_of(self, name: str) -> tuple[str, ...]:
-        """Sensors that have an effect each for itself which no common cause, time or temperature, gives to all."""
+        """Sensors that have an effect each for itself, unless it follows the temperature, which all may do."""
         mine = [c for j in self.chosen if (c := self.problem.candidates[j]).effect.name == name]
-        if mine[0].effect.source != "sensor":
+        if mine[0].effect.source not in ("sensor", "time"):
             return ()
         return tuple(dict.fromkeys(c.sensor for c in mine if c.sensor is not None))
 
@@ -222,7 +222,7 @@ class Nameless:
             groups: list[tuple[set[str], set[int]]] = []
             for name in names_of(problem.candidates, self.chosen):
                 mine = [j for j in self.chosen if problem.candidates[j].effect.name == name]
-                if self._level(name) != level:
+                if self.level_of(name) != level:
                     continue
                 where = set(np.flatnonzero(np.max([concerns(problem, j) for j in mine], axis=0) > 0.05).tolist())
                 joined = [group for group in groups if group[1] & where]
@@ -238,13 +238,13 @@ class Nameless:
         What is hardly seen within replications was found between them: there it is weighed, beside offsets and
         sensitivities that differ from one to the next.
         """
-        level = self._level(names[0])
+        level = self.level_of(names[0])
         named = self._named(names, level)
         if level == "points" and named < SEEN:
             return self._named(names, "declared"), *self._nameless(names, level, "declared")
         return named, *self._nameless(names, level, level)
 
-    def _level(self, name: str) -> Level:
+    def level_of(self, name: str) -> Level:
         """Level of an effect; an effect of time remains one if the order of running hides it within points."""
         effect = next(c.effect for c in self.problem.candidates if c.effect.name == name)
         return "replications" if effect.stratum == "between-point" else "points"

@@ -1,0 +1,102 @@
+"""Whether the coefficients of the names found are constants."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from fitter.trace.constancy import ENDS, Change, change, products
+from fitter.trace.doubts import CHANGES, not_constant
+from fitter.trace.flexible import Block, remainders, turns, waves
+from fitter.trace.search import names_of
+from procedures.attitude.effects import Scene
+from procedures.attitude.trace.estimate import estimate
+from procedures.attitude.trace.nameless import Nameless
+from procedures.attitude.trace.problem import raw_columns
+
+
+def doubts_of(nameless: Nameless) -> dict[str, str]:
+    """Reasons for doubt about the names found: of shapes without a name first, then of coefficients."""
+    return {**new_doubts(nameless), **nameless.doubts}
+
+
+def new_doubts(nameless: Nameless) -> dict[str, str]:
+    """Reasons for doubt: coefficients that are no constants."""
+    return {name: not_constant(one.over, one.p) for name, one in changes(nameless).items() if one.p < CHANGES}
+
+
+def changes(nameless: Nameless) -> dict[str, Change]:
+    """The clearest change of the coefficient of each name found, over all sensors that have it."""
+    problem, chosen = nameless.problem, nameless.chosen
+    if not nameless.able or not chosen:
+        return {}
+    gamma = estimate(problem, chosen).gamma
+    out = {}
+    for name in names_of(problem.candidates, chosen):
+        mine = [k for k, j in enumerate(chosen) if problem.candidates[j].effect.name == name]
+        added = raw_columns(problem.scene, [problem.candidates[chosen[k]] for k in mine]) @ gamma[mine]
+        common = problem.candidates[chosen[mine[0]]].sensor is None
+        found: dict[str, list[float]] = {}
+        for sensor, block in _common(problem.scene, added) if common else _each(problem.scene, added):
+            p = _p(nameless, name, sensor, block)
+            if p is not None:
+                found.setdefault(block.place, []).append(p)
+        clearest = change(found)
+        if clearest is not None:
+            out[name] = clearest
+    return out
+
+
+def _p(nameless: Nameless, name: str, sensor: int | None, block: Block) -> float | None:
+    """P by chance of products (n, m) of one sensor, or (S n, m) of all; None if nothing is left of them."""
+    problem, n = nameless.problem, len(nameless.problem.scene.data)
+    level = nameless.level_of(name)
+    view, rho = nameless.view(level), nameless.memory
+    y = view.outputs.reshape(-1)[slice(None) if sensor is None else slice(sensor * n, (sensor + 1) * n)]
+    df = y.size // n * problem.levels.df(level) - len(nameless.chosen)
+    project = partial(view.whitened, sensor=sensor, rho=rho)
+    left = remainders(view.white(y, sensor, rho), df, [block], project)
+    return left[0].p if left else None
+
+
+def _each(scene: Scene, added: FloatArray) -> list[tuple[int, Block]]:
+    """What a name adds to each sensor (S, n), times the variables."""
+    return [
+        (i, block)
+        for i, own in enumerate(added)
+        if np.any(own)
+        for block in products(own, _variables(scene, scene.data.sensors[i]))
+    ]
+
+
+def _common(scene: Scene, added: FloatArray) -> list[tuple[None, Block]]:
+    """The same with one coefficient for all sensors: (S n, m)."""
+    n = added.shape[1]
+    by: dict[str, FloatArray] = {}
+    for i, block in _each(scene, added):
+        whole = by.setdefault(block.place, np.zeros((added.size, block.columns.shape[1])))
+        width = min(whole.shape[1], block.columns.shape[1])
+        whole[i * n : (i + 1) * n, :width] = block.columns[:, :width]
+    return [(None, Block(over, own, (own.shape[1],), np.ones(own.shape[1]))) for over, own in by.items()]
+
+
+def _variables(scene: Scene, sensor: str) -> dict[str, FloatArray]:
+    data, index = scene.data, scene.data.replicate_index
+    found = {
+        "with the pitch angle": waves(data.pitch_deg, ENDS),
+        "with gravity along the sensor": waves(scene.along(sensor), ENDS),
+        "along the run": waves(data.elapsed_s, ENDS),
+        "from one replication to the next": (index[:, None] == np.arange(1, index.max() + 1)).astype(np.float64),
+    }
+    sides = [("pitch", data.pitch_side)]
+    if scene.roll:
+        found["with the roll angle"] = turns(data.roll_deg, 1)
+        sides.append(("roll", data.roll_side))
+    if data.sensor_temperature_degC is not None:
+        found["with the temperature"] = waves(data.sensor_temperature_degC, ENDS)
+    for axis, side in sides:
+        if np.ptp(side) > 0:
+            found[f"with the side from which {axis} was approached"] = side.astype(np.float64)[:, None]
+    return found
