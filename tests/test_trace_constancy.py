@@ -62,22 +62,21 @@ def test_probabilities_of_sensors_are_combined_and_variables_are_paid_for():
 
 def test_products_of_what_a_name_adds():
     added = np.linspace(-1.0, 1.0, 50) ** 2
-    made = {one.place: one for one in products(added, {"with x": waves(np.arange(50.0), 2), "constant": np.empty((50, 0))})}
+    over_x = waves(np.arange(50.0), 2)
+    made = {one.place: one for one in products(added, {"with x": over_x, "with a constant": np.empty((50, 0))})}
     assert set(made) == {"with x", OWN_SIZE}
-    assert made["with x"].columns == pytest.approx(added[:, None] * waves(np.arange(50.0), 2))
+    assert made["with x"].columns == pytest.approx(added[:, None] * over_x)
 
 
 def test_a_name_that_changes_stands_in_for_another_one():
     rng = np.random.default_rng(5)
     x, cold = rng.uniform(-1, 1, 300), rng.uniform(-1, 1, 300)
-    law, other = beside_a_line(x**2 * 3.0), beside_a_line((cold * np.abs(x))[:, None])
     noise = beside_a_line(rng.standard_normal(300))
     made = products(3.0 * x**2, {"in the cold": waves(cold, 2)})
-    changing, separate = noise + beside_a_line(3.0 * x**2 * cold), noise + 3.0 * beside_a_line(cold * np.abs(x) * (cold > 0))
-    assert law.size == 300
-    assert stands_in(changing, other, made, beside_a_line, 1.0) == "in the cold"
-    columns = beside_a_line((cold * np.abs(x) * (cold > 0))[:, None])
-    assert stands_in(separate * 2.0, columns, made, beside_a_line, 1.0) is None
+    changing, near = 3.0 * x**2 * cold, beside_a_line((cold * np.abs(x))[:, None])
+    assert stands_in(noise + beside_a_line(changing), near, made, beside_a_line, 1.0) == "in the cold"
+    other = np.sign(x) * (cold > 0)
+    assert stands_in(noise + beside_a_line(other), beside_a_line(other[:, None]), made, beside_a_line, 1.0) is None
 
 
 @pytest.mark.parametrize("lasts", [False, True])
@@ -135,15 +134,15 @@ PLAN = D1(180, 13, 13, replications=4)
 
 
 @pytest.mark.parametrize("changes", [False, True])
-def test_a_cube_that_half_the_replications_have_is_doubtful(changes):
-    """Attitude: the same size in all replications keeps its name without a doubt."""
-    bench = sized("cube", 1.5, PLAN)
+def test_a_backlash_that_wears_in_is_doubtful(changes):
+    """The same size in all replications keeps its name without a doubt."""
+    bench = sized("backlash, pitch", 1.5, PLAN)
     data, truth = simulate(bench, PLAN, 4)
     clean = simulate(CLEAN, PLAN, 4)[1]
     if changes:
-        added = truth["x_V"] - clean["x_V"]
         late = np.where(data.replicate_index >= 2, 0.5, -0.5)
-        data = replace(data, outputs={**data.outputs, "x_V": data.outputs["x_V"] + late * added})
+        added = {name: late * (truth[name] - clean[name]) for name in data.outputs}
+        data = replace(data, outputs={name: volts + added[name] for name, volts in data.outputs.items()})
     effects = {e.effect: e.doubtful for e in trace(data, validate=False).sensors["x_V"].effects}
-    assert "sensor-third-order" in effects
-    assert bool(effects["sensor-third-order"]) == changes
+    assert "backlash-pitch" in effects
+    assert bool(effects["backlash-pitch"]) == changes

@@ -1,9 +1,9 @@
 """Whether the coefficient of a name is a constant: a right name predicts one part of the data from another.
 
-What a name adds is multiplied by smooth functions of everything that was recorded, and of its own size. Beside the model
-the residual follows such a product where the coefficient is larger at one end than at the other. A law that is right does
-not; a law that only looks like the true one over the whole run does, where its error is not large enough to be seen as a
-shape of its own: these are few columns, at the place of the name.
+What a name adds is multiplied by smooth functions of everything that was recorded, and of its own size. Beside the
+model the residual follows such a product where the coefficient is larger at one end than at the other. With a law that
+is right it does not. With one that only looks like the true law over the whole run it does, even where the error of the
+law is too small to be seen as a shape of its own: these are few columns, at the place of the name.
 """
 
 from __future__ import annotations

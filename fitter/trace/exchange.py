@@ -1,8 +1,8 @@
 """Whether two names are one name with a coefficient that changes.
 
-A cause whose strength depends on something (a line that freezes in the cold, friction that grows with the load) is found
-as two: the nearest law with a constant coefficient, and another one that takes up how it changes. If the first law times
-a smooth function of what was recorded does the work of the second, both names are doubtful.
+A cause whose strength depends on something (a line that freezes in the cold, friction that grows with the load) is
+found as two: the nearest law with a constant coefficient, and another one that takes up how it changes. If the first
+law times a smooth function of what was recorded does the work of the second, both names are doubtful.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def stands_in(
     """
     basis = orthonormal(other)
     least = float(np.sum((basis.T @ y) ** 2)) / variance - PER_COLUMN * basis.shape[1] - DELTA
-    best, over = least, None
+    best, over = max(least, DELTA), None  # a weak name is as good as many by chance
     for block in blocks:
         for columns in (block.columns[:, :1], block.columns):
             own = orthonormal(project(columns), np.linalg.norm(columns, axis=0), NOTHING_LEFT)

@@ -1,8 +1,8 @@
 """Whether a step is sudden: a change that goes on for a good part of the run is another cause.
 
 A step is the refuge of whatever begins at some time. It is only named for sure if every such change is a worse
-explanation: a ramp over two or three fifths of the run, a slope that begins at some time and lasts to the end, or one that
-lasts from the beginning until some time.
+explanation: a ramp over two or three fifths of the run, a slope that begins at some time and lasts to the end, or one
+that lasts from the beginning until some time.
 """
 
 from __future__ import annotations

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import partial
+from itertools import permutations
 
 import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.trace.constancy import ENDS, Change, change, products
-from fitter.trace.doubts import CHANGES, not_constant
+from fitter.trace.doubts import CHANGES, not_constant, one_that_changes
+from fitter.trace.exchange import stands_in
 from fitter.trace.flexible import Block, remainders, turns, waves
 from fitter.trace.search import names_of
 from procedures.attitude.effects import Scene
@@ -23,29 +26,60 @@ def doubts_of(nameless: Nameless) -> dict[str, str]:
 
 
 def new_doubts(nameless: Nameless) -> dict[str, str]:
-    """Reasons for doubt: coefficients that are no constants."""
-    return {name: not_constant(one.over, one.p) for name, one in changes(nameless).items() if one.p < CHANGES}
-
-
-def changes(nameless: Nameless) -> dict[str, Change]:
-    """The clearest change of the coefficient of each name found, over all sensors that have it."""
-    problem, chosen = nameless.problem, nameless.chosen
-    if not nameless.able or not chosen:
+    """Of names that are one whose coefficient changes, and of coefficients that are no constants."""
+    if not nameless.able or not nameless.chosen:
         return {}
-    gamma = estimate(problem, chosen).gamma
-    out = {}
+    added = _added(nameless)
+    found = changes(nameless, added)
+    changing = {name: not_constant(one.over, one.p) for name, one in found.items() if one.p < CHANGES}
+    return {**_exchanged(nameless, added), **changing}
+
+
+def _added(nameless: Nameless) -> dict[str, FloatArray]:
+    """(S, n) what each name found adds to the sensors, V."""
+    problem, chosen = nameless.problem, nameless.chosen
+    gamma, out = estimate(problem, chosen).gamma, dict[str, FloatArray]()
     for name in names_of(problem.candidates, chosen):
         mine = [k for k, j in enumerate(chosen) if problem.candidates[j].effect.name == name]
-        added = raw_columns(problem.scene, [problem.candidates[chosen[k]] for k in mine]) @ gamma[mine]
-        common = problem.candidates[chosen[mine[0]]].sensor is None
+        out[name] = raw_columns(problem.scene, [problem.candidates[chosen[k]] for k in mine]) @ gamma[mine]
+    return out
+
+
+def changes(nameless: Nameless, added: Mapping[str, FloatArray]) -> dict[str, Change]:
+    """The clearest change of the coefficient of each name found, over all sensors that have it.
+
+    Args:
+        nameless: the run with its findings.
+        added: (S, n) what each name adds, V.
+
+    """
+    problem, out = nameless.problem, dict[str, Change]()
+    for name, own in added.items():
+        common = any(
+            problem.candidates[j].sensor is None for j in nameless.chosen if problem.candidates[j].effect.name == name
+        )
         found: dict[str, list[float]] = {}
-        for sensor, block in _common(problem.scene, added) if common else _each(problem.scene, added):
+        for sensor, block in _common(problem.scene, own) if common else _each(problem.scene, own):
             p = _p(nameless, name, sensor, block)
             if p is not None:
                 found.setdefault(block.place, []).append(p)
         clearest = change(found)
         if clearest is not None:
             out[name] = clearest
+    return out
+
+
+def _exchanged(nameless: Nameless, added: Mapping[str, FloatArray]) -> dict[str, str]:
+    """Names of which one with a coefficient that changes does the work of both, in sensors that both concern."""
+    scene, out = nameless.problem.scene, dict[str, str]()
+    for name, other in permutations(added, 2):
+        if not np.any(np.any(added[name], axis=1) & np.any(added[other], axis=1)):
+            continue
+        view, mine = nameless.without_in_view((other,), nameless.level_of(other))
+        blocks = [block for _, block in _common(scene, added[name])]
+        over = stands_in(view.outputs.reshape(-1), view.of(mine), blocks, partial(view.project, sensor=None), 1.0)
+        if over is not None:
+            out |= {one: one_that_changes(name, other, over) for one in (name, other) if one not in out}
     return out
 
 

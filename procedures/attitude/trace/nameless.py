@@ -251,7 +251,7 @@ class Nameless:
 
     def _named(self, names: Sequence[str], level: Level) -> float:
         """Evidence in nats for effects found, one after the other, less their prices."""
-        view, every = self._without(names, level)
+        view, every = self.without_in_view(names, level)
         own = (view.of([j for j in every if self.problem.candidates[j].effect.name == name]) for name in names)
         return evidence_of(view.outputs.reshape(-1), own) - sum(map(self._price, names))
 
@@ -265,7 +265,7 @@ class Nameless:
 
         """
         problem, n = self.problem, len(self.problem.scene.data)
-        view, mine = self._without(names, level)
+        view, mine = self.without_in_view(names, level)
         y, every = view.outputs.reshape(-1), view.of(mine).reshape(len(problem.sensors), n, -1)
         sensors = [i for i in range(len(problem.sensors)) if np.any(every[i] != 0)]
         by_text: dict[str, dict[int | None, Place]] = {}
@@ -283,7 +283,7 @@ class Nameless:
                 best, where = total, text
         return best, where
 
-    def _without(self, names: Sequence[str], level: Level) -> tuple[View, list[int]]:
+    def without_in_view(self, names: Sequence[str], level: Level) -> tuple[View, list[int]]:
         """The residual beside all but some effects, and their candidates."""
         mine = [j for j in self.chosen if self.problem.candidates[j].effect.name in names]
         return View(self.problem, level, tuple(j for j in self.chosen if j not in mine), self.sigma), mine

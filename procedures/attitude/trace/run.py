@@ -120,7 +120,17 @@ def trace(
     sensors = {
         sensor: replace(
             sensor_trace(
-                judge, data, aside, not_kept, before, after, classes, i, None if cv is None else cv[:, i], nameless, doubts
+                judge,
+                data,
+                aside,
+                not_kept,
+                before,
+                after,
+                classes,
+                i,
+                None if cv is None else cv[:, i],
+                nameless,
+                doubts,
             ),
             refused=tuple(one for one in wrong if sensor in one.sensors),
         )

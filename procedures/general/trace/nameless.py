@@ -233,7 +233,7 @@ class Nameless:
         """Number of values of the period searched for it; two and three times one frequency are its harmonics."""
         mine = [self.judge.candidates[j] for j in self.chosen if self.judge.candidates[j].effect.name == name]
         found = sorted(c.term.profile.value for c in mine if c.effect.family == "periodic" and c.term.profile)
-        return sum(not any(abs(k * first - v) < NEAR * v for first in found[:i] for k in (2, 3)) for i, v in enumerate(found))
+        return sum(not any(_harmonic(v, first) for first in found[:i]) for i, v in enumerate(found))
 
     def _over_one_variable(self, names: Sequence[str]) -> Iterator[tuple[str, str]]:
         """Pairs of effects of the same columns, unless both are plain: with a searched constant they take any shape."""
@@ -295,6 +295,11 @@ class Nameless:
         own = [c for c in candidates if c.effect.name == name]
         names = len({c.effect.name for c in candidates})
         return float(np.log(names) + np.log(len(own)))
+
+
+def _harmonic(value: float, first: float) -> bool:
+    """Whether a frequency is two or three times another one."""
+    return any(abs(k * first - value) < NEAR * value for k in (2, 3))
 
 
 def _less_means(values: FloatArray, group: IntArray) -> FloatArray:
