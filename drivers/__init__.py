@@ -1,4 +1,6 @@
 """Communication with instruments: roles, the clock, wires, and one module for each real instrument.
 
 A driver is registered in `pyproject.toml`, under `rig.drivers`, and its twin under `rig.twins`.
+Meters and sources that take lines of text need no driver of their own: the bench file describes them, for `scpi_meter`
+and `scpi_source`.
 """

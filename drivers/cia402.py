@@ -35,6 +35,8 @@ _DEVICE_TYPE, _DEVICE_NAME, _SOFTWARE, _IDENTITY = 0x1000, 0x1008, 0x100A, 0x101
 _VENDOR, _PRODUCT, _SERIAL = 1, 2, 4
 _PROFILE = 402
 
+_COMMANDS = 8
+"""Commands to enable a drive at most; it takes four, and more if it falls back."""
 _NEXT = {"disabled": 0x06, "ready": 0x07, "switched on": 0x0F, "quick stop": 0x00}
 """Controlword for the next step from a state to "enabled"."""
 
@@ -330,25 +332,30 @@ class CiA402Pair:
             axis.node.write(CONTROLWORD, _DISABLE)
 
     def _enable(self, name: str, axis: _Axis) -> None:
-        end = self._clock.now() + _ENABLE_S
-        before = ""
+        # Each command has its own time, and time is read before the state: a slow computer is no slow drive.
+        before, commands, now = "", 0, self._clock.now()
+        end = now + _ENABLE_S
         while (state := state_of(self._status(axis))) != "enabled":
-            if self._clock.now() > end or state == "fault":
+            goes_on = state != before and state in _NEXT and commands < _COMMANDS
+            if state == "fault" or (now > end and not goes_on):
                 text = self._fault(axis) if state == "fault" else "check its enable input and supply"
                 raise NotReady(f"{axis.node.where}: the {name} drive stays {state}; {text}")
-            if state != before and state in _NEXT:
+            if goes_on:
                 axis.node.write(CONTROLWORD, _NEXT[state])
-                before = state
+                before, commands, end = state, commands + 1, self._clock.now() + _ENABLE_S
             self._clock.sleep(_POLL_S)
+            now = self._clock.now()
 
     def _acknowledged(self, name: str, axis: _Axis) -> None:
-        end = self._clock.now() + _ACKNOWLEDGE_S
+        now = self._clock.now()
+        end = now + _ACKNOWLEDGE_S
         while not (status := self._status(axis)) & _ACKNOWLEDGED:
             state = state_of(status)
-            if self._clock.now() > end or state != "enabled":
+            if now > end or state != "enabled":
                 text = self._fault(axis) if state == "fault" else "prepare it, or look at its display"
                 raise NotReady(f"{axis.node.where}: {name} does not take the set-point; it is {state}: {text}")
             self._clock.sleep(_POLL_S)
+            now = self._clock.now()
 
     def _follow_homing(self, axis: _Axis, status: int) -> int:
         """Check whether a home search has ended; the drive then returns to positioning. Returns the statusword."""

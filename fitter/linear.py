@@ -73,7 +73,10 @@ class LinearFit:
 
     @property
     def sigma(self) -> float:
-        """Standard error of one observation, in units of y; NaN without degrees of freedom."""
+        """Standard error of one observation, in units of y; NaN without degrees of freedom.
+
+        It is `sigma_E` of tables of any kind; that of attitude runs is in `fitter.replication.analyse`.
+        """
         return float(np.sqrt(self.rss / self.df)) if self.df > 0 else float("nan")
 
     @cached_property

@@ -187,7 +187,7 @@ def analyse(
     point: IntArray,
     replicate: IntArray,
     extra: FloatArray | None = None,
-    by_hand: int = 0,
+    beside: int = 0,
     order: IntArray | None = None,
 ) -> Replication:
     """Table 2 for one output.
@@ -199,7 +199,7 @@ def analyse(
         point: (n,) point of the design, from 0.
         replicate: (n,) replication, from 0.
         extra: (n, q) columns of effects whose coefficients were fitted together with the model, if any.
-        by_hand: number of fitted coefficients beyond `columns`; they cost degrees of freedom.
+        beside: number of fitted coefficients beyond `columns`; they cost degrees of freedom.
         order: (n,) order of measurement; None if it is that of the rows.
     """
     n, k = columns.shape
@@ -208,9 +208,9 @@ def analyse(
     pe = float(np.sum(off(centred(output[:, None], point), within_point) ** 2))
     n_points = int(point.max()) + 1
     df_pe = n - n_points - within_point.shape[1]
-    df_lof = n - k - by_hand - df_pe
+    df_lof = n - k - beside - df_pe
     lof = max(fit.rss - pe, 0.0)
-    sigma_E = float(np.sqrt(fit.rss / (n - k - by_hand))) if n > k + by_hand else NAN
+    sigma_E = float(np.sqrt(fit.rss / (n - k - beside))) if n > k + beside else NAN
     split = pe / fit.rss if fit.rss > 0 else NAN
     alone = _each_alone(columns, output, replicate, fit.names)
     df_w, ss_w = sum(f.df for f in alone), sum(f.rss for f in alone)

@@ -3,6 +3,9 @@
 Each class of fault has a policy: a sequence of steps, taken in order when the same fault occurs again at the same
 place, e.g. `["retry 3", "re-home", "skip"]`. A text alone is the last step, after `retries` retries if the class has
 any: `"skip"` is `["retry 2", "skip"]`.
+
+Failures are counted in `rig.engine.failure_counts`. Repeats of noisy readings are `measure.repeats`, those of lost
+whole plots `recovery.whole_plot_repeats`.
 """
 
 from __future__ import annotations
@@ -93,7 +96,9 @@ class FaultSettings(Strict):
     retries: Times = Field(2, description='how often "retry" without a number, and before a policy of one word')
     pause_s: float = Field(2.0, ge=0, le=3600, description="before an instrument that failed is tried again")
     pause_growth: float = Field(2.0, ge=1, le=10, description="factor from one pause to the next")
-    pause_max_s: Positive = Field(300.0, le=86400, description="but no longer than this")
+    pause_max_s: Positive = Field(
+        300.0, le=86400, description="but no longer than this; failures older than it are no longer counted"
+    )
     skips_in_a_row: int = Field(
         10,
         ge=1,
@@ -104,7 +109,8 @@ class FaultSettings(Strict):
     overload: Policy = Field("skip", description="a reading is out of the instrument's range")
     noisy: Policy = Field(["accept"], description="still noisier than allowed after `measure.repeats`; accept flags it")
     frozen: Policy = Field(
-        ["retry 5", SKIP], description="an output hangs: it repeats itself to the last digit; accept flags it"
+        ["retry 5", SKIP],
+        description="an output or a reference standard hangs: it repeats itself to the last digit; accept flags it",
     )
     no_reply: Policy = Field(["retry 8", ABORT], description="an instrument does not answer")
     bad_reply: Policy = Field(["retry 5", ABORT], description="an answer makes no sense")

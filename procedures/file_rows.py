@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 from fitter.arrays import IntArray
 from fitter.formula import RowError
 from procedures.table import Table
+
+_SHOWN = 8
 
 
 @contextmanager
@@ -22,3 +24,9 @@ def rows_of_file(table: Table, order: IntArray | None = None) -> Iterator[None]:
         yield
     except RowError as error:
         raise error.at(table.row(error.index if order is None else int(order[error.index]))) from error
+
+
+def rows_in_words(rows: Sequence[int]) -> str:
+    """Numbers of rows in a sentence, the first eight of them."""
+    more = f" and {len(rows) - _SHOWN} more" if len(rows) > _SHOWN else ""
+    return f"row{'s' if len(rows) > 1 else ''} {', '.join(map(str, rows[:_SHOWN]))}{more}"

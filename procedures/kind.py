@@ -26,6 +26,7 @@ from fitter.effects.own import Grammar
 from fitter.errors import FitError
 from procedures.acceptance import Verdict
 from procedures.advice import Advice
+from procedures.budgeting import Evaluation
 from procedures.charting import Charting
 from procedures.conduct import Conduct
 from procedures.confirming import Confirming
@@ -199,6 +200,31 @@ class Kind(ABC):
     def confirming(self, traced: Any) -> Confirming | None:
         """A run that it traced, as the first of two; None if no further run is possible."""
         return None
+
+    def placed(self, columns: Columns, constants: Mapping[str, float]) -> Columns:
+        """The recorded columns with corrections by constants of the place, as for `evaluation`."""
+        return columns
+
+    @property
+    def budget_options(self) -> type[Options]:
+        """Options of `rig budget` for this kind only."""
+        return Options
+
+    def evaluation(
+        self, table: Table, options: Any, at: Sequence[Mapping[str, float]], constants: Mapping[str, float]
+    ) -> Evaluation:
+        """The evaluation of a table, for uncertainty budgets.
+
+        Args:
+            table: with corrected columns.
+            options: as declared by this kind.
+            at: points at which outputs and inferred quantities are given, by quantity; empty for those of this kind.
+            constants: of the place, by name, as in `procedures.stated.PlaceConstant`.
+
+        Raises:
+            DataError: there are no budgets, or a point or the table cannot be used.
+        """
+        raise DataError(f"uncertainty budgets are not made of {self.title}")
 
     def charting(self) -> Charting:
         """Control charts of its sensors. Raises `DataError` if there are none."""

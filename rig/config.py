@@ -77,6 +77,7 @@ class TemperatureConfig(_Strict):
     place: Literal["package", "enclosure", "sensors", "sse", "lab"] = Field(
         "package", description="place of the thermometer; used by the simulation"
     )
+    asset: str = Field("", description="your asset number of the thermometer, if it is not the reader's")
     follows_s: float | None = Field(
         None,
         ge=1,
@@ -114,6 +115,11 @@ class BenchConfig(_Strict):
 
     name: Name
     simulated: bool = False
+    equipment: str = Field(
+        "",
+        description="register of the laboratory's equipment ([register.md](register.md)), a file beside this one; "
+        "without it `equipment.toml`, if there is one",
+    )
     instruments: dict[Name, InstrumentConfig] = Field(min_length=1)
     sensors: dict[Name, SensorConfig] = Field(min_length=1)
     temperatures: dict[Name, TemperatureConfig] = Field(default_factory=dict)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,7 @@ from rig.engine.guard import Guard
 from rig.engine.whole_plots import renewal
 from rig.errors import ConfigurationError, RigError, UsageError
 from rig.quantities import ATMOSPHERE_PSIA, HEAD, PRESSURE_UNIT, TEMPERATURE_UNIT, unit_of
+from rig.register import DOCUMENT, check_register, parse_register, register_beside
 from rig.run_file.bodies import shown
 from rig.run_file.events.sessions import Identified
 from rig.run_file.reader import RunReader
@@ -61,7 +63,9 @@ def load_plan(procedure: Path, bench: Path, *, dry: bool = False, world: Path | 
     documents = {"bench.toml": read_text(bench, "bench"), "procedure.toml": read_text(procedure, "procedure")}
     if world is not None:
         documents["world.toml"] = read_text(world, "world")
-    documents |= files_beside(parse_bench(documents["bench.toml"], str(bench)), bench)
+    config = parse_bench(documents["bench.toml"], str(bench))
+    documents |= files_beside(config, bench)
+    documents |= _register(config, bench)
     against = parse_procedure(documents["procedure.toml"], str(procedure)).warnings.against
     if against is not None:
         from rig.previous import previous_text  # noqa: PLC0415 - imports the fitter, which few runs need
@@ -78,6 +82,20 @@ def load_plan(procedure: Path, bench: Path, *, dry: bool = False, world: Path | 
     except FitError as error:
         raise ConfigurationError(f"{procedure}: {error}") from error
     return plan
+
+
+def _register(config: BenchConfig, bench: Path) -> dict[str, str]:
+    """The register of equipment of a bench, as a document; none if it has none.
+
+    Raises:
+        ConfigurationError: it cannot be used, or contradicts the bench.
+    """
+    found = register_beside(config, bench)
+    if found is None:
+        return {}
+    path, text = found
+    check_register(parse_register(text, str(path)), config, str(path), str(bench))
+    return {DOCUMENT: text}
 
 
 def _with_files(text: str, procedure: Path) -> str:
@@ -111,6 +129,8 @@ def _plan(documents: Mapping[str, str], dry: bool, where: Mapping[str, str], *, 
     procedure = parse_procedure(documents["procedure.toml"], where["procedure.toml"], strict=strict)
     run_list = procedure.expand()
     check_match(config, procedure, run_list, where["bench.toml"])
+    if strict:
+        _check_names(config, procedure.conduct, where["procedure.toml"])
     truth = parse_toml(documents["world.toml"], where["world.toml"]) if "world.toml" in documents else {}
     return Plan(documents, config, procedure, run_list, dry, truth)
 
@@ -274,6 +294,19 @@ def _check_sensors(config: BenchConfig, where: str, conduct: Conduct) -> None:
             raise ConfigurationError(
                 f'{where}: sensors.{name}: this kind of procedure records it in {unit}: unit = "{unit}"'
             )
+
+
+def _check_names(config: BenchConfig, conduct: Conduct, where: str) -> None:
+    """Check that the bench has the sensors and reference standards that the procedure names: a typo has no effect."""
+    for names, known, what in (
+        (conduct.models_of, [*config.sensors], "sensor"),
+        (conduct.max_sd, [*config.sensors, *config.references], "sensor or reference standard"),
+    ):
+        for name in names:
+            if name not in known:
+                near = get_close_matches(name, known, n=1)
+                hint = f"did you mean {near[0]}?" if near else f"it has {', '.join(known)}"
+                raise ConfigurationError(f"{where}: the bench has no {what} {name}: {hint}")
 
 
 def _check_factors(config: BenchConfig, run_list: RunList, guard: Guard, where: str) -> None:

@@ -1,4 +1,7 @@
-"""Plug-ins: installed objects by name, ours and those of other packages, from entry points."""
+"""Plug-ins: installed objects by name, ours and those of other packages, from entry points.
+
+Ours are in `pyproject.toml`, under `rig.drivers`, `rig.twins`, `rig.kinds` and `rig.effects`.
+"""
 
 from __future__ import annotations
 

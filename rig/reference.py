@@ -17,6 +17,7 @@ from pydantic.fields import FieldInfo
 from procedures.kind import kinds
 from rig.config import BenchConfig
 from rig.plugins import driver_class, installed
+from rig.register import Register
 
 _HEAD = """# Files
 
@@ -33,6 +34,7 @@ def document() -> str:
     for name in installed("rig.drivers"):
         parts += [f'### `[instruments.NAME]` with `driver = "{name}"`, besides the above']
         parts += [_table(driver_class(name).Options)]
+    parts += ["## equipment.toml", *_tables(Register, "")]
     for name, kind in kinds().items():
         if kind.settings is not None:
             parts += [f'## procedure.toml, `kind = "{name}"`', *_tables(kind.settings, "")]

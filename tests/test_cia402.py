@@ -101,6 +101,24 @@ def test_enabling_goes_through_the_states_with_06_07_0f() -> None:
     assert words == ["0600", "0700", "0f00"]
 
 
+def test_a_slow_computer_is_not_taken_for_a_drive_that_stays_where_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    bench = head()
+    slow = bench.driver._clock.sleep
+    monkeypatch.setattr(bench.driver._clock, "sleep", lambda dt: slow(dt + 3.0))
+    bench.driver.prepare()
+    words = [int.from_bytes(drive.read(0x6041, 0), "little") for drive in bench.twin.drives.values()]
+    assert [word & 0x6F for word in words] == [0x27, 0x27]
+
+
+def test_a_drive_without_supply_is_told_by_its_state(monkeypatch: pytest.MonkeyPatch) -> None:
+    bench = head()
+    drive = bench.twin.drives["pitch"]
+    write = drive.write
+    monkeypatch.setattr(drive, "write", lambda index, *rest: None if index == 0x6040 else write(index, *rest))
+    with pytest.raises(NotReady, match="the pitch drive stays disabled; check its enable input and supply"):
+        bench.driver.prepare()
+
+
 def test_settings_reach_the_drives_in_counts() -> None:
     bench = head(speed_deg_per_s=2.0, acceleration_deg_per_s2=4.0, counts_per_degree=10000.0, pitch_deg=(-90.0, 45.0))
     bench.driver.prepare()

@@ -20,6 +20,7 @@ NAMES = frozenset({"pitch-roll", "whole-plot", "general"})
 
 _CONTROLLER = "the role of a pressure controller, and of the line it fills"
 EXCEPTIONS: dict[str, tuple[set[str], str]] = {
+    "certificate/si_units.py": ({"psia"}, "units that convert to those of the SI"),
     "cli/demo.py": ({"attitude", "transducers"}, "the two example laboratories, and what is in them"),
     "config.py": ({"sse"}, "a bench file's units of outputs and places of thermometers"),
     "engine/axes.py": ({"psia"}, _CONTROLLER),
@@ -28,6 +29,7 @@ EXCEPTIONS: dict[str, tuple[set[str], str]] = {
     "plans.py": ({"psia"}, _CONTROLLER),
     "protection.py": ({"psia"}, _CONTROLLER),
     "quantities.py": ({"pitch", "roll", "psia", "mv"}, "what the roles of instruments set, and units of outputs"),
+    "register/units.py": ({"psia"}, "units that convert"),
     "run_file/events/points.py": ({"whole-plot"}, "a status in run files, of runs with hard-to-change factors"),
     "run_file/sense/instruments.py": (
         {"psia"},

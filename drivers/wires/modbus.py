@@ -91,14 +91,6 @@ class ModbusLine:
 
         return self._words(request, address, count)
 
-    def read_input(self, address: int, count: int = 1) -> list[int]:
-        """Read `count` input registers (function 4) from `address`; otherwise as `read`."""
-
-        def request(client: ModbusTcpClient) -> ModbusPDU:
-            return client.read_input_registers(address, count=count, device_id=self._unit)
-
-        return self._words(request, address, count)
-
     def write(self, address: int, words: Sequence[int]) -> None:
         """Write holding registers from `address` on: one by function 6, several by function 16. Never repeated.
 

@@ -12,8 +12,9 @@ from fitter.effects.entry import Entry
 from fitter.effects.own import Grammar
 from procedures.acceptance import Verdict
 from procedures.advice import Advice
-from procedures.attitude.options import FitOptions, InferOptions, TraceOptions
+from procedures.attitude.options import BudgetOptions, FitOptions, InferOptions, TraceOptions
 from procedures.attitude.settings import PitchRollProcedure
+from procedures.budgeting import Evaluation
 from procedures.charting import Charting
 from procedures.confirming import Confirming
 from procedures.errors import DataError
@@ -124,6 +125,19 @@ class AttitudeKind(Kind):
         from procedures.attitude.confirming import AttitudeConfirming  # noqa: PLC0415
 
         return AttitudeConfirming(traced)
+
+    @property
+    def budget_options(self) -> type[BudgetOptions]:
+        """See `Kind`."""
+        return BudgetOptions
+
+    def evaluation(
+        self, table: Table, options: BudgetOptions, at: Sequence[Mapping[str, float]], constants: Mapping[str, float]
+    ) -> Evaluation:
+        """Parameters, outputs and angles by the declared model."""
+        from procedures.attitude.budget import attitude_evaluation  # noqa: PLC0415
+
+        return attitude_evaluation(table, at, temperature=options.temperature, gravity=constants.get("gravity"))
 
     def charting(self) -> Charting:
         """See `Kind`."""

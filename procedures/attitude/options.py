@@ -34,6 +34,12 @@ class TraceOptions(Options):
     unnamed: bool = Field(False, description="let smooth terms without a cause take up what no effect explains")
 
 
+class BudgetOptions(Options):
+    """Options of `rig budget`."""
+
+    temperature: bool | None = Field(None, description=_TEMPERATURE, json_schema_extra={"default": _AS_RUN})
+
+
 class InferOptions(Options):
     """Options of `rig infer`."""
 

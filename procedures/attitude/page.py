@@ -1,4 +1,4 @@
-"""The report of an attitude calibration: findings, error before and after, residuals, provenance."""
+"""The report of a trace in an attitude calibration: findings, error before and after, residuals, provenance."""
 
 from __future__ import annotations
 

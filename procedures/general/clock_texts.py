@@ -11,7 +11,6 @@ import numpy as np
 from fitter.arrays import FloatArray
 from fitter.errors import FitError
 
-DATE_ORDERS = ("dmy", "mdy")
 _LOCAL = re.compile(r"(\d{1,2})([./-])(\d{1,2})\2(\d{4})(?:[ T,]+(.+))?")
 _CLOCK = re.compile(r"(\d{1,2}):(\d{2})(?::(\d{2})(?:[.,](\d{1,9}))?)? ?([AaPp][Mm])?")
 _DAY_S = 86400.0

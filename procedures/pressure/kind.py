@@ -12,6 +12,7 @@ from fitter.effects.entry import Entry
 from fitter.effects.own import Grammar
 from fitter.errors import FitError
 from procedures.acceptance import Verdict
+from procedures.budgeting import Evaluation
 from procedures.charting import Charting
 from procedures.confirming import Confirming
 from procedures.expected import Columns, Expecting
@@ -19,7 +20,7 @@ from procedures.further_runs import Limits, Variation
 from procedures.inference import Inference
 from procedures.kind import Kind
 from procedures.precision import Precision
-from procedures.pressure.options import FitOptions, InferOptions, TraceOptions
+from procedures.pressure.options import BudgetOptions, FitOptions, InferOptions, TraceOptions
 from procedures.pressure.settings import FACTORS, WholePlotProcedure
 from procedures.results import Fitted, Source, Traced
 from procedures.run_list import RunList
@@ -109,6 +110,26 @@ class PressureKind(Kind):
         from procedures.pressure.confirming import WholePlotConfirming  # noqa: PLC0415
 
         return WholePlotConfirming(traced)
+
+    def placed(self, columns: Columns, constants: Mapping[str, float]) -> Columns:
+        """With the pressure at the transducers, by their height above the standard's reference level."""
+        from procedures.pressure.influences import line_head  # noqa: PLC0415
+
+        height = constants.get("line_head", 0.0)
+        return {**columns, "pressure_psia": line_head(columns["pressure_psia"], height)} if height else columns
+
+    @property
+    def budget_options(self) -> type[BudgetOptions]:
+        """See `Kind`."""
+        return BudgetOptions
+
+    def evaluation(
+        self, table: Table, options: BudgetOptions, at: Sequence[Mapping[str, float]], constants: Mapping[str, float]
+    ) -> Evaluation:
+        """Coefficients, outputs and pressures by the declared model."""
+        from procedures.pressure.budget import pressure_evaluation  # noqa: PLC0415
+
+        return pressure_evaluation(table, options.formula, at)
 
     def charting(self) -> Charting:
         """See `Kind`."""

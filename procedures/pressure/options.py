@@ -43,6 +43,12 @@ class TraceOptions(Options):
     formula: str | None = Field(None, description=_FORMULA)
 
 
+class BudgetOptions(Options):
+    """Options of `rig budget`."""
+
+    formula: str | None = Field(None, description=_FORMULA)
+
+
 class ZeroRowsMean(StrEnum):
     """Meaning of several rows read in vacuum."""
 

@@ -1,4 +1,4 @@
-"""The report of a pressure calibration in whole plots: findings, error before and after, residuals."""
+"""The report of a trace in a pressure calibration: findings, error before and after, residuals."""
 
 from __future__ import annotations
 

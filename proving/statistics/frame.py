@@ -25,6 +25,7 @@ Results = Sequence[Result]
 
 NAMES = (
     "attitude",
+    "budgets",
     "charts",
     "closed_loop",
     "confirm",

@@ -66,6 +66,11 @@ COMMANDS = {
     "trace": Entry(
         _DATA, "rig.cli.data", "Find effects missing in the declared model: residual, effect, error before and after."
     ),
+    "budget": Entry(
+        _DATA,
+        "rig.cli.budget",
+        "Uncertainty budgets of the results of a run, by its register of equipment.",
+    ),
     "infer": Entry(
         _DATA,
         "rig.cli.infer",
@@ -86,6 +91,11 @@ COMMANDS = {
         _DATA,
         "rig.cli.verify",
         "Check that a run file is intact and its contents are consistent; report changes and their places.",
+    ),
+    "seal": Entry(
+        _DATA,
+        "rig.cli.seal",
+        "Seal a run file and its certificates: a signature by a key, or the time stamp of an authority.",
     ),
     "demo": Entry(
         _TRYING,

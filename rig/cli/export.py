@@ -1,4 +1,7 @@
-"""`rig export`: the observations of a run as a table, whose columns `rig.tables.table_of_run` makes."""
+"""`rig export`: the observations of a run as a table.
+
+Its columns are made by `rig.tables.table_of_run`, those of the table of faults by `rig.tables.faults`.
+"""
 
 from __future__ import annotations
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import re
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.markup import escape
@@ -19,6 +20,9 @@ from rig.run_file.proven import Other
 from rig.run_file.reader import RunReader
 from rig.run_file.state import RunState, read_state
 from rig.run_file.verification import Verification, restored, verify_file
+
+if TYPE_CHECKING:
+    from rig.certificate.seal import Checked
 
 
 @app.command()
@@ -39,12 +43,24 @@ def verify(
             show_default=False,
         ),
     ] = None,
+    sealed_by: Annotated[
+        list[Path] | None,
+        typer.Option(
+            help="public key, PEM, of which the seals must be; exit 1 without such a seal; repeatable",
+            show_default=False,
+        ),
+    ] = None,
+    authority: Annotated[
+        Path | None,
+        typer.Option(help="certificates, PEM, of the authorities whose time stamps are trusted", show_default=False),
+    ] = None,
     as_json: JsonOption = False,
 ) -> int:
     """Check that a run file is intact and its contents are consistent; report changes and their places.
 
-    If all hashes were recomputed consistently, only a head hash noted elsewhere shows the change: use --head. Exit code
-    0: intact, and a given head is the hash of one of its records; 1: broken, inconsistent, or another head.
+    If all hashes were recomputed consistently, only a head hash noted elsewhere shows the change: use --head; or a seal
+    (`rig seal`), with the public key of the sealer: --sealed-by. Exit code 0: intact, a given head is the hash of one
+    of its records, and every seal holds; 1: broken, inconsistent, another head, or a seal that does not hold.
 
     Examples: `rig verify runs/20260115T180000-night-1a2b.sqlite --head 3f7a9c0d51e2b846`, `rig verify DAMAGED.sqlite
     --restore NEW.sqlite`
@@ -56,13 +72,38 @@ def verify(
     if restore is not None:
         return _restore(run_file, restore, head, as_json)
     found = verify_file(run_file, head)
+    seals = _seals(run_file, authority, sealed_by or [])
     if as_json:
-        _print_json(found)
+        _print_json(found, seals)
     else:
-        _print_text(found)
+        _print_text(found, seals)
     if found.whole:
-        return ExitCode.DONE
+        return _sealed(run_file, seals, asked=bool(sealed_by))
     raise RunFileError(_way_forward(run_file, found))
+
+
+def _seals(run_file: Path, authority: Path | None, keys: list[Path]) -> tuple[Checked, ...]:
+    """The seals beside a run file, checked."""
+    from rig.certificate.seal import checked, stored  # noqa: PLC0415 - few files have any
+
+    if not stored(run_file):
+        return ()
+    with contextlib.ExitStack() as stack:
+        try:
+            reader = stack.enter_context(RunReader.open(run_file))
+        except RunFileError:  # told by the verification
+            return ()
+        return checked(run_file, reader.holds, authority, keys)
+
+
+def _sealed(run_file: Path, seals: tuple[Checked, ...], *, asked: bool) -> int:
+    """Exit code of a whole file by its seals. Raises `RunFileError` if one does not hold, or none has an asked key."""
+    wrong = next((one for one in seals if not one.holds), None)
+    if wrong is not None:
+        raise RunFileError(f"a seal of {run_file} does not prove it: {wrong.words}")
+    if asked and not any(one.key for one in seals):
+        raise RunFileError(f"{run_file} has no seal by the given key")
+    return ExitCode.DONE
 
 
 def _restore(damaged: Path, new: Path, head: str | None, as_json: bool) -> int:
@@ -135,7 +176,7 @@ def _way_forward(path: Path, found: Verification) -> str:
     )
 
 
-def _print_json(found: Verification) -> None:
+def _print_json(found: Verification, seals: tuple[Checked, ...]) -> None:
     print_json(
         {
             "file": str(found.path),
@@ -145,11 +186,12 @@ def _print_json(found: Verification) -> None:
             "head": found.head,
             "findings": [dataclasses.asdict(finding) for finding in found.findings],
             "notes": list(found.notes),
+            "seals": [dataclasses.asdict(one) for one in seals],
         }
     )
 
 
-def _print_text(found: Verification) -> None:
+def _print_text(found: Verification, seals: tuple[Checked, ...]) -> None:
     start = f"{mark(bool(found.simulated))}{escape(str(found.path))}: {found.records} records"
     if found.whole:
         out.print(f"{start}, chain unbroken, head {found.head}", soft_wrap=True)
@@ -157,5 +199,5 @@ def _print_text(found: Verification) -> None:
         out.print(f"{start}, [bold red]NOT WHOLE[/], head {found.head or 'unknown'}", soft_wrap=True)
     for finding in found.findings:
         out.print(f"  {escape(str(finding))}", soft_wrap=True)
-    for note in found.notes:
+    for note in (*found.notes, *(one.words for one in seals)):
         out.print(f"  {escape(note)}", soft_wrap=True)

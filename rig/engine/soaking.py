@@ -15,7 +15,7 @@ from rig.engine.fault_classes import TemperatureLeft, TemperaturesNotSettled
 from rig.engine.journal import Journal
 from rig.engine.measuring import Channel
 from rig.engine.queue import PointQueue
-from rig.engine.whole_plots import WholePlots
+from rig.engine.whole_plots import WholePlots, without_power
 from rig.run_file.events.points import Observed, Renewing, TemperaturesLeft, WholePlotBegan, WholePlotLost
 
 _RECALLED = 40
@@ -143,7 +143,7 @@ class Soaking:
             return why
         restarted = self._do.restarted()
         if restarted:
-            return f"{' and '.join(restarted)} had no power meanwhile"
+            return without_power(restarted)
         self.rules.note(self._journal.fold.whole_plot, chambers)
         return ""
 

@@ -3,6 +3,8 @@
 A chamber that was changed or has drifted has a new draw of the whole-plot error. So a whole plot continues after an
 interruption only if nothing indicates that its temperatures changed. Otherwise it is measured again, in full, under
 a new identity; earlier readings remain data of the whole plot in which they were made.
+
+`soaking` applies these rules while readings are taken, `standing` after a gap or a hold.
 """
 
 from __future__ import annotations
@@ -180,7 +182,7 @@ class WholePlots:
         if idle_s > self._continue_gap_s:
             return f"left alone for {idle_s / 60:.0f} min, longer than continue_gap_s = {self._continue_gap_s:g} s"
         if restarted:
-            return f"{' and '.join(restarted)} had no power meanwhile"
+            return without_power(restarted)
         return self._left(self.targets(point), as_found["chambers"], {})
 
     def lost_now(self, point: Point, chambers: Mapping[str, Any], temperatures: Mapping[str, Channel]) -> str:
@@ -227,3 +229,8 @@ class WholePlots:
             if seen is not None and abs(seen.mean - target) > self._soak.sensor_tolerance_degC:
                 return f"{soaked.factor} is {seen.mean:.2f} degC, not {target:g} degC"
         return ""
+
+
+def without_power(restarted: Sequence[str]) -> str:
+    """Why a whole plot is lost if these instruments lost power, whether at work or in a gap."""
+    return f"{' and '.join(restarted)} had no power meanwhile"

@@ -1,4 +1,7 @@
-"""The frame of every report: title, SIMULATED mark, provenance, and events of the run."""
+"""The frame of every report: title, SIMULATED mark, provenance, and events of the run.
+
+The contents are those of each kind: `procedures/KIND/page.py` and `procedures/KIND/templates/page.html.j2`.
+"""
 
 from __future__ import annotations
 

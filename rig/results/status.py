@@ -1,4 +1,4 @@
-"""State of a run, for `rig status` and `rig.run`."""
+"""State of a run, for `rig status` and `rig.run`; a list of runs in a folder: `rig.cli.status`."""
 
 from __future__ import annotations
 

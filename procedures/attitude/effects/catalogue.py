@@ -1,6 +1,8 @@
 """The catalogue of effects that an attitude calibration may lack, each a declarative entry.
 
-An entry stands in the module of its cause (head, package, sensor, ...) and in the order below.
+An entry stands in the module of its cause (head, package, sensor, ...) and in the order below. It also needs a
+simulated truth (`proving/truth/attitude_hidden.py`). Its `source` says whether it stays in the calibration
+(`procedures/attitude/infer/calibrate.py`).
 
 The order is the order of preference among equally good explanations: simplest and most usual cause first.
 """

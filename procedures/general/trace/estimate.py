@@ -59,13 +59,16 @@ def estimate(judge: TableJudge, chosen: tuple[int, ...], tails: FloatArray | Non
         fit = _solved(white, judge.white(at, chosen), None)
     coefficients, stderr = fit if fit is not None else _smallest(model, problem.y)
     left, df = _plain(judge, chosen)
-    sigma = float(np.sqrt(left @ left / df)) if df > 0 else float("nan")
-    return Estimate(chosen, at, coefficients, stderr, model @ coefficients, left, sigma, df)
+    return Estimate(chosen, at, coefficients, stderr, model @ coefficients, left, _sigma(left, df), df)
 
 
 def error_of(judge: TableJudge, chosen: tuple[int, ...]) -> float:
     """Standard error of one row beside the `chosen` candidates, as in `Estimate`."""
     left, df = _plain(judge, chosen)
+    return _sigma(left, df)
+
+
+def _sigma(left: FloatArray, df: int) -> float:
     return float(np.sqrt(left @ left / df)) if df > 0 else float("nan")
 
 

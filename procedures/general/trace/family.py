@@ -5,11 +5,14 @@ noise fitted without effects, and scored like the table itself, with the noise f
 parametric bootstrap of the likelihood ratio (Davison and Hinkley, Bootstrap Methods, 1997, ch. 4). The best score of
 each effect is calibrated separately with these draws, so that neither many values of a constant nor effects imitated by
 noise mask the others; then the smallest of all p is calibrated (Westfall and Young, Resampling-Based Multiple Testing,
-1993). It is run at `fitter.trace.chance.ALPHA`, so that the rate over steps is 5 %.
+1993). It is run at `fitter.trace.chance.ALPHA`, so that the rate over steps is 5 %. Of several sensors of one run each
+has a family of its own; p is then that of the best of all of them (Sidak, JASA 62 (1967) 626: exact if their noise is
+independent, cautious if it is not).
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -19,6 +22,8 @@ from scipy import special
 
 from fitter.arrays import FloatArray, IntArray
 from fitter.linear import orthonormal
+from fitter.sums_of_squares import off
+from fitter.trace.chance import ALPHA
 from procedures.general.trace.noise import BoolArray
 from procedures.general.trace.problem import SPARED, Problem
 from procedures.general.trace.score import FEWEST_FOR_SCATTER, Blocks, View
@@ -28,6 +33,8 @@ Single = NDArray[np.float32]
 WORK = 1.2e9
 """Maximum number of multiplications of a simulation."""
 FEWEST, MOST = 400, 2000
+TWICE = 2
+"""Number of draws beyond the critical score, at least, however many sensors a run has."""
 TRIED = 60
 """Number of draws to find covariances that are never near the best."""
 BEHIND = 12.0
@@ -75,10 +82,12 @@ class TableFamily:
     Attributes:
         tails: by effect; those that cannot be judged are missing.
         smallest_p: of all effects in every draw, ascending.
+        sensors: of the run, each with such a family.
     """
 
     tails: dict[str, Tail]
     smallest_p: FloatArray
+    sensors: int = 1
 
     @property
     def least(self) -> float:
@@ -93,7 +102,13 @@ class TableFamily:
 
     def _rank(self, p: float) -> float:
         rank = int(np.searchsorted(self.smallest_p, p, side="right"))
-        return min((1.0 + rank) / (1.0 + self.smallest_p.size), 1.0)
+        own = min((1.0 + rank) / (1.0 + self.smallest_p.size), 1.0)
+        return of_all(own, self.sensors)
+
+
+def of_all(p: float, sensors: int) -> float:
+    """Probability by chance of the best of so many sensors, from that of one."""
+    return p if sensors == 1 else -math.expm1(sensors * math.log1p(-min(p, 1.0 - 1e-15)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,14 +170,15 @@ def family_of(
     n, df = problem.n, problem.n - basis.shape[1]
     judged = np.flatnonzero((found.rank > 0) & (df - found.rank >= SPARED))
     if not len(judged):
-        return TableFamily({}, np.ones(1))
+        return TableFamily({}, np.ones(1), problem.sensors)
     rng = np.random.default_rng(seed)
     near = [_near(problem, at, possible, rng) for possible in (without, beside)]
-    draws = int(np.clip(WORK / max(found.units.size * len(near[1]), 1), FEWEST, MOST))
+    fewest = max(FEWEST, math.ceil(TWICE * problem.sensors / ALPHA))
+    draws = int(np.clip(WORK / max(found.units.size * len(near[1]), 1), fewest, max(MOST, fewest)))
     errors = rng.standard_normal((n, draws))
     ratio = _ratios(bases, near[0], near[1], problem.noise.colour(at, errors), found.rank, df)
     if scatter and n >= FEWEST_FOR_SCATTER:
-        ratio /= _scatter(found, _off(basis, errors).astype(np.float32), df)
+        ratio /= _scatter(found, off(errors, basis).astype(np.float32), df)
     tails = {}
     smallest = np.ones(draws)
     for name in dict.fromkeys(problem.candidates[j].effect.name for j in judged):
@@ -173,7 +189,7 @@ def family_of(
             score = np.maximum(score, evidence(best, rank, df - rank))
         tails[name] = Tail(np.sort(score), float(weight[mine[0]]))
         smallest = np.minimum(smallest, tails[name].p(score))
-    return TableFamily(tails, np.sort(smallest))
+    return TableFamily(tails, np.sort(smallest), problem.sensors)
 
 
 def _near(problem: Problem, at: int, possible: BoolArray, rng: np.random.Generator) -> IntArray:
@@ -193,7 +209,7 @@ def _deviance(problem: Problem, g: int, drawn: FloatArray) -> FloatArray:
     """
     which, k = np.array([g]), problem.declared.shape[1]
     white = problem.noise.whiten(which, np.hstack([problem.declared / problem.sd[:, None], drawn]))[0]
-    left = _off(orthonormal(white[:, :k]), white[:, k:])
+    left = off(white[:, k:], orthonormal(white[:, :k]))
     return np.asarray(problem.n * np.log(np.sum(left**2, axis=0)) + problem.noise.log_det[g])
 
 
@@ -206,7 +222,7 @@ def _ratios(bases: Bases, without: IntArray, beside: IntArray, drawn: FloatArray
     joined = np.full((len(rank), drawn.shape[1]), np.inf, np.float32)
     for g in np.union1d(without, beside).tolist():
         basis, found = bases.of(g)
-        left = _off(basis, problem.noise.whiten(np.array([g]), drawn)[0])
+        left = off(problem.noise.whiten(np.array([g]), drawn)[0], basis)
         total = np.sum(left**2, axis=0)
         deviance = n * np.log(total) + log_det[g] - zero
         if g in without:
@@ -233,7 +249,3 @@ def _scatter(found: Blocks, noise: Single, df: int) -> Single:
     own -= 2.0 * dots * ((squares * found.units).T @ noise)
     own += dots**2 * np.sum(squares**2, axis=0)[:, None]
     return np.asarray(np.maximum(found.sums(own) / rank / variance, 1.0))
-
-
-def _off(basis: FloatArray, columns: FloatArray) -> FloatArray:
-    return np.asarray(columns - basis @ (basis.T @ columns))

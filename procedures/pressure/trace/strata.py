@@ -21,6 +21,7 @@ from scipy.linalg import qr as pivoted_qr
 
 from fitter.arrays import FloatArray, IntArray
 from fitter.linear import orthonormal
+from fitter.sums_of_squares import off
 
 Level = Literal["subplot", "whole-plot"]
 LEVELS: tuple[Level, ...] = ("whole-plot", "subplot")
@@ -89,8 +90,8 @@ class Strata:
     def leave(self, columns: FloatArray, level: Level) -> FloatArray:
         """Remainder of (n, q) `columns`: (n, q) of readings over their standard deviations, or (W, q) of means."""
         if level == "whole-plot":
-            return _off(self.between, self.means(columns) * self.precision[:, None])
-        return _off(self._within[1], self._centred(self._still(columns)))
+            return off(self.means(columns) * self.precision[:, None], self.between)
+        return off(self._centred(self._still(columns)), self._within[1])
 
     def varies_within(self, columns: FloatArray) -> NDArray[np.bool_]:
         """(q,) whether columns vary within whole plots by more than rounding and readback noise."""
@@ -189,7 +190,3 @@ class Strata:
         columns = self.means(self._between_columns) * self.precision[:, None]
         length = np.maximum(np.linalg.norm(columns, axis=0), np.finfo(float).tiny)
         return np.asarray(np.linalg.pinv(columns / length, rcond=1e-8) / length[:, None])
-
-
-def _off(basis: FloatArray, columns: FloatArray) -> FloatArray:
-    return np.asarray(columns - basis @ (basis.T @ columns))

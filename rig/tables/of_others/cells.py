@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from procedures.file_rows import rows_in_words
 from procedures.table import Table
 from rig.errors import UsageError
 from rig.tables.of_others.asked import Asked
@@ -198,7 +199,7 @@ class Cells:
         said = list(self._parts())
         for name, rows in gaps.items():
             many = "rows" if len(rows) > 1 else "row"
-            said.append(f"{len(rows)} {many} left out without a value in {name} ({_rows(rows)})")
+            said.append(f"{len(rows)} {many} left out without a value in {name} ({rows_in_words(rows)})")
         if not said:
             return {}
         return {
@@ -235,14 +236,9 @@ class Cells:
         for name in self.renamed:
             yield f"{name} names several columns, which are {name} (column N)"
         if self.remarks:
-            yield f"{_rows(self.remarks)} left out as {'remarks' if len(self.remarks) > 1 else 'a remark'}"
+            yield f"{rows_in_words(self.remarks)} left out as {'remarks' if len(self.remarks) > 1 else 'a remark'}"
         if layout.after:
             yield f"what follows the table from row {layout.after[0]} on was not read"
-
-
-def _rows(rows: Sequence[int]) -> str:
-    more = f" and {len(rows) - _SHOWN} more" if len(rows) > _SHOWN else ""
-    return f"row{'s' if len(rows) > 1 else ''} {', '.join(map(str, rows[:_SHOWN]))}{more}"
 
 
 def _named(names: Sequence[str], places: Sequence[int]) -> tuple[list[str], tuple[str, ...]]:

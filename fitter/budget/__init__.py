@@ -1,0 +1,32 @@
+"""Uncertainty budgets after the GUM: JCGM 100, and JCGM 101 as a check."""
+
+from fitter.budget.budget import Budgeted, Contribution, budgets, covariance
+from fitter.budget.coverage import coverage_factor
+from fitter.budget.influence import Correlation, Influence, TypeA
+from fitter.budget.mass import Combined, combine
+from fitter.budget.monte_carlo import Check, Interval, Simulated, check, monte_carlo, simulate
+from fitter.budget.rounding import Rounded, rounded, rounded_df, rounded_factor, rounded_uncertainty
+
+__all__ = [
+    "Budgeted",
+    "Check",
+    "Combined",
+    "Contribution",
+    "Correlation",
+    "Influence",
+    "Interval",
+    "Rounded",
+    "Simulated",
+    "TypeA",
+    "budgets",
+    "check",
+    "combine",
+    "covariance",
+    "coverage_factor",
+    "monte_carlo",
+    "rounded",
+    "rounded_df",
+    "rounded_factor",
+    "rounded_uncertainty",
+    "simulate",
+]

@@ -1,0 +1,71 @@
+"""The same budgets in numpy, for many rows at once: one row is one result with its own sensitivities."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fitter.arrays import FloatArray
+from fitter.budget.coverage import coverage_factor
+from fitter.budget.influence import CANCELLED, connected
+
+
+@dataclass(frozen=True, eq=False)
+class Combined:
+    """Combined uncertainty of n results.
+
+    Attributes:
+        standard_uncertainty: (n,)
+        df: (n,) effective degrees of freedom.
+        coverage_factor: (n,)
+        expanded_uncertainty: (n,)
+
+    """
+
+    standard_uncertainty: FloatArray
+    df: FloatArray
+    coverage_factor: FloatArray
+    expanded_uncertainty: FloatArray
+
+
+def combine(
+    sensitivities: FloatArray,
+    df: FloatArray,
+    type_a: Sequence[tuple[ArrayLike, ArrayLike]] = (),
+    *,
+    probability: float = 0.95,
+    correlation: FloatArray | None = None,
+) -> Combined:
+    """Combine p influences for each of n results, as `budgets` does, to 1e-9.
+
+    Args:
+        sensitivities: (n, p) displacement of each result for one standard uncertainty of each influence.
+        df: (p,) degrees of freedom of the influences.
+        type_a: variance and degrees of freedom of each further component; each a number or (n,).
+        probability: coverage probability.
+        correlation: (p, p) of the influences; as `influence.checked` accepts it.
+
+    """
+    n, p = sensitivities.shape
+    r = np.eye(p) if correlation is None else correlation
+    if np.shape(df) != (p,) or r.shape != (p, p):
+        raise ValueError(f"{p} influences: found degrees of freedom {np.shape(df)} and correlations {r.shape}")
+    parts: list[tuple[FloatArray, FloatArray]] = []
+    for group in connected(r):
+        which = list(group)
+        s = sensitivities[:, which]
+        part = np.square(s[:, 0]) if len(which) == 1 else np.einsum("ni,ij,nj->n", s, r[np.ix_(which, which)], s)
+        parts.append((part, df[which[0]]))
+    parts += [(np.asarray(one, dtype=np.float64), np.asarray(its_df, dtype=np.float64)) for one, its_df in type_a]
+    alone = sum((np.square(sensitivities[:, i]) for i in range(p)), start=np.zeros(n))
+    variance = sum((part for part, _ in parts), start=np.zeros(n))
+    variance = np.where(variance > CANCELLED * alone, variance, 0.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        per_df = sum((np.square(part / variance) / its_df for part, its_df in parts), start=np.zeros(n))
+        effective = np.where(per_df > 0.0, 1.0 / per_df, np.inf)
+    k = coverage_factor(probability, effective)
+    u = np.sqrt(variance)
+    return Combined(u, effective, k, k * u)

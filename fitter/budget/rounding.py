@@ -1,0 +1,160 @@
+"""Numbers of a certificate: an uncertainty to two significant digits, a value to the same decimal place.
+
+All arithmetic is decimal, on the shortest decimal number that stands for a float: what a person reads is what is
+rounded, and 2.675 is a tie, as it looks.
+
+Rules. A tie of an uncertainty goes up (away from zero), a tie of a value to the even digit (ISO 80000-1, annex B). If
+rounding would reduce an uncertainty by more than 5 %, it is rounded up (EA-4/02, 6.3); with two digits it never does.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from decimal import ROUND_DOWN, ROUND_HALF_EVEN, ROUND_HALF_UP, ROUND_UP, Context, Decimal
+
+from fitter.errors import FitError
+
+DIGITS = 2
+MOST_LOSS = Decimal("0.05")
+_LEAST_PLACE, _LEAST_POSITION, _LARGEST_POSITION = -9, -3, 7
+_EXACT = Context(prec=700)
+"""Digits enough for any sum of a place and a float."""
+_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+@dataclass(frozen=True)
+class Rounded:
+    """A value with its uncertainty, as they are printed.
+
+    Attributes:
+        value: rounded to the last place of the uncertainty.
+        uncertainty: rounded to its significant digits.
+
+    """
+
+    value: Decimal
+    uncertainty: Decimal
+
+    @property
+    def exponent(self) -> int:
+        """Power of ten in front of which both numbers stand; 0 where they are printed without one.
+
+        One is needed for very small and very large numbers, and where the last significant digit is left of the
+        decimal point: 1200 would not tell whether its zeros count.
+        """
+        place = _place(self.uncertainty)
+        largest = max(abs(self.value), self.uncertainty).adjusted()
+        plain = _LEAST_PLACE <= place <= 0 and _LEAST_POSITION <= largest < _LARGEST_POSITION
+        return 0 if plain else largest
+
+    @property
+    def value_text(self) -> str:
+        """Decimal digits of the value, without the power of ten."""
+        return _digits(self.value, self.exponent)
+
+    @property
+    def uncertainty_text(self) -> str:
+        """Decimal digits of the uncertainty, without the power of ten."""
+        return _digits(self.uncertainty, self.exponent)
+
+    @property
+    def plain_value(self) -> str:
+        """The value as a program reads it, with all its digits, such as "1.2340e-05"."""
+        return self.value_text + self._plain_power
+
+    @property
+    def plain_uncertainty(self) -> str:
+        """The uncertainty as a program reads it, such as "0.0021e-05": with the power of the value."""
+        return self.uncertainty_text + self._plain_power
+
+    @property
+    def _plain_power(self) -> str:
+        return f"e{self.exponent:+03d}" if self.exponent else ""
+
+    @property
+    def power_text(self) -> str:
+        """Such as "10⁻⁵"; empty if there is none."""
+        return f"10{str(self.exponent).translate(_SUPERSCRIPTS)}" if self.exponent else ""
+
+    @property
+    def text(self) -> str:
+        """Both, such as "12.345 ± 0.021" or "(1.234 ± 0.021) × 10⁻⁵"."""
+        both = f"{self.value_text} ± {self.uncertainty_text}"
+        return f"({both}) × {self.power_text}" if self.exponent else both
+
+
+def rounded(value: float, uncertainty: float, digits: int = DIGITS) -> Rounded:
+    """Round a value by its uncertainty.
+
+    Raises:
+        FitError: a number is not finite, or the uncertainty not positive.
+
+    """
+    least = rounded_uncertainty(uncertainty, digits)
+    return Rounded(rounded_to(value, _place(least)), least)
+
+
+def rounded_uncertainty(uncertainty: float, digits: int = DIGITS) -> Decimal:
+    """An uncertainty with so many significant digits.
+
+    Raises:
+        FitError: it is not finite, or not positive.
+
+    """
+    exact = shortest(uncertainty)
+    if exact <= 0:
+        raise FitError(f"an uncertainty of {uncertainty:g} has no significant digits: it must be more than 0")
+    unit = _unit(exact.adjusted() - digits + 1)
+    near = exact.quantize(unit, ROUND_HALF_UP, _EXACT)
+    if near < exact * (1 - MOST_LOSS):
+        near = exact.quantize(unit, ROUND_UP, _EXACT)
+    # 0.0996 becomes 0.100: one digit too many.
+    return near.quantize(_unit(near.adjusted() - digits + 1), ROUND_HALF_UP, _EXACT)
+
+
+def rounded_to(value: float, place: int) -> Decimal:
+    """A value rounded to a decimal place: -3 is the third after the point.
+
+    Raises:
+        FitError: it is not finite.
+
+    """
+    near = shortest(value).quantize(_unit(place), ROUND_HALF_EVEN, _EXACT)
+    return abs(near) if near == 0 else near
+
+
+def rounded_factor(factor: float) -> str:
+    """A coverage factor with two decimals, such as "2.00"."""
+    return str(shortest(factor).quantize(_unit(-2), ROUND_HALF_UP, _EXACT))
+
+
+def rounded_df(df: float) -> str:
+    """Effective degrees of freedom, cut to a whole number (JCGM 100, G.4.1); "∞" from 1000 on."""
+    return "∞" if df >= 1000.0 else str(shortest(df).quantize(Decimal(1), ROUND_DOWN, _EXACT))
+
+
+def shortest(number: float) -> Decimal:
+    """The decimal number with the fewest digits that stands for a float.
+
+    Raises:
+        FitError: it is not finite.
+
+    """
+    if not math.isfinite(number):
+        raise FitError(f"{number} cannot be rounded: it is not a finite number")
+    return Decimal(repr(float(number)))
+
+
+def _unit(place: int) -> Decimal:
+    return Decimal((0, (1,), place))
+
+
+def _place(number: Decimal) -> int:
+    exponent = number.as_tuple().exponent
+    assert isinstance(exponent, int)
+    return exponent
+
+
+def _digits(number: Decimal, power: int) -> str:
+    return f"{number.scaleb(-power, _EXACT):f}"

@@ -1,0 +1,348 @@
+"""Budgets of attitude sensors: parameters, outputs and inferred angles as functions of the recorded columns.
+
+The sensitivity is in volts per local g, since the head's angles relate to local gravity; with local gravity in the
+register it is given per standard gravity (9.80665 m/s2) as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from fitter.arrays import FloatArray, IntArray
+from fitter.budget import TypeA
+from fitter.errors import FitError
+from fitter.misfit import lacks_fit
+from procedures.attitude.data import AttitudeData, settings
+from procedures.attitude.fit import AttitudeFit, fit_all
+from procedures.attitude.infer import AttitudeCalibration, infer_attitude
+from procedures.attitude.infer.calibrate import calibrate_package
+from procedures.attitude.influences import levelled
+from procedures.attitude.model import attitude_columns, sensitive_axis
+from procedures.attitude.table import attitude_data
+from procedures.attitude.temperature import Temperature
+from procedures.budgeting import FIT, Evaluation, Results, Shift, Shifts, no_error
+from procedures.errors import DataError
+from procedures.stated import PlaceConstant
+from procedures.table import SENSOR_TEMPERATURE, Columns, Table
+
+STANDARD_GRAVITY = 9.80665
+"""m/s2, CGPM 1901."""
+PITCH, ROLL = "pitch_deg", "roll_deg"
+_STEP = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """Evaluation from coefficients to results.
+
+    Attributes:
+        calibration: of the run, corrected.
+        at_deg: (p, 2) pitch and roll at which outputs and angles are given.
+        gravity: local gravity, m/s2; None if it is not known.
+    """
+
+    calibration: AttitudeCalibration
+    at_deg: FloatArray
+    gravity: float | None
+
+    @property
+    def angles(self) -> tuple[str, ...]:
+        """Angles that the package's outputs determine."""
+        alone = len(self.calibration.sensors) == 1 or not self.calibration.roll
+        return ("pitch",) if alone else ("pitch", "roll")
+
+    @cached_property
+    def readings(self) -> FloatArray:
+        """(p, S) outputs at these angles."""
+        return self.outputs(self.calibration)
+
+    def outputs(self, calibration: AttitudeCalibration) -> FloatArray:
+        """(p, S) outputs of a calibration at these angles, at its reference temperature."""
+        h = attitude_columns(self.at_deg[:, 0], self.at_deg[:, 1])
+        g = np.column_stack([h[:, 1], -h[:, 2], -h[:, 3]])
+        extra = [one.beyond(g.T, np.zeros(len(g))) for one in calibration.sensors]
+        return np.asarray(calibration.offsets_V + g @ calibration.matrix.T + np.column_stack(extra))
+
+    def named(self) -> Iterable[tuple[str, str, str]]:
+        """Name, unit and sensor of every result."""
+        for one in self.calibration.names:
+            yield f"{one} offset", "V", one
+            yield f"{one} sensitivity per local g", "V", one
+            if self.gravity is not None:
+                yield f"{one} sensitivity per standard gravity", "V", one
+            yield from ((f"{one} {axis}", "V", one) for axis in ("mx", "my", "mz"))
+        where = [f"at pitch {a:g} deg, roll {r:g} deg" for a, r in self.at_deg.tolist()]
+        yield from ((f"{one} output {place}", "V", one) for place in where for one in self.calibration.names)
+        yield from ((f"inferred {angle} {place}", "deg", "") for place in where for angle in self.angles)
+
+    def values(self, coefficients: FloatArray, readings: FloatArray, gravity: float | None) -> FloatArray:
+        """(m,) results.
+
+        Args:
+            coefficients: (S, 4) in the model's order.
+            readings: (p, S) outputs from which angles are inferred.
+            gravity: local gravity, m/s2.
+        """
+        found: list[float] = []
+        used = _with_coefficients(self.calibration, coefficients)
+        for one in coefficients:
+            m = sensitive_axis(one)
+            S = float(np.linalg.norm(m))
+            found += [float(one[0]), S]
+            found += [] if gravity is None else [S * STANDARD_GRAVITY / gravity]
+            found += m.tolist()
+        found += self.outputs(used).ravel().tolist()
+        found += self._inferred(used, readings).ravel().tolist()
+        return np.array(found)
+
+    def _inferred(self, used: AttitudeCalibration, readings: FloatArray) -> FloatArray:
+        """(p, angles) angles, deg; with one sensor, roll is known."""
+        known = len(used.sensors) == 1
+        try:
+            answer = infer_attitude(
+                used,
+                readings,
+                roll_deg=self.at_deg[:, 1] if known and used.roll else None,
+                near_deg=(self.at_deg[:, 0], self.at_deg[:, 1]),
+                sensor_temperature_degC=used.reference_degC,
+            )
+        except FitError:
+            return np.full((len(readings), len(self.angles)), np.nan)
+        return np.column_stack([answer.pitch_deg, answer.roll_deg])[:, : len(self.angles)]
+
+
+def _with_coefficients(calibration: AttitudeCalibration, coefficients: FloatArray) -> AttitudeCalibration:
+    """The calibration with other coefficients (S, 4) of the declared model."""
+    sensors = tuple(
+        replace(one, coefficients=np.concatenate([own, one.coefficients[4:]]))
+        for one, own in zip(calibration.sensors, coefficients, strict=True)
+    )
+    return replace(calibration, sensors=sensors, drift=None, alternatives=())
+
+
+class AttitudeEvaluation(Evaluation):
+    """The declared model, fitted to every sensor of a run."""
+
+    def __init__(
+        self, data: AttitudeData, at_deg: Sequence[tuple[float, float]], *, temperature: bool, gravity: float | None
+    ) -> None:
+        self._data, self._temperature = data, temperature
+        calibration = calibrate_package(data, temperature=temperature)
+        self._model = Model(calibration, np.array(at_deg, np.float64).reshape(-1, 2), gravity)
+
+    @cached_property
+    def _fits(self) -> Mapping[str, AttitudeFit]:
+        return fit_all(self._data, temperature=self._temperature)
+
+    @cached_property
+    def columns(self) -> Columns:
+        """See `Evaluation`."""
+        d = self._data
+        warm = {SENSOR_TEMPERATURE: d.sensor_temperature_degC} if d.sensor_temperature_degC is not None else {}
+        warm = warm if self._temperature else {}
+        return {PITCH: d.pitch_deg, ROLL: d.roll_deg, **warm, **d.outputs}
+
+    @cached_property
+    def settings(self) -> Mapping[str, IntArray]:
+        """See `Evaluation`."""
+        d = self._data
+        return {PITCH: settings(d.pitch_deg), ROLL: settings(d.roll_deg), "": d.point}
+
+    @property
+    def replication(self) -> IntArray:
+        """See `Evaluation`."""
+        return self._data.replicate_index
+
+    def _coefficients(self, moved: Mapping[str, FloatArray]) -> FloatArray:
+        """(S, 4) coefficients of the declared model with additions to columns."""
+        d = self._data
+
+        def column(name: str) -> FloatArray:
+            added = moved.get(name)
+            return self.columns[name] if added is None else self.columns[name] + added
+
+        h = attitude_columns(column(PITCH), column(ROLL), roll=d.has_roll)
+        if not self._temperature:
+            own = _solve(h, np.column_stack([column(name) for name in d.outputs]))
+        else:
+            warmth = column(SENSOR_TEMPERATURE) - self._reference
+            own = np.column_stack(
+                [
+                    _solve(np.column_stack([h, warmth, warmth * (h[:, 1:] @ self._own[name])]), column(name)[:, None])[
+                        : h.shape[1]
+                    ]
+                    for name in d.outputs
+                ]
+            )
+        return np.asarray(np.insert(own, 2, 0.0, axis=0).T if len(own) == 3 else own.T)
+
+    @property
+    def _reference(self) -> float:
+        reference = self._model.calibration.reference_degC
+        assert reference is not None
+        return reference
+
+    @cached_property
+    def _own(self) -> Mapping[str, FloatArray]:
+        """Direction of each sensor's temperature term."""
+        found = {name: fit.temperature for name, fit in self._fits.items()}
+        return {name: one.direction for name, one in found.items() if isinstance(one, Temperature)}
+
+    @cached_property
+    def _base(self) -> FloatArray:
+        return self._coefficients({})
+
+    def evaluate(self, shift: Shift) -> FloatArray:
+        """See `Evaluation`."""
+        columns = {name: moved for name, moved in shift.columns.items() if name in self.columns}
+        coefficients = self._coefficients(columns) if columns else self._base
+        readings = self._model.readings
+        if shift.in_use is not no_error:
+            names = self._model.calibration.names
+            added = [shift.in_use(name, readings[:, j]) for j, name in enumerate(names)]
+            readings = readings + np.column_stack(added)
+        gravity = shift.constants.get("gravity", self._model.gravity)
+        return self._model.values(coefficients, readings, gravity)
+
+    @cached_property
+    def results(self) -> Results:
+        """See `Evaluation`."""
+        model = self._model
+        named = list(model.named())
+        values = model.values(self._base, model.readings, model.gravity)
+        known = np.isfinite(values)
+        if not known.all():
+            lost = next(name for (name, _, _), one in zip(named, known, strict=True) if not one)
+            raise FitError(f"{lost}: these sensors do not determine it there; choose another point with --at")
+        names, units, sensors = zip(*named, strict=True)
+        return Results(names, units, values, tuple(self._type_a(values)), sensors)
+
+    def _type_a(self, values: FloatArray) -> Iterable[TypeA]:
+        """Scatter of the run through the fit, and of one reading in use."""
+        calibration, model = self._model.calibration, self._model
+        k = [one.coefficients.size for one in calibration.sensors]
+        starts = np.concatenate([[0], np.cumsum(k)[:-1]])
+        rows = np.concatenate([np.arange(start, start + 4) for start in starts])
+        drift = calibration.drift
+        if drift is None:
+            covariance = calibration.covariance[np.ix_(rows, rows)]
+            df = float(np.mean([one.df for one in calibration.sensors]))
+        else:
+            covariance, df = drift.covariance[np.ix_(rows, rows)] / (drift.df + 2), drift.df
+        ratio, noise, pure_df = self._pure
+        if drift is None:
+            each = np.repeat(ratio, 4)
+            covariance = covariance * np.outer(each, each)
+            df = pure_df
+        size = float(np.max(np.abs(self._base)))
+        J = np.empty((len(values), self._base.size))
+        for i in range(self._base.size):
+            step = np.zeros(self._base.size)
+            step[i] = _STEP * size
+            up, down = (
+                model.values(self._base + s * step.reshape(self._base.shape), model.readings, model.gravity)
+                for s in (1, -1)
+            )
+            J[:, i] = (up - down) / (2 * step[i])
+        yield TypeA(J @ covariance @ J.T, df, *FIT)
+        used = np.zeros((len(values), len(values)))
+        for j, sigma in enumerate(noise):
+            step_V = np.zeros_like(model.readings)
+            step_V[:, j] = _STEP * size
+            up, down = (model.values(self._base, model.readings + s * step_V, model.gravity) for s in (1, -1))
+            gain = (up - down) / (2 * _STEP * size)
+            same = self._same_reading()
+            used += sigma**2 * np.outer(gain, gain) * same
+        yield TypeA(used, pure_df, "scatter of one reading in use", "the run")
+
+    def _same_reading(self) -> FloatArray:
+        """(m, m) 1 for results of the same reading in use."""
+        p, per = len(self._model.at_deg), len(self._model.angles)
+        total = len(list(self._model.named()))
+        where = np.full(total, -1)
+        where[total - p * per :] = np.repeat(np.arange(p), per)
+        return np.asarray((where[:, None] == where) * 1.0)
+
+    @cached_property
+    def _pure(self) -> tuple[FloatArray, FloatArray, float]:
+        """(S,) pure error over the fit's sigma, (S,) sigma of one reading in V, and its degrees of freedom.
+
+        If the fit lacks something that repeats in every replication, as an error of the head does, its residuals are no
+        measure of scatter; differences between replications are.
+        """
+        ratio, noise, df = [], [], []
+        for one, fit in zip(self._model.calibration.sensors, self._fits.values(), strict=True):
+            table = fit.replication
+            below = table.bias.df_below
+            pure = table.sigma_prec * np.sqrt(one.df / below) if below > 0 else 0.0
+            if lacks_fit(table) and np.isfinite(pure) and pure > 0:
+                ratio.append(pure / one.sigma_V)
+                noise.append(pure)
+                df.append(float(below))
+            else:
+                ratio.append(1.0)
+                noise.append(float(one.sigma_V))
+                df.append(float(one.df))
+        return np.array(ratio), np.array(noise), float(min(df))
+
+    def of_place(self, constant: PlaceConstant) -> Iterable[tuple[str, Shifts]]:
+        """Levelling as two tilts of the head's base; local gravity as the scale of the sensitivity."""
+        if constant.name == "gravity" and self._model.gravity is not None:
+            g, u = self._model.gravity, constant.standard
+            yield "", lambda times: Shift(constants={"gravity": g + times * u})
+        if constant.name == "levelling":
+            pitch, roll = self.columns[PITCH], self.columns[ROLL]
+            yield " about the pitch axis", lambda times: Shift({PITCH: np.full_like(pitch, times * constant.standard)})
+            if self._data.has_roll:
+                yield (
+                    " along the pitch axis",
+                    lambda times: Shift(levelled(pitch, roll, times * constant.standard)),
+                )
+
+    def notes(self, predicted: Sequence[FloatArray]) -> Iterable[str]:
+        """Lack of fit, which the budget does not explain."""
+        for name, fit in self._fits.items():
+            if lacks_fit(fit.replication):
+                yield (
+                    f"{name}: the model lacks something that repeats in every replication (T_bias "
+                    f"{fit.replication.bias.value:.3g}, 95 % limit {fit.replication.bias.limit_95:.3g}); errors of the "
+                    f"head do that, and so do effects: see rig trace. Scatter is taken from differences between "
+                    f"replications"
+                )
+
+
+def attitude_evaluation(
+    table: Table, at: Sequence[Mapping[str, float]], *, temperature: bool | None, gravity: float | None
+) -> AttitudeEvaluation:
+    """The evaluation of a table; arguments and errors as for `Kind.evaluation`.
+
+    Args:
+        temperature: as for `fit_attitude_table`.
+    """
+    data = attitude_data(table)
+    warm = bool(table.declared.get("temperature", False)) if temperature is None else temperature
+    try:
+        return AttitudeEvaluation(data, _points(data, at), temperature=warm, gravity=gravity)
+    except FitError as error:
+        raise DataError(f"{table.source}: {error}") from error
+
+
+def _points(data: AttitudeData, at: Sequence[Mapping[str, float]]) -> list[tuple[float, float]]:
+    """Pitch and roll of every point; level, and the ends of the calibrated pitch at zero roll, if none is given."""
+    if not at:
+        low, high = float(data.pitch_deg.min()), float(data.pitch_deg.max())
+        ends = [one for one in (max(low, -60.0), 0.0, min(high, 60.0)) if low <= one <= high]
+        return [(one, 0.0 if data.has_roll else float(data.roll_deg[0])) for one in dict.fromkeys(ends)]
+    for one in at:
+        unknown = [name for name in one if name not in (PITCH, ROLL)]
+        if unknown or PITCH not in one:
+            raise DataError(f"--at: a point has {PITCH}, and perhaps {ROLL}: --at {PITCH}=10,{ROLL}=30")
+    return [(one[PITCH], one.get(ROLL, 0.0)) for one in at]
+
+
+def _solve(h: FloatArray, y: FloatArray) -> FloatArray:
+    return np.asarray(np.linalg.lstsq(h, y, rcond=None)[0], np.float64)

@@ -1,0 +1,117 @@
+"""Uncertainty budgets of a kind's results: the whole evaluation as a function of recorded columns."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from fitter.arrays import FloatArray, IntArray
+from fitter.budget import TypeA
+from procedures.stated import PlaceConstant
+from procedures.table import Columns
+
+Reading = Callable[[str, FloatArray], FloatArray]
+"""Error of readings in use: name of an output's column and its (n,) values, to (n,) additions."""
+
+
+def no_error(_: str, values: FloatArray) -> FloatArray:
+    """Readings in use without error."""
+    return np.zeros_like(values)
+
+
+@dataclass(frozen=True, eq=False)
+class Shift:
+    """A change of the inputs of an evaluation.
+
+    Attributes:
+        columns: (n,) additions to recorded columns.
+        in_use: additions to readings in use.
+        constants: new values of constants of the place.
+    """
+
+    columns: Mapping[str, FloatArray] = field(default_factory=dict)
+    in_use: Reading = no_error
+    constants: Mapping[str, float] = field(default_factory=dict)
+
+
+Shifts = Callable[[float], Shift]
+"""The change of the inputs for an error of so many standard uncertainties."""
+
+
+@dataclass(frozen=True, eq=False)
+class Results:
+    """Names and units of m results, their values, and their scatter.
+
+    Attributes:
+        names: of the results, each once.
+        units: of the results.
+        values: (m,).
+        type_a: covariances by statistics of the run.
+        sensors: sensor of each result; "" for those of several.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    values: FloatArray
+    type_a: tuple[TypeA, ...]
+    sensors: tuple[str, ...]
+
+
+FIT = ("scatter of the run", "the run")
+"""Name and source of the fit's covariance."""
+
+
+def together(parts: Sequence[FloatArray]) -> FloatArray:
+    """(m, m) covariance of all results, from those of sensors that are independent."""
+    size = sum(len(one) for one in parts)
+    found, start = np.zeros((size, size)), 0
+    for one in parts:
+        found[start : start + len(one), start : start + len(one)] = one
+        start += len(one)
+    return found
+
+
+class Evaluation(ABC):
+    """The evaluation of one table, from its recorded columns to results."""
+
+    @property
+    @abstractmethod
+    def columns(self) -> Columns:
+        """The recorded columns that it uses, corrected."""
+
+    @property
+    @abstractmethod
+    def results(self) -> Results:
+        """Results of the columns as they are."""
+
+    @abstractmethod
+    def evaluate(self, shift: Shift) -> FloatArray:
+        """(m,) values of the results with changed inputs."""
+
+    @property
+    @abstractmethod
+    def settings(self) -> Mapping[str, IntArray]:
+        """(n,) number of the setting of each observation, from 0, by the column of a factor; "" for points of all."""
+
+    @property
+    @abstractmethod
+    def replication(self) -> IntArray:
+        """(n,) number of the replication of each observation, from 0."""
+
+    def of_place(self, constant: PlaceConstant) -> Iterable[tuple[str, Shifts]]:
+        """Independent errors, with one standard uncertainty each, from a constant of the place; none if it is not used.
+
+        The first word distinguishes several errors of one constant.
+        """
+        return ()
+
+    def notes(self, predicted: Sequence[FloatArray]) -> Iterable[str]:
+        """Sentences about the budget.
+
+        Args:
+            predicted: of each error, what one standard uncertainty adds to the results.
+        """
+        return ()

@@ -1,0 +1,258 @@
+"""Budgets of sensors of any kind: coefficients, outputs and inferred values as functions of the recorded columns."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from fitter.arrays import FloatArray, IntArray
+from fitter.budget import TypeA
+from fitter.errors import FitError
+from procedures.budgeting import Evaluation, Results, Shift, no_error, together
+from procedures.errors import DataError
+from procedures.general.declared import Declared, Model, model_of
+from procedures.general.fit import calibration_of
+from procedures.general.infer import CurveCalibration
+from procedures.general.of_runs import declared_of, has_whole_plots, models_of
+from procedures.table import Columns, Table
+
+_ITERATIONS, _TOLERANCE = 50, 1e-13
+
+
+@dataclass(frozen=True, eq=False)
+class Sensor:
+    """One output of the run.
+
+    Attributes:
+        name: its output.
+        table: of the run.
+        declared: its model.
+        plots: columns that identify whole plots.
+        at: (p,) values of every variable of the model, by name.
+    """
+
+    name: str
+    table: Table
+    declared: Declared
+    plots: tuple[str, ...]
+    at: Mapping[str, FloatArray]
+
+    def _model(self, columns: Columns) -> Model:
+        table = replace(self.table, columns={**self.table.columns, **columns})
+        return model_of(self.declared, table, self.name, self.plots, None)
+
+    @cached_property
+    def calibration(self) -> CurveCalibration:
+        """Calibration of the run."""
+        model = self._model({})
+        rows = np.arange(len(self.table))
+        return calibration_of(model.rows.fitted(), self.name, model, self.table, rows, ())
+
+    def coefficients(self, columns: Columns) -> FloatArray:
+        """(k,) coefficients with other columns."""
+        return np.asarray(self._model(columns).rows.fitted().coefficients)
+
+    @property
+    def variable(self) -> str | None:
+        """The variable that a reading determines; None if there are several."""
+        try:
+            return self.calibration.variable
+        except FitError:
+            return None
+
+    @cached_property
+    def _given(self) -> Mapping[str, FloatArray]:
+        return {name: self.at[name] for name in self.calibration.formula.names}
+
+    @property
+    def has_points(self) -> bool:
+        """Whether every variable of the model is given at the points."""
+        return set(self.calibration.formula.names) <= set(self.at)
+
+    @cached_property
+    def readings(self) -> FloatArray:
+        """(p,) outputs at the points."""
+        return self.calibration.formula.value(self.calibration.coefficients, self._given)
+
+    @cached_property
+    def rows(self) -> FloatArray:
+        """(p, k) derivative of the outputs by the coefficients."""
+        return np.asarray(self.calibration.formula.rows(self.calibration.coefficients, self._given))
+
+    @cached_property
+    def slope(self) -> FloatArray:
+        """(p,) derivative of the output by the variable."""
+        return self.calibration.slope(self._given[self.calibration.variable])
+
+    def values(self, coefficients: FloatArray, readings: FloatArray) -> FloatArray:
+        """Coefficients, outputs, and inferred values of (p,) readings."""
+        if not self.has_points:
+            return coefficients
+        found = [coefficients, self.calibration.formula.value(coefficients, self._given)]
+        if self.variable is not None:
+            found.append(self._inferred(coefficients, readings))
+        return np.concatenate(found)
+
+    def _inferred(self, coefficients: FloatArray, readings: FloatArray) -> FloatArray:
+        """(p,) values of the variable, by Newton's method from the points; NaN where it does not converge."""
+        used, name = replace(self.calibration, coefficients=coefficients), self.calibration.variable
+        low, high = self.calibration.ranges[name]
+        x = self._given[name].astype(np.float64)
+        for _ in range(_ITERATIONS):
+            with np.errstate(all="ignore"):
+                step = (readings - used.curve(x)) / used.slope(x)
+            x = x + np.where(np.isfinite(step), step, 0.0)
+            if np.all(np.abs(step) <= _TOLERANCE * max(high - low, 1e-300)):
+                break
+        return np.where(np.abs(step) <= 1e-9 * (high - low), x, np.nan)
+
+    def named(self) -> Iterator[tuple[str, str]]:
+        """Name and unit of every result."""
+        stem, _, unit = self.name.rpartition("_")
+        yield from ((f"{stem} coefficient {one}", _unit(one, unit)) for one in self._names)
+        if not self.has_points:
+            return
+        where = []
+        for values in zip(*self._given.values(), strict=True):
+            parts = (f"{_plain(n)} {v:g} {n.rpartition('_')[2]}" for n, v in zip(self._given, values, strict=True))
+            where.append(f"at {', '.join(parts)}")
+        yield from ((f"{stem} output {place}", unit) for place in where)
+        if self.variable is not None:
+            name = self.variable
+            yield from ((f"{stem} inferred {_plain(name)} {place}", name.rpartition("_")[2]) for place in where)
+
+    @property
+    def _names(self) -> tuple[str, ...]:
+        return tuple(self._model({}).rows.fitted().names)
+
+    def scatter(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """(m, m) covariance by the fit and (m,) degrees of freedom, and (m, m) of one reading with its (m,)."""
+        one = self.calibration
+        J = np.eye(len(one.coefficients))
+        p = 0
+        if self.has_points:
+            J = np.vstack([J, self.rows])
+            if self.variable is not None:
+                J, p = np.vstack([J, -self.rows / self.slope[:, None]]), len(self.rows)
+        covariance = J @ one.covariance @ J.T
+        _, df = one.curve_variance(J)
+        used, of_reading = np.zeros_like(covariance), np.full(len(J), np.inf)
+        if p:
+            last = np.arange(len(J) - p, len(J))
+            own = float(one.variances.sum()) if one.reading is None else one.reading**2
+            used[last, last] = own / self.slope**2
+            spread = float(np.sum(one.spread)) if one.reading is None else 0.0
+            of_reading[last] = 2.0 * own**2 / spread if spread > 0.0 else np.inf
+        return covariance, np.where(df > 0, df, 1.0), used, of_reading
+
+
+def _plain(name: str) -> str:
+    """A factor's name without its unit."""
+    return name.rpartition("_")[0].replace("_", " ")
+
+
+def _unit(term: str, unit: str) -> str:
+    """Unit of a term's coefficient; that of the output for the constant."""
+    return unit if term == "1" else f"{unit} per unit of {term}"
+
+
+class GeneralEvaluation(Evaluation):
+    """All sensors of a run, each by its declared model."""
+
+    def __init__(self, table: Table, at: Sequence[Mapping[str, float]]) -> None:
+        plots = ("whole_plot",) if has_whole_plots(table) else ()
+        points = {name: np.array([one[name] for one in at]) for name in (at[0] if at else ())}
+        self._table = table
+        self._each = [
+            Sensor(name, table, declared_of(model, table), plots, points) for name, model in models_of(table).items()
+        ]
+        for one in self._each:
+            if not len(one.calibration.variances):
+                raise FitError(f"{one.name}: as many rows as coefficients: its scatter is not known; measure more")
+
+    @cached_property
+    def columns(self) -> Columns:
+        """See `Evaluation`."""
+        used = {name for one in self._each for name in one.calibration.formula.names}
+        used |= {one.name for one in self._each}
+        return {name: values for name, values in self._table.columns.items() if name in used}
+
+    @cached_property
+    def settings(self) -> Mapping[str, IntArray]:
+        """See `Evaluation`."""
+        columns = self._table.columns
+        number = {}
+        for name in self._table.factors:
+            stem, _, unit = name.rpartition("_")
+            given = columns.get(f"{stem}_set_{unit}", columns[name])
+            number[name] = np.asarray(np.unique(np.round(given, 9), return_inverse=True)[1], np.int64)
+        every = np.column_stack([*number.values()]) if number else np.zeros((len(self._table), 1))
+        points = np.asarray(np.unique(every, axis=0, return_inverse=True)[1], np.int64).ravel()
+        return {**number, "": points}
+
+    @cached_property
+    def replication(self) -> IntArray:
+        """See `Evaluation`."""
+        given = self._table.columns.get("replicate", np.zeros(len(self._table)))
+        return np.asarray(np.unique(given, return_inverse=True)[1], np.int64)
+
+    def evaluate(self, shift: Shift) -> FloatArray:
+        """See `Evaluation`."""
+        found = []
+        for one in self._each:
+            uses = {*one.calibration.formula.names, one.name}
+            mine = {n: self.columns[n] + moved for n, moved in shift.columns.items() if n in uses}
+            coefficients = one.coefficients(mine) if mine else one.calibration.coefficients
+            readings = one.readings if one.has_points else np.zeros(0)
+            if one.has_points and shift.in_use is not no_error:
+                readings = readings + shift.in_use(one.name, readings)
+            found.append(one.values(coefficients, readings))
+        return np.concatenate(found)
+
+    @cached_property
+    def results(self) -> Results:
+        """See `Evaluation`."""
+        named = [(name, unit, one.name) for one in self._each for name, unit in one.named()]
+        values = self.evaluate(Shift())
+        if not np.isfinite(values).all():
+            lost = named[int(np.flatnonzero(~np.isfinite(values))[0])][0]
+            raise FitError(f"{lost}: it is not determined there; choose another point with --at")
+        names, units, sensors = zip(*named, strict=True)
+        parts = [one.scatter() for one in self._each]
+        whole = "scatter of one reading in use" + (", in a new whole plot" if has_whole_plots(self._table) else "")
+        type_a = (
+            TypeA(
+                together([p[0] for p in parts]), np.concatenate([p[1] for p in parts]), "scatter of the run", "the run"
+            ),
+            TypeA(together([p[2] for p in parts]), np.concatenate([p[3] for p in parts]), whole, "the run"),
+        )
+        return Results(names, units, values, type_a, sensors)
+
+
+def general_evaluation(table: Table, at: Sequence[Mapping[str, float]]) -> GeneralEvaluation:
+    """The evaluation of a table; arguments and errors as for `Kind.evaluation`."""
+    if not table.outputs:
+        raise DataError(f"{table.source}: budgets are made of runs, whose bench says what reads what")
+    for one in at:
+        unknown = [name for name in one if name not in table.columns]
+        missing = [name for name in table.factors if name not in one]
+        if unknown or missing:
+            names = ",".join(f"{name}=..." for name in table.factors)
+            raise DataError(f"--at: a point has every factor of the run: --at {names}")
+    try:
+        return GeneralEvaluation(table, at or _points(table))
+    except FitError as error:
+        raise DataError(f"{table.source}: {error}") from error
+
+
+def _points(table: Table) -> list[Mapping[str, float]]:
+    """Three values of the only factor of a run; the middle of all factors if there are several."""
+    ends = {name: (float(table.columns[name].min()), float(table.columns[name].max())) for name in table.factors}
+    middle = {name: float(f"{(low + high) / 2:.3g}") for name, (low, high) in ends.items()}
+    if len(ends) != 1:
+        return [middle]
+    ((name, (low, high)),) = ends.items()
+    return [{name: float(f"{value:.3g}")} for value in (low + 0.1 * (high - low), middle[name], high)]

@@ -1,0 +1,158 @@
+"""Influences on results: what each stated error of recorded columns adds to them, by the whole evaluation.
+
+The recorded columns are changed by one standard uncertainty up and down, and everything is evaluated again. So an error
+that several results share keeps its sign in each, and one that cancels cancels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fitter.arrays import FloatArray, IntArray
+from fitter.budget import Influence, TypeA
+from procedures.budgeting import Evaluation, Reading, Shift, Shifts, no_error
+from procedures.stated import Stated, Statements
+from procedures.table import Columns
+
+IN_SCATTER = (
+    "{name}: independent in every observation, so it is in the scatter of the run already, and has no line of its own"
+)
+UNUSED = "{name}: no result here depends on it"
+NEGLIGIBLE = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """Influences on m results.
+
+    Attributes:
+        influences: one error each.
+        grouped: covariances of many independent errors of one source.
+        notes: sentences about stated errors without a line.
+    """
+
+    influences: tuple[Influence, ...]
+    grouped: tuple[TypeA, ...]
+    notes: tuple[str, ...]
+
+
+def corrected(columns: Columns, errors: Sequence[Stated]) -> Columns:
+    """The columns with all stated corrections added, each computed from the recorded values."""
+    found = dict(columns)
+    for one in errors:
+        for name, scale in one.columns.items():
+            if name in columns:
+                found[name] = found[name] + scale * one.correction(columns[name] / scale)
+    return found
+
+
+def influences(evaluation: Evaluation, stated: Statements, *, same_meter: bool) -> Found:
+    """Influences on the results of an evaluation.
+
+    Args:
+        evaluation: of corrected columns.
+        stated: what the register states.
+        same_meter: whether the meter of the run reads the sensors in use as well, with the same error.
+    """
+    single: list[Influence] = []
+    grouped: list[TypeA] = []
+    notes: list[str] = []
+    scale = np.maximum(np.abs(evaluation.results.values), 1e-300)
+
+    def add(name: str, source: str, df: float, distribution: str, shifts: Shifts) -> bool:
+        moved = sensitivity(evaluation, shifts)
+        acts = bool(np.any(np.abs(moved) > NEGLIGIBLE * scale))
+        if acts:
+            single.append(Influence(name, source, "B", moved, df, distribution))  # type: ignore[arg-type]
+        return acts
+
+    for one in stated.errors:
+        if not any(name in evaluation.columns for name in one.columns):
+            notes.append(UNUSED.format(name=one.name))
+        elif one.behaves == "reading":
+            notes.append(IN_SCATTER.format(name=one.name))
+        elif one.behaves in ("setting", "replication"):
+            covariance = _independent(evaluation, one)
+            if np.any(covariance):
+                grouped.append(TypeA(covariance, one.df, one.name, one.source, "B"))
+            else:
+                notes.append(UNUSED.format(name=one.name))
+        else:
+            parts = dict(_shifts(one, evaluation.columns, same_meter=same_meter))
+            did = [add(f"{one.name}{part}", one.source, one.df, one.distribution, s) for part, s in parts.items()]
+            if not any(did):
+                notes.append(UNUSED.format(name=one.name))
+    for constant in stated.place.values():
+        did = [
+            add(f"{constant.name.replace('_', ' ')}{part}", constant.source, constant.df, constant.distribution, shifts)
+            for part, shifts in evaluation.of_place(constant)
+        ]
+        if constant.standard and not any(did):
+            notes.append(UNUSED.format(name=constant.name.replace("_", " ")))
+    every = [one.sensitivities for one in single]
+    every += [np.sqrt(np.diag(one.covariance)) for one in grouped]
+    return Found(tuple(single), tuple(grouped), (*notes, *evaluation.notes(every)))
+
+
+def sensitivity(evaluation: Evaluation, shifts: Shifts) -> FloatArray:
+    """(m,) change of the results for one standard uncertainty: central difference of the whole evaluation."""
+    return (evaluation.evaluate(shifts(1.0)) - evaluation.evaluate(shifts(-1.0))) / 2.0
+
+
+def _shifts(one: Stated, columns: Columns, *, same_meter: bool) -> Iterator[tuple[str, Shifts]]:
+    """Errors common to all observations: the added word of the name, and the change."""
+    if one.behaves == "turn":
+        yield ", in phase", _shift_of(one, columns, np.sin)
+        yield ", in quadrature", _shift_of(one, columns, np.cos)
+        return
+    yield "", _shift_of(one, columns, np.ones_like, _in_use(one) if same_meter and one.reads else no_error)
+
+
+def _shift_of(one: Stated, columns: Columns, wave: Callable[..., FloatArray], in_use: Reading = no_error) -> Shifts:
+    def shifts(times: float) -> Shift:
+        moved = {
+            name: times * size(one, name, columns[name]) * wave(np.radians(columns[name]))
+            for name in _used(one, columns)
+        }
+        return Shift(moved, lambda name, values: times * in_use(name, values))
+
+    return shifts
+
+
+def _used(one: Stated, columns: Columns) -> Iterator[str]:
+    return (name for name in one.columns if name in columns)
+
+
+def size(one: Stated, column: str, values: FloatArray) -> FloatArray:
+    """(n,) signed error of one standard uncertainty, in the column's unit; that of a gain has the sign of the value."""
+    scale = one.columns[column]
+    quantity = values / scale
+    error = scale * one.standard(quantity)
+    return np.asarray(error * np.sign(quantity) if one.behaves == "gain" else error)
+
+
+def _in_use(one: Stated) -> Reading:
+    def reading(column: str, values: FloatArray) -> FloatArray:
+        return size(one, column, values) if column in one.columns else np.zeros_like(values)
+
+    return reading
+
+
+def _independent(evaluation: Evaluation, one: Stated) -> FloatArray:
+    """(m, m) covariance from an independent error in every group of observations, in every column."""
+    columns, base = evaluation.columns, evaluation.results.values
+    covariance = np.zeros((len(base), len(base)))
+    for name in _used(one, columns):
+        error = size(one, name, columns[name])
+        groups = evaluation.replication if one.behaves == "replication" else _settings(evaluation.settings, name)
+        for group in np.unique(groups):
+            moved = evaluation.evaluate(Shift({name: np.where(groups == group, error, 0.0)})) - base
+            covariance += np.outer(moved, moved)
+    return covariance
+
+
+def _settings(settings: Mapping[str, IntArray], column: str) -> IntArray:
+    return settings[column] if column in settings else settings[""]

@@ -1,0 +1,225 @@
+"""Budgets of pressure transducers: coefficients, outputs and inferred pressures as functions of the recorded columns.
+
+By generalised least squares with the weights of the run: errors of instruments move the readings, not their weights.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from fitter.arrays import FloatArray, IntArray
+from fitter.budget import TypeA
+from fitter.errors import FitError
+from procedures.budgeting import Evaluation, Results, Shift, Shifts, no_error, together
+from procedures.errors import DataError
+from procedures.pressure.data import WholePlotData
+from procedures.pressure.evaluate import METHOD, coefficient_unit
+from procedures.pressure.fit import Errors, PressureCalibration, PressureFit, fit_transducers
+from procedures.pressure.fit.models import usual
+from procedures.pressure.infer import infer_pressure
+from procedures.pressure.influences import COLUMN_PER_M
+from procedures.pressure.table import whole_plot_data
+from procedures.stated import PlaceConstant
+from procedures.table import Columns, Table
+
+PRESSURE, SENSOR, SSE = "pressure_psia", "sensor_temperature_degC", "sse_temperature_degC"
+_NAMES = {"P": PRESSURE, "T_sensor": SENSOR, "T_SSE": SSE}
+Point = tuple[float, float, float]
+"""Pressure, sensor temperature, SSE temperature."""
+
+
+@dataclass(frozen=True, eq=False)
+class Transducer:
+    """One transducer of the run, with the weights of its fit.
+
+    Attributes:
+        name: its output.
+        fit: of the run.
+        calibration: by GLS.
+        at: (p, 3) points.
+    """
+
+    name: str
+    fit: PressureFit
+    calibration: PressureCalibration
+    at: FloatArray
+
+    @cached_property
+    def _even(self) -> Errors:
+        v = self.fit.reml.variances
+        return Errors(v.subplot, 0.0, v.wholeplot, v.replicate, np.zeros((4, 4)), float("nan"))
+
+    def coefficients(self, moved: Mapping[str, FloatArray]) -> FloatArray:
+        """(k,) coefficients with additions to columns."""
+        problem = self.fit.problem
+        table = dict(problem.data.table)
+        for short, column in _NAMES.items():
+            if column in moved:
+                table[short] = table[column] = table[column] + moved[column]
+        y = problem.data.outputs[self.name] + moved.get(self.name, 0.0)
+        columns = problem.formula.columns(table)[1]
+        unit = np.linalg.norm(columns, axis=0)
+        solved = problem.layout.solve(self._even, columns / unit)
+        return np.asarray(np.linalg.solve(solved.T @ (columns / unit), solved.T @ y) / unit)
+
+    @cached_property
+    def rows(self) -> FloatArray:
+        """(p, k) columns of the model at the points."""
+        P, sensor, sse = self.at.T
+        return self.calibration.formula.columns({"P": P, "T_sensor": sensor, "T_SSE": sse})[1]
+
+    @cached_property
+    def slope(self) -> FloatArray:
+        """(p,) dV/dP at the points, mV/psi."""
+        P, sensor, sse = self.at.T
+        derivative = self.calibration.formula.derivative({"P": P, "T_sensor": sensor, "T_SSE": sse}, "P")
+        return np.asarray(derivative @ self.calibration.coefficients)
+
+    @cached_property
+    def readings(self) -> FloatArray:
+        """(p,) outputs at the points, mV."""
+        return np.asarray(self.rows @ self.calibration.coefficients)
+
+    def values(self, coefficients: FloatArray, readings: FloatArray) -> FloatArray:
+        """Coefficients, outputs, and inferred pressures of (p,) readings."""
+        used = replace(self.calibration, coefficients=coefficients)
+        pressure = infer_pressure(used, readings, self.at[:, 1], self.at[:, 2]).pressure_psia
+        return np.concatenate([coefficients, self.rows @ coefficients, pressure])
+
+    def named(self) -> Iterator[tuple[str, str]]:
+        """Name and unit of every result."""
+        stem = self.name.removesuffix("_mV")
+        yield from ((f"{stem} coefficient {one}", coefficient_unit(one)) for one in self.fit.problem.names)
+        where = [f"at {P:g} psia, sensor {sensor:g} degC, SSE {sse:g} degC" for P, sensor, sse in self.at.tolist()]
+        yield from ((f"{stem} output {place}", "mV") for place in where)
+        yield from ((f"{stem} inferred pressure {place}", "psi") for place in where)
+
+    def scatter(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """(m, m) covariance by the fit and (m,) degrees of freedom, and (m, m) of one reading with its (m,)."""
+        one, errors, h = self.calibration, self.calibration.errors, self.rows
+        k, p = len(one.coefficients), len(h)
+        J = np.vstack([np.eye(k), h, -h / self.slope[:, None]])
+        covariance = J @ one.covariance @ J.T
+        gradient = np.einsum("mk,pkl,ml->mp", J, one.derivatives, J)
+        variance, by = errors.of_reading(self.at[:, 0], new_whole_plot=True)
+        used = np.zeros((len(J), len(J)))
+        last = np.arange(k + p, k + 2 * p)
+        used[last, last] = variance / self.slope**2
+        df = np.full(len(J), np.inf)
+        df[last] = errors.df(variance, by)
+        return covariance, errors.df(np.diag(covariance), gradient), used, df
+
+
+class PressureEvaluation(Evaluation):
+    """All transducers of a run, by the declared model and GLS."""
+
+    def __init__(self, data: WholePlotData, model: str, at: Sequence[Point]) -> None:
+        self._data = data
+        points = np.array(at, np.float64).reshape(-1, 3)
+        fits = fit_transducers(data, model)
+        self._each = [Transducer(name, fit, fit.calibration(METHOD), points) for name, fit in fits.items()]
+
+    @cached_property
+    def columns(self) -> Columns:
+        """See `Evaluation`."""
+        d = self._data
+        return {
+            PRESSURE: d.pressure_psia,
+            SENSOR: d.sensor_temperature_degC,
+            SSE: d.sse_temperature_degC,
+            **d.outputs,
+        }
+
+    @cached_property
+    def settings(self) -> Mapping[str, IntArray]:
+        """See `Evaluation`."""
+        number = {}
+        for short, column in _NAMES.items():
+            number[column] = np.asarray(np.unique(self._data.nominal[short], return_inverse=True)[1], np.int64)
+        every = np.column_stack([*number.values()])
+        points = np.asarray(np.unique(every, axis=0, return_inverse=True)[1], np.int64).ravel()
+        return {**number, "": points}
+
+    @cached_property
+    def replication(self) -> IntArray:
+        """See `Evaluation`."""
+        return np.asarray(np.unique(self._data.replicate, return_inverse=True)[1], np.int64)
+
+    def evaluate(self, shift: Shift) -> FloatArray:
+        """See `Evaluation`."""
+        shared = {name for name in shift.columns if name in _NAMES.values()}
+        found = []
+        for one in self._each:
+            mine = {name: moved for name, moved in shift.columns.items() if name in shared or name == one.name}
+            coefficients = one.coefficients(mine) if mine else one.calibration.coefficients
+            readings = one.readings
+            if shift.in_use is not no_error:
+                readings = readings + shift.in_use(one.name, readings)
+            found.append(one.values(coefficients, readings))
+        return np.concatenate(found)
+
+    @cached_property
+    def results(self) -> Results:
+        """See `Evaluation`."""
+        named = [(name, unit, one.name) for one in self._each for name, unit in one.named()]
+        values = self.evaluate(Shift())
+        if not np.isfinite(values).all():
+            lost = named[int(np.flatnonzero(~np.isfinite(values))[0])][0]
+            raise FitError(f"{lost}: it is not determined there; choose another point with --at")
+        names, units, sensors = zip(*named, strict=True)
+        parts = [one.scatter() for one in self._each]
+        type_a = (
+            TypeA(
+                together([p[0] for p in parts]), np.concatenate([p[1] for p in parts]), "scatter of the run", "the run"
+            ),
+            TypeA(
+                together([p[2] for p in parts]),
+                np.concatenate([p[3] for p in parts]),
+                "scatter of one reading in use, in a new whole plot",
+                "the run",
+            ),
+        )
+        return Results(names, units, values, type_a, sensors)
+
+    def of_place(self, constant: PlaceConstant) -> Iterable[tuple[str, Shifts]]:
+        """The height of the transducers as a share of the pressure."""
+        if constant.name == "line_head":
+            pressure = self.columns[PRESSURE]
+            yield "", lambda times: Shift({PRESSURE: times * constant.standard * COLUMN_PER_M * pressure})
+
+
+def pressure_evaluation(table: Table, formula: str | None, at: Sequence[Mapping[str, float]]) -> PressureEvaluation:
+    """The evaluation of a table; arguments and errors as for `Kind.evaluation`."""
+    data = whole_plot_data(table)
+    alive = {name: values for name, values in data.outputs.items() if float(np.ptp(values)) > 0.0}
+    if not alive:
+        raise DataError(f"{table.source}: no transducer's output ever changes: nothing to calibrate")
+    data = replace(data, outputs=alive)
+    model = formula or table.declared.get("formula") or usual(data)
+    try:
+        return PressureEvaluation(data, model, _points(data, at))
+    except FitError as error:
+        raise DataError(f"{table.source}: {error}") from error
+
+
+def _points(data: WholePlotData, at: Sequence[Mapping[str, float]]) -> list[Point]:
+    """Points, with the mean temperatures of the run where none are given; three pressures if no point is given."""
+    middle = {SENSOR: float(np.mean(data.nominal["T_sensor"])), SSE: float(np.mean(data.nominal["T_SSE"]))}
+    if not at:
+        low, high = float(data.pressure_psia.min()), float(data.pressure_psia.max())
+        given: Sequence[Mapping[str, float]] = [
+            {PRESSURE: P} for P in (low + 0.1 * (high - low), (low + high) / 2, high)
+        ]
+        given = [{PRESSURE: float(f"{one[PRESSURE]:.3g}")} for one in given]
+        middle = {name: float(f"{value:.3g}") if abs(value) > 1e-6 else 0.0 for name, value in middle.items()}
+    else:
+        given = at
+    for one in given:
+        unknown = [name for name in one if name not in _NAMES.values()]
+        if unknown or PRESSURE not in one:
+            raise DataError(f"--at: a point has {PRESSURE}, and perhaps {SENSOR} and {SSE}: --at {PRESSURE}=2.5")
+    return [(one[PRESSURE], one.get(SENSOR, middle[SENSOR]), one.get(SSE, middle[SSE])) for one in given]

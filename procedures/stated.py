@@ -1,0 +1,92 @@
+"""Errors of recorded quantities as a register of equipment states them: corrections, uncertainties, behaviour."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from math import inf
+from typing import Literal
+
+from fitter.arrays import FloatArray
+
+Behaviour = Literal["offset", "gain", "turn", "setting", "replication", "reading"]
+Distribution = Literal["normal", "rectangular", "triangular", "arcsine"]
+BEHAVIOURS: dict[Behaviour, str] = {
+    "offset": "the same error in all readings, of a size that may vary over the quantity",
+    "gain": "an error in proportion to the reading",
+    "turn": "an error of an angle with one period per turn, its amplitude and phase unknown",
+    "setting": "an independent error at every setting, the same whenever the setting is taken again",
+    "replication": "an independent error in every replication",
+    "reading": "an independent error in every observation",
+}
+
+Curve = Callable[[FloatArray], FloatArray]
+
+
+@dataclass(frozen=True, eq=False)
+class Stated:
+    """One stated error of recorded columns.
+
+    Attributes:
+        name: for budgets: "DVM-0102 gain".
+        source: asset and certificate.
+        columns: recorded columns that have the error, with the number of their units in one of the quantity's.
+        behaves: how it varies over observations.
+        correction: (n,) values of the quantity to (n,) corrections, in the quantity's unit.
+        standard: (n,) values of the quantity to (n,) standard uncertainties, in the quantity's unit.
+        df: degrees of freedom.
+        distribution: of the error.
+        reads: whether it is a meter of sensors' outputs, which may be in use later too.
+        covered: lowest and highest value of the quantity covered; None for any.
+        key: place in the register's file, for messages.
+    """
+
+    name: str
+    source: str
+    columns: Mapping[str, float]
+    behaves: Behaviour
+    correction: Curve
+    standard: Curve
+    df: float = inf
+    distribution: Distribution = "normal"
+    reads: bool = False
+    covered: tuple[float, float] | None = None
+    key: str = ""
+
+
+@dataclass(frozen=True)
+class PlaceConstant:
+    """A constant of the place: "gravity" (m/s2), "levelling" (deg), "line_head" (m).
+
+    Attributes:
+        name: its name.
+        value: its value.
+        standard: its standard uncertainty.
+        df: degrees of freedom.
+        distribution: of its error.
+        source: where it is from.
+    """
+
+    name: str
+    value: float
+    standard: float
+    df: float = inf
+    distribution: Distribution = "normal"
+    source: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Statements:
+    """All that a register states about the columns of a run.
+
+    Attributes:
+        errors: of recorded columns.
+        place: constants of the place, by name.
+        unused: parts of the register that belong to this bench and that nothing uses, with the reason.
+        example: whether the values are examples.
+    """
+
+    errors: Sequence[Stated] = ()
+    place: Mapping[str, PlaceConstant] = field(default_factory=dict)
+    unused: Sequence[str] = ()
+    example: bool = False

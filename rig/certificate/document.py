@@ -1,0 +1,439 @@
+"""A calibration certificate as data, complete before anything is rendered.
+
+Its numbers are texts, rounded by their uncertainty, because paper, page and XML must have the same digits. Beside them
+are the unrounded numbers that they come from. The contents follow ISO/IEC 17025:2017, 7.8.2 and 7.8.4.
+"""
+
+from __future__ import annotations
+
+import datetime
+from dataclasses import dataclass, field, fields, is_dataclass
+from typing import Any, Literal
+
+Stage = Literal["", "as found", "as left"]
+"""Which of two runs, before and after an adjustment; "" if there is only one."""
+Verdict = Literal["pass", "fail", "conditionalPass", "conditionalFail", "noPass", "noFail"]
+"""The words of a digital calibration certificate."""
+
+
+@dataclass(frozen=True)
+class Party:
+    """A laboratory or a customer.
+
+    Attributes:
+        name: of the organisation.
+        address: lines.
+        country: two letters of ISO 3166-1; "" if unknown.
+        email: address; "" for none.
+        phone: number; "" for none.
+    """
+
+    name: str
+    address: tuple[str, ...]
+    country: str = ""
+    email: str = ""
+    phone: str = ""
+
+
+@dataclass(frozen=True)
+class Logo:
+    """A picture, as the bytes of its file."""
+
+    data: bytes = field(repr=False)
+    kind: Literal["svg", "png", "jpg"]
+
+
+@dataclass(frozen=True)
+class Laboratory:
+    """Who issues the certificate.
+
+    Attributes:
+        party: name and address.
+        accreditation: number and body of its accreditation; "" if it has none.
+        logo: its own; None if it has none.
+    """
+
+    party: Party
+    accreditation: str = ""
+    logo: Logo | None = None
+
+
+@dataclass(frozen=True)
+class Item:
+    """A sensor under calibration.
+
+    Attributes:
+        name: as in the run file and in tables.
+        description: what it is.
+        maker: manufacturer.
+        model: of the manufacturer.
+        serial: serial number.
+        asset: the laboratory's number for it; "" if it has none.
+        customer_id: the customer's number for it; "" if it has none.
+        condition: as received.
+    """
+
+    name: str
+    description: str
+    maker: str
+    model: str
+    serial: str
+    condition: str
+    asset: str = ""
+    customer_id: str = ""
+
+
+@dataclass(frozen=True)
+class Person:
+    """Somebody who answers for the certificate."""
+
+    name: str
+    role: str
+
+
+@dataclass(frozen=True)
+class Dates:
+    """Dates of the calibration; `received` is None if the items never left the customer."""
+
+    received: datetime.date | None
+    began: datetime.date
+    ended: datetime.date
+    issued: datetime.date
+
+
+@dataclass(frozen=True)
+class Method:
+    """How the items were calibrated: a name, sentences, and standards or papers."""
+
+    name: str
+    sentences: tuple[str, ...] = ()
+    references: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Condition:
+    """A quantity recorded during the run; the numbers are rounded texts.
+
+    Attributes:
+        name: its column in the run's table, or "" if a person states it.
+        label: for people.
+        unit: of all three.
+        minimum: smallest value.
+        mean: of all accepted observations.
+        maximum: largest value.
+        stage: of the run.
+    """
+
+    name: str
+    label: str
+    unit: str
+    minimum: str
+    mean: str
+    maximum: str
+    stage: Stage = ""
+
+
+@dataclass(frozen=True)
+class Equipment:
+    """An instrument or standard that was used, and its own certificate.
+
+    Attributes:
+        name: what it is.
+        maker: manufacturer.
+        model: of the manufacturer.
+        serial: serial number.
+        asset: the laboratory's number for it.
+        certificate: number of its certificate; "" if no result is traced to it.
+        laboratory: that issued the certificate.
+        date: of the certificate; None without one.
+        due: date of its next calibration; None if there is none.
+    """
+
+    name: str
+    maker: str
+    model: str
+    serial: str
+    asset: str
+    certificate: str
+    laboratory: str
+    date: datetime.date | None
+    due: datetime.date | None
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of a table of results: what the results are given at."""
+
+    label: str
+    unit: str
+
+
+@dataclass(frozen=True)
+class Result:
+    """One value with its expanded uncertainty.
+
+    Attributes:
+        name: key of the result, unique in its table.
+        label: for people.
+        at: texts of the table's columns `at`.
+        value: rounded by its uncertainty.
+        expanded: expanded uncertainty, two digits.
+        k: coverage factor, rounded.
+        probability: coverage probability, as a text such as "0.95".
+        unit: of value and uncertainty; "" for a plain number.
+        estimate: the value, unrounded.
+        standard: combined standard uncertainty, unrounded.
+        factor: coverage factor, unrounded.
+        df: effective degrees of freedom.
+    """
+
+    name: str
+    label: str
+    at: tuple[str, ...]
+    value: str
+    expanded: str
+    k: str
+    probability: str
+    unit: str
+    estimate: float
+    standard: float
+    factor: float
+    df: float
+
+
+@dataclass(frozen=True)
+class ResultTable:
+    """Results of one sensor.
+
+    Attributes:
+        sensor: `Item.name`; "" for results of all items together.
+        title: what the results are.
+        results: in the order of the rows.
+        at: what the results are given at; () for results without settings, such as coefficients.
+        stage: as found or as left.
+        notes: sentences below the table, such as the formula.
+    """
+
+    sensor: str
+    title: str
+    results: tuple[Result, ...]
+    at: tuple[Column, ...] = ()
+    stage: Stage = ""
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Contribution:
+    """One line of an uncertainty budget; numbers are texts.
+
+    Attributes:
+        label: the influence.
+        source: what it is traced to.
+        kind: evaluation of type A or B.
+        standard: standard uncertainty of the result by this influence alone, in the result's unit.
+        df: its degrees of freedom.
+        share: of the squared combined standard uncertainty; negative where a correlation reduces it.
+    """
+
+    label: str
+    source: str
+    kind: Literal["A", "B"]
+    standard: str
+    df: str
+    share: float
+
+
+@dataclass(frozen=True)
+class Budget:
+    """The uncertainty budget of one result, for the annex.
+
+    Attributes:
+        sensor: `Item.name`; "" for a result of all items together.
+        result: `Result.name`.
+        label: of the result.
+        unit: of the result.
+        contributions: largest share first.
+        left: number of smaller contributions that are not listed.
+        combined: combined standard uncertainty.
+        df: effective degrees of freedom.
+        k: coverage factor.
+        expanded: expanded uncertainty.
+        stage: as found or as left.
+    """
+
+    sensor: str
+    result: str
+    label: str
+    unit: str
+    contributions: tuple[Contribution, ...]
+    combined: str
+    df: str
+    k: str
+    expanded: str
+    stage: Stage = ""
+    left: int = 0
+
+
+@dataclass(frozen=True)
+class Statement:
+    """A statement of conformity.
+
+    Attributes:
+        sensor: `Item.name`.
+        what: the quantity that is judged.
+        tolerance: as words, with the unit.
+        rule: the decision rule, as words.
+        verdict: its result.
+        probability: that the quantity is within the tolerance, as a text.
+        sentence: the statement.
+        stage: as found or as left.
+    """
+
+    sensor: str
+    what: str
+    tolerance: str
+    rule: str
+    verdict: Verdict
+    probability: str
+    sentence: str
+    stage: Stage = ""
+
+
+@dataclass(frozen=True)
+class Effect:
+    """An effect that was found beside the declared model.
+
+    Attributes:
+        sensor: `Item.name`.
+        name: in the catalogue.
+        cause: the physical mechanism.
+        size: with its interval.
+        confirmed: whether a further run confirmed it.
+        how: by what it was confirmed, or why it was not.
+        stage: as found or as left.
+    """
+
+    sensor: str
+    name: str
+    cause: str
+    size: str
+    confirmed: bool
+    how: str
+    stage: Stage = ""
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """The run file that the numbers come from.
+
+    Attributes:
+        file: its name.
+        run_id: of the run.
+        head: hash of its last record.
+        records: their number.
+        observations: accepted observations.
+        began: date of the first record.
+        ended: date of the last observation.
+        version: of the program that writes the certificate.
+        stage: as found or as left.
+    """
+
+    file: str
+    run_id: str
+    head: str
+    records: int
+    observations: int
+    began: datetime.date
+    ended: datetime.date
+    version: str
+    stage: Stage = ""
+
+
+@dataclass(frozen=True)
+class Amendment:
+    """The certificate that this one replaces, and what changed.
+
+    Attributes:
+        number: of the replaced certificate.
+        issued: its date of issue.
+        changes: sentences.
+        sha256: of its file.
+    """
+
+    number: str
+    issued: datetime.date
+    changes: tuple[str, ...]
+    sha256: str
+
+
+@dataclass(frozen=True)
+class Document:
+    """A complete calibration certificate.
+
+    Attributes:
+        number: unique number of the certificate.
+        simulated: whether no real instrument was involved.
+        laboratory: who issues it.
+        customer: whom it is for.
+        items: sensors under calibration.
+        place: where the calibration was made.
+        dates: of the calibration and of issue.
+        calibrated_by: who calibrated.
+        approved_by: who approves and signs.
+        method: of the calibration.
+        conditions: measured during the run.
+        equipment: with its traceability.
+        tables: results.
+        budgets: for the annex.
+        statements: of conformity; () if none was asked for.
+        effects: found beside the declared model.
+        adjustment: between as found and as left; "" if none was made.
+        deviations: from the procedure: skipped points, repeated whole plots, exchanged instruments.
+        evidence: a run file each.
+        amends: the certificate that this one replaces; None for a first one.
+        next_due: date of the next calibration, only at the customer's wish.
+        remarks: further sentences of the laboratory.
+        paper: size of a page.
+        opinions: interpretations that are no results of measurement.
+    """
+
+    number: str
+    simulated: bool
+    laboratory: Laboratory
+    customer: Party
+    items: tuple[Item, ...]
+    place: str
+    dates: Dates
+    calibrated_by: tuple[Person, ...]
+    approved_by: Person
+    method: Method
+    conditions: tuple[Condition, ...]
+    equipment: tuple[Equipment, ...]
+    tables: tuple[ResultTable, ...]
+    budgets: tuple[Budget, ...]
+    evidence: tuple[Evidence, ...]
+    statements: tuple[Statement, ...] = ()
+    effects: tuple[Effect, ...] = ()
+    adjustment: str = ""
+    deviations: tuple[str, ...] = ()
+    amends: Amendment | None = None
+    next_due: datetime.date | None = None
+    remarks: tuple[str, ...] = ()
+    opinions: tuple[str, ...] = ()
+    paper: Literal["a4", "letter"] = "a4"
+
+    def to_json(self) -> dict[str, Any]:
+        """JSON values of all but the logo, dates as YYYY-MM-DD."""
+        told: dict[str, Any] = _plain(self)
+        return told
+
+
+def _plain(value: Any) -> Any:
+    """JSON values of a part of a document."""
+    if isinstance(value, Logo):
+        return {"kind": value.kind}
+    if is_dataclass(value):
+        return {one.name: _plain(getattr(value, one.name)) for one in fields(value)}
+    if isinstance(value, tuple):
+        return [_plain(one) for one in value]
+    return value.isoformat() if isinstance(value, datetime.date) else value

@@ -1,0 +1,374 @@
+"""The parts of a certificate, in order, as blocks that paper and page render alike.
+
+Nothing is computed here: a block arranges texts of the document. A template of a laboratory gets the same blocks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
+from datetime import date
+from typing import Any, Literal
+
+from rig.certificate import words
+from rig.certificate.document import Budget, Document, Party, ResultTable
+from rig.certificate.numbers import padding, raised, typeset
+
+Align = Literal["left", "right", "bar"]
+
+
+@dataclass(frozen=True)
+class Facts:
+    """Names and values; `mono` for values to be compared character by character."""
+
+    rows: tuple[tuple[str, tuple[str, ...]], ...]
+    mono: bool = False
+    type: Literal["facts"] = "facts"
+
+
+@dataclass(frozen=True)
+class Sentences:
+    """Paragraphs."""
+
+    texts: tuple[str, ...]
+    small: bool = False
+    type: Literal["sentences"] = "sentences"
+
+
+@dataclass(frozen=True)
+class Head:
+    """Head of a column: a label, its unit on the second line, and how its cells stand."""
+
+    label: str
+    unit: str = ""
+    align: Align = "left"
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A cell: its text, invisible text behind it, and the length of a bar, 0 to 1."""
+
+    text: str
+    pad: str = ""
+    bar: float = 0.0
+
+
+@dataclass(frozen=True)
+class Grid:
+    """A table with a title and notes; it may be broken between pages, and its heads are repeated there."""
+
+    title: str
+    heads: tuple[Head, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+    notes: tuple[str, ...] = ()
+    foot: tuple[tuple[str, str], ...] = ()
+    type: Literal["grid"] = "grid"
+
+
+@dataclass(frozen=True)
+class Signatures:
+    """Places to sign: task, name, role."""
+
+    rows: tuple[tuple[str, str, str], ...]
+    type: Literal["signatures"] = "signatures"
+
+
+Block = Facts | Sentences | Grid | Signatures
+
+
+@dataclass(frozen=True)
+class Section:
+    """A part with a heading; `annex` begins a new page."""
+
+    title: str
+    blocks: tuple[Block, ...]
+    annex: bool = False
+
+
+def sections(document: Document) -> tuple[Section, ...]:
+    """All parts of a certificate, in the order of its pages; parts without contents are absent."""
+    parts = (
+        Section("", tuple(_cover(document))),
+        Section("Method", tuple(_method(document))),
+        Section("Conditions during the calibration", tuple(_conditions(document))),
+        Section("Equipment and traceability", tuple(_equipment(document))),
+        Section("Results", tuple(_results(document))),
+        Section("Statement of conformity", tuple(_conformity(document))),
+        Section("Effects beside the declared model", tuple(_effects(document))),
+        Section("Deviations from the procedure", tuple(_deviations(document))),
+        Section("Remarks", tuple(_paragraphs(document.remarks))),
+        Section("Opinions and interpretations", tuple(_paragraphs(document.opinions))),
+        Section("Evidence", tuple(_evidence(document))),
+        Section("Annex: uncertainty budgets", tuple(_annex(document)), annex=True),
+    )
+    return tuple(part for part in parts if part.blocks)
+
+
+def _cover(document: Document) -> Iterator[Block]:
+    dates = document.dates
+    if document.amends is not None:
+        since = f"It replaces certificate {document.amends.number} of {day(document.amends.issued)}."
+        yield Sentences((f"Amended certificate. {since}", *document.amends.changes))
+    rows = [("Customer", _party(document.customer)), *_items(document), ("Place of calibration", (document.place,))]
+    if dates.received is not None:
+        rows.append(("Date of receipt", (day(dates.received),)))
+    rows += [("Date of calibration", (_span(dates.began, dates.ended),)), ("Date of issue", (day(dates.issued),))]
+    if document.next_due is not None:
+        rows.append(("Next calibration", (f"{day(document.next_due)}, at the customer's wish",)))
+    yield Facts(tuple(rows))
+    yield Sentences(words.COVER, small=True)
+    signed = [("Calibrated by", one.name, one.role) for one in document.calibrated_by]
+    approved = document.approved_by
+    yield Signatures((*signed, ("Approved by", approved.name, approved.role)))
+
+
+def _party(party: Party) -> tuple[str, ...]:
+    return (party.name, *filter(None, (*party.address, party.email, party.phone)))
+
+
+def _items(document: Document) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """One item as facts; several are a table of the next page, and one line here."""
+    if len(document.items) > 1:
+        listed = ", ".join(f"{one.name} (serial {one.serial})" for one in document.items)
+        yield f"{len(document.items)} items", (_same(one.description for one in document.items), listed)
+        return
+    (item,) = document.items
+    yield "Item", (f"{item.description} ({item.name} in this certificate)",)
+    yield "Manufacturer, model", (f"{item.maker}, {item.model}",)
+    numbers = [f"serial number {item.serial}"]
+    numbers += [f"laboratory's number {item.asset}"] if item.asset else []
+    numbers += [f"customer's number {item.customer_id}"] if item.customer_id else []
+    yield "Identification", (", ".join(numbers),)
+    yield "Condition as received", (item.condition,)
+
+
+def _same(texts: Iterable[str]) -> str:
+    """Each different text once."""
+    return "; ".join(dict.fromkeys(texts))
+
+
+def _method(document: Document) -> Iterator[Block]:
+    method = document.method
+    yield Sentences((method.name, *method.sentences))
+    if method.references:
+        yield Sentences(tuple(method.references), small=True)
+    if len(document.items) > 1:
+        heads = ("Item", "Manufacturer, model", "Serial number", "Other numbers", "Condition as received")
+        rows = [
+            (
+                one.name,
+                f"{one.maker}, {one.model}",
+                one.serial,
+                ", ".join(filter(None, (one.asset, one.customer_id))),
+                one.condition,
+            )
+            for one in document.items
+        ]
+        yield _texts("Items under calibration", heads, rows)
+
+
+def _conditions(document: Document) -> Iterator[Block]:
+    if not document.conditions:
+        return
+    staged = any(one.stage for one in document.conditions)
+    heads = [Head("Quantity"), *([Head("Run")] if staged else []), Head("Unit")]
+    heads += [Head(name, align="right") for name in ("Minimum", "Mean", "Maximum")]
+    told = [
+        [one.label, *([one.stage] if staged else []), one.unit, one.minimum, one.mean, one.maximum]
+        for one in document.conditions
+    ]
+    yield _grid("", heads, told, notes=words.CONDITIONS)
+
+
+def _equipment(document: Document) -> Iterator[Block]:
+    heads = ("Instrument", "Manufacturer, model", "Serial, asset", "Certificate", "Laboratory", "Date", "Due")
+    rows = [
+        (
+            one.name,
+            ", ".join(filter(None, (one.maker, one.model))),
+            ", ".join(filter(None, (one.serial, one.asset))),
+            one.certificate or "-",
+            one.laboratory or "-",
+            "-" if one.date is None else day(one.date),
+            "-" if one.due is None else day(one.due),
+        )
+        for one in document.equipment
+    ]
+    yield _texts("", heads, rows, notes=words.TRACEABILITY)
+
+
+def _results(document: Document) -> Iterator[Block]:
+    yield Sentences(words.UNCERTAINTY)
+    stages = list(dict.fromkeys(one.stage for one in document.tables))
+    for stage in stages:
+        for table in document.tables:
+            if table.stage == stage:
+                yield _table(table)
+        if stage == "as found" and document.adjustment:
+            yield Sentences((f"Adjustment between as found and as left: {document.adjustment}",))
+
+
+def _table(table: ResultTable) -> Grid:
+    numbered = any(one.unit != table.results[0].unit for one in table.results)
+    unit = "" if numbered else table.results[0].unit
+    heads = [Head(one.label, one.unit, "right") for one in table.at]
+    if not table.at or len({one.label for one in table.results}) > 1:
+        heads.insert(0, Head("Quantity"))
+    named = heads[:1] == [Head("Quantity")]
+    heads += [Head("Unit")] if numbered else []
+    heads += [Head("Value", unit, "right"), Head("Expanded\nuncertainty", unit, "right")]
+    heads += [Head("k", align="right"), Head("Coverage\nprobability", align="right")]
+    rows = [
+        [
+            *([one.label] if named else []),
+            *one.at,
+            *([one.unit or "1"] if numbered else []),
+            one.value,
+            one.expanded,
+            one.k,
+            percent(one.probability),
+        ]
+        for one in table.results
+    ]
+    return _grid(_titled(table.sensor, table.title, table.stage), heads, rows, notes=table.notes)
+
+
+def _conformity(document: Document) -> Iterator[Block]:
+    if not document.statements:
+        return
+    staged = any(one.stage for one in document.statements)
+    heads = ["Item", *(["Run"] if staged else []), "Quantity", "Tolerance", "Result", "Probability\nof conformity"]
+    rows = [
+        (
+            one.sensor,
+            *([one.stage] if staged else []),
+            one.what,
+            one.tolerance,
+            words.VERDICTS[one.verdict],
+            percent(one.probability),
+        )
+        for one in document.statements
+    ]
+    rules = tuple(dict.fromkeys(one.rule for one in document.statements))
+    yield _texts("", heads, rows, notes=(*(f"Decision rule: {rule}" for rule in rules), *words.CONFORMITY))
+    yield Sentences(tuple(dict.fromkeys(one.sentence for one in document.statements if one.sentence)))
+
+
+def _effects(document: Document) -> Iterator[Block]:
+    if not document.effects:
+        return
+    staged = any(one.stage for one in document.effects)
+    heads = ["Item", *(["Run"] if staged else []), "Effect", "Size (95 % interval)", "State"]
+    rows = [
+        (
+            one.sensor,
+            *([one.stage] if staged else []),
+            f"{one.name}: {one.cause}",
+            one.size,
+            f"{'confirmed' if one.confirmed else 'not confirmed'}: {one.how}",
+        )
+        for one in document.effects
+    ]
+    yield _texts("", heads, rows, notes=words.EFFECTS)
+
+
+def _deviations(document: Document) -> Iterator[Block]:
+    yield Sentences(document.deviations or ("None.",))
+
+
+def _paragraphs(texts: Sequence[str]) -> Iterator[Block]:
+    if texts:
+        yield Sentences(tuple(texts))
+
+
+def _evidence(document: Document) -> Iterator[Block]:
+    for one in document.evidence:
+        stage = f" ({one.stage})" if one.stage else ""
+        run = f"{one.file}: run {one.run_id}, {one.observations} observations, {one.records} records"
+        rows = [(f"Run file{stage}", (run,)), ("Head hash", (one.head[:32], one.head[32:]))]
+        yield Facts((*rows, ("Written by", (f"calibration-rig {one.version}",))), mono=True)
+    yield Sentences(words.EVIDENCE, small=True)
+
+
+def _annex(document: Document) -> Iterator[Block]:
+    if document.budgets:
+        yield Sentences(words.ANNEX, small=True)
+    for budget in document.budgets:
+        yield _budget(budget)
+
+
+def _budget(budget: Budget) -> Grid:
+    heads = [Head("Influence"), Head("Traced to"), Head("Type"), Head("Standard\nuncertainty", budget.unit, "right")]
+    heads += [Head("Degrees of\nfreedom", align="right"), Head("Share", align="bar")]
+    told = [[one.label, one.source, one.kind, one.standard, one.df, _share(one.share)] for one in budget.contributions]
+    grid = _grid("", heads, told)
+    rows = tuple(
+        (*row[:-1], Cell(row[-1].text, bar=min(max(one.share, 0.0), 1.0)))
+        for row, one in zip(grid.rows, budget.contributions, strict=True)
+    )
+    unit = f" {raised(budget.unit)}" if budget.unit else ""
+    foot = (
+        ("Combined standard uncertainty", f"{typeset(budget.combined)}{unit}"),
+        ("Effective degrees of freedom", typeset(budget.df)),
+        ("Coverage factor k", typeset(budget.k)),
+        ("Expanded uncertainty", f"{typeset(budget.expanded)}{unit}"),
+    )
+    left = (f"{budget.left} smaller contributions, each below 0.1 %, are not listed.",) if budget.left else ()
+    return Grid(_titled(budget.sensor, budget.label, budget.stage), grid.heads, rows, left, foot)
+
+
+def _titled(sensor: str, what: str, stage: str) -> str:
+    return "".join((f"{sensor}: " if sensor else "", what, f", {stage}" if stage else ""))
+
+
+def _share(share: float) -> str:
+    """A share of the variance in percent."""
+    per_cent = 100 * share
+    return "< 0.1 %" if 0 < per_cent < 0.1 else f"{per_cent:.1f} %".replace("-", "−")
+
+
+def _grid(title: str, heads: Sequence[Head], texts: Sequence[Sequence[str]], notes: Sequence[str] = ()) -> Grid:
+    """A table of texts, in which numbers are printed as numbers and stand below each other."""
+    heads = [replace(head, unit=raised(head.unit)) for head in heads]
+    shown = [
+        [typeset(text) if head.align == "right" else raised(text) for head, text in zip(heads, row, strict=True)]
+        for row in texts
+    ]
+    pads = [
+        padding([row[i] for row in shown]) if head.align == "right" else [""] * len(shown)
+        for i, head in enumerate(heads)
+    ]
+    rows = tuple(tuple(Cell(text, pads[i][n]) for i, text in enumerate(row)) for n, row in enumerate(shown))
+    return Grid(title, tuple(heads), rows, tuple(notes))
+
+
+def _texts(title: str, heads: Sequence[str], rows: Sequence[Sequence[str]], notes: Sequence[str] = ()) -> Grid:
+    return _grid(title, [Head(name) for name in heads], rows, notes)
+
+
+def day(when: date) -> str:
+    """A date that nobody reads as another: 2026-11-24."""
+    return when.isoformat()
+
+
+def _span(began: date, ended: date) -> str:
+    return day(began) if began == ended else f"{day(began)} to {day(ended)}"
+
+
+def percent(probability: str) -> str:
+    """A probability in percent, with its digits: `0.9545` is `95.45 %`. Any other text is unchanged."""
+    whole, point, digits = probability.partition(".")
+    if not (whole.isdigit() and digits.isdigit() and point):
+        return probability
+    moved = f"{whole}{digits:0<2}"
+    shown = f"{moved[: len(whole) + 2]}.{moved[len(whole) + 2 :]}".lstrip("0").rstrip(".")
+    return f"{'0' if shown.startswith('.') or not shown else ''}{shown} %"
+
+
+def contents(document: Document) -> dict[str, Any]:
+    """The input of a template: the document and its sections, as JSON values."""
+    return {
+        "document": document.to_json(),
+        "sections": [asdict(one) for one in sections(document)],
+        "words": words.PAGE,
+    }

@@ -1,0 +1,62 @@
+"""A certificate on paper, by typst: PDF/A, whose bytes follow from the document alone.
+
+typst is the extra `certificate`. Only the fonts inside its package are used, and nothing is fetched.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import tempfile
+from datetime import UTC, datetime, time
+from pathlib import Path
+
+from rig.certificate.document import Document
+from rig.certificate.extras import needed
+from rig.certificate.layout import contents
+from rig.errors import ConfigurationError
+
+_TEMPLATE = Path(__file__).parent / "templates" / "certificate.typ"
+_PACKAGE = re.compile(r"""["']@[A-Za-z]""")
+
+
+def pdf(document: Document, template: Path | None = None) -> bytes:
+    """The certificate as PDF/A-2b.
+
+    Args:
+        document: the certificate.
+        template: a laboratory's own template in typst, which reads `contents.json` beside it; None for ours.
+
+    Raises:
+        UsageError: the extra `certificate` is not installed.
+        ConfigurationError: the template cannot be read, fetches a package, or has an error.
+    """
+    typst = needed("typst", "certificate")
+    source = _text(template or _TEMPLATE)
+    with tempfile.TemporaryDirectory(prefix="rig-certificate-") as name:
+        folder = Path(name)
+        (folder / "main.typ").write_text(source, encoding="utf-8")
+        told = json.dumps(contents(document), ensure_ascii=False)
+        (folder / "contents.json").write_text(told, encoding="utf-8")
+        if (logo := document.laboratory.logo) is not None:
+            (folder / f"logo.{logo.kind}").write_bytes(logo.data)
+        issued = datetime.combine(document.dates.issued, time(), UTC)
+        compiler = typst.Compiler(folder / "main.typ", root=folder, ignore_system_fonts=True)
+        try:
+            made: bytes = compiler.compile(format="pdf", pdf_standards="a-2b", timestamp=int(issued.timestamp()))
+        except typst.TypstError as error:
+            hints = "".join(f"; {hint}" for hint in error.hints)
+            where = template or "the certificate"
+            raise ConfigurationError(f"{where} cannot be set as a page: {error.message}{hints}") from error
+    return made
+
+
+def _text(template: Path) -> str:
+    """Source of a template. Raises `ConfigurationError`."""
+    try:
+        source = template.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigurationError(f"template {template} cannot be read: {error}") from error
+    if _PACKAGE.search(source):
+        raise ConfigurationError(f"template {template} imports a package, which would be fetched: copy what it needs")
+    return source

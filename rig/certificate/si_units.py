@@ -1,0 +1,162 @@
+"""Units of tables in the notation of the Digital SI (D-SI): `kN/in^2` as SI units, with a factor.
+
+Units with a symbol in the 9th SI brochure, with prefixes, and others that are defined by them (psi, standard gravity).
+The latter appear in a certificate together with their value in SI units.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from decimal import Decimal
+
+from rig.errors import UsageError
+
+_PREFIXES = {
+    "Y": "yotta", "Z": "zetta", "E": "exa", "P": "peta", "T": "tera", "G": "giga", "M": "mega", "k": "kilo",
+    "h": "hecto", "da": "deca", "d": "deci", "c": "centi", "m": "milli", "u": "micro", "µ": "micro", "μ": "micro",
+    "n": "nano", "p": "pico", "f": "femto", "a": "atto",
+}  # fmt: skip
+_SI = {
+    "V": "volt", "A": "ampere", "ohm": "ohm", "Ohm": "ohm", "Ω": "ohm", "Pa": "pascal", "N": "newton", "J": "joule",
+    "W": "watt", "Hz": "hertz", "m": "metre", "s": "second", "K": "kelvin", "mol": "mole", "cd": "candela",
+    "rad": "radian", "F": "farad", "C": "coulomb", "H": "henry", "T": "tesla", "S": "siemens", "g": "gram",
+    "lm": "lumen", "lx": "lux", "l": "litre", "L": "litre", "Wb": "weber",
+}  # fmt: skip
+_WHOLE = {
+    "degC": "degreecelsius", "°C": "degreecelsius", "deg": "degree", "°": "degree", "arcmin": "arcminute",
+    "arcsec": "arcsecond", "min": "minute", "h": "hour", "d": "day", "kg": "kilogram", "%": "percent",
+}  # fmt: skip
+"""Units without prefixes of ours."""
+_PSI = Decimal("0.45359237") * Decimal("9.80665") / Decimal("0.0254") ** 2
+_DEFINED = {
+    "psi": ("\\pascal", _PSI),
+    "psia": ("\\pascal", _PSI),
+    "psig": ("\\pascal", _PSI),
+    "inHg": ("\\pascal", Decimal("3386.389")),
+    "torr": ("\\pascal", Decimal(101325) / Decimal(760)),
+    "mmHg": ("\\pascal", Decimal("133.322387415")),
+    "atm": ("\\pascal", Decimal(101325)),
+    "bar": ("\\pascal", Decimal(100000)),
+    "mbar": ("\\pascal", Decimal(100)),
+    "gn": ("\\metre\\second\\tothe{-2}", Decimal("9.80665")),
+    "lbf": ("\\newton", Decimal("4.4482216152605")),
+    "kgf": ("\\newton", Decimal("9.80665")),
+    "in": ("\\metre", Decimal("0.0254")),
+    "ppm": ("\\one", Decimal("1e-6")),
+    "mdeg": ("\\degree", Decimal("1e-3")),
+    "udeg": ("\\degree", Decimal("1e-6")),
+}
+"""Units that are not of the SI brochure: their unit there, and the factor."""
+_TOKEN = re.compile(r"\s*(?:([*/·.()])|(1(?![\d.])|%|°C?|[A-Za-zµμΩ]+)(?:(?:\^|\*\*)?\(?(-?\d+)\)?)?)\s*")
+
+
+@dataclass(frozen=True)
+class SIUnit:
+    """A unit as D-SI writes it.
+
+    Attributes:
+        text: in the notation of D-SI, such as `\\milli\\volt\\pascal\\tothe{-1}`.
+        factor: value in this unit over value in the given one.
+        original: the given unit, if it is not of the SI brochure; otherwise "".
+        definition: of the original in SI units, as a sentence.
+    """
+
+    text: str
+    factor: Decimal = Decimal(1)
+    original: str = ""
+    definition: str = ""
+
+
+def si_unit(unit: str) -> SIUnit:
+    """A unit of a table in D-SI. Raises `UsageError` if it is not known there."""
+    text, factor, defined = "", Decimal(1), dict[str, None]()
+    factors = _factors(unit)
+    for name, power in factors:
+        if name in _DEFINED:
+            base, per = _DEFINED[name]
+            factor *= per**power
+            text += "".join(_raised(one, int(own or 1) * power) for one, own in _PARTS.findall(base) if one != "\\one")
+            defined[f"1 {name} = {+per.normalize():.10g} {plain_unit(base) or '(ratio)'}"] = None
+        elif name in ("degC", "°C") and factors != [(name, 1)]:
+            text += _raised("\\kelvin", power)  # of a difference
+        else:
+            text += _raised(_single(name, unit), power)
+    if not defined:
+        return SIUnit(text or "\\one")
+    return SIUnit(text or "\\one", factor, unit, "; ".join(defined))
+
+
+_PARTS = re.compile(r"(\\[a-zA-Z]+)(?:\\tothe\{(-?\d+)\})?")
+
+
+def _factors(unit: str) -> list[tuple[str, int]]:
+    """Name and power of each factor; what follows a slash, alone or in brackets, is inverse. Raises `UsageError`."""
+    found: list[tuple[str, int]] = []
+    text, at, sign, inside, before = unit.strip() or "1", 0, 1, 0, "*"
+    while at < len(text):
+        token = _TOKEN.match(text, at)
+        follows = token[1] or "unit" if token else ""
+        if token is None or follows not in _MAY_FOLLOW[before] or (follows == ")" and not inside):
+            raise UsageError(f"unit {unit!r} cannot be written in SI units; write it like kN/m^2")
+        at, (mark, name, power), before = token.end(), token.groups(), follows
+        if mark == "/":
+            sign = -1
+        elif mark in ("(", ")"):
+            inside, sign = (sign, sign) if mark == "(" else (0, 1)
+        elif name is not None:
+            if name != "1":
+                found.append((name, sign * int(power or 1)))
+            sign = inside or 1
+    if before not in ("unit", ")") or inside:
+        raise UsageError(f"unit {unit!r} cannot be written in SI units; write it like kN/m^2")
+    return found
+
+
+_SIGNS = ("*", "/", "·", ".")
+_MAY_FOLLOW = {"unit": (*_SIGNS, ")"), ")": _SIGNS, "(": ("unit",), **dict.fromkeys(_SIGNS, ("unit", "("))}
+"""What may follow a part of a unit."""
+
+
+def _single(name: str, unit: str) -> str:
+    """D-SI of one unit with its prefix. Raises `UsageError`."""
+    if name in _WHOLE:
+        return f"\\{_WHOLE[name]}"
+    if name in _SI:
+        return f"\\{_SI[name]}"
+    for length in (2, 1):
+        prefix, rest = name[:length], name[length:]
+        if prefix in _PREFIXES and rest in _SI:
+            return f"\\{_PREFIXES[prefix]}\\{_SI[rest]}"
+    raise UsageError(f"unit {unit!r} cannot be written in SI units: {name!r} is not known; write it like kN/m^2")
+
+
+def _raised(text: str, power: int) -> str:
+    return text if power == 1 else f"{text}\\tothe{{{power}}}"
+
+
+def plain_unit(text: str) -> str:
+    """A unit of D-SI as tables have it: `\\kilo\\newton\\metre\\tothe{-2}` is `kN/m^2`. An unknown one is unchanged."""
+    if text.startswith("|"):
+        return text[1:]
+    factors: list[tuple[str, int]] = []
+    prefix, sign = "", 1
+    for name, power in re.findall(r"\\([a-zA-Z]+)(?:\{(-?\d+)\})?", text):
+        if name == "per":
+            sign = -1
+        elif name == "tothe" and factors:
+            factors[-1] = (factors[-1][0], factors[-1][1] * int(power or 1))
+        elif name in _SYMBOLS_OF_PREFIXES:
+            prefix = _SYMBOLS_OF_PREFIXES[name]
+        elif name in _SYMBOLS:
+            factors.append((prefix + _SYMBOLS[name], sign))
+            prefix, sign = "", 1
+        elif name != "one":
+            return text
+    above = [symbol if power == 1 else f"{symbol}^{power}" for symbol, power in factors if power > 0]
+    below = [symbol if power == -1 else f"{symbol}^{-power}" for symbol, power in factors if power < 0]
+    return ("*".join(above) or ("1" if below else "")) + "".join(f"/{one}" for one in below)
+
+
+_SYMBOLS_OF_PREFIXES = {name: symbol for symbol, name in _PREFIXES.items() if symbol not in "µμ"}
+_SYMBOLS = {name: symbol for symbol, name in reversed([*_SI.items(), *_WHOLE.items()])} | {"degreeCelsius": "degC"}

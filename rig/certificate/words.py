@@ -1,0 +1,49 @@
+"""Sentences that stand on every certificate. A laboratory's own go into `remarks` of certificate.toml."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from rig.certificate.document import Verdict
+
+COVER = (
+    "The results relate only to the items that are named here, in the condition in which they were calibrated.",
+    "Without the written approval of the laboratory this certificate is reproduced only in full.",
+)
+TRACEABILITY = (
+    "The results are traceable to the International System of Units (SI) through the certificates in this table.",
+)
+UNCERTAINTY = (
+    "The expanded uncertainty is the combined standard uncertainty times the coverage factor k. The value of the "
+    "quantity lies within it with the stated coverage probability. It was evaluated after JCGM 100:2008 (GUM) from the "
+    "scatter of the run and the certificates of the equipment; it does not include the behaviour of the item after the "
+    "calibration.",
+)
+CONDITIONS = ("Of all accepted observations of the run.",)
+CONFORMITY = ("The statements hold for the results above, at the time of the calibration.",)
+EFFECTS = (
+    "The declared model does not have these effects; they were found in the data of the run. The cause of an effect "
+    "that is not confirmed is inferred from these data alone.",
+)
+EVIDENCE = (
+    "Every number above comes from this run file. Its head hash is the fingerprint of all of its records: "
+    "`rig verify FILE --head HASH` shows whether a copy of the file is the one that this certificate was made from.",
+)
+ANNEX = (
+    "Shares are of the squared combined standard uncertainty. Type A: evaluated from the scatter of the run; "
+    "type B: from certificates and other knowledge.",
+)
+PAGE = {
+    "title": "Calibration certificate",
+    "simulated": "SIMULATED",
+    "warning": "Simulated run: no real instrument was involved. This is not a certificate.",
+    "end": "End of the certificate",
+}
+VERDICTS: Mapping[Verdict, str] = {
+    "pass": "pass",
+    "fail": "fail",
+    "conditionalPass": "conditional pass",
+    "conditionalFail": "conditional fail",
+    "noPass": "not passed",
+    "noFail": "not failed",
+}

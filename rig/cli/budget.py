@@ -1,0 +1,77 @@
+"""`rig budget`: uncertainty budgets of a run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from rig.atomic import check_files
+from rig.cli import app
+from rig.cli.kind_options import with_options_of_kinds
+from rig.cli.run import JsonOption, RunArgument
+from rig.cli.show import out, print_json, show_notes
+from rig.errors import ExitCode
+from rig.present.terminal import show
+
+EquipmentOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--equipment",
+        help="a register of equipment, for runs that were made without one or with another one",
+        show_default="the register kept with the run",
+    ),
+]
+SameMeterOption = Annotated[
+    bool,
+    typer.Option(
+        "--same-meter",
+        help="the meter of the run reads the sensors in use, too: errors that it has in both cancel",
+    ),
+]
+
+
+@app.command()
+@with_options_of_kinds(lambda kind: kind.budget_options)
+def budget(
+    run_file: RunArgument,
+    equipment: EquipmentOption = None,
+    at: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="a point at which outputs and inferred quantities are given: force_kN=2.5; repeatable",
+            show_default="a few points of the run",
+        ),
+    ] = None,
+    same_meter: SameMeterOption = False,
+    probability: Annotated[
+        float, typer.Option(min=0.5, max=0.9999, help="coverage probability of expanded uncertainties")
+    ] = 0.95,
+    report: Annotated[Path | None, typer.Option(help="write a self-contained HTML report", show_default=False)] = None,
+    as_json: JsonOption = False,
+    *,
+    given: dict[str, Any],
+) -> int:
+    """Uncertainty budgets of the results of a run, by its register of equipment.
+
+    Every result has its expanded uncertainty, its effective degrees of freedom and the shares of all influences. An
+    influence is what the register states about an instrument, carried through the whole evaluation of the run.
+
+    Example: `rig budget RUN --equipment equipment.toml --at force_kN=2.5`
+    """
+    from rig.results.budget import budget as budget_run  # noqa: PLC0415
+    from rig.results.budget import points  # noqa: PLC0415
+
+    check_files([report], [run_file, *filter(None, (equipment,))])
+    found = budget_run(
+        run_file, equipment=equipment, at=points(at or []), same_meter=same_meter, probability=probability, **given
+    )
+    if report is not None:
+        found.report(report)
+    if as_json:
+        print_json(found.to_json())
+    else:
+        show(found.blocks(), out)
+    show_notes(found)
+    return ExitCode.DONE

@@ -1,0 +1,202 @@
+"""Uncertainty budgets of a run: its register of equipment, its scatter, and the whole evaluation of its kind."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+from fitter.budget import Budgeted, Influence, TypeA, budgets
+from procedures.budgeting import Evaluation
+from procedures.errors import DataError
+from procedures.influences import corrected, influences
+from procedures.kind import Kind, kind_of_table
+from procedures.stated import Statements
+from procedures.table import Table
+from rig.config import BenchConfig, parse_bench
+from rig.errors import ConfigurationError, UsageError
+from rig.register import (
+    DOCUMENT,
+    Register,
+    check_covered,
+    check_register,
+    check_validity,
+    register_of,
+    stated_of,
+)
+from rig.run_file.events.sessions import Identified
+from rig.run_file.reader import RunReader
+from rig.tables import is_run, run_table
+
+SAME_METER, OTHER_METER = (
+    "readings in use are taken to be by the meter of the run, with the same errors, which are taken once",
+    "errors of the meter that reads the sensors in use are not in these uncertainties; those of the run's meter are",
+)
+
+
+@dataclass(frozen=True)
+class OfRun:
+    """A run with its register.
+
+    Attributes:
+        table: its observations, with the corrections of the certificates.
+        kind: of calibration.
+        config: its bench.
+        register: its register.
+        stated: what the register states about its columns.
+        corrected: names of the corrections that are not zero.
+    """
+
+    table: Table
+    kind: Kind
+    config: BenchConfig
+    register: Register
+    stated: Statements
+    corrected: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class RunBudget:
+    """Budgets of the results of a run.
+
+    Attributes:
+        of: the run.
+        evaluation: its evaluation.
+        budgets: one of each result.
+        sensors: sensor of each result; "" for those of several.
+        type_a: covariances of the results.
+        influences: on the results.
+        notes: sentences for readers.
+    """
+
+    of: OfRun
+    evaluation: Evaluation
+    budgets: tuple[Budgeted, ...]
+    sensors: tuple[str, ...]
+    type_a: tuple[TypeA, ...]
+    influences: tuple[Influence, ...]
+    notes: tuple[str, ...]
+
+
+def run_with_register(path: Path, equipment: Path | None = None) -> OfRun:
+    """A run, corrected by the certificates of its equipment.
+
+    Args:
+        path: the run file.
+        equipment: another register than the one kept with the run.
+
+    Raises:
+        UsageError: it is no run file, or has no register.
+        ConfigurationError: the register contradicts the bench, is not valid for the run, or does not cover it.
+        DataError: its kind is not installed.
+    """
+    if not is_run(path):
+        raise UsageError(f"{path} is no run file: a budget needs the bench of a run and its register of equipment")
+    table = run_table(path)
+    with RunReader.open(path) as reader:
+        documents = reader.documents()
+        serials = _serials(reader)
+    register = register_of(documents, equipment, run=str(path))
+    where = str(equipment) if equipment is not None else f"{path} ({DOCUMENT})"
+    if "bench.toml" not in documents:
+        raise UsageError(f"{path} has no bench file, which says what reads what: no budget can be made of it")
+    config = parse_bench(documents["bench.toml"], f"{path} (bench.toml)", strict=False)
+    check_register(register, config, where, "bench.toml")
+    if not table.simulated:
+        _check_serials(register, config, serials, where)
+    first, last = (date.fromisoformat(table.provenance[key][:10]) for key in ("began_utc", "last_observation_utc"))
+    check_validity(register, config, where, first, last)
+    kind = kind_of_table(table)
+    if kind is None:
+        raise DataError(f"{path}: its kind of calibration is not known")
+    stated = stated_of(register, config)
+    check_covered(stated, table.columns, where)
+    return _corrected(table, kind, config, register, stated)
+
+
+def _corrected(table: Table, kind: Kind, config: BenchConfig, register: Register, stated: Statements) -> OfRun:
+    columns = kind.placed(corrected(table.columns, stated.errors), constants_of(stated))
+    changed = tuple(name for name, values in columns.items() if (values != table.columns[name]).any())
+    table = replace(table, columns=columns) if changed else table
+    return OfRun(table, kind, config, register, stated, changed)
+
+
+def constants_of(stated: Statements) -> Mapping[str, float]:
+    """Values of the constants of the place, by name."""
+    return {name: one.value for name, one in stated.place.items()}
+
+
+def _serials(reader: RunReader) -> Mapping[str, str]:
+    """Serial numbers that the instruments reported, by name; of the last one if it was replaced."""
+    found: dict[str, str] = {}
+    for event in (record.event for record in reader.records(Identified.kind)):
+        assert isinstance(event, Identified)
+        if event.confirmed and event.serial:
+            found[event.instrument] = event.serial
+    return found
+
+
+def _check_serials(register: Register, config: BenchConfig, serials: Mapping[str, str], where: str) -> None:
+    for name, serial in serials.items():
+        asset = config.instruments[name].asset if name in config.instruments else ""
+        known = register.equipment.get(asset)
+        if known is not None and known.serial and known.serial != serial:
+            raise ConfigurationError(
+                f"{where}: equipment.{asset}.serial = {known.serial!r}, and in the run {name} reported {serial!r}: "
+                f"name the register of the instrument that was used"
+            )
+
+
+def budget_run(
+    path: Path,
+    *,
+    equipment: Path | None = None,
+    at: Sequence[Mapping[str, float]] = (),
+    same_meter: bool = False,
+    probability: float = 0.95,
+    options: Mapping[str, Any] | None = None,
+) -> RunBudget:
+    """Budgets of a run.
+
+    Args:
+        path: the run file.
+        equipment: another register than the one kept with the run.
+        at: points at which outputs and inferred quantities are given, by quantity; empty for those of the kind.
+        same_meter: whether the meter of the run reads the sensors in use.
+        probability: coverage probability of expanded uncertainties.
+        options: of `rig budget` for its kind.
+
+    Raises:
+        ConfigurationError: as in `run_with_register`.
+        UsageError: as there, or its kind does not have an option.
+        DataError: it cannot be evaluated, or a point cannot be used.
+        RunFileError: the run file cannot be used.
+    """
+    return budget_of(
+        run_with_register(path, equipment), at=at, same_meter=same_meter, probability=probability, options=options
+    )
+
+
+def budget_of(
+    of: OfRun,
+    *,
+    at: Sequence[Mapping[str, float]] = (),
+    same_meter: bool = False,
+    probability: float = 0.95,
+    options: Mapping[str, Any] | None = None,
+) -> RunBudget:
+    """The same of a run that was read."""
+    chosen = of.kind.budget_options(**dict(options or {}))
+    evaluation = of.kind.evaluation(of.table, chosen, at, constants_of(of.stated))
+    results = evaluation.results
+    found = influences(evaluation, of.stated, same_meter=same_meter)
+    type_a = (*results.type_a, *found.grouped)
+    made = budgets(results.names, results.units, results.values, type_a, found.influences, probability=probability)
+    notes = [SAME_METER if same_meter else OTHER_METER, *found.notes, *of.stated.unused]
+    if of.corrected:
+        notes.insert(0, f"corrected by the certificates: {', '.join(of.corrected)}")
+    if of.stated.example:
+        notes.insert(0, f"the register {of.register.name!r} has example values: these uncertainties are examples, too")
+    return RunBudget(of, evaluation, made, results.sensors, type_a, found.influences, tuple(notes))

@@ -1,0 +1,28 @@
+"""The register of equipment: what a laboratory knows of its instruments, standards and place, with uncertainties.
+
+`equipment.toml` (docs/register.md) is referred to from the bench file by asset number, and kept in the run file.
+"""
+
+from rig.register.check import check_register, check_validity
+from rig.register.read import DOCUMENT, parse_register, read_register, register_beside, register_of
+from rig.register.schema import Certificate, Equipment, Item, Laboratory, Register, SensorItem, Statement
+from rig.register.stated import check_covered, stated_of
+
+__all__ = [
+    "DOCUMENT",
+    "Certificate",
+    "Equipment",
+    "Item",
+    "Laboratory",
+    "Register",
+    "SensorItem",
+    "Statement",
+    "check_covered",
+    "check_register",
+    "check_validity",
+    "parse_register",
+    "read_register",
+    "register_beside",
+    "register_of",
+    "stated_of",
+]

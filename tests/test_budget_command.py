@@ -1,0 +1,133 @@
+"""`rig budget`: from a dry run and its register to uncertainties, and what is refused."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from rig.errors import ConfigurationError
+from rig.results.budget import budget, points
+from tests.command import rig
+from tests.general_lab import BENCH, run_dry
+
+REGISTER = """
+name = "stand"
+[equipment.W-1]
+[equipment.W-1.certificate]
+number = "F-1"
+date = 2020-01-01
+laboratory = "force"
+[[equipment.W-1.says]]
+quantity = "force_kN"
+behaves = "gain"
+unit = "%"
+expanded = 0.01
+k = 2
+probability = 0.9545
+[equipment.DVM-1]
+[equipment.DVM-1.certificate]
+number = "E-1"
+date = 2020-01-01
+laboratory = "voltage"
+[[equipment.DVM-1.says]]
+quantity = "V"
+unit = "mV"
+correction = 20
+standard = 0.1
+range = [-10, 10]
+[[equipment.DVM-1.says]]
+quantity = "degC"
+unit = "K"
+standard = 0.1
+"""
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("stand")
+    bench = BENCH.replace('driver = "person"', 'driver = "person"\nasset = "W-1"')
+    bench = bench.replace("nplc = 1", 'nplc = 1\nasset = "DVM-1"')
+    (folder / "equipment.toml").write_text(REGISTER)
+    return run_dry(folder, bench=bench)[0]
+
+
+def contribution(result, name):
+    return next(one for one in result["contributions"] if one["name"] == name)
+
+
+def test_a_run_has_budgets_by_the_register_that_it_keeps(run):
+    done = rig("budget", run, "--at", "force_kN=4", "--json")
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    results = {one["name"]: one for one in told["results"]}
+    force = results["cell inferred force at force 4 kN"]
+    weights = contribution(force, "W-1 gain of force_kN")
+    assert weights["standard_uncertainty"] == pytest.approx(4 * 0.5e-4, rel=1e-3)
+    assert weights["source"] == "W-1, certificate F-1"
+    assert contribution(force, "DVM-1 offset of V")["standard_uncertainty"] == pytest.approx(1e-4 / 0.5, rel=1e-3)
+    assert sum(one["share"] for one in force["contributions"]) == pytest.approx(1.0)
+    assert force["expanded_uncertainty"] == force["coverage_factor"] * force["standard_uncertainty"]
+    # the world's cell reads 0.1 V + 0.5 V/kN; the certificate's correction is added to every reading
+    assert results["cell coefficient 1"]["value"] == pytest.approx(0.12, abs=1e-4)
+    assert "corrected by the certificates: cell_V" in told["notes"]
+    assert any("nothing here is in degC; DVM-1 gives cell_V" in note for note in told["notes"])
+
+
+def test_people_see_shares_the_largest_first(run):
+    done = rig("budget", run, "--at", "force_kN=4")
+    assert "SIMULATED" in done.stdout
+    assert "coverage probability of 95 %" in done.stdout
+    assert "errors of the meter that reads the sensors in use are not in" in done.stderr
+
+
+def test_the_same_meter_in_use_cancels_its_offset(run):
+    other, same = (budget(run, at=[{"force_kN": 4.0}], same_meter=same).to_json() for same in (False, True))
+    sizes = [contribution(told["results"][-1], "DVM-1 offset of V")["standard_uncertainty"] for told in (other, same)]
+    assert sizes[0] > 1e-4
+    assert sizes[1] == pytest.approx(0.0, abs=1e-10)
+
+
+def test_the_report_has_a_bar_chart_of_every_result(run, tmp_path):
+    page = tmp_path / "budget.html"
+    assert rig("budget", run, "--at", "force_kN=4", "--report", page).returncode == 0
+    text = page.read_text()
+    assert text.count('<img alt="shares of the influences') == 4
+    assert "SIMULATED" in text
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (("range = [-10, 10]", "range = [-1, 1]"), "says.0.range: the certificate covers -1 to 1, and cell_V"),
+        (("date = 2020-01-01\nlaboratory = \"force\"", "date = 2020-01-01\ndue = 2021-01-01\nlaboratory = \"force\""),
+         "W-1.certificate.due = 2021-01-01, and the run ended on"),
+        (("[equipment.W-1]\n", "[equipment.W-2]\n[equipment.W-1]\nserial=3\n"), "should be a text in quotes"),
+    ],
+)  # fmt: skip
+def test_another_register_is_used_or_refused(run, tmp_path, change, says):
+    path = tmp_path / "other.toml"
+    assert change[0] in REGISTER
+    path.write_text(REGISTER.replace(*change))
+    done = rig("budget", run, "--equipment", path)
+    assert done.returncode == 78
+    assert str(path) in done.stderr.replace("\n", "")
+    assert says in done.stderr
+
+
+def test_what_cannot_be_budgeted_is_said(run, tmp_path):
+    table = tmp_path / "table.csv"
+    table.write_text("force_kN,cell_V\n1,2\n")
+    assert "is no run file" in rig("budget", table).stderr
+    assert (
+        "--at: a point has every factor of the run: --at force_kN=..." in rig("budget", run, "--at", "force_N=4").stderr
+    )
+    assert "is not a quantity and its value" in rig("budget", run, "--at", "force_kN").stderr
+    assert points(["a=1,b=2"]) == [{"a": 1.0, "b": 2.0}]
+
+
+def test_a_register_that_contradicts_the_bench_of_the_run_is_refused(run, tmp_path):
+    path = tmp_path / "other.toml"
+    path.write_text(REGISTER.replace("W-1", "W-9"))
+    with pytest.raises(ConfigurationError, match=r"equipment\.W-1 is missing, and bench\.toml names it"):
+        budget(run, equipment=path)

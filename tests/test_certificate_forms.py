@@ -1,0 +1,234 @@
+"""A certificate on paper and as a page: the same numbers, the same bytes every time, nothing from elsewhere."""
+
+from __future__ import annotations
+
+import io
+import re
+from dataclasses import replace
+from html import unescape
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from sample_certificate import amended, document
+
+from rig.certificate.document import Document
+from rig.certificate.html import html
+from rig.certificate.layout import percent, sections
+from rig.certificate.numbers import padding, plain, raised, typeset
+from rig.certificate.pdf import pdf
+from rig.errors import ConfigurationError
+
+pytest.importorskip("typst")
+pypdf = pytest.importorskip("pypdf")
+
+WHOLE = document(items=2, stages=("as found", "as left"))
+
+
+def pages(made: bytes) -> list[str]:
+    """Text of every page."""
+    return [page.extract_text() for page in pypdf.PdfReader(io.BytesIO(made)).pages]
+
+
+@pytest.fixture(scope="module")
+def paper() -> list[str]:
+    return pages(pdf(WHOLE))
+
+
+def shown(text: str) -> str:
+    """Text of a page with plain numbers and single spaces."""
+    return " ".join(plain(text).split())
+
+
+def told(certificate: Document) -> set[str]:
+    """Every number that a reader needs."""
+    numbers = {
+        text for table in certificate.tables for one in table.results for text in (one.value, one.expanded, one.k)
+    }
+    numbers |= {text for one in certificate.conditions for text in (one.minimum, one.mean, one.maximum)}
+    numbers |= {text for one in certificate.budgets for text in (one.combined, one.expanded, one.k)}
+    return numbers | {line.standard for one in certificate.budgets for line in one.contributions}
+
+
+def words(certificate: Document) -> list[str]:
+    """Every word that ISO/IEC 17025, 7.8, asks for."""
+    found = [certificate.number, certificate.place, certificate.customer.name, certificate.laboratory.party.name]
+    found += [certificate.laboratory.accreditation, certificate.approved_by.name, certificate.method.name]
+    found += [one.name for one in certificate.calibrated_by]
+    found += [one.isoformat() for one in vars(certificate.dates).values()]
+    for item in certificate.items:
+        found += [item.serial, item.model, item.maker, item.condition, item.customer_id]
+    for one in certificate.equipment:
+        found += [one.name, one.certificate, one.laboratory, one.serial, one.asset]
+    found += [one.sentence for one in certificate.statements] + [one.rule for one in certificate.statements]
+    found += [one.size for one in certificate.effects] + list(certificate.deviations) + [certificate.adjustment]
+    return [one for one in found if one] + [one.run_id for one in certificate.evidence]
+
+
+def test_every_number_is_on_paper_and_on_the_page(paper):
+    text, page = "\n".join(paper), re.sub("<[^>]*>", " ", html(WHOLE))
+    missing = {(number, form) for form, said in (("pdf", text), ("html", page)) for number in told(WHOLE)
+               if not re.search(rf"(?<![\d.]){re.escape(typeset(number))}(?![\d])", said)}  # fmt: skip
+    assert missing == set()
+
+
+def test_every_required_word_is_on_paper_and_on_the_page(paper):
+    text = re.sub(r"\s+", "", "".join(paper))
+    page = re.sub(r"\s+", "", unescape(re.sub("<[^>]*>", "", html(WHOLE))))
+    for form, said in (("pdf", text), ("html", page)):
+        missing = [word for word in words(WHOLE) if re.sub(r"\s+", "", raised(word)) not in said]
+        assert missing == [], form
+
+
+def test_the_head_hash_is_whole(paper):
+    assert WHOLE.evidence[0].head in re.sub(r"\s", "", "".join(paper))
+
+
+def test_pages_are_numbered_with_the_number_of_the_certificate(paper):
+    assert len(paper) > 3
+    for n, page in enumerate(paper, 1):
+        assert f"Calibration certificate {WHOLE.number}" in page
+        assert f"page {n} of {len(paper)}" in page
+    assert f"End of the certificate {WHOLE.number}" in paper[-1]
+
+
+def test_simulated_is_on_every_page():
+    made = document(simulated=True)
+    for page in pages(pdf(made)):
+        assert "SIMULATED" in page
+        assert "This is not a certificate" in page
+    assert "SIMULATED" in html(made)
+    assert "SIMULATED" not in "".join(pages(pdf(document())))
+
+
+def test_bytes_follow_from_the_document():
+    assert pdf(document()) == pdf(document())
+    assert pdf(document()) != pdf(replace(document(), number="K-2"))
+    assert html(document()) == html(document())
+
+
+def test_fonts_are_inside():
+    reader = pypdf.PdfReader(io.BytesIO(pdf(document())))
+    found = set()
+    for page in reader.pages:
+        for font in page["/Resources"]["/Font"].values():
+            below = font["/DescendantFonts"][0]
+            found.add(below["/BaseFont"].partition("+")[2])
+            assert {"/FontFile2", "/FontFile3"} & below["/FontDescriptor"].keys()
+    assert all(name.startswith(("LibertinusSerif", "DejaVuSansMono")) for name in found), found
+
+
+@pytest.mark.parametrize(("paper_size", "size"), [("a4", (595, 842)), ("letter", (612, 792))])
+def test_paper_sizes(paper_size, size):
+    box = pypdf.PdfReader(io.BytesIO(pdf(replace(document(), paper=paper_size)))).pages[0].mediabox
+    assert (round(box.width), round(box.height)) == size
+    assert f"size: {'letter' if paper_size == 'letter' else 'A4'}" in html(replace(document(), paper=paper_size))
+
+
+def test_an_amendment_says_what_it_replaces():
+    made = amended(document())
+    for said in (pages(pdf(made))[0], html(made)):
+        assert "replaces certificate K-2026-0147 of 2026-11-24" in " ".join(said.split())
+        assert "441101 instead of 441100" in " ".join(said.split())
+
+
+def test_texts_are_texts():
+    """Nothing that a customer is called becomes a command of typst or of HTML."""
+    name = 'A & B <script>alert(1)</script> #panic("x") $a$ *b* _c_ \\ @d `e` "f"'
+    made = replace(document(), customer=replace(document().customer, name=name))
+    assert re.sub(r"\s", "", name) in re.sub(r"\s", "", pages(pdf(made))[0])
+    assert "<script>" not in html(made)
+
+
+def test_a_number_cannot_leave_the_style_sheet():
+    made = replace(document(), number='K"; } body { display: none } </style><script>')
+    style = html(made).partition("<style>")[2].partition("</style>")[0]
+    assert "display: none" not in style
+    assert "<script" not in html(made)
+
+
+def test_the_page_refers_to_nothing():
+    page = html(WHOLE)
+    assert re.findall(r'(?:src|href)="(?!data:)', page) == []
+    assert re.findall(r"url\(|@import", page) == []
+
+
+def test_a_template_of_the_laboratory(tmp_path):
+    own = tmp_path / "own.typ"
+    own.write_text('#let all = json("contents.json")\n#set page(paper: "a6")\nOurs: #all.document.number')
+    assert pages(pdf(document(), own)) == ["Ours: K-2026-0147"]
+
+
+@pytest.mark.parametrize(
+    ("source", "words"),
+    [
+        ("#nothing", "unknown variable"),
+        ('#import "@preview/tablex:0.0.8": *', "imports a package"),
+        ('#read("/etc/passwd")', "cannot be set"),
+    ],
+)
+def test_a_template_that_cannot_be_used(tmp_path, source, words):
+    own = tmp_path / "own.typ"
+    own.write_text(source)
+    with pytest.raises(ConfigurationError, match=words):
+        pdf(document(), own)
+
+
+def test_a_template_that_does_not_exist(tmp_path):
+    with pytest.raises(ConfigurationError, match="cannot be read"):
+        pdf(document(), tmp_path / "none.typ")
+
+
+def test_sections_without_contents_are_absent():
+    made = replace(document(), effects=(), statements=(), budgets=())
+    titles = [one.title for one in sections(made)]
+    assert "Effects beside the declared model" not in titles
+    assert "Statement of conformity" not in titles
+    assert titles[-1] == "Evidence"
+    assert len(pages(pdf(made))) >= 2
+
+
+def test_no_next_date_unless_it_is_wanted(paper):
+    assert "Next calibration" not in "".join(paper)
+    made = replace(document(), next_due=document().dates.issued.replace(year=2027))
+    assert "Next calibration" in pages(pdf(made))[0]
+    assert "2027-11-24, at the customer" in html(made)
+
+
+@settings(max_examples=50)
+@given(st.decimals(allow_nan=False, allow_infinity=False))
+def test_printed_numbers_keep_their_digits(number):
+    text = f"{number}"
+    assert float(plain(typeset(text))) == float(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "printed"),
+    [
+        ("-0.000123", "−0.000\u202f123"),
+        ("12345.678901", "12\u202f345.678\u202f901"),
+        ("1234.5678", "1234.5678"),
+        ("1.2e-05", "1.2 × 10⁻⁵"),
+        ("inf", "∞"),
+        ("DVM-0102", "DVM-0102"),
+    ],
+)
+def test_numbers_as_the_si_brochure_prints_them(text, printed):
+    assert typeset(text) == printed
+
+
+def test_points_stand_below_each_other():
+    assert padding(["1.25", "10.5", "3", "1.2 × 10⁻⁵"]) == ["000000", "0000000", "." + "0" * 8, ""]
+
+
+@pytest.mark.parametrize(
+    ("probability", "words"),
+    [("0.95", "95 %"), ("0.9545", "95.45 %"), ("0.998", "99.8 %"), ("1.000", "100.0 %"), ("0.05", "5 %"), ("-", "-")],
+)
+def test_probabilities_in_percent(probability, words):
+    assert percent(probability) == words
+
+
+def test_raised_powers():
+    assert raised("mV/psi^2") == "mV/psi²"
+    assert raised("V*degC^-1") == "V*degC⁻¹"
