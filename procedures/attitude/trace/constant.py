@@ -16,7 +16,7 @@ from fitter.trace.flexible import Block, remainders, turns, waves
 from fitter.trace.search import names_of
 from procedures.attitude.effects import Scene
 from procedures.attitude.trace.estimate import estimate
-from procedures.attitude.trace.nameless import Nameless
+from procedures.attitude.trace.nameless import WALKED, Nameless
 from procedures.attitude.trace.problem import raw_columns
 
 
@@ -92,7 +92,10 @@ def _p(nameless: Nameless, name: str, sensor: int | None, block: Block) -> float
     df = y.size // n * problem.levels.df(level) - len(nameless.chosen)
     project = partial(view.whitened, sensor=sensor, rho=rho)
     left = remainders(view.white(y, sensor, rho), df, [block], project)
-    return left[0].p if left else None
+    if not left:
+        return None
+    walks = left[0].p < WALKED
+    return max(left[0].p, nameless.against_a_walk(level, y, left[0].basis)) if walks else left[0].p
 
 
 def _each(scene: Scene, added: FloatArray) -> list[tuple[int, Block]]:

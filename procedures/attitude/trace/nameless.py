@@ -129,7 +129,7 @@ class Nameless:
             for one in remainders(view.white(y, place.sensor, rho), df, [place.block], project):
                 p = one.p
                 if p * count < WALKED:
-                    p = max(p, self._against_a_walk(place, y, one.basis))
+                    p = max(p, self.against_a_walk(place.level, y, one.basis))
                 found.append(Left(place, one, min(p * count, 1.0)))
         return tuple(sorted(found, key=lambda one: one.p))
 
@@ -297,13 +297,13 @@ class Nameless:
         names = len({c.effect.name for c in candidates})
         return float(np.log(names) + (np.log(len(units)) if effect.searched else 0.0))
 
-    def _against_a_walk(self, place: Place, y: FloatArray, columns: FloatArray) -> float:
+    def against_a_walk(self, level: Level, y: FloatArray, columns: FloatArray) -> float:
         """P by chance of columns beside a random walk of the offset, with the most probable width."""
         n = len(self.problem.scene.data)
         ys = list(y.reshape(-1, n))
         xs = list(columns.reshape(len(ys), n, -1))
-        spread = SPREAD if place.level == "points" else 1.0
-        ratio = likelihood_ratio(self.problem.levels.walks(place.level), ys, xs, spread)
+        spread = SPREAD if level == "points" else 1.0
+        ratio = likelihood_ratio(self.problem.levels.walks(level), ys, xs, spread)
         return float(special.chdtrc(columns.shape[1], max(ratio, 0.0)))
 
 

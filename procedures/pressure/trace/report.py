@@ -49,6 +49,9 @@ UNEXPLAINED = 1e-3
 DIFFERENT = 0.01
 """Coefficients of all transducers that agree with more than this probability are called equal."""
 
+QUADRATIC = ("offset-temperature", "offset-temperature-second-order", "sensitivity-temperature")
+"""Terms of the usual quadratic model: where one is missing, it is likelier than any corner that looks like it."""
+
 _BETWEEN = "between whole plots"
 
 
@@ -166,7 +169,7 @@ def _alike_laws(finding: Finding, name: str) -> str | None:
     own = next(c.effect for c in candidates if c.effect.name == name)
     effects = [candidates[rival.terms[0]].effect for rival in rivals]
     corners = [effect.name for effect in effects if effect.searched and effect.source == "temperature"]
-    return another_law(corners[0]) if corners and not own.searched else None
+    return another_law(corners[0]) if corners and not own.searched and name not in QUADRATIC else None
 
 
 def _doubt_in(finding: Finding, name: str, i: int) -> str | None:
