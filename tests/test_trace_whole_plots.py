@@ -65,7 +65,7 @@ BESIDE = {"sticks in the cold": {"hysteresis"}}
 CORNER = {"gain, sensor squared", "gain, electronics squared", "sensor cubed", "sensor by electronics squared"}
 """Powers of a temperature that a knee explains as well, at five temperatures."""
 ONE_THAT_CHANGES = {"sticks in the cold"}
-"""Friction that grows in the cold is a hysteresis with a coefficient that changes: it may be another memory that does."""
+"""Friction that grows in the cold is a hysteresis with a coefficient that changes; another memory may do the same."""
 # a declared model, and what the ordinary transducer has beyond it
 UNDECLARED = {
     "II.C": ("sensitivity-temperature", ("P*T_sensor",)),

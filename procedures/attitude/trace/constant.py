@@ -99,7 +99,7 @@ def _p(nameless: Nameless, name: str, sensor: int | None, block: Block) -> float
 
 
 def _each(scene: Scene, added: FloatArray) -> list[tuple[int, Block]]:
-    """What a name adds to each sensor (S, n), times the variables."""
+    """The contribution of a name to each sensor (S, n), times the variables."""
     return [
         (i, block)
         for i, own in enumerate(added)

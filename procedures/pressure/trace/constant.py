@@ -85,7 +85,7 @@ class Constant:
         return [j for j, c in own if c.effect.name == name and c.sensor in (None, problem.sensors[i])]
 
     def _blocks(self, name: str, i: int) -> list[Block]:
-        """What a name adds to a transducer, times each variable."""
+        """The contribution of a name to a transducer, times each variable."""
         mine = self._mine(name, i)
         added = self.nameless.problem.raw[i][:, mine] @ np.array([self._values[j] for j in mine])
         return products(added, self._variables) if np.any(added) else []
