@@ -1,9 +1,9 @@
 """Whether the coefficient of a name is a constant: a right name predicts one part of the data from another.
 
-The contribution of a name is multiplied by smooth functions of everything that was recorded, and of its own size. Beside the
-model the residual follows such a product where the coefficient is larger at one end than at the other. With a law that
-is right it does not. With one that only looks like the true law over the whole run it does, even where the error of the
-law is too small to be seen as a shape of its own: these are few columns, at the place of the name.
+The contribution of a name is multiplied by smooth functions of everything that was recorded, and of its own size.
+Beside the model the residual follows such a product where the coefficient is larger at one end than at the other. With
+a law that is right it does not. With one that only looks like the true law over the whole run it does, even where the
+error of the law is too small to be seen as a shape of its own: these are few columns, at the place of the name.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Change:
 
 
 def products(contribution: FloatArray, variables: Mapping[str, FloatArray]) -> list[Block]:
-    """The contribution of a name (n,) times smooth columns (n, m) of each variable, by its words, and of its own size."""
+    """The contribution (n,) of a name times smooth columns (n, m) of each variable, by its words, and of its size."""
     every = {**variables, OWN_SIZE: waves(contribution, ENDS)}
     made = ((over, contribution[:, None] * smooth) for over, smooth in every.items() if smooth.shape[1])
     return [Block(over, own, (own.shape[1],), np.ones(own.shape[1])) for over, own in made]
