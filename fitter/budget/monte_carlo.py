@@ -108,7 +108,7 @@ def monte_carlo(
             repeatability; without it, results are linear in errors.
         correlations: as in `budgets`.
         digits: significant digits of a standard uncertainty that shall be confirmed.
-        count: trials, rounded up to whole blocks; without it, as many as are needed, and not more than `most`.
+        count: trials, rounded up to at least ten blocks; without it, as many as are needed, and not more than `most`.
         most: trials. They take 8 m bytes each.
 
     Raises:
@@ -162,7 +162,7 @@ def simulate(
         seed: of the random numbers.
         probability: coverage probability.
         digits: significant digits of the standard deviations that shall be right.
-        count: trials instead, rounded up to whole blocks of at least two.
+        count: trials instead, rounded up to at least ten blocks of 100 / (1 - probability).
         most: trials.
         finer: the tolerance is divided by it.
 
@@ -172,10 +172,11 @@ def simulate(
     """
     if not 0.0 < probability < 1.0:
         raise FitError(f"a coverage probability of {probability:g}: it must be between 0 and 1")
-    rng, size = np.random.default_rng(seed), max(BLOCK, ceil(100.0 / (1.0 - probability)))
+    rng, least = np.random.default_rng(seed), round(100.0 / (1.0 - probability))
+    size = max(least, BLOCK) if count is None else max(least, min(BLOCK, ceil(count / FEWEST)))
     blocks: list[FloatArray] = []
     figures: list[FloatArray] = []
-    needed = max(2, ceil((most if count is None else count) / size))
+    needed = max(FEWEST, ceil((most if count is None else count) / size))
     error, tolerance = np.zeros(0), np.zeros(0)
     while len(blocks) < needed:
         values = draw(rng, size)
