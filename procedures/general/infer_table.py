@@ -48,6 +48,8 @@ def infer_general(calibration: CurveCalibration, data: Reader, u_reading: float 
         added[name + end] = np.full(len(table), np.nan)
         added[name + end][complete] = values
     added[free_name("flag", table)] = flag
+    df = np.full(len(table), np.nan)
+    df[complete] = found.df
     return Inference(
         {**table.columns, **table.text, **added},
         tuple(added),
@@ -55,4 +57,5 @@ def infer_general(calibration: CurveCalibration, data: Reader, u_reading: float 
         int(np.sum(flag != "")),
         quantities=(name,),
         unused=unused_beside(table, [response], inputs),
+        df={name: df},
     )

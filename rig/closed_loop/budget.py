@@ -192,7 +192,7 @@ def budget_of(
     evaluation = of.kind.evaluation(of.table, chosen, at, constants_of(of.stated))
     results = evaluation.results
     found = influences(evaluation, of.stated, same_meter=same_meter)
-    type_a = (*results.type_a, *found.grouped)
+    type_a = (results.type_a, *found.grouped)
     made = budgets(results.names, results.units, results.values, type_a, found.influences, probability=probability)
     notes = [SAME_METER if same_meter else OTHER_METER, *found.notes, *of.stated.unused]
     if of.corrected:
