@@ -139,6 +139,11 @@ class AttitudeEvaluation(Evaluation):
         calibration = self._with_scatter(calibrate_package(data, temperature=temperature))
         self._model = Model(calibration, np.array(at_deg, np.float64).reshape(-1, 2), gravity)
 
+    @property
+    def calibration(self) -> AttitudeCalibration:
+        """Calibration of the run, with the scatter that its budget has."""
+        return self._model.calibration
+
     @cached_property
     def _fits(self) -> Mapping[str, AttitudeFit]:
         return fit_all(self._data, temperature=self._temperature)
@@ -273,7 +278,7 @@ class AttitudeEvaluation(Evaluation):
         sd = np.column_stack([answer.pitch_sd_deg, answer.roll_sd_deg])[:, : len(model.angles)].ravel()
         inferred = np.arange(len(values) - last, len(values))
         found[inferred, inferred] = sd**2
-        every[inferred] = np.repeat(answer.df, len(model.angles))
+        every[inferred] = np.column_stack([answer.df, answer.roll_df])[:, : len(model.angles)].ravel()
         return TypeA(found, every, *SCATTER)
 
     def _pure(self, calibration: AttitudeCalibration) -> tuple[FloatArray, FloatArray, float]:

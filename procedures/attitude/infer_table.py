@@ -97,7 +97,7 @@ def infer_attitudes(
         tuple(notes),
         int(np.sum(found.flag != "")),
         quantities=tuple(quantities),
-        df=dict.fromkeys(quantities, found.df),
+        df=dict(zip(quantities, (found.df, found.roll_df), strict=False)),
         unused=unused_beside(table, needed, inputs),
     )
 

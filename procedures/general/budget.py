@@ -170,6 +170,11 @@ class GeneralEvaluation(Evaluation):
             if not len(one.calibration.variances):
                 raise FitError(f"{one.name}: as many rows as coefficients: its scatter is not known; measure more")
 
+    def inferred(self, output: str, readings: FloatArray) -> FloatArray:
+        """(p,) values of the variable of readings of one output at the points."""
+        one = next(one for one in self._each if one.name == output)
+        return one.values(one.calibration.coefficients, readings)[-len(readings) :]
+
     @cached_property
     def columns(self) -> Columns:
         """See `Evaluation`."""

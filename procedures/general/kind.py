@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,8 +15,10 @@ from procedures.acceptance import Verdict
 from procedures.advice import Advice
 from procedures.budgeting import Evaluation
 from procedures.charting import Charting
+from procedures.confirming import Confirming
 from procedures.errors import DataError
 from procedures.expected import Columns
+from procedures.further_runs import Limits, Variation
 from procedures.general.options import FitOptions, InferOptions, TraceOptions
 from procedures.general.settings import GeneralProcedure
 from procedures.inference import Inference
@@ -28,7 +30,9 @@ from procedures.seen import Seen
 from procedures.table import Reader, Table
 
 if TYPE_CHECKING:
+    from procedures.general.evaluate import GeneralTraced
     from procedures.general.infer import CurveCalibration
+    from procedures.general.of_runs import RunTraced
 
 
 class GeneralKind(Kind):
@@ -180,6 +184,19 @@ class GeneralKind(Kind):
         from procedures.general.acceptance import judge  # noqa: PLC0415
 
         return judge(procedure, table)
+
+    def confirming(self, traced: GeneralTraced | RunTraced) -> Confirming | None:
+        """See `Kind`."""
+        from procedures.general.confirming import GeneralConfirming  # noqa: PLC0415
+        from procedures.general.of_runs import RunTraced  # noqa: PLC0415
+
+        return GeneralConfirming(traced) if isinstance(traced, RunTraced) else None
+
+    def further_runs(self, procedure: GeneralProcedure, limits: Limits, *, chamber: bool) -> Iterator[Variation]:
+        """See `Kind`."""
+        from procedures.general.further_runs import further_runs  # noqa: PLC0415
+
+        return further_runs(procedure)
 
     def model_columns(self, columns: Columns, declared: Mapping[str, Any]) -> FloatArray | None:
         """Columns of the declared model, for the residuals of a running run."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from types import MappingProxyType
 from typing import Any
 
 from fitter.effects.entry import Entry
@@ -15,11 +16,12 @@ from procedures.blocks import Block, Line
 from procedures.errors import DataError
 from procedures.general.column_roles import Roles
 from procedures.general.declared import Declared
-from procedures.general.evaluate import GeneralTraced, trace_general_table
+from procedures.general.evaluate import IGNORED, GeneralTraced, trace_general_table
 from procedures.general.fit import fit_general
 from procedures.general.settings import ModelSettings, SensorModel
 from procedures.results import Page, PlainFitted
 from procedures.table import Reader, Table
+from procedures.unused import RECORDED
 
 _WHOLE_PLOT, _REPLICATE, _TIME = "whole_plot", "replicate", "elapsed_s"
 _FLAGS = {
@@ -59,6 +61,10 @@ def declared_of(model: SensorModel, table: Table) -> Declared:
     abscissa = (model.abscissa or only) if model.standard is not None else None
     start = tuple(f"{name}={value!r}" for name, value in model.start.items())
     return Declared(model.formula, model.standard, abscissa, start)
+
+
+def _with_terms(model: SensorModel, terms: Sequence[str]) -> SensorModel:
+    return model.model_copy(update={"formula": " + ".join([str(model.formula), *terms])}) if terms else model
 
 
 def has_whole_plots(table: Table) -> bool:
@@ -101,22 +107,25 @@ def results_of(result: Mapping[str, Any]) -> Mapping[str, Mapping[str, Any]]:
     return {result["response"]: result} if sensors is None else sensors
 
 
-def fit_run(table: Table, leave_out: Sequence[str] = ()) -> RunFitted:
-    """Fit the declared model to every sensor.
+def fit_run(
+    table: Table, leave_out: Sequence[str] = (), added: Mapping[str, Sequence[str]] = MappingProxyType({})
+) -> RunFitted:
+    """Fit the declared model to every sensor; `added` are further terms, by output.
 
     Raises:
         DataError: the rows do not determine a model, or it cannot be read.
     """
     plots = [_WHOLE_PLOT] if has_whole_plots(table) else []
     read, notes = reader_of(table), notes_of(table)
-    found = {
-        column: _noted(fit_general(read, column, None, plots, None, leave_out, declared_of(model, table)), notes)
-        for column, model in models_of(table).items()
-    }
+    found = {}
+    for column, model in models_of(table).items():
+        declared = declared_of(_with_terms(model, added.get(column, ())), table)
+        found[column] = _noted(fit_general(read, column, None, plots, None, leave_out, declared), notes)
     if len(found) == 1:
         return RunFitted(next(iter(found.values())))
     first = next(iter(found.values()))
-    return RunFitted({"data": first["data"], "sensors": found, "unused": first["unused"]})
+    unused = _unused_by_all([one["unused"] for one in found.values()], found)
+    return RunFitted({"data": first["data"], "sensors": found, "unused": unused})
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,7 +151,8 @@ class RunTraced:
     def to_json(self) -> dict[str, Any]:
         """JSON values for `rig trace --json`."""
         told = [one.to_json() for one in self.each.values()]
-        together = told[0] | {"sensors": {name: found for one in told for name, found in one["sensors"].items()}}
+        sensors = {name: found for one in told for name, found in one["sensors"].items()}
+        together = told[0] | {"sensors": sensors, "unused": _unused_by_all([one["unused"] for one in told], sensors)}
         return together | ({"not_traced": list(self.not_traced)} if self.not_traced else {})
 
     @cached_property
@@ -159,16 +169,24 @@ class RunTraced:
                 f"not traced: {', '.join(self.not_traced)}; a trace needs a model that is linear in its coefficients, "
                 f"and the declared one is not"
             )
-        if len(self.each) > 1:
-            yield Line(f"a report shows the first sensor only, {next(iter(self.each))}")
 
     def summary(self) -> Iterator[Block]:
         """All of it."""
         return self.blocks()
 
     def page(self) -> Page:
-        """The report of the sensor; of several sensors that of the first one."""
-        return next(iter(self.each.values())).page()
+        """The report of all sensors."""
+        from procedures.general.page import trace_page  # noqa: PLC0415 - plots take a second to import
+
+        return trace_page(tuple(self.each.values()), self.to_json()["unused"], self.not_traced)
+
+
+def _unused_by_all(every: Sequence[Mapping[str, Any]], outputs: Collection[str]) -> dict[str, Any]:
+    """Columns that the trace of no sensor used, and that are no sensor's output; from their `Unused.to_json`."""
+    common = set.intersection(*({one["column"] for one in unused["columns"]} for unused in every))
+    columns = [one for one in every[0]["columns"] if one["column"] in common and one["column"] not in outputs]
+    told = [one | {"why": RECORDED if one["why"] == IGNORED else one["why"]} for one in columns]
+    return {**every[0], "columns": told}
 
 
 def trace_run(table: Table, own: Sequence[Entry] = ()) -> RunTraced:
@@ -212,7 +230,7 @@ def roles_of_run(table: Table) -> dict[str, Roles]:
             direction=_direction(table, used),
             ignore=tuple(name for name in table.columns if _ignored(name, table, models)),
         )
-    return found
+    return {column: replace(roles, sensors=len(found)) for column, roles in found.items()}
 
 
 def _replicated(table: Table) -> str | None:

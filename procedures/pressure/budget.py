@@ -121,6 +121,11 @@ class PressureEvaluation(Evaluation):
         fits = fit_transducers(data, model)
         self._each = [Transducer(name, fit, fit.calibration(METHOD), points) for name, fit in fits.items()]
 
+    def inferred(self, output: str, readings: FloatArray) -> FloatArray:
+        """(p,) pressures of readings of one output at the points."""
+        one = next(one for one in self._each if one.name == output)
+        return one.values(one.calibration.coefficients, readings)[-len(readings) :]
+
     @cached_property
     def columns(self) -> Columns:
         """See `Evaluation`."""

@@ -212,10 +212,13 @@ def budget_of(
     """
     chosen = of.kind.budget_options(**dict(options or {}))
     evaluation = of.kind.evaluation(of.table, chosen, at, constants_of(of.stated))
-    results = evaluation.results
-    found = influences(evaluation, of.stated, same_meter=same_meter)
-    type_a = (results.type_a, *found.grouped)
-    made = budgets(results.names, results.units, results.values, type_a, found.influences, probability=probability)
+    try:
+        results = evaluation.results
+        found = influences(evaluation, of.stated, same_meter=same_meter)
+        type_a = (results.type_a, *found.grouped)
+        made = budgets(results.names, results.units, results.values, type_a, found.influences, probability=probability)
+    except FitError as error:
+        raise DataError(f"{of.table.source}: {error}") from error
     notes = [SAME_METER if same_meter else OTHER_METER, *found.notes, *of.stated.unused]
     if of.corrected:
         notes.insert(0, f"corrected by the certificates: {', '.join(of.corrected)}")

@@ -38,6 +38,7 @@ from rig.quantities import unit_of
 from rig.run_file.events.event import EMPTY
 from rig.run_file.events.points import ACCEPTED, REJECTED, Observed
 from rig.run_file.events.sessions import Held
+from rig.scatter import most_scatter, noisiest
 
 _MOVE_TIMEOUT_S = 600.0
 _NEARLY = 0.9
@@ -95,11 +96,13 @@ class AtPoint:
         self._axes = frozenset(do.axis_names)
         self._references = tuple(f for f in run_list.easy if not f.stays)
         self._standards = [f for f in run_list.factors if f.name in bench.references]
+        self._most_scatter = most_scatter(conduct, bench.config)
         self._poll_s = conduct.poll_s
-        readers = {name: reader for name, (reader, _) in bench.sensors.items()}
+        readers = {name: reader for name, (reader, _) in (*bench.sensors.items(), *bench.references.items())}
         last = journal.last_read()
         at, read = (None, {}) if last is None else (run_list.points[last[0]], last[1])
-        self._liveness = Liveness(readers, at, read)
+        places = {f.name: place for place, f in enumerate(run_list.factors) if f.name in bench.references}
+        self._liveness = Liveness(readers, at, read, places)
         self.move_timeout_s = max(_MOVE_TIMEOUT_S, conduct.settle.timeout_s)
 
     def recovering(self) -> str:
@@ -188,15 +191,16 @@ class AtPoint:
         self._check_alive(observation)
         self._check_references(observation)
         self._check_standards(observation)
-        noisiest, most = observation.noisiest(self._bench.volts), self._conduct.max_sd_V
-        if most is not None and noisiest is not None and noisiest[1] > most:
-            name, sd_V = noisiest
+        sds = {name: c.sd for name, c in (*observation.outputs.items(), *observation.references.items())}
+        name = noisiest(sds, self._most_scatter)
+        if name is not None and sds[name] > self._most_scatter[name].sd:
+            most = self._most_scatter[name]
             if at.repeats < settings.repeats:
                 at.repeats += 1
                 at.rejected.append({"noisy": name, **observation.as_json()})
                 return "repeat"
-            noise = f"{name} scatters by {sd_V:.2g} V at point {at.point.index}"
-            self._flag("noisy", "noisy", TooNoisy(f"{noise}, more than {most:g} V"))
+            noise = f"{name} scatters by {most.told(sds[name])} at point {at.point.index}"
+            self._flag("noisy", "noisy", TooNoisy(f"{noise}, more than {most.most}"))
         return "record"
 
     def _check_alive(self, observation: Observation) -> None:

@@ -193,11 +193,12 @@ class Journal:
         self._session.observer.recorded(record)
 
     def last_read(self) -> tuple[int, dict[str, Sequence[float]]] | None:
-        """Index and output readings of the last accepted point of any session."""
+        """Index, and readings of outputs and references, of the last accepted point of any session."""
         last = next(self.recent(1), None)
         if last is None or last.run_index is None or not isinstance(last.event, Observed):
             return None
-        return last.run_index, {name: output["readings"] for name, output in last.event.outputs.items()}
+        read = {**last.event.references, **last.event.outputs}
+        return last.run_index, {name: channel["readings"] for name, channel in read.items()}
 
     def recent(self, observations: int) -> Iterator[Record]:
         """The last accepted observations of all sessions, the earliest first."""

@@ -205,8 +205,9 @@ def _combined(
     own = np.where(own_df[known] < 1e10, special.stdtrit(np.minimum(own_df[known], 1e10), 0.975), special.ndtri(0.975))
     with np.errstate(divide="ignore", invalid="ignore"):
         wider = total.expanded_uncertainty / (own * sd[known])
-    exact = ~np.isfinite(wider)
     below, above = value[known] - low[known], high[known] - value[known]
+    rounding = 1e-12 * np.abs(value[known])
+    exact = ~np.isfinite(wider) | (np.abs(above - below) <= 1e-9 * (above + below) + rounding)
     low[known] = value[known] - np.where(exact, total.expanded_uncertainty, below * wider)
     high[known] = value[known] + np.where(exact, total.expanded_uncertainty, above * wider)
     sd[known] = total.standard_uncertainty

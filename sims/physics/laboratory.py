@@ -29,6 +29,8 @@ _FULL, _USUAL = 0.01, 100.0
 meter is beyond its range.
 """
 _STEPS, _NEAR = 60, 1e-12
+_NEW_STAY_DEGC = 0.5
+"""Change of a bath's temperature from which on it is another stay."""
 
 
 def _solved(formula: Formula, value: float) -> float:
@@ -209,8 +211,14 @@ class Laboratory:
         return {factor: self._steps(factor).direction(t) for factor in self._factors}
 
     def stay(self, t: float) -> int:
-        """A number for the stay at the present temperatures of the chambers."""
-        return event_at(max((c.temperatures.since(t) for c in self._chambers.values()), default=self._start))
+        """A number for the stay at the present temperatures of chambers and baths."""
+        baths = (
+            self._sources[instrument].settings.changed(t, _NEW_STAY_DEGC)
+            for factor, instrument in self._factors.items()
+            if factor.endswith("_degC") and instrument in self._sources
+        )
+        chambers = (c.temperatures.since(t) for c in self._chambers.values())
+        return event_at(max((*chambers, *baths), default=self._start))
 
     def _variables(self, t: float) -> dict[str, float]:
         found = self.factors(t)

@@ -82,6 +82,7 @@ def trace_general(data: TableData) -> TableTrace:
         variables=_variables(data) | _others(data),
         levels={name: g.levels for name, g in data.scene.groups.items()},
         left_out=None if crossed is None else crossed[1],
+        search=found,
     )
 
 
