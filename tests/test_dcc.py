@@ -307,3 +307,11 @@ def test_a_missing_extra_is_named(monkeypatch):
     monkeypatch.setattr(extras, "import_module", lambda name: (_ for _ in ()).throw(ImportError(name)))
     with pytest.raises(UsageError, match=r"pip install 'calibration-rig\[dcc\]'"):
         extras.needed("signxml.xades", "dcc")
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_random_certificates_break_no_rule_and_are_read_back(rules, seed):
+    """A share of `python -m proving.certificates.campaign`."""
+    from proving.certificates.campaign import violations  # noqa: PLC0415
+
+    assert violations(seed, [lambda xml: broken(rules, xml)], paper=seed == 0) == []
