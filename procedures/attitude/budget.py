@@ -235,7 +235,8 @@ class AttitudeEvaluation(Evaluation):
             lost = next(name for (name, _, _), one in zip(named, known, strict=True) if not one)
             raise FitError(f"{lost}: these sensors do not determine it there; choose another point with --at")
         names, units, sensors = zip(*named, strict=True)
-        return Results(names, units, values, self._type_a(values), sensors)
+        type_a, of_fit = self._type_a(values)
+        return Results(names, units, values, type_a, sensors, of_fit)
 
     def _with_scatter(self, calibration: AttitudeCalibration) -> AttitudeCalibration:
         """The calibration with scatter from differences between replications where the residuals hold more than it."""
@@ -253,8 +254,10 @@ class AttitudeEvaluation(Evaluation):
         """See `Evaluation`."""
         return self._model.calibration.to_dict()
 
-    def _type_a(self, values: FloatArray) -> TypeA:
-        """Scatter of the run through the fit; of inferred angles as in use, with one reading."""
+    def _type_a(self, values: FloatArray) -> tuple[TypeA, FloatArray]:
+        """Scatter of the run through the fit; of inferred angles as in use, with one reading. (m,) variances by the
+        fit alone.
+        """
         calibration, model = self._model.calibration, self._model
         sizes = [one.coefficients.size for one in calibration.sensors]
         starts = np.concatenate([[0], np.cumsum(sizes)[:-1]])
@@ -273,13 +276,14 @@ class AttitudeEvaluation(Evaluation):
             up, down = (model.values(one, model.readings, model.gravity) for one in moved)
             J[:, i] = (up - down) / (2 * step[i])
         found = J @ covariance @ J.T
+        of_fit = np.diag(found).copy()
         every = np.full(len(values), df)
         answer = model.infer(calibration, model.readings)
         sd = np.column_stack([answer.pitch_sd_deg, answer.roll_sd_deg])[:, : len(model.angles)].ravel()
         inferred = np.arange(len(values) - last, len(values))
         found[inferred, inferred] = sd**2
         every[inferred] = np.column_stack([answer.df, answer.roll_df])[:, : len(model.angles)].ravel()
-        return TypeA(found, every, *SCATTER)
+        return TypeA(found, every, *SCATTER), of_fit
 
     def _pure(self, calibration: AttitudeCalibration) -> tuple[FloatArray, FloatArray, float]:
         """(S,) pure error over the fit's sigma, (S,) sigma of one reading in V, and its degrees of freedom.

@@ -128,8 +128,10 @@ class Sensor:
     def _names(self) -> tuple[str, ...]:
         return tuple(self._model({}).rows.fitted().names)
 
-    def scatter(self) -> tuple[FloatArray, FloatArray]:
-        """(m, m) covariance of the results, that of inferred values with one reading in use; (m,) df."""
+    def scatter(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """(m, m) covariance of the results, that of inferred values with one reading in use; (m,) df; (m,) variances by
+        the fit alone.
+        """
         one = self.calibration
         J, p = np.eye(len(one.coefficients)), 0
         if self.has_points:
@@ -137,13 +139,14 @@ class Sensor:
             if self.variable is not None:
                 J, p = np.vstack([J, -self.rows / self.slope[:, None]]), len(self.rows)
         covariance = J @ one.covariance @ J.T
+        of_fit = np.diag(covariance).copy()
         _, df = one.curve_variance(J)
         df = np.where(df > 0, df, 1.0)
         if p:
             last = np.arange(len(J) - p, len(J))
             variance, of_reading = one.reading_variance(self.rows)
             covariance[last, last], df[last] = variance / self.slope**2, of_reading
-        return covariance, df
+        return covariance, df, of_fit
 
 
 def _plain(name: str) -> str:
@@ -232,7 +235,7 @@ class GeneralEvaluation(Evaluation):
         names, units, sensors = zip(*named, strict=True)
         parts = [one.scatter() for one in self._each]
         type_a = TypeA(together([p[0] for p in parts]), np.concatenate([p[1] for p in parts]), *SCATTER)
-        return Results(names, units, values, type_a, sensors)
+        return Results(names, units, values, type_a, sensors, np.concatenate([p[2] for p in parts]))
 
 
 def general_evaluation(table: Table, at: Sequence[Mapping[str, float]]) -> GeneralEvaluation:
