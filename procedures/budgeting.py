@@ -113,6 +113,13 @@ class Evaluation(ABC):
     def coefficients(self, columns: Mapping[str, FloatArray]) -> Mapping[str, FloatArray]:
         """(k,) coefficients of the calibration by sensor, with additions to columns."""
 
+    def residuals(self, columns: Mapping[str, FloatArray]) -> Mapping[str, FloatArray]:
+        """(n,) residuals of the fit by sensor, with additions to columns; none where scatter needs no repeats."""
+        return {}
+
+    def explain(self, expected: Mapping[str, float]) -> None:  # noqa: B027 - most have no repeats
+        """Say before anything else what sum of squares stated errors leave in the residuals, by sensor."""
+
     def stored(self) -> Any:
         """The calibration to use with these results, as JSON values, if it is not that of the fit; None if it is."""
         return None
@@ -134,10 +141,6 @@ class Evaluation(ABC):
         """
         return ()
 
-    def notes(self, predicted: Sequence[FloatArray]) -> Iterable[str]:
-        """Sentences about the budget.
-
-        Args:
-            predicted: of each error, what one standard uncertainty adds to the results.
-        """
+    def notes(self) -> Iterable[str]:
+        """Sentences about the scatter."""
         return ()

@@ -12,7 +12,7 @@ from fitter.budget import Budgeted, Influence, TypeA, budgets
 from fitter.errors import FitError
 from procedures.budgeting import Evaluation
 from procedures.errors import DataError
-from procedures.influences import corrected, influences
+from procedures.influences import corrected, explain, influences
 from procedures.kind import Kind, kind_of_table
 from procedures.stated import Statements
 from procedures.table import Table
@@ -192,6 +192,7 @@ def budget_of(
     chosen = of.kind.budget_options(**dict(options or {}))
     evaluation = of.kind.evaluation(of.table, chosen, at, constants_of(of.stated))
     try:
+        explain(evaluation, of.stated)
         results = evaluation.results
         found = influences(evaluation, of.stated, same_meter=same_meter)
         type_a = (results.type_a, *found.grouped)

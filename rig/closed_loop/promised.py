@@ -11,7 +11,7 @@ from scipy import special
 from fitter.budget import budgets
 from fitter.errors import FitError
 from procedures.errors import DataError
-from procedures.influences import influences
+from procedures.influences import explain, influences
 from procedures.kind import kind_of
 from procedures.stated import Statements
 from rig.closed_loop.budget import constants_of
@@ -95,6 +95,7 @@ def promised(plan: Plan) -> Promised:
 
 
 def _of(evaluation: Any, stated: Statements) -> tuple[Promise, ...]:
+    explain(evaluation, stated)
     results = evaluation.results
     found = influences(evaluation, stated, same_meter=False)
     type_a = (results.type_a, *found.grouped)
