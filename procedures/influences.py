@@ -32,11 +32,13 @@ class Found:
 
     Attributes:
         influences: one error each.
+        shifts: changes of the inputs by these errors.
         grouped: covariances of many independent errors of one source.
         notes: sentences about stated errors without a line.
     """
 
     influences: tuple[Influence, ...]
+    shifts: tuple[Shifts, ...]
     grouped: tuple[TypeA, ...]
     notes: tuple[str, ...]
 
@@ -84,6 +86,7 @@ def influences(evaluation: Evaluation, stated: Statements, *, same_meter: bool) 
         same_meter: whether the meter of the run reads the sensors in use as well, with the same error.
     """
     single: list[Influence] = []
+    changes: list[Shifts] = []
     grouped: list[TypeA] = []
     notes: list[str] = []
     scale = np.maximum(np.abs(evaluation.results.values), 1e-300)
@@ -93,6 +96,7 @@ def influences(evaluation: Evaluation, stated: Statements, *, same_meter: bool) 
         acts = bool(np.any(np.abs(moved) > NEGLIGIBLE * scale))
         if acts:
             single.append(Influence(name, source, "B", moved, df, distribution))  # type: ignore[arg-type]
+            changes.append(shifts)
         return acts
 
     for one in stated.errors:
@@ -118,7 +122,7 @@ def influences(evaluation: Evaluation, stated: Statements, *, same_meter: bool) 
         ]
         if constant.standard and not any(did):
             notes.append(UNUSED.format(name=constant.name.replace("_", " ")))
-    return Found(tuple(single), tuple(grouped), (*notes, *evaluation.notes()))
+    return Found(tuple(single), tuple(changes), tuple(grouped), (*notes, *evaluation.notes()))
 
 
 @dataclass(frozen=True, eq=False)
