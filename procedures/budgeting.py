@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -49,19 +50,19 @@ class Results:
         names: of the results, each once.
         units: of the results.
         values: (m,).
-        type_a: covariances by statistics of the run.
+        type_a: covariance by statistics of the run; that of inferred values includes the scatter of one reading in use.
         sensors: sensor of each result; "" for those of several.
     """
 
     names: tuple[str, ...]
     units: tuple[str, ...]
     values: FloatArray
-    type_a: tuple[TypeA, ...]
+    type_a: TypeA
     sensors: tuple[str, ...]
 
 
-FIT = ("scatter of the run", "the run")
-"""Name and source of the fit's covariance."""
+SCATTER = ("scatter of readings", "the run")
+"""Name and source of the covariance by the fit and, for inferred values, by one reading in use."""
 
 
 def together(parts: Sequence[FloatArray]) -> FloatArray:
@@ -90,6 +91,14 @@ class Evaluation(ABC):
     @abstractmethod
     def evaluate(self, shift: Shift) -> FloatArray:
         """(m,) values of the results with changed inputs."""
+
+    @abstractmethod
+    def coefficients(self, columns: Mapping[str, FloatArray]) -> Mapping[str, FloatArray]:
+        """(k,) coefficients of the calibration by sensor, with additions to columns."""
+
+    def stored(self) -> Any:
+        """The calibration to use with these results, as JSON values, if it is not that of the fit; None if it is."""
+        return None
 
     @property
     @abstractmethod

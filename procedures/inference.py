@@ -33,6 +33,7 @@ class Inference:
         quantities: names of the inferred quantities; each has columns with _sd, _lo95 and _hi95 after its name.
         unused: unused columns and rows.
         zeros: pressure: the used zero, by output, as JSON values.
+        df: (n,) degrees of freedom of the standard deviation of each quantity; NaN where it has none.
     """
 
     columns: Mapping[str, Any]
@@ -42,6 +43,7 @@ class Inference:
     quantities: tuple[str, ...] = ()
     unused: Unused = field(default_factory=Unused)
     zeros: Mapping[str, Any] = field(default_factory=dict)
+    df: Mapping[str, FloatArray] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:
         """JSON values for `rig infer --json`; the numbers are in the CSV."""

@@ -22,6 +22,8 @@ IN_SCATTER = (
 )
 UNUSED = "{name}: no result here depends on it"
 NEGLIGIBLE = 1e-12
+Coefficients = Mapping[str, FloatArray]
+"""(k,) coefficients by sensor."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,6 +99,86 @@ def influences(evaluation: Evaluation, stated: Statements, *, same_meter: bool) 
     return Found(tuple(single), tuple(grouped), (*notes, *evaluation.notes(every)))
 
 
+@dataclass(frozen=True, eq=False)
+class Kept:
+    """One influence on the coefficients of a calibration, for its use.
+
+    Attributes:
+        name: of the influence.
+        source: what it is traced to.
+        df: degrees of freedom.
+        modes: independent changes by one standard uncertainty each: coefficients by sensor, up and down.
+        in_use: error of readings in use by the same meter: by column, its value at zero and its slope.
+    """
+
+    name: str
+    source: str
+    df: float
+    modes: tuple[tuple[Coefficients, Coefficients], ...]
+    in_use: Mapping[str, tuple[float, float]]
+
+
+def kept(evaluation: Evaluation, stated: Statements) -> tuple[list[Kept], list[str]]:
+    """Influences on the coefficients of a calibration, and sentences about errors that are not kept for its use."""
+    base = evaluation.coefficients({})
+    found: list[Kept] = []
+    notes: list[str] = []
+
+    def add(name: str, source: str, df: float, shifts: Shifts, in_use: Mapping[str, tuple[float, float]]) -> None:
+        up, down = (evaluation.coefficients(shifts(sign).columns) for sign in (1.0, -1.0))
+        if any(np.any(up[sensor] != down[sensor]) for sensor in up) or in_use:
+            found.append(Kept(name, source, df, ((up, down),), in_use))
+
+    for one in stated.errors:
+        if one.behaves == "reading" or not any(name in evaluation.columns for name in one.columns):
+            continue
+        if one.behaves in ("setting", "replication"):
+            modes = tuple(_modes(evaluation, one, base))
+            found += [Kept(one.name, one.source, one.df, modes, {})] if modes else []
+            continue
+        lines = _lines_in_use(one, evaluation.columns) if one.reads else {}
+        if lines is None:
+            notes.append(f"{one.name}: it is no straight line over the readings, so --same-meter takes it as another's")
+        for part, shifts in _shifts(one, evaluation.columns, same_meter=False):
+            add(f"{one.name}{part}", one.source, one.df, shifts, lines or {})
+    for constant in stated.place.values():
+        for part, shifts in evaluation.of_place(constant):
+            add(f"{constant.name.replace('_', ' ')}{part}", constant.source, constant.df, shifts, {})
+    return found, notes
+
+
+def _lines_in_use(one: Stated, columns: Columns) -> dict[str, tuple[float, float]] | None:
+    """Error of readings, as a straight line by column; None if it is none."""
+    found = {}
+    for name in _used(one, columns):
+        values = np.linspace(float(columns[name].min()), float(columns[name].max()), 9)
+        error = size(one, name, values)
+        slope, start = np.polyfit(values, error, 1) if np.ptp(values) > 0 else (0.0, error[0])
+        if np.abs(start + slope * values - error).max() > 1e-9 * np.abs(error).max():
+            return None
+        found[name] = (float(start), float(slope))
+    return found
+
+
+def _modes(evaluation: Evaluation, one: Stated, base: Coefficients) -> Iterator[tuple[Coefficients, Coefficients]]:
+    """Principal changes of all coefficients together by many independent errors."""
+    sizes = [len(base[sensor]) for sensor in base]
+    rows = []
+    for moved in _groups(evaluation, one):
+        changed = evaluation.coefficients(moved.columns)
+        rows.append(np.concatenate([changed[sensor] - base[sensor] for sensor in base]))
+    unit = np.max(np.abs(rows), axis=0, initial=1e-300)
+    _, values, vectors = np.linalg.svd(np.array(rows) / unit, full_matrices=False)
+    for value, vector in zip(values, vectors, strict=True):
+        if value > NEGLIGIBLE * values[0] > 0.0:
+            parts = np.split(value * vector * unit, np.cumsum(sizes)[:-1])
+            up, down = (
+                {sensor: base[sensor] + sign * part for sensor, part in zip(base, parts, strict=True)}
+                for sign in (1, -1)
+            )
+            yield up, down
+
+
 def sensitivity(evaluation: Evaluation, shifts: Shifts) -> FloatArray:
     """(m,) change of the results for one standard uncertainty: central difference of the whole evaluation."""
     return (evaluation.evaluate(shifts(1.0)) - evaluation.evaluate(shifts(-1.0))) / 2.0
@@ -143,15 +225,22 @@ def _in_use(one: Stated) -> Reading:
 
 def _independent(evaluation: Evaluation, one: Stated) -> FloatArray:
     """(m, m) covariance from an independent error in every group of observations, in every column."""
-    columns, base = evaluation.columns, evaluation.results.values
+    base = evaluation.results.values
     covariance = np.zeros((len(base), len(base)))
+    for shift in _groups(evaluation, one):
+        moved = evaluation.evaluate(shift) - base
+        covariance += np.outer(moved, moved)
+    return covariance
+
+
+def _groups(evaluation: Evaluation, one: Stated) -> Iterator[Shift]:
+    """The error of one standard uncertainty in each group of observations with a common one, by column."""
+    columns = evaluation.columns
     for name in _used(one, columns):
         error = size(one, name, columns[name])
         groups = evaluation.replication if one.behaves == "replication" else _settings(evaluation.settings, name)
         for group in np.unique(groups):
-            moved = evaluation.evaluate(Shift({name: np.where(groups == group, error, 0.0)})) - base
-            covariance += np.outer(moved, moved)
-    return covariance
+            yield Shift({name: np.where(groups == group, error, 0.0)})
 
 
 def _settings(settings: Mapping[str, IntArray], column: str) -> IntArray:

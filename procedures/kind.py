@@ -201,6 +201,12 @@ class Kind(ABC):
         """A run that it traced, as the first of two; None if no further run is possible."""
         return None
 
+    def with_coefficients(self, calibration: Any, coefficients: Mapping[str, FloatArray]) -> Any:
+        """A calibration from `calibration_of` with other coefficients (k,) by sensor, as `Evaluation.coefficients`
+        gives them.
+        """
+        raise DataError(f"calibrations of {self.title} have no total uncertainties")
+
     def placed(self, columns: Columns, constants: Mapping[str, float]) -> Columns:
         """The recorded columns with corrections by constants of the place, as for `evaluation`."""
         return columns

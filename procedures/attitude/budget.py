@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -18,13 +19,13 @@ from fitter.errors import FitError
 from fitter.misfit import lacks_fit
 from procedures.attitude.data import AttitudeData, settings
 from procedures.attitude.fit import AttitudeFit, fit_all
-from procedures.attitude.infer import AttitudeCalibration, infer_attitude
+from procedures.attitude.infer import AttitudeCalibration, InferredAttitude, infer_attitude
 from procedures.attitude.infer.calibrate import calibrate_package
 from procedures.attitude.influences import levelled
 from procedures.attitude.model import attitude_columns, sensitive_axis
 from procedures.attitude.table import attitude_data
 from procedures.attitude.temperature import Temperature
-from procedures.budgeting import FIT, Evaluation, Results, Shift, Shifts, no_error
+from procedures.budgeting import SCATTER, Evaluation, Results, Shift, Shifts, no_error
 from procedures.errors import DataError
 from procedures.stated import PlaceConstant
 from procedures.table import SENSOR_TEMPERATURE, Columns, Table
@@ -88,7 +89,7 @@ class Model:
             gravity: local gravity, m/s2.
         """
         found: list[float] = []
-        used = _with_coefficients(self.calibration, coefficients)
+        used = with_coefficients(self.calibration, coefficients)
         for one in coefficients:
             m = sensitive_axis(one)
             S = float(np.linalg.norm(m))
@@ -99,23 +100,27 @@ class Model:
         found += self._inferred(used, readings).ravel().tolist()
         return np.array(found)
 
-    def _inferred(self, used: AttitudeCalibration, readings: FloatArray) -> FloatArray:
-        """(p, angles) angles, deg; with one sensor, roll is known."""
+    def infer(self, used: AttitudeCalibration, readings: FloatArray) -> InferredAttitude:
+        """Angles of (p, S) readings; with one sensor, roll is known. Raises `FitError`."""
         known = len(used.sensors) == 1
+        return infer_attitude(
+            used,
+            readings,
+            roll_deg=self.at_deg[:, 1] if known and used.roll else None,
+            near_deg=(self.at_deg[:, 0], self.at_deg[:, 1]),
+            sensor_temperature_degC=used.reference_degC,
+        )
+
+    def _inferred(self, used: AttitudeCalibration, readings: FloatArray) -> FloatArray:
+        """(p, angles) angles, deg; NaN where they are not determined."""
         try:
-            answer = infer_attitude(
-                used,
-                readings,
-                roll_deg=self.at_deg[:, 1] if known and used.roll else None,
-                near_deg=(self.at_deg[:, 0], self.at_deg[:, 1]),
-                sensor_temperature_degC=used.reference_degC,
-            )
+            answer = self.infer(used, readings)
         except FitError:
             return np.full((len(readings), len(self.angles)), np.nan)
         return np.column_stack([answer.pitch_deg, answer.roll_deg])[:, : len(self.angles)]
 
 
-def _with_coefficients(calibration: AttitudeCalibration, coefficients: FloatArray) -> AttitudeCalibration:
+def with_coefficients(calibration: AttitudeCalibration, coefficients: FloatArray) -> AttitudeCalibration:
     """The calibration with other coefficients (S, 4) of the declared model."""
     sensors = tuple(
         replace(one, coefficients=np.concatenate([own, one.coefficients[4:]]))
@@ -131,8 +136,13 @@ class AttitudeEvaluation(Evaluation):
         self, data: AttitudeData, at_deg: Sequence[tuple[float, float]], *, temperature: bool, gravity: float | None
     ) -> None:
         self._data, self._temperature = data, temperature
-        calibration = calibrate_package(data, temperature=temperature)
+        calibration = self._with_scatter(calibrate_package(data, temperature=temperature))
         self._model = Model(calibration, np.array(at_deg, np.float64).reshape(-1, 2), gravity)
+
+    @property
+    def calibration(self) -> AttitudeCalibration:
+        """Calibration of the run, with the scatter that its budget has."""
+        return self._model.calibration
 
     @cached_property
     def _fits(self) -> Mapping[str, AttitudeFit]:
@@ -196,6 +206,12 @@ class AttitudeEvaluation(Evaluation):
     def _base(self) -> FloatArray:
         return self._coefficients({})
 
+    def coefficients(self, columns: Mapping[str, FloatArray]) -> Mapping[str, FloatArray]:
+        """See `Evaluation`."""
+        mine = {name: moved for name, moved in columns.items() if name in self.columns}
+        found = self._coefficients(mine) if mine else self._base
+        return dict(zip(self._model.calibration.names, found, strict=True))
+
     def evaluate(self, shift: Shift) -> FloatArray:
         """See `Evaluation`."""
         columns = {name: moved for name, moved in shift.columns.items() if name in self.columns}
@@ -219,63 +235,60 @@ class AttitudeEvaluation(Evaluation):
             lost = next(name for (name, _, _), one in zip(named, known, strict=True) if not one)
             raise FitError(f"{lost}: these sensors do not determine it there; choose another point with --at")
         names, units, sensors = zip(*named, strict=True)
-        return Results(names, units, values, tuple(self._type_a(values)), sensors)
+        return Results(names, units, values, self._type_a(values), sensors)
 
-    def _type_a(self, values: FloatArray) -> Iterable[TypeA]:
-        """Scatter of the run through the fit, and of one reading in use."""
+    def _with_scatter(self, calibration: AttitudeCalibration) -> AttitudeCalibration:
+        """The calibration with scatter from differences between replications where the residuals hold more than it."""
+        ratio, noise, df = self._pure(calibration)
+        if calibration.drift is not None or np.all(ratio == 1.0):
+            return calibration
+        sizes = [one.coefficients.size for one in calibration.sensors]
+        each = np.repeat(ratio, sizes)
+        sensors = tuple(
+            replace(one, sigma_V=float(sigma), df=df) for one, sigma in zip(calibration.sensors, noise, strict=True)
+        )
+        return replace(calibration, sensors=sensors, covariance=calibration.covariance * np.outer(each, each))
+
+    def stored(self) -> Any:
+        """See `Evaluation`."""
+        return self._model.calibration.to_dict()
+
+    def _type_a(self, values: FloatArray) -> TypeA:
+        """Scatter of the run through the fit; of inferred angles as in use, with one reading."""
         calibration, model = self._model.calibration, self._model
-        k = [one.coefficients.size for one in calibration.sensors]
-        starts = np.concatenate([[0], np.cumsum(k)[:-1]])
+        sizes = [one.coefficients.size for one in calibration.sensors]
+        starts = np.concatenate([[0], np.cumsum(sizes)[:-1]])
         rows = np.concatenate([np.arange(start, start + 4) for start in starts])
-        drift = calibration.drift
+        drift, last = calibration.drift, len(model.at_deg) * len(model.angles)
         if drift is None:
-            covariance = calibration.covariance[np.ix_(rows, rows)]
-            df = float(np.mean([one.df for one in calibration.sensors]))
-        else:
+            covariance, df = calibration.covariance[np.ix_(rows, rows)], calibration.sensors[0].df
+        else:  # a use deviates from the mean of n replications as they do from one another: n + 1 times its error
             covariance, df = drift.covariance[np.ix_(rows, rows)] / (drift.df + 2), drift.df
-        ratio, noise, pure_df = self._pure
-        if drift is None:
-            each = np.repeat(ratio, 4)
-            covariance = covariance * np.outer(each, each)
-            df = pure_df
         size = float(np.max(np.abs(self._base)))
         J = np.empty((len(values), self._base.size))
         for i in range(self._base.size):
             step = np.zeros(self._base.size)
             step[i] = _STEP * size
-            up, down = (
-                model.values(self._base + s * step.reshape(self._base.shape), model.readings, model.gravity)
-                for s in (1, -1)
-            )
+            moved = (self._base + sign * step.reshape(self._base.shape) for sign in (1, -1))
+            up, down = (model.values(one, model.readings, model.gravity) for one in moved)
             J[:, i] = (up - down) / (2 * step[i])
-        yield TypeA(J @ covariance @ J.T, df, *FIT)
-        used = np.zeros((len(values), len(values)))
-        for j, sigma in enumerate(noise):
-            step_V = np.zeros_like(model.readings)
-            step_V[:, j] = _STEP * size
-            up, down = (model.values(self._base, model.readings + s * step_V, model.gravity) for s in (1, -1))
-            gain = (up - down) / (2 * _STEP * size)
-            same = self._same_reading()
-            used += sigma**2 * np.outer(gain, gain) * same
-        yield TypeA(used, pure_df, "scatter of one reading in use", "the run")
+        found = J @ covariance @ J.T
+        every = np.full(len(values), df)
+        answer = model.infer(calibration, model.readings)
+        sd = np.column_stack([answer.pitch_sd_deg, answer.roll_sd_deg])[:, : len(model.angles)].ravel()
+        inferred = np.arange(len(values) - last, len(values))
+        found[inferred, inferred] = sd**2
+        every[inferred] = np.column_stack([answer.df, answer.roll_df])[:, : len(model.angles)].ravel()
+        return TypeA(found, every, *SCATTER)
 
-    def _same_reading(self) -> FloatArray:
-        """(m, m) 1 for results of the same reading in use."""
-        p, per = len(self._model.at_deg), len(self._model.angles)
-        total = len(list(self._model.named()))
-        where = np.full(total, -1)
-        where[total - p * per :] = np.repeat(np.arange(p), per)
-        return np.asarray((where[:, None] == where) * 1.0)
-
-    @cached_property
-    def _pure(self) -> tuple[FloatArray, FloatArray, float]:
+    def _pure(self, calibration: AttitudeCalibration) -> tuple[FloatArray, FloatArray, float]:
         """(S,) pure error over the fit's sigma, (S,) sigma of one reading in V, and its degrees of freedom.
 
         If the fit lacks something that repeats in every replication, as an error of the head does, its residuals are no
         measure of scatter; differences between replications are.
         """
         ratio, noise, df = [], [], []
-        for one, fit in zip(self._model.calibration.sensors, self._fits.values(), strict=True):
+        for one, fit in zip(calibration.sensors, self._fits.values(), strict=True):
             table = fit.replication
             below = table.bias.df_below
             pure = table.sigma_prec * np.sqrt(one.df / below) if below > 0 else 0.0

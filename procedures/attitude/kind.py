@@ -7,6 +7,8 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from fitter.arrays import FloatArray
 from fitter.effects.entry import Entry
 from fitter.effects.own import Grammar
@@ -102,7 +104,15 @@ class AttitudeKind(Kind):
         """See `Kind`."""
         from procedures.attitude.infer import AttitudeCalibration  # noqa: PLC0415
 
-        return AttitudeCalibration.from_dict(given["calibration"])
+        return AttitudeCalibration.from_dict(given.get("budget", {}).get("calibration") or given["calibration"])
+
+    def with_coefficients(
+        self, calibration: AttitudeCalibration, coefficients: Mapping[str, FloatArray]
+    ) -> AttitudeCalibration:
+        """See `Kind`; those of the declared model."""
+        from procedures.attitude.budget import with_coefficients  # noqa: PLC0415
+
+        return with_coefficients(calibration, np.array([coefficients[name] for name in calibration.names]))
 
     def infer(
         self, calibration: AttitudeCalibration, read: Reader, options: InferOptions, other: Callable[[Path], Reader]

@@ -11,7 +11,7 @@ import numpy as np
 from fitter.arrays import FloatArray, IntArray
 from fitter.budget import TypeA
 from fitter.errors import FitError
-from procedures.budgeting import Evaluation, Results, Shift, no_error, together
+from procedures.budgeting import SCATTER, Evaluation, Results, Shift, no_error, together
 from procedures.errors import DataError
 from procedures.general.declared import Declared, Model, model_of
 from procedures.general.fit import calibration_of
@@ -128,25 +128,22 @@ class Sensor:
     def _names(self) -> tuple[str, ...]:
         return tuple(self._model({}).rows.fitted().names)
 
-    def scatter(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """(m, m) covariance by the fit and (m,) degrees of freedom, and (m, m) of one reading with its (m,)."""
+    def scatter(self) -> tuple[FloatArray, FloatArray]:
+        """(m, m) covariance of the results, that of inferred values with one reading in use; (m,) df."""
         one = self.calibration
-        J = np.eye(len(one.coefficients))
-        p = 0
+        J, p = np.eye(len(one.coefficients)), 0
         if self.has_points:
             J = np.vstack([J, self.rows])
             if self.variable is not None:
                 J, p = np.vstack([J, -self.rows / self.slope[:, None]]), len(self.rows)
         covariance = J @ one.covariance @ J.T
         _, df = one.curve_variance(J)
-        used, of_reading = np.zeros_like(covariance), np.full(len(J), np.inf)
+        df = np.where(df > 0, df, 1.0)
         if p:
             last = np.arange(len(J) - p, len(J))
-            own = float(one.variances.sum()) if one.reading is None else one.reading**2
-            used[last, last] = own / self.slope**2
-            spread = float(np.sum(one.spread)) if one.reading is None else 0.0
-            of_reading[last] = 2.0 * own**2 / spread if spread > 0.0 else np.inf
-        return covariance, np.where(df > 0, df, 1.0), used, of_reading
+            variance, of_reading = one.reading_variance(self.rows)
+            covariance[last, last], df[last] = variance / self.slope**2, of_reading
+        return covariance, df
 
 
 def _plain(name: str) -> str:
@@ -172,6 +169,11 @@ class GeneralEvaluation(Evaluation):
         for one in self._each:
             if not len(one.calibration.variances):
                 raise FitError(f"{one.name}: as many rows as coefficients: its scatter is not known; measure more")
+
+    def inferred(self, output: str, readings: FloatArray) -> FloatArray:
+        """(p,) values of the variable of readings of one output at the points."""
+        one = next(one for one in self._each if one.name == output)
+        return one.values(one.calibration.coefficients, readings)[-len(readings) :]
 
     @cached_property
     def columns(self) -> Columns:
@@ -199,17 +201,24 @@ class GeneralEvaluation(Evaluation):
         given = self._table.columns.get("replicate", np.zeros(len(self._table)))
         return np.asarray(np.unique(given, return_inverse=True)[1], np.int64)
 
-    def evaluate(self, shift: Shift) -> FloatArray:
+    def coefficients(self, columns: Mapping[str, FloatArray]) -> Mapping[str, FloatArray]:
         """See `Evaluation`."""
-        found = []
+        found = {}
         for one in self._each:
             uses = {*one.calibration.formula.names, one.name}
-            mine = {n: self.columns[n] + moved for n, moved in shift.columns.items() if n in uses}
-            coefficients = one.coefficients(mine) if mine else one.calibration.coefficients
+            mine = {n: self.columns[n] + moved for n, moved in columns.items() if n in uses}
+            found[one.name] = one.coefficients(mine) if mine else one.calibration.coefficients
+        return found
+
+    def evaluate(self, shift: Shift) -> FloatArray:
+        """See `Evaluation`."""
+        coefficients = self.coefficients(shift.columns)
+        found = []
+        for one in self._each:
             readings = one.readings if one.has_points else np.zeros(0)
             if one.has_points and shift.in_use is not no_error:
                 readings = readings + shift.in_use(one.name, readings)
-            found.append(one.values(coefficients, readings))
+            found.append(one.values(coefficients[one.name], readings))
         return np.concatenate(found)
 
     @cached_property
@@ -222,13 +231,7 @@ class GeneralEvaluation(Evaluation):
             raise FitError(f"{lost}: it is not determined there; choose another point with --at")
         names, units, sensors = zip(*named, strict=True)
         parts = [one.scatter() for one in self._each]
-        whole = "scatter of one reading in use" + (", in a new whole plot" if has_whole_plots(self._table) else "")
-        type_a = (
-            TypeA(
-                together([p[0] for p in parts]), np.concatenate([p[1] for p in parts]), "scatter of the run", "the run"
-            ),
-            TypeA(together([p[2] for p in parts]), np.concatenate([p[3] for p in parts]), whole, "the run"),
-        )
+        type_a = TypeA(together([p[0] for p in parts]), np.concatenate([p[1] for p in parts]), *SCATTER)
         return Results(names, units, values, type_a, sensors)
 
 

@@ -71,4 +71,5 @@ def infer_sensors(
         flagged |= np.asarray(one.columns[one.added[-1]]) != ""
     added = tuple(name for name in columns if name not in table.columns and name not in table.text)
     notes = tuple(dict.fromkeys(f"{name}: {note}" for name, one in found.items() for note in one.notes))
-    return Inference(columns, added, (*notes, *told), int(flagged.sum()), tuple(quantities), Unused())
+    df = {name: one.df[one.quantities[0]] for name, one in zip(quantities, found.values(), strict=True)}
+    return Inference(columns, added, (*notes, *told), int(flagged.sum()), tuple(quantities), Unused(), df=df)

@@ -55,6 +55,8 @@ def infer_general(
         added[name + end] = np.full(len(table), np.nan)
         added[name + end][complete] = values
     added[free_name("flag", table)] = flag
+    df = np.full(len(table), np.nan)
+    df[complete] = found.df
     return Inference(
         {**table.columns, **table.text, **added},
         tuple(added),
@@ -62,6 +64,7 @@ def infer_general(
         int(np.sum(flag != "")),
         quantities=(name,),
         unused=unused_beside(table, [*inputs], inputs),
+        df={name: df},
     )
 
 
@@ -94,7 +97,7 @@ def _inferred(calibration: CurveCalibration, y: FloatArray, others: Mapping[str,
     """The variable of (n,) readings with known values (n,) of the other variables; flags where these are not usable."""
     at = np.column_stack([*others.values()]) if others else np.zeros((len(y), 0))
     values, group = np.unique(at, axis=0, return_inverse=True)
-    out = [np.full(len(y), np.nan) for _ in range(4)]
+    out = [np.full(len(y), np.nan) for _ in range(5)]
     flag, failed = np.full(len(y), "", dtype=object), ""
     for number, fixed in enumerate(values.tolist()):
         rows = np.flatnonzero(group.reshape(-1) == number)
@@ -105,14 +108,14 @@ def _inferred(calibration: CurveCalibration, y: FloatArray, others: Mapping[str,
             failed = f"this calibration of {calibration.response} cannot be inverted: {error}"
             flag[rows] = failed
             continue
-        for whole, part in zip(out, (found.value, found.sd, found.lo95, found.hi95), strict=True):
+        for whole, part in zip(out, (found.value, found.sd, found.lo95, found.hi95, found.df), strict=True):
             whole[rows] = part
         outside = [words for name, value in known.items() if (words := _outside(calibration, name, value))]
         flag[rows] = ["; ".join(filter(None, (*outside, own))) for own in found.flag]
     if failed and np.all(flag == failed):
         raise DataError(failed)
-    value, sd, low, high = out
-    return InferredCurve(value, sd, low, high, flag)
+    value, sd, low, high, df = out
+    return InferredCurve(value, sd, low, high, flag, df)
 
 
 def _outside(calibration: CurveCalibration, name: str, value: float) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -141,6 +142,14 @@ class GeneralKind(Kind):
         if "calibration" not in given:
             raise FitError("it was written before tables of any kind could be inferred from; fit the table again")
         return CurveCalibration.from_dict(given["calibration"])
+
+    def with_coefficients(
+        self, calibration: CurveCalibration | Mapping[str, CurveCalibration], coefficients: Mapping[str, FloatArray]
+    ) -> CurveCalibration | Mapping[str, CurveCalibration]:
+        """See `Kind`."""
+        if isinstance(calibration, Mapping):
+            return {name: replace(one, coefficients=coefficients[name]) for name, one in calibration.items()}
+        return replace(calibration, coefficients=coefficients[calibration.response])
 
     def infer(
         self,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -110,6 +111,15 @@ class PressureKind(Kind):
         from procedures.pressure.confirming import WholePlotConfirming  # noqa: PLC0415
 
         return WholePlotConfirming(traced)
+
+    def with_coefficients(
+        self, calibration: Mapping[str, PressureCalibration], coefficients: Mapping[str, FloatArray]
+    ) -> Mapping[str, PressureCalibration]:
+        """See `Kind`."""
+        return {
+            name: replace(one, coefficients=coefficients[name]) if name in coefficients else one
+            for name, one in calibration.items()
+        }
 
     def placed(self, columns: Columns, constants: Mapping[str, float]) -> Columns:
         """With the pressure at the transducers, by their height above the standard's reference level."""

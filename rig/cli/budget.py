@@ -9,27 +9,12 @@ import typer
 
 from rig.atomic import check_files
 from rig.cli import app
+from rig.cli.budget_options import EquipmentOption, SameMeterOption
 from rig.cli.kind_options import with_options_of_kinds
 from rig.cli.run import JsonOption, RunArgument
 from rig.cli.show import out, print_json, show_notes
 from rig.errors import ExitCode
 from rig.present.terminal import show
-
-EquipmentOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--equipment",
-        help="a register of equipment, for runs that were made without one or with another one",
-        show_default="the register kept with the run",
-    ),
-]
-SameMeterOption = Annotated[
-    bool,
-    typer.Option(
-        "--same-meter",
-        help="the meter of the run reads the sensors in use, too: errors that it has in both cancel",
-    ),
-]
 
 
 @app.command()

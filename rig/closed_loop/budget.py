@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from fitter.budget import Budgeted, Influence, TypeA, budgets
+from fitter.errors import FitError
 from procedures.budgeting import Evaluation
 from procedures.errors import DataError
 from procedures.influences import corrected, influences
@@ -190,10 +191,13 @@ def budget_of(
     """The same of a run that was read."""
     chosen = of.kind.budget_options(**dict(options or {}))
     evaluation = of.kind.evaluation(of.table, chosen, at, constants_of(of.stated))
-    results = evaluation.results
-    found = influences(evaluation, of.stated, same_meter=same_meter)
-    type_a = (*results.type_a, *found.grouped)
-    made = budgets(results.names, results.units, results.values, type_a, found.influences, probability=probability)
+    try:
+        results = evaluation.results
+        found = influences(evaluation, of.stated, same_meter=same_meter)
+        type_a = (results.type_a, *found.grouped)
+        made = budgets(results.names, results.units, results.values, type_a, found.influences, probability=probability)
+    except FitError as error:
+        raise DataError(f"{of.table.source}: {error}") from error
     notes = [SAME_METER if same_meter else OTHER_METER, *found.notes, *of.stated.unused]
     if of.corrected:
         notes.insert(0, f"corrected by the certificates: {', '.join(of.corrected)}")
