@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from command import rig
-from general_lab import BENCH, PROCEDURE, WORLD, run_dry
+from general_lab import BENCH, PROCEDURE, REFERENCE, WORLD, WORLD_WITH_STANDARD, run_dry
 
 from fitter.arrays import FloatArray
 from fitter.formula import Formula
@@ -197,3 +197,22 @@ def test_findings_by_chance_are_counted_over_all_sensors_of_a_run():
         family = TableFamily({}, smallest, sensors=5)
         found += min(family._rank(float(p)) for p in drawn) <= 0.05
     assert 0.035 < found / 2000 < 0.065
+
+
+# --- the reference standard's own calibration -------------------------------------------------------------------
+
+
+def test_an_overdue_reference_standard_is_told_by_plan_and_doctor_and_stands_in_the_report(tmp_path):
+    bench = BENCH + REFERENCE.replace(
+        'formula = "4 * reading"', 'formula = "4 * reading"\nasset = "MM-1"\ndue = 2026-01-03'
+    )
+    path, _ = run_dry(tmp_path, bench=bench, world=WORLD_WITH_STANDARD)
+    planned = rig("plan", "procedure.toml", "--bench", "bench.toml", cwd=tmp_path)
+    assert planned.returncode == 0, planned.stderr
+    flat = " ".join((planned.stdout + planned.stderr).split())
+    assert "reference standard of force_kN: its calibration is due 2026-01-03, before this run would end" in flat
+    looked = rig("doctor", "--bench", "bench.toml", "--dry", "--json", cwd=tmp_path)
+    assert "calibration of the reference standard of force_kN" in looked.stdout
+    assert rig("trace", path, "--report", tmp_path / "r.html").returncode == 0
+    page = (tmp_path / "r.html").read_text()
+    assert "force_kN: asset MM-1, calibration due 2026-01-03, read by standard, force_kN = 4 * reading" in page
