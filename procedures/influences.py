@@ -32,11 +32,13 @@ class Found:
 
     Attributes:
         influences: one error each.
+        shifts: changes of the inputs by these errors.
         grouped: covariances of many independent errors of one source.
         notes: sentences about stated errors without a line.
     """
 
     influences: tuple[Influence, ...]
+    shifts: tuple[Shifts, ...]
     grouped: tuple[TypeA, ...]
     notes: tuple[str, ...]
 
@@ -60,6 +62,7 @@ def influences(evaluation: Evaluation, stated: Statements, *, same_meter: bool) 
         same_meter: whether the meter of the run reads the sensors in use as well, with the same error.
     """
     single: list[Influence] = []
+    changes: list[Shifts] = []
     grouped: list[TypeA] = []
     notes: list[str] = []
     scale = np.maximum(np.abs(evaluation.results.values), 1e-300)
@@ -69,6 +72,7 @@ def influences(evaluation: Evaluation, stated: Statements, *, same_meter: bool) 
         acts = bool(np.any(np.abs(moved) > NEGLIGIBLE * scale))
         if acts:
             single.append(Influence(name, source, "B", moved, df, distribution))  # type: ignore[arg-type]
+            changes.append(shifts)
         return acts
 
     for one in stated.errors:
@@ -96,7 +100,7 @@ def influences(evaluation: Evaluation, stated: Statements, *, same_meter: bool) 
             notes.append(UNUSED.format(name=constant.name.replace("_", " ")))
     every = [one.sensitivities for one in single]
     every += [np.sqrt(np.diag(one.covariance)) for one in grouped]
-    return Found(tuple(single), tuple(grouped), (*notes, *evaluation.notes(every)))
+    return Found(tuple(single), tuple(changes), tuple(grouped), (*notes, *evaluation.notes(every)))
 
 
 @dataclass(frozen=True, eq=False)

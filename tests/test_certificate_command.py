@@ -184,14 +184,14 @@ def test_a_changed_file_is_refused(run, tmp_path):
 def test_a_doubtful_name_is_refused_until_it_is_confirmed(made, monkeypatch, run, tmp_path):
     finding = Finding("effect", "the cell creeps", "replication", 0.5, effect="creep", doubtful="a curve fits as well")
 
-    def with_doubt(path, later):
-        outcomes, confirmed = TRACED(path, later)
+    def with_doubt(path, later, *, quick):
+        outcomes, confirmed = TRACED(path, later, quick=quick)
         return [replace(one, findings=(finding,)) for one in outcomes], confirmed
 
     monkeypatch.setitem(make.__globals__, "_traced", with_doubt)
     (reason,) = reasons(run, tmp_path)
     assert "the name of effect creep is doubtful: a curve fits as well; confirm it" in reason
-    outcomes, _ = with_doubt(run, None)
+    outcomes, _ = with_doubt(run, None, quick=False)
     answer = SimpleNamespace(effect="creep", verdict="confirmed")
     assert list(doubtful(outcomes, None)) == [("cell_V", finding)]
     assert list(doubtful(outcomes, SimpleNamespace(answers=(answer,)))) == []
@@ -330,7 +330,7 @@ def test_conditions_are_the_smallest_the_mean_and_the_largest(made):
     run = replace(made.budgets[0], of=replace(of, table=replace(of.table, columns=columns), config=config))
     (room,) = conditions(run, "as left")
     assert (room.label, room.unit, room.minimum, room.mean, room.maximum, room.stage) == (
-        *("Room", "°C", "20.00", "20.34", "21.01"),
+        *("room", "°C", "20.00", "20.34", "21.01"),
         "as left",
     )
 

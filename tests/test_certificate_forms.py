@@ -232,4 +232,4 @@ def test_probabilities_in_percent(probability, words):
 
 def test_raised_powers():
     assert raised("mV/psi^2") == "mV/psi²"
-    assert raised("V*degC^-1") == "V*degC⁻¹"
+    assert raised("V*degC^-1") == "V*°C⁻¹"

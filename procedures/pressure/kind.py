@@ -79,7 +79,7 @@ class PressureKind(Kind):
         """See `Kind`."""
         from procedures.pressure.evaluate import trace_whole_plot_table  # noqa: PLC0415
 
-        return trace_whole_plot_table(source.table, options.formula, own)
+        return trace_whole_plot_table(source.table, options.formula, own, validate=not options.quick)
 
     def calibration_of(self, given: Mapping[str, Any]) -> Mapping[str, PressureCalibration]:
         """See `Kind`."""

@@ -328,7 +328,7 @@ def _budget(budget: Budget) -> Grid:
 
 
 def _titled(sensor: str, what: str, stage: str) -> str:
-    return "".join((f"{sensor}: " if sensor else "", what, f", {stage}" if stage else ""))
+    return "".join((f"{sensor}: " if sensor else "", raised(what), f", {stage}" if stage else ""))
 
 
 def _share(share: float) -> str:

@@ -127,7 +127,7 @@ class CertificateSettings(Strict):
     same_meter: bool = Field(False, description="whether the meter of the run reads the sensors in use as well")
     annex: Literal["largest", "all", "none"] = Field(
         "largest",
-        description="budgets in the annex: of every table and unit that of the largest uncertainty, or all",
+        description="budgets in the annex: that of the largest uncertainty of every sort of result, or all",
     )
     customer_wants_due_date: bool = Field(False, description="whether the customer asked for a date")
     next_due: datetime.date | None = Field(None, description="date of the next calibration, if the customer wants one")
