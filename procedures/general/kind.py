@@ -137,6 +137,10 @@ class GeneralKind(Kind):
         """For one response, or for every sensor of a run by its output."""
         from procedures.general.infer import CurveCalibration  # noqa: PLC0415
 
+        kept = given.get("budget", {}).get("calibration")
+        if kept is not None:
+            found = {str(name): CurveCalibration.from_dict(one) for name, one in kept.items()}
+            return found if "sensors" in given else next(iter(found.values()))
         if "sensors" in given:
             return {name: CurveCalibration.from_dict(one["calibration"]) for name, one in given["sensors"].items()}
         if "calibration" not in given:
