@@ -23,6 +23,7 @@ from procedures.kind import kind_of
 from procedures.precision import Precision
 from procedures.unused import unit_of
 from rig.closed_loop.promised import Promised, promised
+from rig.config import BenchConfig
 from rig.disk_space import needed_bytes
 from rig.engine.guard import Guard
 from rig.engine.session import Progress
@@ -70,7 +71,7 @@ class Plan(Result):
     @property
     def overdue(self) -> Sequence[str]:
         """Instruments whose own calibration is due before the end, or has no known date, one sentence each."""
-        return list(_due(self.checked.bench.instruments, self.finish_latest.date()))
+        return list(_due(self.checked.bench, self.finish_latest.date()))
 
     @property
     def _told(self) -> dict[str, Any]:
@@ -301,8 +302,11 @@ def _environment(checked: Checked) -> str | None:
     return f"{', '.join(names)}: {asked}"
 
 
-def _due(instruments: Mapping[str, Any], on: date) -> Iterator[str]:
-    for name, instrument in instruments.items():
+def _due(bench: BenchConfig, on: date) -> Iterator[str]:
+    for name, standard in bench.references.items():
+        if standard.due is not None and standard.due < on:
+            yield f"reference standard of {name}: its calibration is due {standard.due}, before this run would end"
+    for name, instrument in bench.instruments.items():
         if not instrument.address:  # a person
             continue
         if instrument.due is None:
