@@ -12,7 +12,7 @@ from fitter.budget import Budgeted, Check, Influence, TypeA, budgets, monte_carl
 from fitter.errors import FitError
 from procedures.budgeting import Evaluation
 from procedures.errors import DataError
-from procedures.influences import corrected, influences
+from procedures.influences import corrected, explain, influences
 from procedures.kind import Kind, kind_of_table
 from procedures.simulated_budget import whole
 from procedures.stated import Statements
@@ -213,6 +213,7 @@ def budget_of(
     chosen = of.kind.budget_options(**dict(options or {}))
     evaluation = of.kind.evaluation(of.table, chosen, at, constants_of(of.stated))
     try:
+        explain(evaluation, of.stated)
         results = evaluation.results
         found = influences(evaluation, of.stated, same_meter=same_meter)
         type_a = (results.type_a, *found.grouped)
