@@ -312,9 +312,9 @@ def test_a_missing_extra_is_named(monkeypatch):
 
 
 THERMOMETER = (
-    '<quantity refType="b_reading"><name><content>reading</content></name><s:realListXMLList><s:valueXMLList>373.15 273.15'
-    asked += ["--at", "b_reading"]
-    "</s:valueXMLList><s:unitXMLList>\\\\kelvin</s:unitXMLList></s:realListXMLList></quantity>"
+    '<quantity refType="b_reading"><name><content>reading</content></name><s:realListXMLList>'
+    "<s:valueXMLList>373.15 273.15</s:valueXMLList><s:unitXMLList>\\\\kelvin</s:unitXMLList></s:realListXMLList>"
+    "</quantity>"
 )
 
 

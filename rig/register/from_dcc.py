@@ -20,7 +20,7 @@ _ZERO_CELSIUS_K = 273.15
 
 @dataclass(frozen=True)
 class Wanted:
-    """What is taken from a certificate.
+    """Values to be taken from a certificate.
 
     Attributes:
         asset: of the equipment in the register.
