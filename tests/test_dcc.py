@@ -14,9 +14,9 @@ from xml.etree import ElementTree as ET
 import pytest
 from sample_certificate import amended, document
 
-from rig.certificate.dcc import dcc
-from rig.certificate.dcc_reader import number_in, parsed, read_dcc
-from rig.certificate.si_units import plain_unit, si_unit
+from rig.certificate.as_dcc import dcc
+from rig.dcc.reader import number_in, parsed, read_dcc
+from rig.dcc.si_units import plain_unit, si_unit
 from rig.errors import UsageError
 
 NOW = datetime(2026, 11, 24, tzinfo=UTC)
@@ -108,7 +108,7 @@ def test_texts_with_control_characters_stay_xml():
 @pytest.mark.skipif("DCC_SCHEMA" not in os.environ, reason="DCC_SCHEMA names PTB's schema 3.2.0, which is not shipped")
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_schema_holds(kind):
-    from rig.certificate.schema import schema_errors  # noqa: PLC0415
+    from rig.dcc.schema import schema_errors  # noqa: PLC0415
 
     assert schema_errors(dcc(KINDS[kind]), Path(os.environ["DCC_SCHEMA"])) == []
 
@@ -264,7 +264,7 @@ def keys(tmp_path_factory) -> Path:
 @pytest.mark.parametrize("kind", ["rsa", "ec"])
 def test_a_signature_holds_until_something_is_changed(keys, kind):
     pytest.importorskip("signxml")
-    from rig.certificate.signature import signatures, signed  # noqa: PLC0415
+    from rig.dcc.signature import signatures, signed  # noqa: PLC0415
 
     xml = signed(dcc(document()), keys / f"{kind}.key", keys / f"{kind}.pem")
     (found,) = signatures(xml, NOW.replace(year=2030), keys / f"{kind}.pem")
@@ -285,7 +285,7 @@ def test_a_signature_holds_until_something_is_changed(keys, kind):
 
 def test_a_signature_of_another_document_does_not_hold(keys):
     pytest.importorskip("signxml")
-    from rig.certificate.signature import signatures, signed  # noqa: PLC0415
+    from rig.dcc.signature import signatures, signed  # noqa: PLC0415
 
     xml = signed(dcc(document()), keys / "ec.key", keys / "ec.pem")
     signature = xml[xml.index(b"<ds:Signature") : xml.index(b"</ds:Signature>") + len(b"</ds:Signature>")]
@@ -295,14 +295,14 @@ def test_a_signature_of_another_document_does_not_hold(keys):
 
 def test_a_key_of_another_certificate_is_refused(keys):
     pytest.importorskip("signxml")
-    from rig.certificate.signature import signed  # noqa: PLC0415
+    from rig.dcc.signature import signed  # noqa: PLC0415
 
     with pytest.raises(UsageError, match="is the certificate of another key"):
         signed(dcc(document()), keys / "ec.key", keys / "rsa.pem")
 
 
 def test_a_missing_extra_is_named(monkeypatch):
-    from rig.certificate import extras  # noqa: PLC0415
+    from rig.dcc import extras  # noqa: PLC0415
 
     monkeypatch.setattr(extras, "import_module", lambda name: (_ for _ in ()).throw(ImportError(name)))
     with pytest.raises(UsageError, match=r"pip install 'calibration-rig\[dcc\]'"):

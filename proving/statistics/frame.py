@@ -39,6 +39,7 @@ NAMES = (
     "intervals",
     "laboratories",
     "pressure",
+    "registers",
     "split_plots",
     "strangers",
     "tables",

@@ -199,6 +199,8 @@ def _equipment(document: Document) -> Iterator[Block]:
 
 def _results(document: Document) -> Iterator[Block]:
     yield Sentences(words.UNCERTAINTY)
+    if document.notes:
+        yield Sentences(document.notes, small=True)
     stages = list(dict.fromkeys(one.stage for one in document.tables))
     for stage in stages:
         for table in document.tables:
@@ -251,7 +253,15 @@ def _conformity(document: Document) -> Iterator[Block]:
     ]
     rules = tuple(dict.fromkeys(one.rule for one in document.statements))
     yield _texts("", heads, rows, notes=(*(f"Decision rule: {rule}" for rule in rules), *words.CONFORMITY))
-    yield Sentences(tuple(dict.fromkeys(one.sentence for one in document.statements if one.sentence)))
+    yield Sentences(tuple(_stated(document)))
+
+
+def _stated(document: Document) -> Iterator[str]:
+    """Each statement once, with the items that it holds for."""
+    for stage, sentence in dict.fromkeys((one.stage, one.sentence) for one in document.statements if one.sentence):
+        of = [one.sensor for one in document.statements if (one.stage, one.sentence) == (stage, sentence)]
+        items = ", ".join(one or "all items together" for one in dict.fromkeys(of))
+        yield f"{items}{f', {stage}' if stage else ''}: {sentence}"
 
 
 def _effects(document: Document) -> Iterator[Block]:
@@ -318,7 +328,7 @@ def _budget(budget: Budget) -> Grid:
 
 
 def _titled(sensor: str, what: str, stage: str) -> str:
-    return "".join((f"{sensor}: " if sensor else "", what, f", {stage}" if stage else ""))
+    return "".join((f"{sensor}: " if sensor else "", raised(what), f", {stage}" if stage else ""))
 
 
 def _share(share: float) -> str:
@@ -357,6 +367,8 @@ def _span(began: date, ended: date) -> str:
 
 def percent(probability: str) -> str:
     """A probability in percent, with its digits: `0.9545` is `95.45 %`. Any other text is unchanged."""
+    if probability[:2] in ("> ", "< "):
+        return probability[:2] + percent(probability[2:])
     whole, point, digits = probability.partition(".")
     if not (whole.isdigit() and digits.isdigit() and point):
         return probability

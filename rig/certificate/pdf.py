@@ -12,8 +12,8 @@ from datetime import UTC, datetime, time
 from pathlib import Path
 
 from rig.certificate.document import Document
-from rig.certificate.extras import needed
 from rig.certificate.layout import contents
+from rig.dcc.extras import needed
 from rig.errors import ConfigurationError
 
 _TEMPLATE = Path(__file__).parent / "templates" / "certificate.typ"

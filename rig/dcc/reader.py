@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
 
-from rig.certificate.si_units import plain_unit
+from rig.dcc.si_units import plain_unit
 from rig.errors import UsageError
 from rig.regular import open_regular
 
@@ -82,7 +82,7 @@ class Read:
         quantities: all of its values, in order.
         statements: declarations, as words.
         conformity: words of conformity with what they are about.
-        signatures: number of signatures in it; whether they hold is told by `rig.certificate.signature`.
+        signatures: number of signatures in it; whether they hold is told by `rig.dcc.signature`.
     """
 
     file: str
@@ -121,7 +121,7 @@ def read_dcc(path: Path) -> Read:
     Raises:
         UsageError: the file cannot be read, or is no digital calibration certificate.
     """
-    return parsed(_bytes(path), str(path))
+    return parsed(bytes_of(path), str(path))
 
 
 def number_in(path: Path, where: str, row: int | None = None) -> Number:
@@ -144,7 +144,8 @@ def number_in(path: Path, where: str, row: int | None = None) -> Number:
     return found.numbers[(row or 1) - 1]
 
 
-def _bytes(path: Path) -> bytes:
+def bytes_of(path: Path) -> bytes:
+    """Contents of the file of a certificate. Raises `UsageError`."""
     try:
         with open_regular(path) as file:
             read = file.read(_MOST + 1)
