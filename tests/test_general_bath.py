@@ -1,4 +1,4 @@
-"""A bath that takes time: forecasts, the time left while a person comes in between, where it starts, a thermometer in it."""
+"""A bath that takes time: forecasts, the time left with a person in between, where it starts, a thermometer in it."""
 
 from __future__ import annotations
 
