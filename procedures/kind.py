@@ -26,7 +26,7 @@ from fitter.effects.own import Grammar
 from fitter.errors import FitError
 from procedures.acceptance import Verdict
 from procedures.advice import Advice
-from procedures.budgeting import Evaluation
+from procedures.budgeting import Evaluation, Expected
 from procedures.charting import Charting
 from procedures.conduct import Conduct
 from procedures.confirming import Confirming
@@ -213,6 +213,19 @@ class Kind(ABC):
         if type(self).confirming is Kind.confirming:
             return f"no further run is made of {self.title}: make another run by `rig run`, and trace that by itself"
         return ""
+
+    def expected(self, procedure: Any, run_list: RunList, sensors: Mapping[str, str]) -> Expected:
+        """A run as it is planned, for a forecast of total uncertainties.
+
+        Args:
+            procedure: of the run.
+            run_list: every point of it.
+            sensors: axis of every sensor by the column of its output; "" for none.
+
+        Raises:
+            DataError: nothing is known of the outputs before they are read.
+        """
+        raise DataError(f"total uncertainties are not forecast for {self.title}: outputs are not known before the run")
 
     def with_coefficients(self, calibration: Any, coefficients: Mapping[str, FloatArray]) -> Any:
         """A calibration from `calibration_of` with other coefficients (k,) by sensor, as `Evaluation.coefficients`

@@ -68,5 +68,5 @@ def test_what_no_run_can_confirm_is_refused_before_the_trace(tmp_path, monkeypat
     with pytest.raises(UsageError, match=r"not linear in their coefficients.*rig chart"):
         confirm_first.open_traced(run)
     linear, _ = run_dry(tmp_path / "linear", PROCEDURE, BENCH)
-    with pytest.raises(UsageError, match="leave out --formula, --response"):
-        confirm_first.open_traced(linear, response="cell_V", formula="1 + force_kN")
+    with pytest.raises(UsageError, match="leave out --ignore"):
+        confirm_first.open_traced(linear, ignore=["block"])

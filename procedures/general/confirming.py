@@ -22,12 +22,13 @@ from fitter.trace.search import names_of
 from procedures.blocks import Block
 from procedures.confirming import SETTLED, Confirming
 from procedures.effects_shown import show_confirmed
+from procedures.errors import DataError
 from procedures.further_runs import Variation, repeated
 from procedures.general.effects.of_others import HYSTERESIS
 from procedures.general.effects.time_columns import lag
 from procedures.general.factors import RANDOM
 from procedures.general.further_runs import values_of, with_routine
-from procedures.general.of_runs import RunFitted, RunTraced, fit_run, models_of, roles_of_run
+from procedures.general.of_runs import Asked, RunFitted, RunTraced, fit_run
 from procedures.general.options import FitOptions, TraceOptions
 from procedures.general.planning import check_declared
 from procedures.general.settings import GeneralProcedure
@@ -48,13 +49,15 @@ OWN_UNITS = "the unit of each output"
 
 def cannot_confirm(table: Table, options: TraceOptions) -> str:
     """Why no further run can confirm the findings in a run; see `procedures.kind.Kind.cannot_confirm`."""
-    given = [f"--{name.replace('_', '-')}" for name in options.model_fields_set]
-    if given:
+    others = options.model_fields_set - {"response", "formula"}
+    asked = None if others else Asked.of(table, options.response, options.formula)
+    if asked is None:
+        given = sorted(f"--{name.replace('_', '-')}" for name in others or {"response"})
         return (
-            f"a run is confirmed with the model and the roles of its procedure: leave out {', '.join(sorted(given))}. "
-            "Another model goes into [model] of a procedure file and a new run"
+            f"a run is confirmed with the roles of its columns, by the outputs of its sensors: leave out "
+            f"{', '.join(given)}. What is not an output is traced again in another run: rig trace"
         )
-    models = models_of(table)
+    models = asked.models
     if not any(model.linear for model in models.values()):
         return (
             "its declared models are not linear in their coefficients, so nothing is traced and no run is proposed. "
@@ -175,8 +178,7 @@ class GeneralConfirming(Confirming):
 
     def beside(self, later: Observations, after_s: float, done: Sequence[Done] = ()) -> GeneralTogether:
         """See `Confirming`."""
-        traced = self.traced.table
-        roles = {output: own for output, own in roles_of_run(traced).items() if output in self.traced.each}
+        roles = {output: one.roles for output, one in self.traced.each.items()}
         found = self.found
         return GeneralTogether.of(found.sensors, roles, self.data.table, later.table, after_s, done, found.constants)
 
@@ -271,6 +273,9 @@ class GeneralConfirming(Confirming):
         options: FitOptions,
     ) -> ConfirmedFit:
         """Columns of confirmed causes that are functions of the table's own columns are added to the models."""
+        asked = Asked.of(self.traced.table, options.response, options.formula)
+        if asked is None:
+            raise DataError(f"--response {options.response} is no output of the run")
         added: dict[str, list[str]] = {}
         for answer, question, effect in zip(answers, questions, record["effects"], strict=True):
             effect["terms"] = []
@@ -286,7 +291,7 @@ class GeneralConfirming(Confirming):
             for term in terms:
                 added.setdefault(term.sensor, []).append(f"I({term.term.name})")
             effect["terms"] = [f"{term.sensor}: I({term.term.name})" for term in terms]
-        return ConfirmedFit(fit_run(self.traced.table, added=added), record)
+        return ConfirmedFit(fit_run(asked.adding(added)), record)
 
     def _usable(self, term: RunTerm) -> bool:
         """Whether a column is arithmetic of factors, which are known when the sensor is used."""
