@@ -12,7 +12,7 @@ import numpy as np
 from fitter.arrays import FloatArray, IntArray
 from fitter.budget import TypeA
 from procedures.stated import PlaceConstant
-from procedures.table import Columns
+from procedures.table import Columns, Table
 
 Reading = Callable[[str, FloatArray], FloatArray]
 """Error of readings in use: name of an output's column and its (n,) values, to (n,) additions."""
@@ -52,6 +52,7 @@ class Results:
         values: (m,).
         type_a: covariance by statistics of the run; that of inferred values includes the scatter of one reading in use.
         sensors: sensor of each result; "" for those of several.
+        of_fit: (m,) part of the variance that more observations make smaller.
     """
 
     names: tuple[str, ...]
@@ -59,6 +60,7 @@ class Results:
     values: FloatArray
     type_a: TypeA
     sensors: tuple[str, ...]
+    of_fit: FloatArray
 
 
 SCATTER = ("scatter of readings", "the run")
@@ -73,6 +75,21 @@ def together(parts: Sequence[FloatArray]) -> FloatArray:
         found[start : start + len(one), start : start + len(one)] = one
         start += len(one)
     return found
+
+
+@dataclass(frozen=True)
+class Expected:
+    """A run as it is planned, with outputs of sensors as they are expected.
+
+    Attributes:
+        table: its observations, with the expected scatter.
+        meter: whether outputs have the size of the sensors'; otherwise errors of their meter cannot be forecast.
+        assuming: the assumptions, a sentence.
+    """
+
+    table: Table
+    meter: bool
+    assuming: str
 
 
 class Evaluation(ABC):
@@ -96,6 +113,13 @@ class Evaluation(ABC):
     def coefficients(self, columns: Mapping[str, FloatArray]) -> Mapping[str, FloatArray]:
         """(k,) coefficients of the calibration by sensor, with additions to columns."""
 
+    def residuals(self, columns: Mapping[str, FloatArray]) -> Mapping[str, FloatArray]:
+        """(n,) residuals of the fit by sensor, with additions to columns; none where scatter needs no repeats."""
+        return {}
+
+    def explain(self, expected: Mapping[str, float]) -> None:  # noqa: B027 - most have no repeats
+        """Say before anything else what sum of squares stated errors leave in the residuals, by sensor."""
+
     def stored(self) -> Any:
         """The calibration to use with these results, as JSON values, if it is not that of the fit; None if it is."""
         return None
@@ -117,10 +141,6 @@ class Evaluation(ABC):
         """
         return ()
 
-    def notes(self, predicted: Sequence[FloatArray]) -> Iterable[str]:
-        """Sentences about the budget.
-
-        Args:
-            predicted: of each error, what one standard uncertainty adds to the results.
-        """
+    def notes(self) -> Iterable[str]:
+        """Sentences about the scatter."""
         return ()

@@ -17,6 +17,9 @@ from procedures.errors import DataError
 from procedures.table import Table
 from procedures.unused import Unused, other_unit, why_unused
 
+INFERRED = "inferred_"
+"""Before the name of a quantity that the table has already."""
+
 
 @dataclass(frozen=True)
 class Inference:
@@ -89,4 +92,4 @@ def no_column(table: Table, name: str, more: str = "") -> DataError:
 
 def free_name(name: str, table: Table) -> str:
     """A name for a column that is added: nothing of the input is overwritten."""
-    return f"inferred_{name}" if name in table.columns or name in table.text else name
+    return f"{INFERRED}{name}" if name in table.columns or name in table.text else name

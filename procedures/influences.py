@@ -53,6 +53,30 @@ def corrected(columns: Columns, errors: Sequence[Stated]) -> Columns:
     return found
 
 
+def explain(evaluation: Evaluation, stated: Statements) -> None:
+    """Tell an evaluation what lack of fit stated errors make, before its results are asked for."""
+    base = evaluation.residuals({})
+    expected = dict.fromkeys(base, 0.0)
+
+    def add(shift: Shift) -> None:
+        for sensor, left in evaluation.residuals(shift.columns).items():
+            expected[sensor] += float(np.sum((left - base[sensor]) ** 2))
+
+    for one in stated.errors if base else ():
+        if one.reads or not any(name in evaluation.columns for name in one.columns):
+            continue
+        if one.behaves == "setting":
+            for shift in _groups(evaluation, one):
+                add(shift)
+        elif one.behaves not in ("reading", "replication"):
+            for _, shifts in _shifts(one, evaluation.columns, same_meter=False):
+                add(shifts(1.0))
+    for constant in stated.place.values() if base else ():
+        for _, shifts in evaluation.of_place(constant):
+            add(shifts(1.0))
+    evaluation.explain(expected)
+
+
 def influences(evaluation: Evaluation, stated: Statements, *, same_meter: bool) -> Found:
     """Influences on the results of an evaluation.
 
@@ -98,9 +122,7 @@ def influences(evaluation: Evaluation, stated: Statements, *, same_meter: bool) 
         ]
         if constant.standard and not any(did):
             notes.append(UNUSED.format(name=constant.name.replace("_", " ")))
-    every = [one.sensitivities for one in single]
-    every += [np.sqrt(np.diag(one.covariance)) for one in grouped]
-    return Found(tuple(single), tuple(changes), tuple(grouped), (*notes, *evaluation.notes(every)))
+    return Found(tuple(single), tuple(changes), tuple(grouped), (*notes, *evaluation.notes()))
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,7 +26,7 @@ from fitter.effects.own import Grammar
 from fitter.errors import FitError
 from procedures.acceptance import Verdict
 from procedures.advice import Advice
-from procedures.budgeting import Evaluation
+from procedures.budgeting import Evaluation, Expected
 from procedures.charting import Charting
 from procedures.conduct import Conduct
 from procedures.confirming import Confirming
@@ -200,6 +200,19 @@ class Kind(ABC):
     def confirming(self, traced: Any) -> Confirming | None:
         """A run that it traced, as the first of two; None if no further run is possible."""
         return None
+
+    def expected(self, procedure: Any, run_list: RunList, sensors: Mapping[str, str]) -> Expected:
+        """A run as it is planned, for a forecast of total uncertainties.
+
+        Args:
+            procedure: of the run.
+            run_list: every point of it.
+            sensors: axis of every sensor by the column of its output; "" for none.
+
+        Raises:
+            DataError: nothing is known of the outputs before they are read.
+        """
+        raise DataError(f"total uncertainties are not forecast for {self.title}: outputs are not known before the run")
 
     def with_coefficients(self, calibration: Any, coefficients: Mapping[str, FloatArray]) -> Any:
         """A calibration from `calibration_of` with other coefficients (k,) by sensor, as `Evaluation.coefficients`

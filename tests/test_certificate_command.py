@@ -151,6 +151,13 @@ def test_people_must_be_allowed(run, tmp_path):
     ]
 
 
+def test_an_item_is_not_received_after_its_calibration(run, tmp_path):
+    equipment = tmp_path / "late.toml"
+    equipment.write_text(REGISTER.replace('condition = "clean"', 'condition = "clean"\nreceived = 2999-01-01'))
+    (reason,) = reasons(run, tmp_path, equipment=equipment)
+    assert "received on 2999-01-01, after the run began" in reason
+
+
 def test_an_expired_certificate_is_refused(run, tmp_path):
     equipment = tmp_path / "expired.toml"
     equipment.write_text(REGISTER.replace("due = 2030-01-01", "due = 2021-01-01"))
@@ -184,14 +191,14 @@ def test_a_changed_file_is_refused(run, tmp_path):
 def test_a_doubtful_name_is_refused_until_it_is_confirmed(made, monkeypatch, run, tmp_path):
     finding = Finding("effect", "the cell creeps", "replication", 0.5, effect="creep", doubtful="a curve fits as well")
 
-    def with_doubt(path, later):
-        outcomes, confirmed = TRACED(path, later)
+    def with_doubt(path, later, *, quick):
+        outcomes, confirmed = TRACED(path, later, quick=quick)
         return [replace(one, findings=(finding,)) for one in outcomes], confirmed
 
     monkeypatch.setitem(make.__globals__, "_traced", with_doubt)
     (reason,) = reasons(run, tmp_path)
     assert "the name of effect creep is doubtful: a curve fits as well; confirm it" in reason
-    outcomes, _ = with_doubt(run, None)
+    outcomes, _ = with_doubt(run, None, quick=False)
     answer = SimpleNamespace(effect="creep", verdict="confirmed")
     assert list(doubtful(outcomes, None)) == [("cell_V", finding)]
     assert list(doubtful(outcomes, SimpleNamespace(answers=(answer,)))) == []
@@ -330,7 +337,7 @@ def test_conditions_are_the_smallest_the_mean_and_the_largest(made):
     run = replace(made.budgets[0], of=replace(of, table=replace(of.table, columns=columns), config=config))
     (room,) = conditions(run, "as left")
     assert (room.label, room.unit, room.minimum, room.mean, room.maximum, room.stage) == (
-        *("Room", "°C", "20.00", "20.34", "21.01"),
+        *("room", "°C", "20.00", "20.34", "21.01"),
         "as left",
     )
 

@@ -108,3 +108,11 @@ def test_a_garbled_budget_is_refused(kept, tmp_path):
     done = rig("infer", garbled, file, "--out", tmp_path / "o.csv")
     assert done.returncode == 2
     assert "is not a calibration file of `rig fit --out`" in done.stderr.replace("\n", " ")
+
+
+def test_traces_and_their_reports_say_repeatability_only(tmp_path):
+    page = tmp_path / "trace.html"
+    done = rig("trace", DATA / "attitude-20261121.sqlite", "--report", page, "--json")
+    assert json.loads(done.stdout)["uncertainty"] == "repeatability only"
+    assert "standard errors and intervals: repeatability only" in done.stderr
+    assert "repeatability only: errors of instruments" in page.read_text()

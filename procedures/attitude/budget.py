@@ -16,7 +16,6 @@ import numpy as np
 from fitter.arrays import FloatArray, IntArray
 from fitter.budget import TypeA
 from fitter.errors import FitError
-from fitter.misfit import lacks_fit
 from procedures.attitude.data import AttitudeData, settings
 from procedures.attitude.fit import AttitudeFit, fit_all
 from procedures.attitude.infer import AttitudeCalibration, InferredAttitude, infer_attitude
@@ -27,6 +26,7 @@ from procedures.attitude.table import attitude_data
 from procedures.attitude.temperature import Temperature
 from procedures.budgeting import SCATTER, Evaluation, Results, Shift, Shifts, no_error
 from procedures.errors import DataError
+from procedures.scatter import Scatter, scatter
 from procedures.stated import PlaceConstant
 from procedures.table import SENSOR_TEMPERATURE, Columns, Table
 
@@ -135,9 +135,18 @@ class AttitudeEvaluation(Evaluation):
     def __init__(
         self, data: AttitudeData, at_deg: Sequence[tuple[float, float]], *, temperature: bool, gravity: float | None
     ) -> None:
-        self._data, self._temperature = data, temperature
-        calibration = self._with_scatter(calibrate_package(data, temperature=temperature))
-        self._model = Model(calibration, np.array(at_deg, np.float64).reshape(-1, 2), gravity)
+        self._data, self._temperature, self._gravity = data, temperature, gravity
+        self._at = np.array(at_deg, np.float64).reshape(-1, 2)
+        self._plain = calibrate_package(data, temperature=temperature)
+        self._expected: Mapping[str, float] = {}
+
+    def explain(self, expected: Mapping[str, float]) -> None:
+        """See `Evaluation`."""
+        self._expected = expected
+
+    @cached_property
+    def _model(self) -> Model:
+        return Model(self._with_scatter(self._plain), self._at, self._gravity)
 
     @property
     def calibration(self) -> AttitudeCalibration:
@@ -169,30 +178,33 @@ class AttitudeEvaluation(Evaluation):
 
     def _coefficients(self, moved: Mapping[str, FloatArray]) -> FloatArray:
         """(S, 4) coefficients of the declared model with additions to columns."""
-        d = self._data
+        own = self._solved(moved)[0]
+        return np.insert(own, 2, 0.0, axis=1) if own.shape[1] == 3 else own
+
+    def _solved(self, moved: Mapping[str, FloatArray]) -> tuple[FloatArray, FloatArray]:
+        """(S, k) coefficients of the declared model and (S, n) residuals, with additions to columns."""
 
         def column(name: str) -> FloatArray:
             added = moved.get(name)
             return self.columns[name] if added is None else self.columns[name] + added
 
+        d = self._data
         h = attitude_columns(column(PITCH), column(ROLL), roll=d.has_roll)
+        y = np.column_stack([column(name) for name in d.outputs])
         if not self._temperature:
-            own = _solve(h, np.column_stack([column(name) for name in d.outputs]))
-        else:
-            warmth = column(SENSOR_TEMPERATURE) - self._reference
-            own = np.column_stack(
-                [
-                    _solve(np.column_stack([h, warmth, warmth * (h[:, 1:] @ self._own[name])]), column(name)[:, None])[
-                        : h.shape[1]
-                    ]
-                    for name in d.outputs
-                ]
-            )
-        return np.asarray(np.insert(own, 2, 0.0, axis=0).T if len(own) == 3 else own.T)
+            own = _solve(h, y)
+            return own.T, (y - h @ own).T
+        warmth, found, left = column(SENSOR_TEMPERATURE) - self._reference, [], []
+        for j, name in enumerate(d.outputs):
+            every = np.column_stack([h, warmth, warmth * (h[:, 1:] @ self._own[name])])
+            solved = _solve(every, y[:, j])
+            found.append(solved[: h.shape[1]])
+            left.append(y[:, j] - every @ solved)
+        return np.array(found), np.array(left)
 
     @property
     def _reference(self) -> float:
-        reference = self._model.calibration.reference_degC
+        reference = self._plain.reference_degC
         assert reference is not None
         return reference
 
@@ -210,7 +222,12 @@ class AttitudeEvaluation(Evaluation):
         """See `Evaluation`."""
         mine = {name: moved for name, moved in columns.items() if name in self.columns}
         found = self._coefficients(mine) if mine else self._base
-        return dict(zip(self._model.calibration.names, found, strict=True))
+        return dict(zip(self._plain.names, found, strict=True))
+
+    def residuals(self, columns: Mapping[str, FloatArray]) -> Mapping[str, FloatArray]:
+        """See `Evaluation`."""
+        mine = {name: moved for name, moved in columns.items() if name in self.columns}
+        return dict(zip(self._plain.names, self._solved(mine)[1], strict=True))
 
     def evaluate(self, shift: Shift) -> FloatArray:
         """See `Evaluation`."""
@@ -235,35 +252,55 @@ class AttitudeEvaluation(Evaluation):
             lost = next(name for (name, _, _), one in zip(named, known, strict=True) if not one)
             raise FitError(f"{lost}: these sensors do not determine it there; choose another point with --at")
         names, units, sensors = zip(*named, strict=True)
-        return Results(names, units, values, self._type_a(values), sensors)
+        type_a, of_fit = self._type_a(values)
+        return Results(names, units, values, type_a, sensors, of_fit)
+
+    @cached_property
+    def _scatter(self) -> Mapping[str, Scatter]:
+        """Scatter of the readings of every sensor."""
+        found = {}
+        for one in self._plain.sensors:
+            table = self._fits[one.name].replication
+            below, total = float(table.bias.df_below), one.sigma_V**2 * one.df
+            pure = table.sigma_prec**2 * one.df if below > 0 and np.isfinite(table.sigma_prec) else 0.0
+            found[one.name] = scatter(total, float(one.df), pure, below, self._expected.get(one.name, 0.0))
+        return found
 
     def _with_scatter(self, calibration: AttitudeCalibration) -> AttitudeCalibration:
-        """The calibration with scatter from differences between replications where the residuals hold more than it."""
-        ratio, noise, df = self._pure(calibration)
-        if calibration.drift is not None or np.all(ratio == 1.0):
+        """The calibration with the scatter that budgets have."""
+        every = self._scatter.values()
+        if calibration.drift is not None or not any(one.explained for one in every):
             return calibration
-        sizes = [one.coefficients.size for one in calibration.sensors]
-        each = np.repeat(ratio, sizes)
-        sensors = tuple(
-            replace(one, sigma_V=float(sigma), df=df) for one, sigma in zip(calibration.sensors, noise, strict=True)
-        )
-        return replace(calibration, sensors=sensors, covariance=calibration.covariance * np.outer(each, each))
+        sensors, ratios = [], []
+        for sensor, one in zip(calibration.sensors, every, strict=True):
+            ratios += [one.variance**0.5 / sensor.sigma_V] * sensor.coefficients.size
+            sensors.append(replace(sensor, sigma_V=one.variance**0.5, df=one.df))
+        covariance = calibration.covariance * np.outer(ratios, ratios)
+        return replace(calibration, sensors=tuple(sensors), covariance=covariance)
 
     def stored(self) -> Any:
         """See `Evaluation`."""
         return self._model.calibration.to_dict()
 
-    def _type_a(self, values: FloatArray) -> TypeA:
-        """Scatter of the run through the fit; of inferred angles as in use, with one reading."""
+    def _type_a(self, values: FloatArray) -> tuple[TypeA, FloatArray]:
+        """Scatter of the run through the fit; of inferred angles as in use, with one reading. (m,) variances by the
+        fit alone.
+        """
         calibration, model = self._model.calibration, self._model
         sizes = [one.coefficients.size for one in calibration.sensors]
         starts = np.concatenate([[0], np.cumsum(sizes)[:-1]])
         rows = np.concatenate([np.arange(start, start + 4) for start in starts])
         drift, last = calibration.drift, len(model.at_deg) * len(model.angles)
         if drift is None:
-            covariance, df = calibration.covariance[np.ix_(rows, rows)], calibration.sensors[0].df
+            covariance, df = (
+                calibration.covariance[np.ix_(rows, rows)],
+                {one.name: float(one.df) for one in calibration.sensors},
+            )
         else:  # a use deviates from the mean of n replications as they do from one another: n + 1 times its error
-            covariance, df = drift.covariance[np.ix_(rows, rows)] / (drift.df + 2), drift.df
+            covariance, df = (
+                drift.covariance[np.ix_(rows, rows)] / (drift.df + 2),
+                dict.fromkeys(calibration.names, float(drift.df)),
+            )
         size = float(np.max(np.abs(self._base)))
         J = np.empty((len(values), self._base.size))
         for i in range(self._base.size):
@@ -273,34 +310,14 @@ class AttitudeEvaluation(Evaluation):
             up, down = (model.values(one, model.readings, model.gravity) for one in moved)
             J[:, i] = (up - down) / (2 * step[i])
         found = J @ covariance @ J.T
-        every = np.full(len(values), df)
+        of_fit = np.diag(found).copy()
+        every = np.array([df.get(sensor, np.inf) for _, _, sensor in model.named()])
         answer = model.infer(calibration, model.readings)
         sd = np.column_stack([answer.pitch_sd_deg, answer.roll_sd_deg])[:, : len(model.angles)].ravel()
         inferred = np.arange(len(values) - last, len(values))
         found[inferred, inferred] = sd**2
         every[inferred] = np.column_stack([answer.df, answer.roll_df])[:, : len(model.angles)].ravel()
-        return TypeA(found, every, *SCATTER)
-
-    def _pure(self, calibration: AttitudeCalibration) -> tuple[FloatArray, FloatArray, float]:
-        """(S,) pure error over the fit's sigma, (S,) sigma of one reading in V, and its degrees of freedom.
-
-        If the fit lacks something that repeats in every replication, as an error of the head does, its residuals are no
-        measure of scatter; differences between replications are.
-        """
-        ratio, noise, df = [], [], []
-        for one, fit in zip(calibration.sensors, self._fits.values(), strict=True):
-            table = fit.replication
-            below = table.bias.df_below
-            pure = table.sigma_prec * np.sqrt(one.df / below) if below > 0 else 0.0
-            if lacks_fit(table) and np.isfinite(pure) and pure > 0:
-                ratio.append(pure / one.sigma_V)
-                noise.append(pure)
-                df.append(float(below))
-            else:
-                ratio.append(1.0)
-                noise.append(float(one.sigma_V))
-                df.append(float(one.df))
-        return np.array(ratio), np.array(noise), float(min(df))
+        return TypeA(found, every, *SCATTER), of_fit
 
     def of_place(self, constant: PlaceConstant) -> Iterable[tuple[str, Shifts]]:
         """Levelling as two tilts of the head's base; local gravity as the scale of the sensitivity."""
@@ -316,16 +333,9 @@ class AttitudeEvaluation(Evaluation):
                     lambda times: Shift(levelled(pitch, roll, times * constant.standard)),
                 )
 
-    def notes(self, predicted: Sequence[FloatArray]) -> Iterable[str]:
-        """Lack of fit, which the budget does not explain."""
-        for name, fit in self._fits.items():
-            if lacks_fit(fit.replication):
-                yield (
-                    f"{name}: the model lacks something that repeats in every replication (T_bias "
-                    f"{fit.replication.bias.value:.3g}, 95 % limit {fit.replication.bias.limit_95:.3g}); errors of the "
-                    f"head do that, and so do effects: see rig trace. Scatter is taken from differences between "
-                    f"replications"
-                )
+    def notes(self) -> Iterable[str]:
+        """See `Evaluation`."""
+        return (words for name, one in self._scatter.items() if (words := one.sentence(name)))
 
 
 def attitude_evaluation(

@@ -16,7 +16,7 @@ from procedures.acceptance import Verdict
 from procedures.advice import Advice
 from procedures.attitude.options import BudgetOptions, FitOptions, InferOptions, TraceOptions
 from procedures.attitude.settings import PitchRollProcedure
-from procedures.budgeting import Evaluation
+from procedures.budgeting import Evaluation, Expected
 from procedures.charting import Charting
 from procedures.confirming import Confirming
 from procedures.errors import DataError
@@ -105,6 +105,12 @@ class AttitudeKind(Kind):
         from procedures.attitude.infer import AttitudeCalibration  # noqa: PLC0415
 
         return AttitudeCalibration.from_dict(given.get("budget", {}).get("calibration") or given["calibration"])
+
+    def expected(self, procedure: PitchRollProcedure, run_list: RunList, sensors: Mapping[str, str]) -> Expected:
+        """See `Kind`."""
+        from procedures.attitude.planned import expected_run  # noqa: PLC0415
+
+        return expected_run(procedure, run_list, sensors)
 
     def with_coefficients(
         self, calibration: AttitudeCalibration, coefficients: Mapping[str, FloatArray]

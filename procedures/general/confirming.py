@@ -22,9 +22,10 @@ from fitter.trace.search import names_of
 from procedures.blocks import Block
 from procedures.confirming import SETTLED, Confirming
 from procedures.effects_shown import show_confirmed
+from procedures.errors import DataError
 from procedures.further_runs import Variation
 from procedures.general.effects.time_columns import lag
-from procedures.general.of_runs import RunFitted, RunTraced, fit_run, roles_of_run
+from procedures.general.of_runs import Asked, RunFitted, RunTraced, fit_run
 from procedures.general.options import FitOptions
 from procedures.general.settings import GeneralProcedure
 from procedures.general.together import TIME, GeneralTogether, Observations, RunTerm, columns_of
@@ -146,8 +147,7 @@ class GeneralConfirming(Confirming):
 
     def beside(self, later: Observations, after_s: float, done: Sequence[Done] = ()) -> GeneralTogether:
         """See `Confirming`."""
-        traced = self.traced.table
-        roles = {output: own for output, own in roles_of_run(traced).items() if output in self.traced.each}
+        roles = {output: one.roles for output, one in self.traced.each.items()}
         found = self.found
         return GeneralTogether.of(found.sensors, roles, self.data.table, later.table, after_s, done, found.constants)
 
@@ -190,6 +190,9 @@ class GeneralConfirming(Confirming):
         options: FitOptions,
     ) -> ConfirmedFit:
         """Columns of confirmed causes that are functions of the table's own columns are added to the models."""
+        asked = Asked.of(self.traced.table, options.response, options.formula)
+        if asked is None:
+            raise DataError(f"--response {options.response} is no output of the run")
         added: dict[str, list[str]] = {}
         for answer, question, effect in zip(answers, questions, record["effects"], strict=True):
             effect["terms"] = []
@@ -205,7 +208,7 @@ class GeneralConfirming(Confirming):
             for term in terms:
                 added.setdefault(term.sensor, []).append(f"I({term.term.name})")
             effect["terms"] = [f"{term.sensor}: I({term.term.name})" for term in terms]
-        return ConfirmedFit(fit_run(self.traced.table, added=added), record)
+        return ConfirmedFit(fit_run(asked.adding(added)), record)
 
     def _usable(self, term: RunTerm) -> bool:
         """Whether a column is arithmetic of factors, which are known when the sensor is used."""

@@ -57,16 +57,20 @@ class GeneralKind(Kind):
         self, source: Source, options: FitOptions, *, leave_out: Sequence[str], own: Sequence[Entry], keep: bool
     ) -> Fitted:
         """A formula to one column, or the declared models to all sensors of a run."""
-        if options.response is None and source.table.outputs:
-            from procedures.general.of_runs import fit_run  # noqa: PLC0415
+        read: Reader = source.read
+        if source.is_run:
+            from procedures.general.of_runs import Asked, fit_run, reader_of  # noqa: PLC0415
 
-            return fit_run(source.table, leave_out)
+            asked = Asked.of(source.table, options.response, options.formula)
+            if asked is not None and set(_given(options)) <= _OF_RUNS:
+                return fit_run(asked, leave_out)
+            read = reader_of(source.table)
         from procedures.general.declared import Declared  # noqa: PLC0415
         from procedures.general.fit import GeneralFitted, fit_general  # noqa: PLC0415
         from procedures.general.series import series_of  # noqa: PLC0415
 
         if options.response is None:
-            raise DataError("--formula and --model need --response, the column to be explained")
+            raise DataError(_NEEDS_RESPONSE.format(", ".join(f"--{n.replace('_', '-')}" for n in _given(options))))
         plots = [name.strip() for name in options.whole_plot.split(",")] if options.whole_plot else []
         declared = Declared(
             options.formula,
@@ -79,7 +83,7 @@ class GeneralKind(Kind):
             series_of(options.series, options.direction, options.position),
         )
         result = fit_general(
-            source.read, options.response, None, plots, options.replicate, leave_out, declared, options.tolerance
+            read, options.response, None, plots, options.replicate, leave_out, declared, options.tolerance
         )
         return GeneralFitted(result)
 
@@ -93,10 +97,14 @@ class GeneralKind(Kind):
 
     def trace(self, source: Source, options: TraceOptions, *, own: Sequence[Entry]) -> Traced:
         """See `Kind`."""
-        if options.response is None and source.table.outputs:
-            from procedures.general.of_runs import trace_run  # noqa: PLC0415
+        read: Reader = source.read
+        if source.is_run:
+            from procedures.general.of_runs import Asked, reader_of, trace_run  # noqa: PLC0415
 
-            return trace_run(source.table, own)
+            asked = Asked.of(source.table, options.response, options.formula)
+            if asked is not None and set(_given(options)) <= _OF_RUNS:
+                return trace_run(asked, own)
+            read = reader_of(source.table)
         from procedures.general.column_roles import Roles  # noqa: PLC0415
         from procedures.general.evaluate import trace_general_table  # noqa: PLC0415
 
@@ -117,7 +125,7 @@ class GeneralKind(Kind):
             date_order=options.date_order,
             own=tuple(own),
         )
-        return trace_general_table(source.read, roles)
+        return trace_general_table(read, roles)
 
     def look(self, source: Source, table: Table) -> Seen | None:
         """See `Kind`."""
@@ -129,6 +137,10 @@ class GeneralKind(Kind):
         """For one response, or for every sensor of a run by its output."""
         from procedures.general.infer import CurveCalibration  # noqa: PLC0415
 
+        kept = given.get("budget", {}).get("calibration")
+        if kept is not None:
+            found = {str(name): CurveCalibration.from_dict(one) for name, one in kept.items()}
+            return found if "sensors" in given else next(iter(found.values()))
         if "sensors" in given:
             return {name: CurveCalibration.from_dict(one["calibration"]) for name, one in given["sensors"].items()}
         if "calibration" not in given:
@@ -156,9 +168,9 @@ class GeneralKind(Kind):
         if isinstance(calibration, Mapping):
             from procedures.general.infer_runs import infer_sensors  # noqa: PLC0415
 
-            return infer_sensors(calibration, read, options.u_reading)
+            return infer_sensors(calibration, read, options.u_reading, options.quantity)
 
-        return infer_general(calibration, read, options.u_reading)
+        return infer_general(calibration, read, options.u_reading, options.quantity)
 
     def check_design(self, procedure: GeneralProcedure, run_list: RunList) -> None:
         """Check that the design can estimate the declared models."""
@@ -214,6 +226,16 @@ class GeneralKind(Kind):
         from procedures.general.charting import CHARTING  # noqa: PLC0415
 
         return CHARTING
+
+
+_OF_RUNS = {"response", "formula"}
+"""Options with which a run keeps its own whole plots, replications, time and direction."""
+_NEEDS_RESPONSE = "{} needs --response, the column to be explained"
+
+
+def _given(options: Options) -> list[str]:
+    """Names of the options that were given."""
+    return [name for name, value in options if value is not None]
 
 
 def _names(given: Sequence[str] | None) -> tuple[str, ...]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from types import MappingProxyType
 from typing import Any
 
 from fitter.effects.entry import Entry
@@ -41,6 +40,42 @@ def models_of(table: Table) -> Mapping[str, SensorModel]:
     except ValueError as error:
         raise DataError(f"{table.source}: its procedure declares no model: [model] formula") from error
     return {column: model.of(sensor) for column, sensor in table.outputs.items()}
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A run, and the declared models of the sensors that are to be fitted or traced.
+
+    Attributes:
+        table: the run.
+        models: by output.
+    """
+
+    table: Table
+    models: Mapping[str, SensorModel]
+
+    @classmethod
+    def of(cls, table: Table, response: str | None = None, formula: str | None = None) -> Asked | None:
+        """With the procedure's models; or one output only, or another formula for it or for all.
+
+        None if the response is no output: arithmetic, or another column. Raises `DataError` if there is no model.
+        """
+        if response is not None and response not in table.outputs:
+            if formula is None:
+                raise DataError(
+                    f"{table.source} has no output {response}; its sensors are {', '.join(table.outputs)}, and any "
+                    f"other column needs --formula, too"
+                )
+            return None
+        wanted = [response] if response is not None else list(table.outputs)
+        if formula is not None:
+            return cls(table, dict.fromkeys(wanted, SensorModel(formula=formula)))
+        models = models_of(table)
+        return cls(table, {output: models[output] for output in wanted})
+
+    def adding(self, terms: Mapping[str, Sequence[str]]) -> Asked:
+        """The same with further terms, by output."""
+        return Asked(self.table, {name: _with_terms(one, terms.get(name, ())) for name, one in self.models.items()})
 
 
 def reader_of(table: Table) -> Reader:
@@ -107,19 +142,18 @@ def results_of(result: Mapping[str, Any]) -> Mapping[str, Mapping[str, Any]]:
     return {result["response"]: result} if sensors is None else sensors
 
 
-def fit_run(
-    table: Table, leave_out: Sequence[str] = (), added: Mapping[str, Sequence[str]] = MappingProxyType({})
-) -> RunFitted:
-    """Fit the declared model to every sensor; `added` are further terms, by output.
+def fit_run(asked: Asked, leave_out: Sequence[str] = ()) -> RunFitted:
+    """Fit the declared model to every sensor.
 
     Raises:
         DataError: the rows do not determine a model, or it cannot be read.
     """
+    table = asked.table
     plots = [_WHOLE_PLOT] if has_whole_plots(table) else []
     read, notes = reader_of(table), notes_of(table)
     found = {}
-    for column, model in models_of(table).items():
-        declared = declared_of(_with_terms(model, added.get(column, ())), table)
+    for column, model in asked.models.items():
+        declared = declared_of(model, table)
         found[column] = _noted(fit_general(read, column, None, plots, None, leave_out, declared), notes)
     if len(found) == 1:
         return RunFitted(next(iter(found.values())))
@@ -134,9 +168,11 @@ class RunTraced:
 
     Attributes:
         each: by output.
+        not_traced: outputs whose declared model is not linear in its coefficients.
     """
 
     each: Mapping[str, GeneralTraced]
+    not_traced: tuple[str, ...] = ()
 
     @property
     def table(self) -> Table:
@@ -154,11 +190,6 @@ class RunTraced:
         sensors = {name: found for one in told for name, found in one["sensors"].items()}
         together = told[0] | {"sensors": sensors, "unused": _unused_by_all([one["unused"] for one in told], sensors)}
         return together | ({"not_traced": list(self.not_traced)} if self.not_traced else {})
-
-    @cached_property
-    def not_traced(self) -> tuple[str, ...]:
-        """Outputs whose declared model is not linear in its coefficients."""
-        return tuple(column for column in models_of(self.table) if column not in self.each)
 
     def blocks(self) -> Iterator[Block]:
         """Blocks for people."""
@@ -189,24 +220,26 @@ def _unused_by_all(every: Sequence[Mapping[str, Any]], outputs: Collection[str])
     return {**every[0], "columns": told}
 
 
-def trace_run(table: Table, own: Sequence[Entry] = ()) -> RunTraced:
+def trace_run(asked: Asked, own: Sequence[Entry] = ()) -> RunTraced:
     """Find effects missing in the declared model of every sensor; `own` are the laboratory's own effects.
 
     Raises:
         DataError: there are too few rows for a model, or it cannot be read.
     """
-    read = reader_of(table)
-    every = {column: replace(roles, own=tuple(own)) for column, roles in roles_of_run(table).items()}
-    return RunTraced({column: trace_general_table(read, roles) for column, roles in every.items()})
+    read = reader_of(asked.table)
+    every = {column: replace(roles, own=tuple(own)) for column, roles in roles_of_run(asked).items()}
+    found = {column: trace_general_table(read, roles) for column, roles in every.items()}
+    return RunTraced(found, tuple(column for column in asked.models if column not in found))
 
 
-def roles_of_run(table: Table) -> dict[str, Roles]:
+def roles_of_run(asked: Asked) -> dict[str, Roles]:
     """Roles of the columns of a run in the trace of every output.
 
     Raises:
         DataError: a declared model cannot be read.
     """
-    plots, models = has_whole_plots(table), models_of(table)
+    table, models = asked.table, asked.models
+    plots = has_whole_plots(table)
     found = {}
     if not any(model.linear for model in models.values()):
         raise DataError(
@@ -228,7 +261,7 @@ def roles_of_run(table: Table) -> dict[str, Roles]:
             replicate=None if plots else _replicated(table),
             time=_TIME,
             direction=_direction(table, used),
-            ignore=tuple(name for name in table.columns if _ignored(name, table, models)),
+            ignore=tuple(name for name in table.columns if _ignored(name, table)),
         )
     return {column: replace(roles, sensors=len(found)) for column, roles in found.items()}
 
@@ -246,10 +279,10 @@ def _direction(table: Table, used: Collection[str]) -> str | None:
     return varying[0] if len(varying) == 1 else None
 
 
-def _ignored(name: str, table: Table, outputs: Collection[str]) -> bool:
+def _ignored(name: str, table: Table) -> bool:
     """Whether a column says nothing beyond others: other outputs, setpoints and readbacks of measured factors."""
     stem, _, unit = name.rpartition("_")
     doubled = any(stem.endswith(end) for end in ("_set", "_readback")) and f"{stem.rpartition('_')[0]}_{unit}" in (
         table.columns
     )
-    return name in _NOT_TRACED or name in outputs or doubled
+    return name in _NOT_TRACED or name in table.outputs or doubled

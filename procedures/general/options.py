@@ -74,6 +74,12 @@ class TraceOptions(Options):
 class InferOptions(Options):
     """Options of `rig infer`."""
 
+    quantity: str | None = Field(
+        None,
+        description="the variable to infer, if the calibration has several: the table has the values of the others; "
+        "left out: the only one that is no column of the table",
+    )
+
     u_reading: float | None = Field(
         None, description="standard uncertainty of one new reading, in its unit, in place of the calibration's"
     )

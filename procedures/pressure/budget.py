@@ -98,18 +98,20 @@ class Transducer:
         yield from ((f"{stem} output {place}", "mV") for place in where)
         yield from ((f"{stem} inferred pressure {place}", "psi") for place in where)
 
-    def scatter(self) -> tuple[FloatArray, FloatArray]:
-        """(m, m) covariance of the results, with one reading in a new whole plot for inferred pressures; (m,) df."""
+    def scatter(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """(m, m) covariance of the results, with one reading in a new whole plot for inferred pressures; (m,) df;
+        (m,) variances by the fit alone.
+        """
         one, errors, h = self.calibration, self.calibration.errors, self.rows
         k, p = len(one.coefficients), len(h)
         J = np.vstack([np.eye(k), h, -h / self.slope[:, None]])
         covariance = J @ one.covariance @ J.T
-        gradient = np.einsum("mk,pkl,ml->mp", J, one.derivatives, J)
+        gradient, of_fit = np.einsum("mk,pkl,ml->mp", J, one.derivatives, J), np.diag(covariance).copy()
         variance, by = errors.of_reading(self.at[:, 0], new_whole_plot=True)
         last = np.arange(k + p, k + 2 * p)
         covariance[last, last] += variance / self.slope**2
         gradient[last] += by / self.slope[:, None] ** 2
-        return covariance, errors.df(np.diag(covariance), gradient)
+        return covariance, errors.df(np.diag(covariance), gradient), of_fit
 
 
 class PressureEvaluation(Evaluation):
@@ -183,7 +185,7 @@ class PressureEvaluation(Evaluation):
         names, units, sensors = zip(*named, strict=True)
         parts = [one.scatter() for one in self._each]
         type_a = TypeA(together([p[0] for p in parts]), np.concatenate([p[1] for p in parts]), *SCATTER)
-        return Results(names, units, values, type_a, sensors)
+        return Results(names, units, values, type_a, sensors, np.concatenate([p[2] for p in parts]))
 
     def of_place(self, constant: PlaceConstant) -> Iterable[tuple[str, Shifts]]:
         """The height of the transducers as a share of the pressure."""

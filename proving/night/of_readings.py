@@ -42,7 +42,8 @@ def _read(night: Night, record: Record, point: Point, of: _Input, values: list[f
     """What is wrong with the first reading of a column with which anything is.
 
     A thermometer that hangs is excepted: what it repeats must have been true when it was first said, wherever that was.
-    One that has never been seen to change cannot be distinguished from a coarse one.
+    One that has never been seen to change cannot be distinguished from a coarse one; nor can an instrument with one
+    input only.
     """
     made = night.of_input(of.wire)
     left = iter(night.meanwhile(record, of.wire))
@@ -60,7 +61,8 @@ def _read(night: Night, record: Record, point: Point, of: _Input, values: list[f
         judged = then if reading.unit == "degC" else reading
         off = abs(judged.given - judged.true)
         wrong = list(_there(night, record, of.column, reading))
-        if off > of.bound(judged):
+        unknown = at == 0 and len(set(values)) == 1 and night.alone(of.wire)
+        if off > of.bound(judged) and not unknown:
             wrong.append(f"point {point.index}: {of.column} = {value:g} is off by {off:.2g} {reading.unit}")
         if reading.unit == "V":
             wrong += _there(night, record, f"{of.column}, repeated since then,", then)

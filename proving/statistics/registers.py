@@ -19,7 +19,7 @@ from procedures.attitude.data import AttitudeData
 from procedures.attitude.infer import infer_attitude
 from procedures.budgeting import Evaluation
 from procedures.general.budget import GeneralEvaluation, general_evaluation
-from procedures.influences import Found, influences
+from procedures.influences import Found, explain, influences
 from procedures.pressure.budget import PressureEvaluation
 from procedures.stated import Curve, PlaceConstant, Stated, Statements
 from procedures.table import Table
@@ -100,6 +100,7 @@ def attitude(seed: int, laboratories: int) -> Result:
         outputs = dict(zip(VOLTS, lab.outputs.T, strict=True))
         data = AttitudeData(replicate, np.arange(n), np.arange(float(n)), pitch, roll, None, outputs)
         evaluation = AttitudeEvaluation(data, USED_AT.tolist(), temperature=False, gravity=says.local)
+        explain(evaluation, stated)
         calibration = evaluation.calibration
         value = dict(zip(evaluation.results.names, evaluation.results.values.tolist(), strict=True))
         U, U_same = expanded(evaluation, stated)
@@ -182,6 +183,7 @@ def force(seed: int, laboratories: int) -> Result:
             )
         )
         evaluation = _load_cell(lab.outputs)
+        explain(evaluation, stated)
         value = dict(zip(evaluation.results.names, evaluation.results.values.tolist(), strict=True))
         U, _ = expanded(evaluation, stated)
         found = evaluation.inferred("cell_V", lab.readings)

@@ -82,17 +82,22 @@ def notes(run: RunBudget) -> Iterator[str]:
 
 
 def budgets(run: RunBudget, stage: Stage, which: str) -> tuple[Budget, ...]:
-    """Budgets of the annex: none, all, or of every table and unit the one of the largest uncertainty."""
+    """Budgets of the annex: none, all, or of every sort of result the one of the largest uncertainty."""
     found: list[Budget] = []
     for column, ones in _of_sensors(run):
-        chosen = ones if which == "all" else _largest(ones) if which == "largest" else ()
+        chosen = ones if which == "all" else _largest(ones, column, run) if which == "largest" else ()
         found.extend(_budget(one, column, run, stage) for one in chosen)
     return tuple(found)
 
 
-def _largest(ones: Sequence[Budgeted]) -> Iterator[Budgeted]:
-    for unit in dict.fromkeys(one.unit for one in ones):
-        yield max((one for one in ones if one.unit == unit), key=lambda one: one.expanded_uncertainty)
+def _largest(ones: Sequence[Budgeted], column: str, run: RunBudget) -> Iterator[Budgeted]:
+    """Of results whose labels begin alike, such as all outputs, and that are in the unit of the first one."""
+    sorts: dict[str, list[Budgeted]] = {}
+    for one in ones:
+        sorts.setdefault(_label(one, column, run).partition(" ")[0], []).append(one)
+    for alike in sorts.values():
+        same = (one for one in alike if one.unit == alike[0].unit)
+        yield max(same, key=lambda one: one.expanded_uncertainty)
 
 
 def _budget(one: Budgeted, column: str, run: RunBudget, stage: Stage) -> Budget:
@@ -232,7 +237,7 @@ def conditions(run: RunBudget, stage: Stage) -> tuple[Condition, ...]:
         if values is not None and np.isfinite(values).all():
             three = (float(values.min()), float(values.mean()), float(values.max()))
             low, mean, high = (f"{rounded_to(value, _OF_TEMPERATURES):f}" for value in three)
-            label = name.removesuffix("_degC").replace("_", " ").capitalize()
+            label = name.removesuffix("_degC").replace("_", " ")
             found.append(Condition(name, label, "°C", low, mean, high, stage))
     return tuple(found)
 

@@ -113,6 +113,9 @@ class CertificateSettings(Strict):
     logo: str = Field("", description="picture (SVG, PNG or JPEG), a file beside this one")
     paper: Literal["a4", "letter"] = "a4"
     template: str = Field("", description="own template in typst, a file beside this one")
+    fonts: str = Field(
+        "", description="folder beside this file with fonts for texts that are not Latin, Greek or Cyrillic"
+    )
     place: str = Field("", description="where the calibration is made; left out: the laboratory's address")
     item: str = Field("", description="what the items are: `Load cell, 10 kN`")
     customer_country: str = Field("", pattern=f"{_COUNTRY}|^$", description="country of the customer, ISO 3166-1")
@@ -127,7 +130,7 @@ class CertificateSettings(Strict):
     same_meter: bool = Field(False, description="whether the meter of the run reads the sensors in use as well")
     annex: Literal["largest", "all", "none"] = Field(
         "largest",
-        description="budgets in the annex: of every table and unit that of the largest uncertainty, or all",
+        description="budgets in the annex: that of the largest uncertainty of every sort of result, or all",
     )
     customer_wants_due_date: bool = Field(False, description="whether the customer asked for a date")
     next_due: datetime.date | None = Field(None, description="date of the next calibration, if the customer wants one")

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from fitter.arrays import FloatArray
-from procedures.influences import Kept, kept
+from procedures.influences import Kept, explain, kept
 from rig.closed_loop.budget import OfRun, constants_of
 
 REPEATABILITY = "repeatability only"
@@ -26,6 +26,7 @@ def budget_section(of: OfRun, options: Mapping[str, Any]) -> dict[str, Any]:
         DataError: its kind has no budgets, or the run cannot be evaluated.
     """
     evaluation = of.kind.evaluation(of.table, of.kind.budget_options(**options), (), constants_of(of.stated))
+    explain(evaluation, of.stated)
     influences, notes = kept(evaluation, of.stated)
     if of.corrected:
         notes.insert(0, f"corrected by the certificates: {', '.join(of.corrected)}")
@@ -35,7 +36,7 @@ def budget_section(of: OfRun, options: Mapping[str, Any]) -> dict[str, Any]:
         "register": of.register.name,
         "example": of.stated.example,
         "influences": [_json(one) for one in influences],
-        "notes": notes,
+        "notes": [*notes, *evaluation.notes()],
     }
     stored = evaluation.stored()
     return section if stored is None else {**section, "calibration": stored}

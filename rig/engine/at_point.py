@@ -19,6 +19,7 @@ from rig.engine.by_hand import ByHand
 from rig.engine.early_warning import EarlyWarnings
 from rig.engine.failure_counts import Policies
 from rig.engine.fault_classes import (
+    DoubtfulReadings,
     FrozenReading,
     NotSettled,
     OverloadedError,
@@ -242,11 +243,12 @@ class AtPoint:
                 self._flag("reference", "reference", ReferenceDisagrees(words))
                 return
 
-    def _flag(self, flag: str, fault: str, error: Exception) -> None:
+    def _flag(self, flag: str, fault: str, error: DoubtfulReadings) -> None:
         """Accept a doubtful reading with a flag or raise its error, as the policies say."""
         at = self._at
         assert at.observation is not None
         if not self._policies.accepts(fault, at.place):
+            error.evidence = {"readings": at.observation.readings}
             raise error
         at.observation.flags.append(flag)
 

@@ -73,6 +73,8 @@ class Liveness:
         self._readers, self._standards = readers, standards
         self._point, self._last = point, last
         self._outputs = {name: _Output() for name in readers}
+        self._hung: Mapping[str, float] = {}
+        self._hung_at = -1
 
     def hanging(self, point: Point, observation: Observation, passing: Mapping[str, Sequence[float]]) -> list[str]:
         """Columns that hang.
@@ -89,8 +91,12 @@ class Liveness:
         found = [name for name, readings in now.items() if self._repeats(name, readings, last[name], point)]
         found = found or self._too_still(now)
         if found:
+            self._hung = {**self._hung, **{name: now[name][-1] for name in found}}
+            self._hung_at = point.index
             self._last = {name: (*last[name], *now[name]) for name in now}
         else:
+            if self._hung_at != point.index:
+                self._hung = {}
             self._point, self._last = point, now
         return found
 
@@ -100,6 +106,8 @@ class Liveness:
         If the setting has not changed, an output that scattered must scatter again. The factor of a reference standard
         may stay for long while others change: it is doubted only if it never gave the same reading twice.
         """
+        if set(now) == {self._hung.get(name)}:
+            return True  # it hung at this point, and read something else in between: an open input, a spike
         if not before or set(now) != {before[-1]}:
             return False
         then = self._point

@@ -71,6 +71,11 @@ class Observation:
     def _overloaded_references(self) -> list[tuple[str, Channel]]:
         return [(name, c) for name, c in self.references.items() if c.overload]
 
+    @property
+    def readings(self) -> dict[str, list[float]]:
+        """Readings of outputs and references, by column."""
+        return {name: list(c.readings) for name, c in (*self.references.items(), *self.outputs.items())}
+
     def as_json(self) -> dict[str, Any]:
         """Its fields for the run file. Overloads are written as null, so that nobody can average them."""
         if self.overloaded():

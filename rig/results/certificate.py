@@ -144,7 +144,8 @@ def _read(path: Path, stage: Stage, asked: Asked, settings: CertificateSettings,
             reasons.append(f"the register {of.register.name!r} has example values: state those of your equipment")
         run.budget = budget_of(of, at=settings.at, same_meter=settings.same_meter, probability=settings.probability)
         reasons.extend(_of_budget(run.budget, settings))
-        run.outcomes, run.confirmed = _traced(path, asked.confirmed_by if path == asked.runs[-1] else None)
+        later = asked.confirmed_by if path == asked.runs[-1] else None
+        run.outcomes, run.confirmed = _traced(path, later, quick="quick" in of.kind.trace_options.model_fields)
         reasons.extend(_doubts(run))
     except (RigError, DataError, FitError) as error:
         reasons.extend(str(error).splitlines())
@@ -157,13 +158,18 @@ def _of_budget(budget: RunBudget, settings: CertificateSettings) -> Iterator[str
     yield from assembly.without_result(budget, settings)
 
 
-def _traced(path: Path, later: Path | None) -> tuple[Sequence[Outcome], Confirmed | None]:
-    """Effects of a run, and what a later run says about them."""
+def _traced(path: Path, later: Path | None, *, quick: bool) -> tuple[Sequence[Outcome], Confirmed | None]:
+    """Effects of a run, and what a later run says about them.
+
+    The findings are those of a whole trace; where the kind has a quick one, errors that a certificate does not have are
+    not computed.
+    """
+    options = {"quick": True} if quick else {}
     if later is None:
-        return Data(path).trace().traced.outcomes, None
+        return Data(path).trace(**options).traced.outcomes, None
     from rig.closed_loop.confirm import judge, open_traced  # noqa: PLC0415 - few certificates have it
 
-    first = open_traced(path)
+    first = open_traced(path, **options)
     return first.traced.outcomes, judge(first, later)
 
 
@@ -228,6 +234,11 @@ def _document(
         paper=settings.paper,
     )
     reasons.extend(missing.reasons)
+    received = document.dates.received
+    if received is not None and received > document.dates.began:
+        reasons.append(
+            f"received on {received}, after the run began on {document.dates.began}: correct sensors.*.received"
+        )
     if document.dates.issued < document.dates.ended and not document.simulated:
         reasons.append(f"issued on {document.dates.issued}, before the run ended on {document.dates.ended}")
     return document
@@ -308,7 +319,8 @@ def issue(made: Made, how: Issue) -> Issued:
     if how.amends:
         document = replace(document, amends=amendment(amended(how.out, how.amends), document.to_json(), how.because))
     own = made.folder / made.settings.template if made.settings.template else None
-    paper = pdf(document, how.template or own)
+    fonts = made.folder / made.settings.fonts if made.settings.fonts else None
+    paper = pdf(document, how.template or own, fonts)
     xml = dcc(document, paper)
     if how.schema is not None:
         _check(xml, how.schema)

@@ -29,6 +29,11 @@ class Corrected:
     name: str
     table: Table
 
+    @property
+    def is_run(self) -> bool:
+        """True: only runs have corrections."""
+        return True
+
     def read(self, needed: Collection[str]) -> Table:
         """The table, which has all columns."""
         return self.table
