@@ -151,6 +151,13 @@ def test_people_must_be_allowed(run, tmp_path):
     ]
 
 
+def test_an_item_is_not_received_after_its_calibration(run, tmp_path):
+    equipment = tmp_path / "late.toml"
+    equipment.write_text(REGISTER.replace('condition = "clean"', 'condition = "clean"\nreceived = 2999-01-01'))
+    (reason,) = reasons(run, tmp_path, equipment=equipment)
+    assert "received on 2999-01-01, after the run began" in reason
+
+
 def test_an_expired_certificate_is_refused(run, tmp_path):
     equipment = tmp_path / "expired.toml"
     equipment.write_text(REGISTER.replace("due = 2030-01-01", "due = 2021-01-01"))

@@ -234,6 +234,11 @@ def _document(
         paper=settings.paper,
     )
     reasons.extend(missing.reasons)
+    received = document.dates.received
+    if received is not None and received > document.dates.began:
+        reasons.append(
+            f"received on {received}, after the run began on {document.dates.began}: correct sensors.*.received"
+        )
     if document.dates.issued < document.dates.ended and not document.simulated:
         reasons.append(f"issued on {document.dates.issued}, before the run ended on {document.dates.ended}")
     return document
@@ -314,7 +319,8 @@ def issue(made: Made, how: Issue) -> Issued:
     if how.amends:
         document = replace(document, amends=amendment(amended(how.out, how.amends), document.to_json(), how.because))
     own = made.folder / made.settings.template if made.settings.template else None
-    paper = pdf(document, how.template or own)
+    fonts = made.folder / made.settings.fonts if made.settings.fonts else None
+    paper = pdf(document, how.template or own, fonts)
     xml = dcc(document, paper)
     if how.schema is not None:
         _check(xml, how.schema)
