@@ -325,6 +325,24 @@ def test_a_refusal_ends_with_two_and_writes_nothing(run, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize(("missing", "extra"), [("typst", "certificate"), ("signxml", "dcc")])
+def test_a_missing_extra_is_told_before_the_work(run, tmp_path, monkeypatch, missing, extra):
+    from rig.dcc import extras  # noqa: PLC0415
+
+    real = extras.import_module
+
+    def imported(name):
+        if name.startswith(missing):
+            raise ImportError(name)
+        return real(name)
+
+    monkeypatch.setattr(extras, "import_module", imported)
+    monkeypatch.setitem(make.__globals__, "_traced", None)  # would fail if it were reached
+    keys = ["--key", tmp_path / "k.pem", "--key-certificate", tmp_path / "c.pem"]
+    done = rig("certificate", run, "--settings", settled(tmp_path), "--out", tmp_path / "out", *keys)
+    assert (done.returncode, f"pip install 'calibration-rig[{extra}]'" in done.stderr) == (2, True), done.stderr
+
+
 @pytest.mark.parametrize("arguments", [[], ["--out", "x"], ["RUN"], ["RUN", "--read", "x.xml"]])
 def test_what_is_asked_for_must_be_complete(run, arguments):
     assert rig("certificate", *(run if one == "RUN" else one for one in arguments)).returncode == 2

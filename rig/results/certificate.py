@@ -24,6 +24,7 @@ from rig.certificate.files import (
 )
 from rig.certificate.settings import CertificateSettings, read_settings
 from rig.closed_loop.budget import RunBudget, budget_of, run_with_register
+from rig.dcc.extras import needed
 from rig.errors import RigError, RunFileError, UsageError
 from rig.register import DOCUMENT
 from rig.results.data import Data
@@ -300,6 +301,15 @@ class Issued:
     def to_json(self) -> dict[str, Any]:
         """JSON values: the document, and its files by form."""
         return {**self.document.to_json(), "files": {path.suffix[1:]: str(path) for path in self.files}}
+
+
+def check_extras(how: Issue) -> None:
+    """Refuse before the work what would fail after it: an extra that is not installed. Raises `UsageError`."""
+    needed("typst", "certificate")
+    if how.key is not None:
+        needed("signxml.xades", "dcc")
+    if how.schema is not None:
+        needed("lxml.etree", "dcc")
 
 
 def issue(made: Made, how: Issue) -> Issued:
