@@ -151,6 +151,13 @@ def test_people_must_be_allowed(run, tmp_path):
     ]
 
 
+def test_an_item_is_not_received_after_its_calibration(run, tmp_path):
+    equipment = tmp_path / "late.toml"
+    equipment.write_text(REGISTER.replace('condition = "clean"', 'condition = "clean"\nreceived = 2999-01-01'))
+    (reason,) = reasons(run, tmp_path, equipment=equipment)
+    assert "received on 2999-01-01, after the run began" in reason
+
+
 def test_an_expired_certificate_is_refused(run, tmp_path):
     equipment = tmp_path / "expired.toml"
     equipment.write_text(REGISTER.replace("due = 2030-01-01", "due = 2021-01-01"))
@@ -316,6 +323,24 @@ def test_a_refusal_ends_with_two_and_writes_nothing(run, tmp_path):
     assert "no certificate is made of" in done.stderr
     assert done.stderr.count("\n- ") >= 4
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(("missing", "extra"), [("typst", "certificate"), ("signxml", "dcc")])
+def test_a_missing_extra_is_told_before_the_work(run, tmp_path, monkeypatch, missing, extra):
+    from rig.dcc import extras  # noqa: PLC0415
+
+    real = extras.import_module
+
+    def imported(name):
+        if name.startswith(missing):
+            raise ImportError(name)
+        return real(name)
+
+    monkeypatch.setattr(extras, "import_module", imported)
+    monkeypatch.setitem(make.__globals__, "_traced", None)  # would fail if it were reached
+    keys = ["--key", tmp_path / "k.pem", "--key-certificate", tmp_path / "c.pem"]
+    done = rig("certificate", run, "--settings", settled(tmp_path), "--out", tmp_path / "out", *keys)
+    assert (done.returncode, f"pip install 'calibration-rig[{extra}]'" in done.stderr) == (2, True), done.stderr
 
 
 @pytest.mark.parametrize("arguments", [[], ["--out", "x"], ["RUN"], ["RUN", "--read", "x.xml"]])

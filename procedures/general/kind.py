@@ -204,6 +204,12 @@ class GeneralKind(Kind):
 
         return GeneralConfirming(traced) if isinstance(traced, RunTraced) else None
 
+    def cannot_confirm(self, table: Table, options: TraceOptions) -> str:
+        """See `Kind`."""
+        from procedures.general.confirming import cannot_confirm  # noqa: PLC0415
+
+        return cannot_confirm(table, options)
+
     def further_runs(self, procedure: GeneralProcedure, limits: Limits, *, chamber: bool) -> Iterator[Variation]:
         """See `Kind`."""
         from procedures.general.further_runs import further_runs  # noqa: PLC0415

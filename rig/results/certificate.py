@@ -24,6 +24,7 @@ from rig.certificate.files import (
 )
 from rig.certificate.settings import CertificateSettings, read_settings
 from rig.closed_loop.budget import RunBudget, budget_of, run_with_register
+from rig.dcc.extras import needed
 from rig.errors import RigError, RunFileError, UsageError
 from rig.register import DOCUMENT
 from rig.results.data import Data
@@ -234,6 +235,11 @@ def _document(
         paper=settings.paper,
     )
     reasons.extend(missing.reasons)
+    received = document.dates.received
+    if received is not None and received > document.dates.began:
+        reasons.append(
+            f"received on {received}, after the run began on {document.dates.began}: correct sensors.*.received"
+        )
     if document.dates.issued < document.dates.ended and not document.simulated:
         reasons.append(f"issued on {document.dates.issued}, before the run ended on {document.dates.ended}")
     return document
@@ -297,6 +303,15 @@ class Issued:
         return {**self.document.to_json(), "files": {path.suffix[1:]: str(path) for path in self.files}}
 
 
+def check_extras(how: Issue) -> None:
+    """Refuse before the work what would fail after it: an extra that is not installed. Raises `UsageError`."""
+    needed("typst", "certificate")
+    if how.key is not None:
+        needed("signxml.xades", "dcc")
+    if how.schema is not None:
+        needed("lxml.etree", "dcc")
+
+
 def issue(made: Made, how: Issue) -> Issued:
     """Write all forms of a certificate, once.
 
@@ -314,7 +329,8 @@ def issue(made: Made, how: Issue) -> Issued:
     if how.amends:
         document = replace(document, amends=amendment(amended(how.out, how.amends), document.to_json(), how.because))
     own = made.folder / made.settings.template if made.settings.template else None
-    paper = pdf(document, how.template or own)
+    fonts = made.folder / made.settings.fonts if made.settings.fonts else None
+    paper = pdf(document, how.template or own, fonts)
     xml = dcc(document, paper)
     if how.schema is not None:
         _check(xml, how.schema)

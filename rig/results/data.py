@@ -17,6 +17,7 @@ from procedures.results import Fitted, Page, Traced
 from procedures.unused import sentences, unit_of
 from procedures.words import units
 from rig.atomic import write_whole
+from rig.closed_loop.kept import REPEATABILITY
 from rig.effects import laboratory_effects
 from rig.errors import UsageError
 from rig.inference import calibration_in
@@ -167,6 +168,14 @@ class Trace(Evaluated):
     def __init__(self, traced: Traced, kind: Kind, source: str, understood: Mapping[str, Any] | None = None) -> None:
         super().__init__(traced, kind, source, understood)
         self.traced = traced
+
+    @cached_property
+    def _told(self) -> dict[str, Any]:
+        return {**super()._told, "uncertainty": REPEATABILITY}
+
+    def notes(self) -> Sequence[str]:
+        """As for every result, and which uncertainties its intervals have."""
+        return [*super().notes(), f"standard errors and intervals: {REPEATABILITY}"]
 
     @property
     def verdicts(self) -> Mapping[str, str]:
