@@ -17,7 +17,7 @@ from command import rig
 
 from fitter.budget.rounding import rounded
 from fitter.trace.outcome import Finding
-from rig.certificate.assembly import conditions, decimal_text, doubtful
+from rig.certificate.assembly import conditions, decimal_text, doubtful, effects
 from rig.certificate.files import write_once
 from rig.certificate.numbers import plain
 from rig.dcc.reader import read_dcc
@@ -201,7 +201,11 @@ def test_a_doubtful_name_is_refused_until_it_is_confirmed(made, monkeypatch, run
     outcomes, _ = with_doubt(run, None, quick=False)
     answer = SimpleNamespace(effect="creep", verdict="confirmed")
     assert list(doubtful(outcomes, None)) == [("cell_V", finding)]
-    assert list(doubtful(outcomes, SimpleNamespace(answers=(answer,)))) == []
+    confirmed = SimpleNamespace(answers=(answer,), path=Path("later.sqlite"))
+    assert list(doubtful(outcomes, confirmed)) == []
+    (effect,) = effects(made.budgets[0], outcomes, confirmed, "", "f0" * 32)
+    assert (effect.sensor, effect.confirmed) == ("cell", True)
+    assert effect.how == "confirmed by later.sqlite, head f0f0f0f0f0f0f0f0"
 
 
 @pytest.mark.parametrize(

@@ -24,6 +24,7 @@ from procedures.confirming import SETTLED, Confirming
 from procedures.effects_shown import show_confirmed
 from procedures.errors import DataError
 from procedures.further_runs import Variation, repeated
+from procedures.general.effects.literal import arithmetic
 from procedures.general.effects.of_others import HYSTERESIS
 from procedures.general.effects.time_columns import lag
 from procedures.general.factors import RANDOM
@@ -284,22 +285,15 @@ class GeneralConfirming(Confirming):
                 continue
             members = {member.effect: member.terms for member in question.members}
             terms = [term for term in members.get(answer.holding[0], answer.holder) if not term.slope]
-            if not all(self._usable(term) for term in terms):
+            usable = {term: usable_term(term.term.name, self.traced.table.factors) for term in terms}
+            if not all(usable.values()):
                 why = "it is no function of the settings: the calibration does not have it"
                 effect["used"] = f"{effect['told']}; {why}"
                 continue
             for term in terms:
-                added.setdefault(term.sensor, []).append(f"I({term.term.name})")
-            effect["terms"] = [f"{term.sensor}: I({term.term.name})" for term in terms]
+                added.setdefault(term.sensor, []).append(f"I({usable[term]})")
+            effect["terms"] = [f"{term.sensor}: I({usable[term]})" for term in terms]
         return ConfirmedFit(fit_run(asked.adding(added)), record)
-
-    def _usable(self, term: RunTerm) -> bool:
-        """Whether a column is arithmetic of factors, which are known when the sensor is used."""
-        try:
-            names = parse_expression(term.term.name).names
-        except FitError:
-            return False
-        return bool(names) and set(names) <= set(self.traced.table.factors)
 
     @cached_property
     def _times_s(self) -> tuple[float, float]:
@@ -332,6 +326,16 @@ class GeneralConfirming(Confirming):
         then, now = (t - t.min() for t in (first.columns[TIME], columns[TIME]))
         others = {name: np.interp(now, then, v) for name, v in first.columns.items() if name not in columns}
         return Table("planned", {name: {**others, **columns}[name] for name in first.columns}, True, {})
+
+
+def usable_term(label: str, factors: Sequence[str]) -> str:
+    """A column of an effect as arithmetic of factors, which are known when a sensor is used; "" if it is none."""
+    try:
+        text = arithmetic(label)
+        names = parse_expression(text).names
+    except FitError:
+        return ""
+    return text if names and set(names) <= set(factors) else ""
 
 
 def _unit_keys(run_list: RunList) -> list[tuple[float, ...]]:

@@ -62,9 +62,18 @@ class GeneralKind(Kind):
             from procedures.general.of_runs import Asked, fit_run, reader_of  # noqa: PLC0415
 
             asked = Asked.of(source.table, options.response, options.formula)
-            if asked is not None and set(_given(options)) <= _OF_RUNS:
+            if asked is not None and set(_given(options)) <= {*_OF_RUNS, "traced"}:
+                if options.traced:
+                    from procedures.general.traced import fit_traced  # noqa: PLC0415
+
+                    return fit_traced(asked, leave_out, own)
                 return fit_run(asked, leave_out)
             read = reader_of(source.table)
+        if options.traced:
+            raise DataError(
+                "--traced is for the sensors of a run file, with no other options than --response and --formula; of a "
+                "table, add the terms that rig trace prints to --formula"
+            )
         from procedures.general.declared import Declared  # noqa: PLC0415
         from procedures.general.fit import GeneralFitted, fit_general  # noqa: PLC0415
         from procedures.general.series import series_of  # noqa: PLC0415
@@ -241,7 +250,7 @@ _NEEDS_RESPONSE = "{} needs --response, the column to be explained"
 
 def _given(options: Options) -> list[str]:
     """Names of the options that were given."""
-    return [name for name, value in options if value is not None]
+    return [name for name, value in options if value is not None and value is not False]
 
 
 def _names(given: Sequence[str] | None) -> tuple[str, ...]:

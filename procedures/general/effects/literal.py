@@ -58,14 +58,18 @@ def column(label: str, rows: Rows) -> FloatArray:
             count, name = count + 1, f"remembered__{count + 1}"
         values[name] = _remembered(found[1], arguments, rows)
         text = f"{text[: found.start()]}{name}{text[end:]}"
-    text = _LEVEL.sub(_at_level, text).replace(":", "*").replace("2 pi ", f"{2.0 * np.pi!r} * ")
-    text = _TURNED.sub(lambda m: f"{m[1]}({np.pi / 180.0 * int(m[2])!r} * {m[3]})", text)
-    expression = parse_expression(text)
+    expression = parse_expression(arithmetic(text))
     unknown = next((name for name in expression.names if name not in values), None)
     if unknown is not None:
         raise FitError(f"{label} needs {unknown}, which these rows do not have")
     value = np.asarray(expression.value(values), np.float64)
     return np.array(np.broadcast_to(value, rows.times.shape))
+
+
+def arithmetic(label: str) -> str:
+    """A term's formula in the grammar of formulas. Raises `FitError` for levels of text."""
+    text = _LEVEL.sub(_at_level, label).replace(":", "*").replace("2 pi ", f"{2.0 * np.pi!r} * ")
+    return _TURNED.sub(lambda m: f"{m[1]}({np.pi / 180.0 * int(m[2])!r} * {m[3]})", text)
 
 
 def _arguments(text: str, start: int) -> tuple[list[str], int]:
