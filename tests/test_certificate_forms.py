@@ -233,3 +233,16 @@ def test_probabilities_in_percent(probability, words):
 def test_raised_powers():
     assert raised("mV/psi^2") == "mV/psi²"
     assert raised("V*degC^-1") == "V*°C⁻¹"
+
+
+def test_a_text_without_a_font_is_named():
+    made = replace(document(), place="校正所")
+    with pytest.raises(ConfigurationError, match=r"校.*could not be displayed.*fonts = \"FOLDER\" in certificate.toml"):
+        pdf(made)
+    assert "校正所" in html(made)
+
+
+def test_control_characters_are_shown():
+    made = replace(document(), place="a\x1b[31mb\u202e")
+    assert r"a\x1b[31mb\x202e" in "".join(pages(pdf(made))[0].split())
+    assert "\x1b" not in html(made)

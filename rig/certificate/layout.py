@@ -13,6 +13,7 @@ from typing import Any, Literal
 from rig.certificate import words
 from rig.certificate.document import Budget, Document, Party, ResultTable
 from rig.certificate.numbers import padding, raised, typeset
+from rig.present.visible import visible
 
 Align = Literal["left", "right", "bar"]
 
@@ -378,9 +379,20 @@ def percent(probability: str) -> str:
 
 
 def contents(document: Document) -> dict[str, Any]:
-    """The input of a template: the document and its sections, as JSON values."""
-    return {
+    """The input of a template: the document and its sections, as JSON values; control characters are shown."""
+    told = {
         "document": document.to_json(),
         "sections": [asdict(one) for one in sections(document)],
         "words": words.PAGE,
     }
+    shown: dict[str, Any] = _visible(told)
+    return shown
+
+
+def _visible(value: Any) -> Any:
+    """A value with control characters of its texts as escape sequences: they have no glyph on paper."""
+    if isinstance(value, str):
+        return visible(value)
+    if isinstance(value, dict):
+        return {name: _visible(one) for name, one in value.items()}
+    return [_visible(one) for one in value] if isinstance(value, list | tuple) else value

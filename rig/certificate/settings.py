@@ -113,6 +113,9 @@ class CertificateSettings(Strict):
     logo: str = Field("", description="picture (SVG, PNG or JPEG), a file beside this one")
     paper: Literal["a4", "letter"] = "a4"
     template: str = Field("", description="own template in typst, a file beside this one")
+    fonts: str = Field(
+        "", description="folder beside this file with fonts for texts that are not Latin, Greek or Cyrillic"
+    )
     place: str = Field("", description="where the calibration is made; left out: the laboratory's address")
     item: str = Field("", description="what the items are: `Load cell, 10 kN`")
     customer_country: str = Field("", pattern=f"{_COUNTRY}|^$", description="country of the customer, ISO 3166-1")

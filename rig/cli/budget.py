@@ -35,6 +35,13 @@ def budget(
     probability: Annotated[
         float, typer.Option(min=0.5, max=0.9999, help="coverage probability of expanded uncertainties")
     ] = 0.95,
+    shapes: Annotated[
+        bool,
+        typer.Option(
+            "--shapes",
+            help="coverage factors by the shapes of the distributions: smaller where limits of error dominate",
+        ),
+    ] = False,
     monte_carlo: Annotated[
         int | None,
         typer.Option(
@@ -64,7 +71,9 @@ def budget(
     asked: dict[str, Any] = {"equipment": equipment, "same_meter": same_meter, "probability": probability, **given}
     with counting("simulated evaluations", monte_carlo) if monte_carlo is not None else nullcontext() as one_more:
         each = None if one_more is None else partial(one_more, "")
-        found = budget_run(run_file, at=points(at or []), trials=monte_carlo, seed=seed, each=each, **asked)
+        found = budget_run(
+            run_file, at=points(at or []), trials=monte_carlo, seed=seed, each=each, shapes=shapes, **asked
+        )
     if report is not None:
         found.report(report)
     if as_json:

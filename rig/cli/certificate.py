@@ -65,6 +65,20 @@ def certificate(
     authority: Annotated[
         Path | None, _file("with --read: certificates, PEM, of trusted signers or authorities")
     ] = None,
+    as_equipment: Annotated[
+        str | None,
+        typer.Option(help="with --read: print the entry of this asset for equipment.toml", show_default=False),
+    ] = None,
+    quantity: Annotated[
+        str, typer.Option(help="with --as-equipment: column or unit of the readings, bath_degC", show_default=False)
+    ] = "",
+    error: Annotated[
+        str | None, typer.Option(help="its values in the certificate, if they are errors", show_default=False)
+    ] = None,
+    correction: Annotated[
+        str | None, typer.Option(help="its values in the certificate, if they are corrections", show_default=False)
+    ] = None,
+    at: Annotated[str, typer.Option(help="the settings of these values in the certificate", show_default=False)] = "",
     as_json: JsonOption = False,
 ) -> int:
     """Certificate of a run: on paper (PDF), as a page (HTML), and as digital calibration certificate (XML).
@@ -80,15 +94,20 @@ def certificate(
     if read is not None:
         if runs:
             raise UsageError("--read shows a certificate and makes none: leave out the run files")
+        if as_equipment is not None:
+            return _print_equipment(read, as_equipment, quantity, (error, correction), at, authority)
         return _read(read, schema, authority, as_json=as_json)
+    if as_equipment is not None:
+        raise UsageError("--as-equipment belongs to --read DCC.xml")
     if not runs or out_folder is None:
         raise UsageError("a certificate needs a run file and --out FOLDER: rig certificate RUN --out certificates")
     from rig.atomic import check_files  # noqa: PLC0415
-    from rig.results.certificate import Asked, Issue, all_files, issue, make  # noqa: PLC0415
+    from rig.results.certificate import Asked, Issue, all_files, check_extras, issue, make  # noqa: PLC0415
 
     asked = Asked(tuple(runs), _date(issued), equipment, settings, confirmed_by, calibrated_by, approved_by, adjustment)
     how = Issue(out_folder, number or "", amends or "", because, template, paper, key, key_certificate, schema)
     check_files([], list(all_files(asked, how)))
+    check_extras(how)
     made = issue(make(asked), how)
     if as_json:
         print_json(made.to_json())
@@ -116,17 +135,12 @@ def _date(text: str) -> date:
 
 def _read(path: Path, schema: Path | None, authority: Path | None, *, as_json: bool) -> int:
     """Show a digital calibration certificate. Exit code 1 if a signature or the schema does not hold."""
-    from drivers.clock import RealClock  # noqa: PLC0415
     from rig.dcc.reader import as_json as json_of  # noqa: PLC0415
     from rig.dcc.reader import bytes_of, parsed  # noqa: PLC0415
 
     data = bytes_of(path)
     found = parsed(data, str(path))
-    signed: tuple[Signed, ...] = ()
-    if found.signatures:
-        from rig.dcc.signature import signatures  # noqa: PLC0415
-
-        signed = signatures(data, datetime.fromtimestamp(RealClock().utc(), UTC), authority)
+    signed = _signatures(path, found, authority)
     errors: list[str] = []
     if schema is not None:
         from rig.dcc.schema import schema_errors  # noqa: PLC0415
@@ -137,6 +151,41 @@ def _read(path: Path, schema: Path | None, authority: Path | None, *, as_json: b
     else:
         _show(found, signed, errors, checked=schema is not None)
     return ExitCode.FAULT if errors or any(not one.holds or one.trusted is False for one in signed) else ExitCode.DONE
+
+
+def _print_equipment(
+    path: Path, asset: str, quantity: str, values: tuple[str | None, str | None], at: str, authority: Path | None
+) -> int:
+    """Print an entry for equipment.toml from a digital calibration certificate."""
+    from rig.certificate.seal import hash_of  # noqa: PLC0415
+    from rig.dcc.reader import read_dcc  # noqa: PLC0415
+    from rig.register.from_dcc import Wanted, choose, equipment_text  # noqa: PLC0415
+
+    means = choose(values)
+    if not quantity:
+        raise UsageError("name the column or unit of the readings: --quantity bath_degC")
+    wanted = Wanted(asset, quantity, next(one for one in values if one is not None), means, at)
+    found = read_dcc(path)
+    signed = _signatures(path, found, authority)
+    broken = next((one for one in signed if not one.holds or one.trusted is False), None)
+    if broken is not None:
+        raise UsageError(f"nothing is taken from {path}: its signature {broken.words}")
+    print(equipment_text(found, wanted, hash_of(path)), end="")
+    state = f"signature {signed[0].words}" if signed else "not signed: nothing shows whether it was changed"
+    err.print(f"{escape(str(path))}: {escape(state)}", soft_wrap=True)
+    err.print("  add the due date, and how the error behaves (behaves = ...), by hand", soft_wrap=True)
+    return ExitCode.DONE
+
+
+def _signatures(path: Path, found: Read, authority: Path | None) -> tuple[Signed, ...]:
+    """Signatures of a digital certificate, verified; () if it has none."""
+    if not found.signatures:
+        return ()
+    from drivers.clock import RealClock  # noqa: PLC0415
+    from rig.dcc.reader import bytes_of  # noqa: PLC0415
+    from rig.dcc.signature import signatures  # noqa: PLC0415
+
+    return signatures(bytes_of(path), datetime.fromtimestamp(RealClock().utc(), UTC), authority)
 
 
 def _show(found: Read, signed: tuple[Signed, ...], errors: list[str], *, checked: bool) -> None:

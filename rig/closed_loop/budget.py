@@ -32,6 +32,10 @@ from rig.run_file.events.sessions import Identified
 from rig.run_file.reader import RunReader
 from rig.tables import is_run, run_table
 
+BY_SHAPE = (
+    "coverage factors are by the shapes of the distributions: smaller than Student's t where limits of error dominate, "
+    "and right only if these errors are rectangular, as stated"
+)
 SIMULATED = (
     "simulation (JCGM 101): {trials} trials, seed {seed}; the budget's interval agrees for {agree} of {count} results "
     "within half a unit of the second digit of the standard uncertainty"
@@ -197,6 +201,7 @@ def budget_of(
     trials: int | None = None,
     seed: int = 1,
     each: Callable[[], None] | None = None,
+    shapes: bool = False,
 ) -> RunBudget:
     """The same of a run that was read.
 
@@ -209,6 +214,7 @@ def budget_of(
         trials: of a simulation that checks the budgets; None for no check.
         seed: of the simulation.
         each: called after each trial.
+        shapes: whether coverage factors follow the shapes of the distributions; as in `budgets`.
     """
     chosen = of.kind.budget_options(**dict(options or {}))
     evaluation = of.kind.evaluation(of.table, chosen, at, constants_of(of.stated))
@@ -217,7 +223,8 @@ def budget_of(
         results = evaluation.results
         found = influences(evaluation, of.stated, same_meter=same_meter)
         type_a = (results.type_a, *found.grouped)
-        made = budgets(results.names, results.units, results.values, type_a, found.influences, probability=probability)
+        asked: dict[str, Any] = {"probability": probability, "shapes": shapes}
+        made = budgets(results.names, results.units, results.values, type_a, found.influences, **asked)
     except FitError as error:
         raise DataError(f"{of.table.source}: {error}") from error
     notes = [SAME_METER if same_meter else OTHER_METER, *found.notes, *of.stated.unused]
@@ -225,6 +232,8 @@ def budget_of(
         notes.insert(0, f"corrected by the certificates: {', '.join(of.corrected)}")
     if of.stated.example:
         notes.insert(0, f"the register {of.register.name!r} has example values: these uncertainties are examples, too")
+    if shapes:
+        notes.append(BY_SHAPE)
     checks: tuple[Check, ...] = ()
     if trials is not None:
         evaluate = whole(evaluation, found.shifts, each)

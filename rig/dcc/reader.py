@@ -76,6 +76,7 @@ class Read:
         laboratory: who issued it.
         customer: whom it is for.
         items: name, maker, model and numbers of each item, as words.
+        makers: maker, model and first number of each item.
         began: first day of the calibration; None if not given.
         ended: last day; None if not given.
         issued: day of issue; None if not given.
@@ -91,6 +92,7 @@ class Read:
     laboratory: str
     customer: str
     items: tuple[str, ...]
+    makers: tuple[tuple[str, str, str], ...]
     began: date | None
     ended: date | None
     issued: date | None
@@ -185,6 +187,7 @@ def parsed(data: bytes, name: str) -> Read:
         laboratory=_named(_under(root, "administrativeData", "calibrationLaboratory", "contact")),
         customer=_named(_under(root, "administrativeData", "customer")),
         items=tuple(_item(one) for one in _all(_under(root, "administrativeData", "items"), "item")),
+        makers=tuple(_maker(one) for one in _all(_under(root, "administrativeData", "items"), "item")),
         began=_date(core, "beginPerformanceDate"),
         ended=_date(core, "endPerformanceDate"),
         issued=_date(core, "issueDate"),
@@ -240,6 +243,11 @@ def _item(element: ET.Element) -> str:
     numbers = [_text(_child(one, "value")) for one in _all(_child(element, "identifications"), "identification")]
     parts = (_named(element), _named(_child(element, "manufacturer")), _text(_child(element, "model")), *numbers)
     return ", ".join(part for part in parts if part)
+
+
+def _maker(element: ET.Element) -> tuple[str, str, str]:
+    numbers = [_text(_child(one, "value")) for one in _all(_child(element, "identifications"), "identification")]
+    return _named(_child(element, "manufacturer")), _text(_child(element, "model")), next(iter(numbers), "")
 
 
 def _statements(root: ET.Element) -> Iterator[str]:

@@ -158,6 +158,7 @@ def budget(
     trials: int | None = None,
     seed: int = 1,
     each: Callable[[], None] | None = None,
+    shapes: bool = False,
     **options: Any,
 ) -> Budget:
     """Uncertainty budgets of a run's results, by its register of equipment.
@@ -171,6 +172,7 @@ def budget(
         trials: of a simulation that checks the budgets, at least 100 / (1 - probability).
         seed: of the simulation.
         each: called after each trial.
+        shapes: whether coverage factors follow the shapes of the distributions.
         options: of `rig budget` for this kind of run, with underscores for hyphens.
 
     Raises:
@@ -188,7 +190,13 @@ def budget(
     if trials is not None and trials < round(100.0 / (1.0 - probability)):
         least = round(100.0 / (1.0 - probability))
         raise UsageError(f"--monte-carlo {trials}: {100 * probability:g} % need at least {least} trials")
-    asked: dict[str, Any] = {"at": at, "same_meter": same_meter, "probability": probability, "options": given}
+    asked: dict[str, Any] = {
+        "at": at,
+        "same_meter": same_meter,
+        "probability": probability,
+        "options": given,
+        "shapes": shapes,
+    }
     return Budget(budget_of(of, **asked, trials=trials, seed=seed, each=each))
 
 

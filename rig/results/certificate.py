@@ -24,12 +24,13 @@ from rig.certificate.files import (
 )
 from rig.certificate.settings import CertificateSettings, read_settings
 from rig.closed_loop.budget import RunBudget, budget_of, run_with_register
+from rig.dcc.extras import needed
 from rig.errors import RigError, RunFileError, UsageError
 from rig.register import DOCUMENT
 from rig.results.data import Data
 from rig.run_file.reader import RunReader
 from rig.run_file.state import RunState, read_state
-from rig.run_file.verification import verify_file
+from rig.run_file.verification import Verification, verify_file
 
 if TYPE_CHECKING:
     from fitter.trace.outcome import Outcome
@@ -102,6 +103,7 @@ class _Run:
     budget: RunBudget | None = None
     outcomes: Sequence[Outcome] = ()
     confirmed: Confirmed | None = None
+    later: Verification | None = None
 
 
 def make(asked: Asked) -> Made:
@@ -145,6 +147,10 @@ def _read(path: Path, stage: Stage, asked: Asked, settings: CertificateSettings,
         run.budget = budget_of(of, at=settings.at, same_meter=settings.same_meter, probability=settings.probability)
         reasons.extend(_of_budget(run.budget, settings))
         later = asked.confirmed_by if path == asked.runs[-1] else None
+        if later is not None:
+            run.later = verify_file(later)
+            if not run.later.whole:
+                reasons.append(f"{later} is not verified: {run.later.findings[0]}; see rig verify")
         run.outcomes, run.confirmed = _traced(path, later, quick="quick" in of.kind.trace_options.model_fields)
         reasons.extend(_doubts(run))
     except (RigError, DataError, FitError) as error:
@@ -225,7 +231,11 @@ def _document(
         budgets=tuple(x for one, b in with_budget for x in assembly.budgets(b, one.stage, settings.annex)),
         evidence=evidence,
         statements=tuple(statements),
-        effects=tuple(e for one, b in with_budget for e in assembly.effects(b, one.outcomes, one.confirmed, one.stage)),
+        effects=tuple(
+            e
+            for one, b in with_budget
+            for e in assembly.effects(b, one.outcomes, one.confirmed, one.stage, one.later.head if one.later else "")
+        ),
         adjustment=asked.adjustment.strip() if len(runs) > 1 else "",
         deviations=tuple(d for one, b in with_budget for d in about.deviations(b.of, one.state, one.stage)),
         notes=tuple(dict.fromkeys(n for _, b in with_budget for n in assembly.notes(b))),
@@ -234,6 +244,11 @@ def _document(
         paper=settings.paper,
     )
     reasons.extend(missing.reasons)
+    received = document.dates.received
+    if received is not None and received > document.dates.began:
+        reasons.append(
+            f"received on {received}, after the run began on {document.dates.began}: correct sensors.*.received"
+        )
     if document.dates.issued < document.dates.ended and not document.simulated:
         reasons.append(f"issued on {document.dates.issued}, before the run ended on {document.dates.ended}")
     return document
@@ -297,6 +312,15 @@ class Issued:
         return {**self.document.to_json(), "files": {path.suffix[1:]: str(path) for path in self.files}}
 
 
+def check_extras(how: Issue) -> None:
+    """Refuse before the work what would fail after it: an extra that is not installed. Raises `UsageError`."""
+    needed("typst", "certificate")
+    if how.key is not None:
+        needed("signxml.xades", "dcc")
+    if how.schema is not None:
+        needed("lxml.etree", "dcc")
+
+
 def issue(made: Made, how: Issue) -> Issued:
     """Write all forms of a certificate, once.
 
@@ -314,7 +338,8 @@ def issue(made: Made, how: Issue) -> Issued:
     if how.amends:
         document = replace(document, amends=amendment(amended(how.out, how.amends), document.to_json(), how.because))
     own = made.folder / made.settings.template if made.settings.template else None
-    paper = pdf(document, how.template or own)
+    fonts = made.folder / made.settings.fonts if made.settings.fonts else None
+    paper = pdf(document, how.template or own, fonts)
     xml = dcc(document, paper)
     if how.schema is not None:
         _check(xml, how.schema)
