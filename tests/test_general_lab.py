@@ -603,7 +603,7 @@ def test_a_world_that_makes_no_sense_is_refused(tmp_path, world, says):
 def test_two_instruments_have_two_addresses(tmp_path):
     second = BENCH + "[instruments.other]\n" + lab.DVM.split("\n", 2)[2] + '[sensors.b]\nreader = "other"\n'
     files = written(tmp_path, bench=second)
-    with pytest.raises(ConfigurationError, match="dvm and instruments.other have one address, /dev/rig/dvm: each"):
+    with pytest.raises(ConfigurationError, match=r"dvm and instruments\.other have one address, /dev/rig/dvm: each"):
         load_plan(files[0], files[1])
 
 
