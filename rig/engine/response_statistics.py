@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from math import sqrt
+from operator import mul
 
 import numpy as np
 
@@ -46,15 +48,15 @@ class _Model:
         self.explained = 1.0 - float(left @ left) / total if total > 0.0 else None
         self.scatter = float(np.sqrt(left @ left / max(1, len(y) - len(solved))))
         self.low, self.high = float(y.min()), float(y.max())
-        self._solved = solved.tolist()
-        self._inverse = np.linalg.pinv(columns.T @ columns)
+        self._solved: list[float] = solved.tolist()
+        self._inverse: list[list[float]] = np.linalg.pinv(columns.T @ columns).tolist()
 
     def expects(self, row: Row) -> float | None:
         """Predicted output at a setting; None far outside the range of the fit."""
-        at = np.array(row)
-        if float(at @ self._inverse @ at) > 1.0:
-            return None
-        return float(sum(c * x for c, x in zip(self._solved, row, strict=True)))
+        far = 0.0  # a few columns: numpy would take longer to begin than this takes
+        for x, inverse in zip(row, self._inverse, strict=True):
+            far += x * sum(map(mul, inverse, row))
+        return None if far > 1.0 else sum(map(mul, self._solved, row))
 
 
 class ResponseTest:
@@ -140,10 +142,12 @@ class ResponseTest:
     def _deaf(self, last: list[_Seen]) -> str:
         """Test for an output that stays constant although the settings should have moved it."""
         model = self._model
+        if model is None:
+            return ""
         for size in _WINDOWS:
             some = last[-size:]
             expected = [s.expected for s in some if s.expected is not None]
-            if model is None or len(expected) < size:
+            if len(expected) < size:
                 break
             should = max(expected) - min(expected)
             if should <= max(_BEYOND_SCATTER * model.scatter, 0.01 * (model.high - model.low)):
@@ -188,9 +192,11 @@ class ResponseTest:
 
 def _slope(expected: list[float], read: list[float]) -> tuple[float, float]:
     """Slope of the readings against the predictions, and the rms residual of this line."""
-    x, y = np.array(expected), np.array(read)
-    slope, offset = np.polyfit(x, y, 1)
-    return float(slope), float(np.sqrt(np.mean((y - slope * x - offset) ** 2)))
+    n = len(expected)
+    mean_x, mean_y = sum(expected) / n, sum(read) / n
+    x, y = [e - mean_x for e in expected], [r - mean_y for r in read]
+    slope = sum([a * b for a, b in zip(x, y, strict=True)]) / sum([a * a for a in x])
+    return slope, sqrt(sum([(b - slope * a) ** 2 for a, b in zip(x, y, strict=True)]) / n)
 
 
 def _at_rail(model: _Model, value: float) -> str:
