@@ -38,7 +38,7 @@ mutants: $(STAMP)
 check: $(STAMP)
 	@tools/check static
 
-$(STAMP): pyproject.toml constraints.txt locks/run.txt locks/build.txt locks/make.txt tools/make-venv
+$(STAMP): pyproject.toml constraints.txt locks/run.txt locks/build.txt locks/make.txt locks/schematron.txt tools/make-venv
 	@tools/make-venv $(STAMP)
 
 clean:

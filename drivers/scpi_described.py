@@ -112,7 +112,9 @@ class DescribedScpi:
 
     def number_in(self, question: str, answer: str) -> float:
         """The number in an answer. Raises `BadReply`."""
-        found = self._number.fullmatch(answer)
+        found, digits = self._number.fullmatch(answer), self._options.digits
+        if found is not None and digits and not re.fullmatch(digits, found[1], re.ASCII):
+            raise self.line.bad_reply(question, answer, f"a number of the form {digits!r}")
         try:
             if found is not None:
                 return decimal(found[1])

@@ -94,6 +94,11 @@ class ScpiOptions(SerialOptions):
         "SYST:ERR?", description="reads and removes its oldest error; *ESR? if it has no error queue"
     )
     number: NumberForm = Field("{number}", description="form of an answer with a {number}; * is any text")
+    digits: Annotated[str, AfterValidator(_pattern)] = Field(
+        "",
+        description="regular expression for a whole {number}; another one lost or doubled a character on its way, and "
+        "is refused; left out: any number is believed",
+    )
     mark: bool = Field(
         True, description="keep a mark in *ESE that power-off clears; false: settings of check tell that it was off"
     )

@@ -62,6 +62,13 @@ class DescribedSource:
             None, gt=0.0, description="without settled: largest distance of its reading from the setpoint"
         )
         dwell_s: float = Field(1.0, ge=0.0, le=86400.0, description="minimum time that it has been so, or has been set")
+        time_constant_s: float | None = Field(
+            None,
+            gt=0.0,
+            le=1e6,
+            description="time constant with which its quantity follows a setting, for forecasts, and for dry runs "
+            "whose world file does not say it; assumed if left out: 480 s in degC, else 0.5 s",
+        )
         healthy: dict[Question, Answer] = Field({}, description="question to its answer without a fault")
 
         @model_validator(mode="after")

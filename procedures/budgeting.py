@@ -5,13 +5,14 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from fitter.arrays import FloatArray, IntArray
 from fitter.budget import TypeA
 from procedures.stated import PlaceConstant
-from procedures.table import Columns
+from procedures.table import Columns, Table
 
 Reading = Callable[[str, FloatArray], FloatArray]
 """Error of readings in use: name of an output's column and its (n,) values, to (n,) additions."""
@@ -49,19 +50,21 @@ class Results:
         names: of the results, each once.
         units: of the results.
         values: (m,).
-        type_a: covariances by statistics of the run.
+        type_a: covariance by statistics of the run; that of inferred values includes the scatter of one reading in use.
         sensors: sensor of each result; "" for those of several.
+        of_fit: (m,) part of the variance that more observations make smaller.
     """
 
     names: tuple[str, ...]
     units: tuple[str, ...]
     values: FloatArray
-    type_a: tuple[TypeA, ...]
+    type_a: TypeA
     sensors: tuple[str, ...]
+    of_fit: FloatArray
 
 
-FIT = ("scatter of the run", "the run")
-"""Name and source of the fit's covariance."""
+SCATTER = ("scatter of readings", "the run")
+"""Name and source of the covariance by the fit and, for inferred values, by one reading in use."""
 
 
 def together(parts: Sequence[FloatArray]) -> FloatArray:
@@ -72,6 +75,21 @@ def together(parts: Sequence[FloatArray]) -> FloatArray:
         found[start : start + len(one), start : start + len(one)] = one
         start += len(one)
     return found
+
+
+@dataclass(frozen=True)
+class Expected:
+    """A run as it is planned, with outputs of sensors as they are expected.
+
+    Attributes:
+        table: its observations, with the expected scatter.
+        meter: whether outputs have the size of the sensors'; otherwise errors of their meter cannot be forecast.
+        assuming: the assumptions, a sentence.
+    """
+
+    table: Table
+    meter: bool
+    assuming: str
 
 
 class Evaluation(ABC):
@@ -91,6 +109,21 @@ class Evaluation(ABC):
     def evaluate(self, shift: Shift) -> FloatArray:
         """(m,) values of the results with changed inputs."""
 
+    @abstractmethod
+    def coefficients(self, columns: Mapping[str, FloatArray]) -> Mapping[str, FloatArray]:
+        """(k,) coefficients of the calibration by sensor, with additions to columns."""
+
+    def residuals(self, columns: Mapping[str, FloatArray]) -> Mapping[str, FloatArray]:
+        """(n,) residuals of the fit by sensor, with additions to columns; none where scatter needs no repeats."""
+        return {}
+
+    def explain(self, expected: Mapping[str, float]) -> None:  # noqa: B027 - most have no repeats
+        """Say before anything else what sum of squares stated errors leave in the residuals, by sensor."""
+
+    def stored(self) -> Any:
+        """The calibration to use with these results, as JSON values, if it is not that of the fit; None if it is."""
+        return None
+
     @property
     @abstractmethod
     def settings(self) -> Mapping[str, IntArray]:
@@ -108,10 +141,10 @@ class Evaluation(ABC):
         """
         return ()
 
-    def notes(self, predicted: Sequence[FloatArray]) -> Iterable[str]:
-        """Sentences about the budget.
+    def model_errors(self) -> Iterable[TypeA]:
+        """Differences between models that the run cannot separate, as covariances of the results."""
+        return ()
 
-        Args:
-            predicted: of each error, what one standard uncertainty adds to the results.
-        """
+    def notes(self) -> Iterable[str]:
+        """Sentences about the scatter."""
         return ()

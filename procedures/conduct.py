@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Self
 
@@ -77,6 +77,7 @@ class Conduct:
         readings: sweeps over all channels at a point.
         repeats: maximum number of repeats of too noisy readings before they are accepted with a flag.
         max_sd_V: limit of the noise of one reading; None for no limit.
+        max_sd: the same of one sensor, or of a factor's reference standard, in its own unit, by name.
         faults: policies for faults.
         warnings: early warnings about the sensors.
         hold_max_s: a hold that nobody releases ends the session after this.
@@ -90,6 +91,7 @@ class Conduct:
         response: columns of a simple model of every output, from set or measured quantities by name; early warnings
             compare outputs with it. None if unknown.
         any_instruments: whether the bench file says what sets each factor, and any instrument that can may do it.
+        models_of: sensors that the procedure names; the bench must have them.
         least_jump: deviation of an output without a warning, as a fraction of its span.
     """
 
@@ -100,6 +102,7 @@ class Conduct:
     readings: int = 10
     repeats: int = 2
     max_sd_V: float | None = None
+    max_sd: Mapping[str, float] = field(default_factory=dict)
     faults: FaultSettings = field(default_factory=FaultSettings)
     warnings: WarningSettings = field(default_factory=WarningSettings)
     hold_max_s: float = 12 * 3600.0
@@ -112,6 +115,7 @@ class Conduct:
     package_temperature: bool = False
     response: Callable[[Mapping[str, float]], tuple[float, ...]] | None = None
     any_instruments: bool = False
+    models_of: Collection[str] = ()
     least_jump: float = 0.05
 
     def settled(self, axis: str) -> Settle:

@@ -109,7 +109,8 @@ class FaultSettings(Strict):
     overload: Policy = Field("skip", description="a reading is out of the instrument's range")
     noisy: Policy = Field(["accept"], description="still noisier than allowed after `measure.repeats`; accept flags it")
     frozen: Policy = Field(
-        ["retry 5", SKIP], description="an output hangs: it repeats itself to the last digit; accept flags it"
+        ["retry 5", SKIP],
+        description="an output or a reference standard hangs: it repeats itself to the last digit; accept flags it",
     )
     no_reply: Policy = Field(["retry 8", ABORT], description="an instrument does not answer")
     bad_reply: Policy = Field(["retry 5", ABORT], description="an answer makes no sense")

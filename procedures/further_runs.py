@@ -55,6 +55,8 @@ class Variation:
         warmer_degC: temperature increase of the sensors, degrees Celsius.
         by_weather: whether no instrument on the bench can set this temperature.
         steps: changes by a person in the run.
+        wait_s: additional wait at every point, seconds.
+        routine: whether the procedure's own steps by hand are a part of it.
     """
 
     what: str
@@ -63,6 +65,8 @@ class Variation:
     warmer_degC: float = 0.0
     by_weather: bool = False
     steps: tuple[Step, ...] = ()
+    wait_s: float = 0.0
+    routine: bool = False
 
     @property
     def person(self) -> int:

@@ -17,6 +17,9 @@ from procedures.errors import DataError
 from procedures.table import Table
 from procedures.unused import Unused, other_unit, why_unused
 
+INFERRED = "inferred_"
+"""Before the name of a quantity that the table has already."""
+
 
 @dataclass(frozen=True)
 class Inference:
@@ -30,6 +33,7 @@ class Inference:
         quantities: names of the inferred quantities; each has columns with _sd, _lo95 and _hi95 after its name.
         unused: unused columns and rows.
         zeros: pressure: the used zero, by output, as JSON values.
+        df: (n,) degrees of freedom of the standard deviation of each quantity; NaN where it has none.
     """
 
     columns: Mapping[str, Any]
@@ -39,6 +43,7 @@ class Inference:
     quantities: tuple[str, ...] = ()
     unused: Unused = field(default_factory=Unused)
     zeros: Mapping[str, Any] = field(default_factory=dict)
+    df: Mapping[str, FloatArray] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:
         """JSON values for `rig infer --json`; the numbers are in the CSV."""
@@ -87,4 +92,4 @@ def no_column(table: Table, name: str, more: str = "") -> DataError:
 
 def free_name(name: str, table: Table) -> str:
     """A name for a column that is added: nothing of the input is overwritten."""
-    return f"inferred_{name}" if name in table.columns or name in table.text else name
+    return f"{INFERRED}{name}" if name in table.columns or name in table.text else name

@@ -26,7 +26,7 @@ from fitter.effects.own import Grammar
 from fitter.errors import FitError
 from procedures.acceptance import Verdict
 from procedures.advice import Advice
-from procedures.budgeting import Evaluation
+from procedures.budgeting import Evaluation, Expected
 from procedures.charting import Charting
 from procedures.conduct import Conduct
 from procedures.confirming import Confirming
@@ -200,6 +200,38 @@ class Kind(ABC):
     def confirming(self, traced: Any) -> Confirming | None:
         """A run that it traced, as the first of two; None if no further run is possible."""
         return None
+
+    def cannot_confirm(self, table: Table, options: Any) -> str:
+        """Why no further run can confirm the findings in a run, and what to do instead; "" where one can.
+
+        It is asked before the run is traced.
+
+        Args:
+            table: the run.
+            options: of the trace, as declared by this kind.
+        """
+        if type(self).confirming is Kind.confirming:
+            return f"no further run is made of {self.title}: make another run by `rig run`, and trace that by itself"
+        return ""
+
+    def expected(self, procedure: Any, run_list: RunList, sensors: Mapping[str, str]) -> Expected:
+        """A run as it is planned, for a forecast of total uncertainties.
+
+        Args:
+            procedure: of the run.
+            run_list: every point of it.
+            sensors: axis of every sensor by the column of its output; "" for none.
+
+        Raises:
+            DataError: nothing is known of the outputs before they are read.
+        """
+        raise DataError(f"total uncertainties are not forecast for {self.title}: outputs are not known before the run")
+
+    def with_coefficients(self, calibration: Any, coefficients: Mapping[str, FloatArray]) -> Any:
+        """A calibration from `calibration_of` with other coefficients (k,) by sensor, as `Evaluation.coefficients`
+        gives them.
+        """
+        raise DataError(f"calibrations of {self.title} have no total uncertainties")
 
     def placed(self, columns: Columns, constants: Mapping[str, float]) -> Columns:
         """The recorded columns with corrections by constants of the place, as for `evaluation`."""

@@ -27,6 +27,10 @@ class Source(Protocol):
         """For messages."""
 
     @property
+    def is_run(self) -> bool:
+        """Whether it is a run of a bench, or a table of one."""
+
+    @property
     def table(self) -> Table:
         """The whole table, every column numeric. Raises an error of usage if it is not such a table."""
 

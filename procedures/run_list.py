@@ -281,7 +281,11 @@ class RunList:
     def column(self, name: str) -> list[float]:
         """Setpoints of a factor, in order of the points."""
         at = [factor.name for factor in self.factors].index(name)
-        return [point.setpoints[at] for point in self.points]
+        return [value for value, _ in self.points.settings[at]]
+
+    def replications(self) -> list[int]:
+        """Replication of each point, in order of the points."""
+        return [replication for replication, _ in self.points.places]
 
     def levels(self, factor: Factor) -> list[float]:
         """The different setpoints of a factor, in order of first appearance."""

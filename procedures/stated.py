@@ -14,7 +14,7 @@ Distribution = Literal["normal", "rectangular", "triangular", "arcsine"]
 BEHAVIOURS: dict[Behaviour, str] = {
     "offset": "the same error in all readings, of a size that may vary over the quantity",
     "gain": "an error in proportion to the reading",
-    "turn": "an error of an angle with one period per turn, its amplitude and phase unknown",
+    "turn": "an error of an angle with one period per turn and unknown phase; its uncertainty is that at any angle",
     "setting": "an independent error at every setting, the same whenever the setting is taken again",
     "replication": "an independent error in every replication",
     "reading": "an independent error in every observation",

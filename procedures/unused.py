@@ -11,7 +11,7 @@ from procedures.table import Table
 
 NO_PART = "plays no part"
 TEXT = "holds text"
-_RECORDED = "recorded beside the readings; plays no part"
+RECORDED = "recorded beside the readings; plays no part"
 _UNITS = {
     "V",
     "mV",
@@ -97,7 +97,7 @@ def unused_in_fit(table: Table, known: Collection[str], unit: str) -> Unused:
         if other in ("V", "mV", "uV", "kV"):
             found[name] = f"outputs are read in {unit}: convert it and name it {stem}_{unit}"
         elif name in ("run_index", "accepted", "pressure_side") or stem.endswith("_readback"):
-            found[name] = _RECORDED
+            found[name] = RECORDED
         else:
             found[name] = why_unused(name, named, "columns of this kind have")
     rejected = table.provenance.get("observations_rejected", 0)
@@ -124,7 +124,7 @@ def unused_columns(table: Table, used: Iterable[str], reasons: Mapping[str, str]
 
 def sentences(unused: Mapping[str, Any]) -> list[str]:
     """The values of `Unused.to_json` in words; except readbacks, and text, which are in the notes."""
-    told = [each for each in unused["columns"] if each["why"] not in (_RECORDED, TEXT)]
+    told = [each for each in unused["columns"] if each["why"] not in (RECORDED, TEXT)]
     plain = [each["column"] for each in told if each["why"] == NO_PART]
     found = [f"not used: {', '.join(plain)}"] if plain else []
     found += [f"{each['column']} is not used: {each['why']}" for each in told if each["why"] != NO_PART]

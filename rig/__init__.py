@@ -10,6 +10,7 @@ if TYPE_CHECKING:
 
     from procedures.errors import DataError
     from rig.errors import BenchFault, BusyError, ConfigurationError, RigError, RunFileError, StorageError, UsageError
+    from rig.results.budget import Budget, budget
     from rig.results.charts import ControlChart, chart
     from rig.results.data import Calibration, Data, Trace, open  # noqa: A004 - rig.open, like the built-in open
     from rig.results.inferred import Inferred, infer
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "BenchFault",
+    "Budget",
     "BusyError",
     "Calibration",
     "ConfigurationError",
@@ -37,6 +39,7 @@ __all__ = [
     "StorageError",
     "Trace",
     "UsageError",
+    "budget",
     "chart",
     "infer",
     "open",
@@ -45,6 +48,7 @@ __all__ = [
 ]
 
 _WHERE = {
+    "rig.results.budget": ("Budget", "budget"),
     "rig.results.charts": ("ControlChart", "chart"),
     "rig.results.data": ("Calibration", "Data", "Trace", "open"),
     "rig.results.inferred": ("Inferred", "infer"),

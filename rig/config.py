@@ -64,6 +64,7 @@ class SensorConfig(_Strict):
     asset: str = ""
 
 
+_PLACES = ("package", "enclosure", "sensors", "sse", "lab")
 _FACTOR = r"[A-Za-z][A-Za-z0-9_]*_[A-Za-z][A-Za-z0-9]*"
 FOLLOWS_S = 480.0
 """Assumed time constant of sensors relative to their chamber if the bench file has none, seconds."""
@@ -74,8 +75,10 @@ class TemperatureConfig(_Strict):
 
     reader: str
     channel: str
-    place: Literal["package", "enclosure", "sensors", "sse", "lab"] = Field(
-        "package", description="place of the thermometer; used by the simulation"
+    place: str = Field(
+        "package",
+        description="place of the thermometer, used by the simulation: package, enclosure, sensors, sse, lab, or the "
+        "name of a factor in degC that it measures too (a second thermometer in a bath)",
     )
     asset: str = Field("", description="your asset number of the thermometer, if it is not the reader's")
     follows_s: float | None = Field(
@@ -164,6 +167,10 @@ class BenchConfig(_Strict):
         for name in self.temperatures:
             if not name.endswith("_degC"):
                 raise ValueError(f"temperatures.{name}: the name is a column and must end in its unit, _degC")
+        for name, one in self.temperatures.items():
+            places = [*_PLACES, *(factor for factor in self.factors if factor.endswith("_degC"))]
+            if one.place not in places:
+                raise ValueError(f"temperatures.{name}.place = {one.place!r} is unknown; known: {', '.join(places)}")
         for name in UNITS.keys() & self.sensors.keys():
             raise ValueError(f"sensors.{name}: a table has {name}_{UNITS[name]} already; rename the sensor")
         for name, (low, high) in self.limits.items():

@@ -14,19 +14,26 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from drivers.roles import Source
 from procedures.by_hand import ALLOWANCE_H, HandStep
 from procedures.run_list import RunList
+from rig.bench import playing
 from rig.config import FOLLOWS_S
 from rig.controller import start_run
-from rig.engine.pace import Pace
+from rig.engine.pace import Pace, follows_s
 from rig.engine.session import Outcome, Progress, Signals
 from rig.errors import RigError
 from rig.plans import Plan
+from rig.plugins import driver_class
+from rig.quantities import TEMPERATURE_UNIT, unit_of
 from rig.run_file.events.points import Observed, WholePlotBegan
 from rig.run_file.reader import RunReader
 
 ALLOWANCE = 0.05
 """Relative allowance for repeats, retries and one short interruption."""
+
+_CHAMBERS = ("sensor", "sse")
+"""Simulated chambers; that of any other laboratory is the first."""
 
 SOAK_ALLOWANCE = 0.2
 """Relative allowance for soaks: settling of a loaded chamber differs between benches, and a rehearsal has typical
@@ -70,22 +77,38 @@ class Forecast:
 
 
 def _ordinary(plan: Plan) -> dict[str, Any]:
-    """The world of a rehearsal: default values; sensors follow their chambers as in the bench file."""
-    return {
-        f"{name.removesuffix('_temperature_degC')}_chamber": {"body_time_constant_s": thermometer.follows_s}
-        for name, thermometer in plan.bench.temperatures.items()
-        if thermometer.follows_s is not None and name in plan.bench.factors
+    """The world of a rehearsal: default values; sensors follow their chambers, and baths their settings, as in the
+    bench file.
+    """
+    bench, sources = plan.bench, playing(plan.bench, Source)
+    said = {name: one.follows_s for name, one in bench.temperatures.items() if one.follows_s and name in bench.factors}
+    baths = {name: {"time_constant_s": follows_s(bench, name)} for name in said if bench.factors[name] in sources}
+    chambers = {
+        f"{stem if (stem := name.removesuffix('_temperature_degC')) in _CHAMBERS else _CHAMBERS[0]}_chamber": {
+            "body_time_constant_s": seconds
+        }
+        for name, seconds in said.items()
+        if name not in baths
     }
+    return chambers | ({"sources": baths} if baths else {})
 
 
 def _assumed(plan: Plan) -> Iterator[str]:
     """Assumptions about soaks if the bench file has no values."""
-    for factor in plan.run_list.hard:
-        thermometer = plan.bench.temperatures.get(factor.name)
-        if thermometer is None or thermometer.follows_s is None:
+    bench, sources = plan.bench, playing(plan.bench, Source)
+    for factor in plan.run_list.factors:
+        name, setter = factor.name, bench.factors.get(factor.name, "")
+        thermometer = bench.temperatures.get(name)
+        follows = thermometer is not None and thermometer.follows_s is not None
+        if setter in sources and unit_of(name) == TEMPERATURE_UNIT:
+            if "time_constant_s" not in bench.instruments[setter].options and not follows:
+                known = "time_constant_s" in driver_class(bench.instruments[setter].driver).Options.model_fields
+                better = f"; instruments.{setter}.time_constant_s in the bench file says better" if known else ""
+                yield f"assumed: {setter} approaches its setting with a time constant of {FOLLOWS_S:g} s{better}"
+        elif factor.hard and not follows:
             yield (
-                f"assumed: what is in the chamber of {factor.name} follows it with {FOLLOWS_S:g} s; "
-                f"temperatures.{factor.name}.follows_s in the bench file says better"
+                f"assumed: what is in the chamber of {name} follows it with {FOLLOWS_S:g} s; "
+                f"temperatures.{name}.follows_s in the bench file says better"
             )
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -128,6 +129,8 @@ def _plan(documents: Mapping[str, str], dry: bool, where: Mapping[str, str], *, 
     procedure = parse_procedure(documents["procedure.toml"], where["procedure.toml"], strict=strict)
     run_list = procedure.expand()
     check_match(config, procedure, run_list, where["bench.toml"])
+    if strict:
+        _check_names(config, procedure.conduct, where["procedure.toml"])
     truth = parse_toml(documents["world.toml"], where["world.toml"]) if "world.toml" in documents else {}
     return Plan(documents, config, procedure, run_list, dry, truth)
 
@@ -291,6 +294,19 @@ def _check_sensors(config: BenchConfig, where: str, conduct: Conduct) -> None:
             raise ConfigurationError(
                 f'{where}: sensors.{name}: this kind of procedure records it in {unit}: unit = "{unit}"'
             )
+
+
+def _check_names(config: BenchConfig, conduct: Conduct, where: str) -> None:
+    """Check that the bench has the sensors and reference standards that the procedure names: a typo has no effect."""
+    for names, known, what in (
+        (conduct.models_of, [*config.sensors], "sensor"),
+        (conduct.max_sd, [*config.sensors, *config.references], "sensor or reference standard"),
+    ):
+        for name in names:
+            if name not in known:
+                near = get_close_matches(name, known, n=1)
+                hint = f"did you mean {near[0]}?" if near else f"it has {', '.join(known)}"
+                raise ConfigurationError(f"{where}: the bench has no {what} {name}: {hint}")
 
 
 def _check_factors(config: BenchConfig, run_list: RunList, guard: Guard, where: str) -> None:

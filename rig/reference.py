@@ -15,6 +15,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from procedures.kind import kinds
+from rig.certificate.settings import CertificateSettings
 from rig.config import BenchConfig
 from rig.plugins import driver_class, installed
 from rig.register import Register
@@ -35,6 +36,7 @@ def document() -> str:
         parts += [f'### `[instruments.NAME]` with `driver = "{name}"`, besides the above']
         parts += [_table(driver_class(name).Options)]
     parts += ["## equipment.toml", *_tables(Register, "")]
+    parts += ["## certificate.toml", *_tables(CertificateSettings, "")]
     for name, kind in kinds().items():
         if kind.settings is not None:
             parts += [f'## procedure.toml, `kind = "{name}"`', *_tables(kind.settings, "")]

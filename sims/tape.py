@@ -77,7 +77,8 @@ class Change(NamedTuple):
     Attributes:
         t_s: world time.
         instrument: its name.
-        what: "control" (of a pressure: "on" or "off"; of a chamber likewise), "setpoint_psia", "slew_psi_per_s", "vent"
+        what: "control" (of a pressure: "on" or "off"; of a chamber likewise; of a source "off"), "setpoint" (of a
+            source, in its unit), "setpoint_psia", "slew_psi_per_s", "vent"
             ("open", "complete", "off"), "setpoint_degC", "door" ("open", "closed"), and of a head "pitch target_deg",
             "pitch reached_deg", "pitch stopped_deg", "pitch stalled_deg"; likewise "roll".
         value: the new value.
@@ -131,6 +132,8 @@ class Tape:
             if "chamber" in twin.roles:
                 self._chambers[name] = plant.chamber(name)
                 self._chambers[name].told = told
+            if "source" in twin.roles:
+                plant.source(name).told = told
             if "head" in twin.roles:
                 for axis, mechanics in plant.head.axes.items():
                     mechanics.told = self._axis(name, axis)

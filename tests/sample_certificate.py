@@ -103,6 +103,7 @@ def document(*, items: int = 1, simulated: bool = False, stages: tuple[Stage, ..
             )
         ),
         equipment=(
+            Equipment("dead weights", "", "", "", "", "", "", None, None),
             Equipment(
                 "supply",
                 "Druck",
@@ -158,7 +159,7 @@ def document(*, items: int = 1, simulated: bool = False, stages: tuple[Stage, ..
                 "guard band w = U: conforming if the error and its expanded uncertainty lie within the tolerance",
                 "pass",
                 "0.998",
-                f"{name} conforms with the tolerance.",
+                "error of the inferred pressure at 0.5 psi conforms with its tolerance.",
                 stage,
             )
             for stage in stages
@@ -175,6 +176,7 @@ def document(*, items: int = 1, simulated: bool = False, stages: tuple[Stage, ..
             ),
         ),
         adjustment="zero and span were set at the customer's wish" if len(stages) > 1 else "",
+        notes=("Errors of the meter that reads the sensors in use are not in these uncertainties.",),
         deviations=("Point 41 was skipped: the pressure did not settle.",),
     )
 

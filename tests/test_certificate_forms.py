@@ -60,7 +60,8 @@ def words(certificate: Document) -> list[str]:
         found += [item.serial, item.model, item.maker, item.condition, item.customer_id]
     for one in certificate.equipment:
         found += [one.name, one.certificate, one.laboratory, one.serial, one.asset]
-    found += [one.sentence for one in certificate.statements] + [one.rule for one in certificate.statements]
+    found += [one.sentence for one in certificate.statements] + list(certificate.notes)
+    found += [one.rule for one in certificate.statements]
     found += [one.size for one in certificate.effects] + list(certificate.deviations) + [certificate.adjustment]
     return [one for one in found if one] + [one.run_id for one in certificate.evidence]
 
@@ -89,7 +90,7 @@ def test_pages_are_numbered_with_the_number_of_the_certificate(paper):
     for n, page in enumerate(paper, 1):
         assert f"Calibration certificate {WHOLE.number}" in page
         assert f"page {n} of {len(paper)}" in page
-    assert f"End of the certificate {WHOLE.number}" in paper[-1]
+    assert ["end of the certificate" in page for page in paper] == [False] * (len(paper) - 1) + [True]
 
 
 def test_simulated_is_on_every_page():
@@ -231,4 +232,17 @@ def test_probabilities_in_percent(probability, words):
 
 def test_raised_powers():
     assert raised("mV/psi^2") == "mV/psi²"
-    assert raised("V*degC^-1") == "V*degC⁻¹"
+    assert raised("V*degC^-1") == "V*°C⁻¹"
+
+
+def test_a_text_without_a_font_is_named():
+    made = replace(document(), place="校正所")
+    with pytest.raises(ConfigurationError, match=r"校.*could not be displayed.*fonts = \"FOLDER\" in certificate.toml"):
+        pdf(made)
+    assert "校正所" in html(made)
+
+
+def test_control_characters_are_shown():
+    made = replace(document(), place="a\x1b[31mb\u202e")
+    assert r"a\x1b[31mb\x202e" in "".join(pages(pdf(made))[0].split())
+    assert "\x1b" not in html(made)

@@ -16,6 +16,7 @@ from dry import SHORT, write_short
 from ideal_bench import PROCEDURE, new_run, run_session
 
 from procedures.attitude.settings import PitchRollProcedure
+from procedures.general.settings import GeneralProcedure
 from rig.engine.early_warning import EarlyWarnings, in_unit, warnings_of
 from rig.engine.session import Outcome
 from rig.engine.warning_statistics import NoiseTest, Number, PreviousTest, RepeatTest, StillTest
@@ -67,6 +68,49 @@ def test_a_clean_night_is_left_alone(seed):
 
 def test_a_bench_without_any_noise_is_left_alone():
     assert told(10**9, None, sd=0.0) == []
+
+
+WATER = GeneralProcedure.model_validate(
+    {
+        "kind": "general",
+        "name": "meter on water",
+        "seed": 1,
+        "replications": 2,
+        "factors": {
+            "flow_Lpm": {"levels": [5, 10, 15, 20, 25, 30, 35, 40, 45, 50], "order": "up-down"},
+            "water_degC": {"levels": [15, 25, 35], "hard": True},
+        },
+        "model": {"formula": "1 + flow_Lpm + flow_Lpm^2 + flow_Lpm:water_degC"},
+    }
+)
+
+
+def on_water(seed, water_sd, spoil=lambda _, value: value):
+    """Warnings of a clean run in whole plots, of a meter whose water is at one temperature while the flow is swept."""
+    run_list, rng = WATER.expand(), random.Random(seed)
+    warnings, found = EarlyWarnings(run_list, None, WATER.conduct), []
+    for point in run_list.points:
+        flow, water = point.setpoints
+        clean = 10 * flow * (1 - 3e-5 * (water - 25)) - 0.3 * flow * math.exp(-flow / 9)
+        mean = spoil(point, clean + rng.gauss(0, 0.05))
+        output = {"mean": mean, "sd": 0.03, "readings": [mean - 0.03, mean + 0.03]}
+        read = water + rng.gauss(0, water_sd)
+        about = {
+            "temperatures": {"water_degC": {"mean": read, "sd": 0.0, "readings": [read]}},
+            "references": {"flow_Lpm": {"mean": 1.004 * flow + 0.03 + rng.gauss(0, 1e-3)}},
+        }
+        found += warnings.add(point, point.whole_plot, {"outputs": {"meter_Hz": output}, **about})
+    return [warning.message for warning in found]
+
+
+@pytest.mark.parametrize("water_sd", [0.0, 0.003], ids=["to the digit", "within 3 mK"])
+def test_no_temperature_is_predicted_from_a_whole_plot_at_another_one(water_sd):
+    assert [on_water(seed, water_sd) for seed in range(3)] == [[]] * 3
+
+
+def test_what_other_whole_plots_determine_is_predicted_and_a_jump_there_is_told():
+    (told_of,) = on_water(1, 0.003, lambda point, mean: mean + 40 * (point.whole_plot >= 4))
+    assert "away from what its settings gave before" in told_of
 
 
 def around_mean(times):

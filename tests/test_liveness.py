@@ -72,3 +72,29 @@ def test_a_meter_that_stands_still_now_and_then_is_left_alone(seed):
 def test_one_reading_a_point_says_nothing():
     alive = Liveness(THREE, None, {})
     assert not any(alive.hanging(point, still(0.1 * k, count=1), {}) for k, point in enumerate(POINTS))
+
+
+def with_standard(values):
+    """An output that is alive, and the readings of a reference standard of the pitch."""
+    rng = random.Random(sum(values))
+    read = Observation({"x_V": Channel(tuple(rng.gauss(0.0, 1e-4) for _ in values))}, {})
+    read.references["pitch_deg"] = Channel(tuple(values))
+    return read
+
+
+@pytest.mark.parametrize(
+    ("before", "moved", "hangs"),
+    [
+        ((1.0, 1.1, 1.2, 1.3), True, True),
+        ((1.0, 1.1, 1.2, 1.3), False, True),  # it never gave the same reading twice
+        ((1.2, 1.3, 1.3, 1.3), True, True),
+        ((1.2, 1.3, 1.3, 1.3), False, False),  # coarse, and its factor stays
+    ],
+)
+def test_a_reference_standard_that_hangs_is_not_believed(before, moved, hangs):
+    readers = {"x_V": "scanner", "pitch_deg": "standard"}
+    alive = Liveness(readers, None, {}, {"pitch_deg": 0})
+    first = POINTS[0]
+    after = next(p for p in POINTS if (p.setpoints[0] != first.setpoints[0]) == moved and p.index)
+    assert not alive.hanging(first, with_standard(before), {})
+    assert alive.hanging(after, with_standard((1.3,) * 4), {}) == (["pitch_deg"] if hangs else [])

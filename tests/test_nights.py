@@ -17,7 +17,7 @@ from rig.engine.actions import BenchActions
 from rig.run_file.reader import RunReader
 from rig.tables import run_table
 
-NIGHTS = {"attitude": range(24), "pressure": range(8), "load-cell": range(24)}
+NIGHTS = {lab: range(8) for lab in EVERY_LAB} | {"attitude": range(24), "bath": range(15)}
 """Those of `FOUND_BY` are among them: each is played once without a bug."""
 FOUND_BY = {
     "accept-late-reply": ("attitude", 3),
@@ -28,7 +28,8 @@ FOUND_BY = {
     "stale-reading": ("pressure", 0),
     "whole-plot-goes-on": ("pressure", 4),
     "sleep-through": ("attitude", 3),
-    "weights-from-any-side": ("load-cell", 5),
+    "weights-from-any-side": ("load-cell", 0),
+    "trust-standards": ("bath", 14),
 }
 """A night that finds each planted bug."""
 
@@ -42,6 +43,7 @@ BREAKS = {
     "whole-plot-goes-on": {"one stay"},
     "sleep-through": {"unbroken"},
     "weights-from-any-side": {"approached"},
+    "trust-standards": {"truthful"},
 }
 """What does not hold then, and not just anything: a bug that stops the controller altogether would prove nothing."""
 

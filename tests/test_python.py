@@ -353,12 +353,15 @@ def test_a_plan_is_what_the_command_prints(tmp_path, monkeypatch):
 
 
 PUBLIC = {
+    "budget": "(run: 'str | Path', *, equipment: 'str | Path | None' = None, at: 'Sequence[Mapping[str, float]]' = (), "
+    "same_meter: 'bool' = False, probability: 'float' = 0.95, trials: 'int | None' = None, seed: 'int' = 1, each: "
+    "'Callable[[], None] | None' = None, **options: 'Any') -> 'Budget'",
     "chart": "(calibrations: 'Sequence[str | Path | Data]', *, tolerance: 'float | None' = None, usage: 'float | None' "
     "= None, sensors: 'Sequence[str]' = (), formula: 'str | None' = None, today: 'str | date | None' = None) -> "
     "'ControlChart'",
     "infer": "(calibration: 'str | Path', readings: 'Readings', *, out: 'str | Path | None' = None, "
     "separator: 'str | None' = None, decimal: 'str | None' = None, encoding: 'str | None' = None, "
-    "header: 'int | None' = None, **options: 'Any') "
+    "header: 'int | None' = None, same_meter: 'bool' = False, **options: 'Any') "
     "-> 'Inferred'",
     "open": "(path: 'str | Path', *, separator: 'str | None' = None, decimal: 'str | None' = None, "
     "encoding: 'str | None' = None, header: 'int | None' = None) -> 'Data'",
@@ -370,6 +373,7 @@ PUBLIC = {
 }
 RESULT = {"plot", "to_json", "to_pandas", "to_xarray", "blocks", "notes", "frame"}
 MEMBERS = {
+    "Budget": RESULT | {"report"},
     "Data": {"table", "fit", "trace"},
     "Calibration": RESULT | {"infer", "inside", "report", "save"},
     "Trace": RESULT | {"report", "verdicts"},

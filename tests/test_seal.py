@@ -181,6 +181,7 @@ def test_one_way_of_sealing_is_asked_for(run_file, tmp_path):
     assert rig("seal", run_file, "--key", tmp_path / "k", "--statement", tmp_path / "s").returncode == 2
 
 
+EC = ("-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256", "-nodes")
 AUTHORITY = """
 [tsa]
 default_tsa = own
@@ -203,21 +204,9 @@ def authority(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("authority")
     (folder / "tsa.cnf").write_text(AUTHORITY)
     (folder / "serial").write_text("01")
-    command("req", "-x509", "-newkey", "rsa:2048", "-nodes", "-keyout", "root.key", "-out", "root.pem", "-days", "9000",
-            "-subj", "/CN=Root", cwd=folder)  # fmt: skip
-    command(
-        "req",
-        "-newkey",
-        "rsa:2048",
-        "-nodes",
-        "-keyout",
-        "tsa.key",
-        "-out",
-        "tsa.csr",
-        "-subj",
-        "/CN=Stamps",
-        cwd=folder,
-    )
+    root = ("-keyout", "root.key", "-out", "root.pem", "-days", "9000", "-subj", "/CN=Root")
+    command("req", "-x509", *EC, *root, cwd=folder)
+    command("req", *EC, "-keyout", "tsa.key", "-out", "tsa.csr", "-subj", "/CN=Stamps", cwd=folder)
     command("x509", "-req", "-in", "tsa.csr", "-CA", "root.pem", "-CAkey", "root.key", "-CAcreateserial",
             "-out", "tsa.pem", "-days", "9000", "-extfile", "tsa.cnf", "-extensions", "stamps", cwd=folder)  # fmt: skip
     return folder
@@ -247,7 +236,9 @@ def test_a_time_stamp_of_others_is_checked(run_file, authority, tmp_path):
         "req",
         "-x509",
         "-newkey",
-        "rsa:2048",
+        "ec",
+        "-pkeyopt",
+        "ec_paramgen_curve:P-256",
         "-nodes",
         "-keyout",
         "x.key",

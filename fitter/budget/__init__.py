@@ -1,13 +1,14 @@
 """Uncertainty budgets after the GUM: JCGM 100, and JCGM 101 as a check."""
 
 from fitter.budget.budget import Budgeted, Contribution, budgets, covariance
-from fitter.budget.coverage import coverage_factor
+from fitter.budget.coverage import EXCESS, coverage_factor, shape_factor
 from fitter.budget.influence import Correlation, Influence, TypeA
 from fitter.budget.mass import Combined, combine
 from fitter.budget.monte_carlo import Check, Interval, Simulated, check, monte_carlo, simulate
 from fitter.budget.rounding import Rounded, rounded, rounded_df, rounded_factor, rounded_uncertainty
 
 __all__ = [
+    "EXCESS",
     "Budgeted",
     "Check",
     "Combined",
@@ -28,5 +29,6 @@ __all__ = [
     "rounded_df",
     "rounded_factor",
     "rounded_uncertainty",
+    "shape_factor",
     "simulate",
 ]

@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from fitter.arrays import FloatArray
-from fitter.budget.coverage import coverage_factor
+from fitter.budget.coverage import EXCESS, coverage_factor, shape_factor
 from fitter.budget.influence import CANCELLED, Correlation, Influence, Inputs, TypeA, checked
 
 
@@ -74,6 +74,7 @@ def budgets(
     *,
     probability: float = 0.95,
     correlations: Sequence[Correlation] | None = None,
+    shapes: bool = False,
 ) -> tuple[Budgeted, ...]:
     """A budget for each of m results (JCGM 100, 5.1, 5.2 and annex G).
 
@@ -88,6 +89,8 @@ def budgets(
         influences: with (m,) sensitivities each.
         probability: coverage probability.
         correlations: between influences.
+        shapes: coverage factors by the shapes of the distributions, as EA-4/02 has them in S9 and S10, instead of
+            Student's t: smaller where limits of error dominate. For about 95 %.
 
     Raises:
         FitError: what `checked` refuses, or a probability that is not between 0 and 1.
@@ -98,7 +101,9 @@ def budgets(
         raise ValueError(f"{len(units)} units for {len(names)} results")
     found = []
     for j, (combined, df) in enumerate(_combined(inputs)):
-        k = float(coverage_factor(probability, df))
+        k = float(
+            shape_factor(probability, _index(inputs, j, combined, df)) if shapes else coverage_factor(probability, df)
+        )
         lines = sorted(_lines(inputs, j), key=lambda one: -one.standard_uncertainty)
         value = float(inputs.values[j])
         found.append(Budgeted(names[j], units[j], value, combined, df, probability, k, k * combined, tuple(lines)))
@@ -146,6 +151,13 @@ def _combined(inputs: Inputs) -> list[tuple[float, float]]:
         u = float(core.uncertainty(result))
         found.append((u, float(core.dof(result)) if u else inf))
     return found
+
+
+def _index(inputs: Inputs, j: int, combined: float, df: float) -> float:
+    """Index of `shape_factor` for result j; correlated influences count as normal."""
+    alone = [i for group in inputs.groups if len(group) == 1 for i in group] if combined else []
+    shares = {i: float(inputs.sensitivities[i, j] / combined) ** 4 for i in alone}
+    return 1.0 / df + sum(share * EXCESS[inputs.influences[i].distribution] for i, share in shares.items())
 
 
 def _lines(inputs: Inputs, j: int) -> list[Contribution]:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fitter.arrays import FloatArray
-from fitter.budget.coverage import coverage_factor
+from fitter.budget.coverage import coverage_factor, shape_factor
 from fitter.budget.influence import CANCELLED, connected
 
 
@@ -38,6 +38,7 @@ def combine(
     *,
     probability: float = 0.95,
     correlation: FloatArray | None = None,
+    excess: FloatArray | None = None,
 ) -> Combined:
     """Combine p influences for each of n results, as `budgets` does, to 1e-9.
 
@@ -47,6 +48,7 @@ def combine(
         type_a: variance and degrees of freedom of each further component; each a number or (n,).
         probability: coverage probability.
         correlation: (p, p) of the influences; as `influence.checked` accepts it.
+        excess: (p,) `EXCESS` of the influences' distributions, for coverage factors by shape.
 
     """
     n, p = sensitivities.shape
@@ -60,12 +62,18 @@ def combine(
         part = np.square(s[:, 0]) if len(which) == 1 else np.einsum("ni,ij,nj->n", s, r[np.ix_(which, which)], s)
         parts.append((part, df[which[0]]))
     parts += [(np.asarray(one, dtype=np.float64), np.asarray(its_df, dtype=np.float64)) for one, its_df in type_a]
+    shapes = [] if excess is None else excess.tolist()
+    bounded = [(one, shapes[one[0]]) for one in connected(r) if len(one) == 1 and shapes and shapes[one[0]]]
     alone = sum((np.square(sensitivities[:, i]) for i in range(p)), start=np.zeros(n))
     variance = sum((part for part, _ in parts), start=np.zeros(n))
     variance = np.where(variance > CANCELLED * alone, variance, 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
         per_df = sum((np.square(part / variance) / its_df for part, its_df in parts), start=np.zeros(n))
         effective = np.where(per_df > 0.0, 1.0 / per_df, np.inf)
-    k = coverage_factor(probability, effective)
+        squares = [np.square(np.square(sensitivities[:, one[0]]) / variance) * shape for one, shape in bounded]
+    if excess is None:
+        k = coverage_factor(probability, effective)
+    else:
+        k = shape_factor(probability, 1.0 / effective + np.nan_to_num(sum(squares, start=np.zeros(n))))
     u = np.sqrt(variance)
     return Combined(u, effective, k, k * u)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import ceil
 
 import numpy as np
 
@@ -50,7 +49,8 @@ class Simulated:
         probability: of both intervals.
         trials: number.
         error: twice the standard deviation of the least certain of mean, standard deviation and ends of the
-            symmetric interval, from the scatter between blocks of trials (JCGM 101, 7.9.4).
+            symmetric interval: from the scatter between blocks of trials (JCGM 101, 7.9.4), or, with a given number of
+            trials, from their order statistics.
         stable: whether this error is within the numerical tolerance that was asked for.
 
     """
@@ -108,11 +108,11 @@ def monte_carlo(
             repeatability; without it, results are linear in errors.
         correlations: as in `budgets`.
         digits: significant digits of a standard uncertainty that shall be confirmed.
-        count: trials, rounded up to whole blocks; without it, as many as are needed, and not more than `most`.
+        count: trials; without it, as many as are needed, and not more than `most`.
         most: trials. They take 8 m bytes each.
 
     Raises:
-        FitError: what `budgets` refuses; correlated influences that are not normal.
+        FitError: what `budgets` refuses; correlated influences that are not normal; too few trials.
 
     """
     names, values = [one.name for one in budgeted], np.array([one.value for one in budgeted])
@@ -162,39 +162,73 @@ def simulate(
         seed: of the random numbers.
         probability: coverage probability.
         digits: significant digits of the standard deviations that shall be right.
-        count: trials instead, rounded up to whole blocks of at least two.
+        count: trials instead; at least 100 / (1 - probability).
         most: trials.
         finer: the tolerance is divided by it.
 
     Raises:
-        FitError: the probability is not between 0 and 1, or a result is not finite.
+        FitError: the probability is not between 0 and 1, a result is not finite, or there are too few trials.
 
     """
     if not 0.0 < probability < 1.0:
         raise FitError(f"a coverage probability of {probability:g}: it must be between 0 and 1")
-    rng, size = np.random.default_rng(seed), max(BLOCK, ceil(100.0 / (1.0 - probability)))
+    rng, least = np.random.default_rng(seed), round(100.0 / (1.0 - probability))
+    if count is not None:
+        if count < least:
+            raise FitError(f"{count} trials are too few for {100.0 * probability:g} %: at least {least} are needed")
+        sizes = [BLOCK] * (count // BLOCK) + ([count % BLOCK] if count % BLOCK else [])
+        ordered = np.sort(np.concatenate([_finite(draw(rng, size)) for size in sizes]), axis=0)
+        error = _error(ordered, probability)
+        return _all(ordered, probability, error, _tolerances(ordered.std(axis=0, ddof=1), digits) / finer)
+    size = max(least, BLOCK)
     blocks: list[FloatArray] = []
     figures: list[FloatArray] = []
-    needed = max(2, ceil((most if count is None else count) / size))
-    error, tolerance = np.zeros(0), np.zeros(0)
-    while len(blocks) < needed:
-        values = draw(rng, size)
-        if not np.all(np.isfinite(values)):
-            raise FitError("a trial of the simulation gave a result that is not finite")
-        blocks.append(values)
-        figures.append(_figures(np.sort(values, axis=0), probability))
-        if len(blocks) < 2:
+    while True:
+        blocks.append(_finite(draw(rng, size)))
+        figures.append(_figures(np.sort(blocks[-1], axis=0), probability))
+        if len(blocks) < FEWEST:
             continue
         each, h = np.array(figures), len(figures)
         error = np.max(2.0 * np.std(each, axis=0, ddof=1) / np.sqrt(h), axis=0)
         spread = np.sqrt(np.mean(np.square(each[:, 1]), axis=0) + np.var(each[:, 0], axis=0))
-        tolerance = np.array([numerical_tolerance(float(one), digits) for one in spread]) / finer
-        if count is None and h >= FEWEST and np.all(error <= tolerance):
-            break
-    every = np.sort(np.concatenate(blocks), axis=0)
+        tolerance = _tolerances(spread, digits) / finer
+        if np.all(error <= tolerance) or (h + 1) * size > most:
+            return _all(np.sort(np.concatenate(blocks), axis=0), probability, error, tolerance)
+
+
+def _finite(values: FloatArray) -> FloatArray:
+    if not np.all(np.isfinite(values)):
+        raise FitError("a trial of the simulation gave a result that is not finite")
+    return values
+
+
+def _tolerances(spread: FloatArray, digits: int) -> FloatArray:
+    return np.array([numerical_tolerance(float(one), digits) for one in spread])
+
+
+def _error(ordered: FloatArray, probability: float) -> FloatArray:
+    """(m,) twice the standard deviation of the least certain figure of sorted trials.
+
+    A quantile lies between the order statistics at its rank plus and minus two binomial standard deviations.
+    """
+    count = len(ordered)
+    centred = ordered - ordered.mean(axis=0)
+    variance = np.mean(np.square(centred), axis=0)
+    fourth = np.mean(np.square(np.square(centred)), axis=0)
+    errors = [2.0 * np.sqrt(variance / count)]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        errors.append(np.nan_to_num(np.sqrt(np.maximum(fourth / variance - variance, 0.0) / count)))
+    for tail in (0.5 * (1.0 - probability), 0.5 * (1.0 + probability)):
+        reach = 2.0 * np.sqrt(count * tail * (1.0 - tail))
+        low, high = (int(np.clip(round(count * tail + sign * reach), 0, count - 1)) for sign in (-1, 1))
+        errors.append(0.5 * (ordered[high] - ordered[low]))
+    return np.asarray(np.max(errors, axis=0))
+
+
+def _all(ordered: FloatArray, probability: float, error: FloatArray, tolerance: FloatArray) -> tuple[Simulated, ...]:
     return tuple(
-        _simulated(every[:, j], probability, float(error[j]), bool(error[j] <= tolerance[j]))
-        for j in range(every.shape[1])
+        _simulated(ordered[:, j], probability, float(error[j]), bool(error[j] <= tolerance[j]))
+        for j in range(ordered.shape[1])
     )
 
 

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 
 DOUBT = 1e-2
 """Probability of a remainder at the place of an effect, below which the effect is doubtful."""
+CHANGES = 1e-3
+"""The same of a change of its coefficient, over all variables that it may change with."""
 BUNDLE = 3
 """Number of names found together in the same sensors at one level, from which on they may be parts of one shape."""
 PERIODS = 2.0
@@ -19,6 +21,21 @@ EARNED = 3.0
 def something_left(place: str, p: float) -> str:
     """Sentence about a remainder."""
     return f"the residual still follows a shape {place} that it does not explain (p = {p:.1g})"
+
+
+def not_constant(over: str, p: float) -> str:
+    """Sentence about a coefficient that changes over the data."""
+    return f"its coefficient is no constant: it changes {over} (p = {p:.1g})"
+
+
+def one_that_changes(name: str, other: str, over: str) -> str:
+    """Sentence about two names that may be one."""
+    return f"{name} with a coefficient that changes {over} explains as much as {name} and {other} do together"
+
+
+def not_sudden() -> str:
+    """Sentence about a step."""
+    return "a change that goes on for a good part of the run explains as much as a sudden one"
 
 
 def bundle(names: Sequence[str]) -> str:
@@ -48,6 +65,11 @@ def beside(stronger: str) -> str:
 def few_periods(count: float) -> str:
     """Sentence about an oscillation of which the data have few periods."""
     return f"the data have {count:.1f} of its periods: something that wanders slowly would look like this"
+
+
+def another_law(name: str) -> str:
+    """Sentence about a smooth law beside which one with a corner explains as much."""
+    return f"{name}, a law with a corner, explains as much: how it depends on the variable is not known"
 
 
 def several_values(count: int) -> str:

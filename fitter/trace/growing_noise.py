@@ -105,13 +105,14 @@ class Growth:
         return np.maximum(self.noise.sd((values - low) / (high - low)), 1e-6 * self.noise.at_zero)
 
 
-def growth_of(left: FloatArray, kept: FloatArray, drivers: Mapping[str, FloatArray]) -> Growth | None:
+def growth_of(left: FloatArray, kept: FloatArray, drivers: Mapping[str, FloatArray], sensors: int = 1) -> Growth | None:
     """The driver with the most significant relation to the noise; None if there is none.
 
     Args:
         left: (n,) residual with the effects, units of the response, unweighted.
         kept: (n,) share of a row's variance in its residual.
         drivers: (n,) variables on which it may depend.
+        sensors: of the run, each of which is asked.
     """
     usable = {name: v for name, v in drivers.items() if np.ptp(v) > 1e-9 * np.max(np.abs(v))}
     if len(left) < FEWEST or not usable or not np.any(left):
@@ -120,7 +121,7 @@ def growth_of(left: FloatArray, kept: FloatArray, drivers: Mapping[str, FloatArr
     for name, v in usable.items():
         low, high = float(v.min()), float(v.max())
         noise = noise_of(left, kept, (v - low) / (high - low))
-        found.append(Growth(name, (low, high), noise, min(noise.p * len(usable) / COUNTED, 1.0)))
+        found.append(Growth(name, (low, high), noise, min(noise.p * len(usable) * sensors / COUNTED, 1.0)))
     best = min(found, key=lambda growth: growth.p)
     ends = best.noise.sd(np.array([0.0, 1.0]))
     return best if best.p <= ALPHA and max(ends) > FACTOR * min(ends) else None

@@ -9,23 +9,24 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from fitter.arrays import FloatArray, IntArray
 from fitter.budget import TypeA
 from fitter.errors import FitError
-from fitter.misfit import lacks_fit
 from procedures.attitude.data import AttitudeData, settings
 from procedures.attitude.fit import AttitudeFit, fit_all
-from procedures.attitude.infer import AttitudeCalibration, infer_attitude
+from procedures.attitude.infer import AttitudeCalibration, InferredAttitude, infer_attitude
 from procedures.attitude.infer.calibrate import calibrate_package
 from procedures.attitude.influences import levelled
 from procedures.attitude.model import attitude_columns, sensitive_axis
 from procedures.attitude.table import attitude_data
 from procedures.attitude.temperature import Temperature
-from procedures.budgeting import FIT, Evaluation, Results, Shift, Shifts, no_error
+from procedures.budgeting import SCATTER, Evaluation, Results, Shift, Shifts, no_error
 from procedures.errors import DataError
+from procedures.scatter import Scatter, scatter
 from procedures.stated import PlaceConstant
 from procedures.table import SENSOR_TEMPERATURE, Columns, Table
 
@@ -88,7 +89,7 @@ class Model:
             gravity: local gravity, m/s2.
         """
         found: list[float] = []
-        used = _with_coefficients(self.calibration, coefficients)
+        used = with_coefficients(self.calibration, coefficients)
         for one in coefficients:
             m = sensitive_axis(one)
             S = float(np.linalg.norm(m))
@@ -99,23 +100,27 @@ class Model:
         found += self._inferred(used, readings).ravel().tolist()
         return np.array(found)
 
-    def _inferred(self, used: AttitudeCalibration, readings: FloatArray) -> FloatArray:
-        """(p, angles) angles, deg; with one sensor, roll is known."""
+    def infer(self, used: AttitudeCalibration, readings: FloatArray) -> InferredAttitude:
+        """Angles of (p, S) readings; with one sensor, roll is known. Raises `FitError`."""
         known = len(used.sensors) == 1
+        return infer_attitude(
+            used,
+            readings,
+            roll_deg=self.at_deg[:, 1] if known and used.roll else None,
+            near_deg=(self.at_deg[:, 0], self.at_deg[:, 1]),
+            sensor_temperature_degC=used.reference_degC,
+        )
+
+    def _inferred(self, used: AttitudeCalibration, readings: FloatArray) -> FloatArray:
+        """(p, angles) angles, deg; NaN where they are not determined."""
         try:
-            answer = infer_attitude(
-                used,
-                readings,
-                roll_deg=self.at_deg[:, 1] if known and used.roll else None,
-                near_deg=(self.at_deg[:, 0], self.at_deg[:, 1]),
-                sensor_temperature_degC=used.reference_degC,
-            )
+            answer = self.infer(used, readings)
         except FitError:
             return np.full((len(readings), len(self.angles)), np.nan)
         return np.column_stack([answer.pitch_deg, answer.roll_deg])[:, : len(self.angles)]
 
 
-def _with_coefficients(calibration: AttitudeCalibration, coefficients: FloatArray) -> AttitudeCalibration:
+def with_coefficients(calibration: AttitudeCalibration, coefficients: FloatArray) -> AttitudeCalibration:
     """The calibration with other coefficients (S, 4) of the declared model."""
     sensors = tuple(
         replace(one, coefficients=np.concatenate([own, one.coefficients[4:]]))
@@ -130,9 +135,23 @@ class AttitudeEvaluation(Evaluation):
     def __init__(
         self, data: AttitudeData, at_deg: Sequence[tuple[float, float]], *, temperature: bool, gravity: float | None
     ) -> None:
-        self._data, self._temperature = data, temperature
-        calibration = calibrate_package(data, temperature=temperature)
-        self._model = Model(calibration, np.array(at_deg, np.float64).reshape(-1, 2), gravity)
+        self._data, self._temperature, self._gravity = data, temperature, gravity
+        self._at = np.array(at_deg, np.float64).reshape(-1, 2)
+        self._plain = calibrate_package(data, temperature=temperature)
+        self._expected: Mapping[str, float] = {}
+
+    def explain(self, expected: Mapping[str, float]) -> None:
+        """See `Evaluation`."""
+        self._expected = expected
+
+    @cached_property
+    def _model(self) -> Model:
+        return Model(self._with_scatter(self._plain), self._at, self._gravity)
+
+    @property
+    def calibration(self) -> AttitudeCalibration:
+        """Calibration of the run, with the scatter that its budget has."""
+        return self._model.calibration
 
     @cached_property
     def _fits(self) -> Mapping[str, AttitudeFit]:
@@ -159,30 +178,33 @@ class AttitudeEvaluation(Evaluation):
 
     def _coefficients(self, moved: Mapping[str, FloatArray]) -> FloatArray:
         """(S, 4) coefficients of the declared model with additions to columns."""
-        d = self._data
+        own = self._solved(moved)[0]
+        return np.insert(own, 2, 0.0, axis=1) if own.shape[1] == 3 else own
+
+    def _solved(self, moved: Mapping[str, FloatArray]) -> tuple[FloatArray, FloatArray]:
+        """(S, k) coefficients of the declared model and (S, n) residuals, with additions to columns."""
 
         def column(name: str) -> FloatArray:
             added = moved.get(name)
             return self.columns[name] if added is None else self.columns[name] + added
 
+        d = self._data
         h = attitude_columns(column(PITCH), column(ROLL), roll=d.has_roll)
+        y = np.column_stack([column(name) for name in d.outputs])
         if not self._temperature:
-            own = _solve(h, np.column_stack([column(name) for name in d.outputs]))
-        else:
-            warmth = column(SENSOR_TEMPERATURE) - self._reference
-            own = np.column_stack(
-                [
-                    _solve(np.column_stack([h, warmth, warmth * (h[:, 1:] @ self._own[name])]), column(name)[:, None])[
-                        : h.shape[1]
-                    ]
-                    for name in d.outputs
-                ]
-            )
-        return np.asarray(np.insert(own, 2, 0.0, axis=0).T if len(own) == 3 else own.T)
+            own = _solve(h, y)
+            return own.T, (y - h @ own).T
+        warmth, found, left = column(SENSOR_TEMPERATURE) - self._reference, [], []
+        for j, name in enumerate(d.outputs):
+            every = np.column_stack([h, warmth, warmth * (h[:, 1:] @ self._own[name])])
+            solved = _solve(every, y[:, j])
+            found.append(solved[: h.shape[1]])
+            left.append(y[:, j] - every @ solved)
+        return np.array(found), np.array(left)
 
     @property
     def _reference(self) -> float:
-        reference = self._model.calibration.reference_degC
+        reference = self._plain.reference_degC
         assert reference is not None
         return reference
 
@@ -195,6 +217,17 @@ class AttitudeEvaluation(Evaluation):
     @cached_property
     def _base(self) -> FloatArray:
         return self._coefficients({})
+
+    def coefficients(self, columns: Mapping[str, FloatArray]) -> Mapping[str, FloatArray]:
+        """See `Evaluation`."""
+        mine = {name: moved for name, moved in columns.items() if name in self.columns}
+        found = self._coefficients(mine) if mine else self._base
+        return dict(zip(self._plain.names, found, strict=True))
+
+    def residuals(self, columns: Mapping[str, FloatArray]) -> Mapping[str, FloatArray]:
+        """See `Evaluation`."""
+        mine = {name: moved for name, moved in columns.items() if name in self.columns}
+        return dict(zip(self._plain.names, self._solved(mine)[1], strict=True))
 
     def evaluate(self, shift: Shift) -> FloatArray:
         """See `Evaluation`."""
@@ -219,75 +252,72 @@ class AttitudeEvaluation(Evaluation):
             lost = next(name for (name, _, _), one in zip(named, known, strict=True) if not one)
             raise FitError(f"{lost}: these sensors do not determine it there; choose another point with --at")
         names, units, sensors = zip(*named, strict=True)
-        return Results(names, units, values, tuple(self._type_a(values)), sensors)
+        type_a, of_fit = self._type_a(values)
+        return Results(names, units, values, type_a, sensors, of_fit)
 
-    def _type_a(self, values: FloatArray) -> Iterable[TypeA]:
-        """Scatter of the run through the fit, and of one reading in use."""
+    @cached_property
+    def _scatter(self) -> Mapping[str, Scatter]:
+        """Scatter of the readings of every sensor."""
+        found = {}
+        for one in self._plain.sensors:
+            table = self._fits[one.name].replication
+            below, total = float(table.bias.df_below), one.sigma_V**2 * one.df
+            pure = table.sigma_prec**2 * one.df if below > 0 and np.isfinite(table.sigma_prec) else 0.0
+            found[one.name] = scatter(total, float(one.df), pure, below, self._expected.get(one.name, 0.0))
+        return found
+
+    def _with_scatter(self, calibration: AttitudeCalibration) -> AttitudeCalibration:
+        """The calibration with the scatter that budgets have."""
+        every = self._scatter.values()
+        if calibration.drift is not None or not any(one.explained for one in every):
+            return calibration
+        sensors, ratios = [], []
+        for sensor, one in zip(calibration.sensors, every, strict=True):
+            ratios += [one.variance**0.5 / sensor.sigma_V] * sensor.coefficients.size
+            sensors.append(replace(sensor, sigma_V=one.variance**0.5, df=one.df))
+        covariance = calibration.covariance * np.outer(ratios, ratios)
+        return replace(calibration, sensors=tuple(sensors), covariance=covariance)
+
+    def stored(self) -> Any:
+        """See `Evaluation`."""
+        return self._model.calibration.to_dict()
+
+    def _type_a(self, values: FloatArray) -> tuple[TypeA, FloatArray]:
+        """Scatter of the run through the fit; of inferred angles as in use, with one reading. (m,) variances by the
+        fit alone.
+        """
         calibration, model = self._model.calibration, self._model
-        k = [one.coefficients.size for one in calibration.sensors]
-        starts = np.concatenate([[0], np.cumsum(k)[:-1]])
+        sizes = [one.coefficients.size for one in calibration.sensors]
+        starts = np.concatenate([[0], np.cumsum(sizes)[:-1]])
         rows = np.concatenate([np.arange(start, start + 4) for start in starts])
-        drift = calibration.drift
+        drift, last = calibration.drift, len(model.at_deg) * len(model.angles)
         if drift is None:
-            covariance = calibration.covariance[np.ix_(rows, rows)]
-            df = float(np.mean([one.df for one in calibration.sensors]))
-        else:
-            covariance, df = drift.covariance[np.ix_(rows, rows)] / (drift.df + 2), drift.df
-        ratio, noise, pure_df = self._pure
-        if drift is None:
-            each = np.repeat(ratio, 4)
-            covariance = covariance * np.outer(each, each)
-            df = pure_df
+            covariance, df = (
+                calibration.covariance[np.ix_(rows, rows)],
+                {one.name: float(one.df) for one in calibration.sensors},
+            )
+        else:  # a use deviates from the mean of n replications as they do from one another: n + 1 times its error
+            covariance, df = (
+                drift.covariance[np.ix_(rows, rows)] / (drift.df + 2),
+                dict.fromkeys(calibration.names, float(drift.df)),
+            )
         size = float(np.max(np.abs(self._base)))
         J = np.empty((len(values), self._base.size))
         for i in range(self._base.size):
             step = np.zeros(self._base.size)
             step[i] = _STEP * size
-            up, down = (
-                model.values(self._base + s * step.reshape(self._base.shape), model.readings, model.gravity)
-                for s in (1, -1)
-            )
+            moved = (self._base + sign * step.reshape(self._base.shape) for sign in (1, -1))
+            up, down = (model.values(one, model.readings, model.gravity) for one in moved)
             J[:, i] = (up - down) / (2 * step[i])
-        yield TypeA(J @ covariance @ J.T, df, *FIT)
-        used = np.zeros((len(values), len(values)))
-        for j, sigma in enumerate(noise):
-            step_V = np.zeros_like(model.readings)
-            step_V[:, j] = _STEP * size
-            up, down = (model.values(self._base, model.readings + s * step_V, model.gravity) for s in (1, -1))
-            gain = (up - down) / (2 * _STEP * size)
-            same = self._same_reading()
-            used += sigma**2 * np.outer(gain, gain) * same
-        yield TypeA(used, pure_df, "scatter of one reading in use", "the run")
-
-    def _same_reading(self) -> FloatArray:
-        """(m, m) 1 for results of the same reading in use."""
-        p, per = len(self._model.at_deg), len(self._model.angles)
-        total = len(list(self._model.named()))
-        where = np.full(total, -1)
-        where[total - p * per :] = np.repeat(np.arange(p), per)
-        return np.asarray((where[:, None] == where) * 1.0)
-
-    @cached_property
-    def _pure(self) -> tuple[FloatArray, FloatArray, float]:
-        """(S,) pure error over the fit's sigma, (S,) sigma of one reading in V, and its degrees of freedom.
-
-        If the fit lacks something that repeats in every replication, as an error of the head does, its residuals are no
-        measure of scatter; differences between replications are.
-        """
-        ratio, noise, df = [], [], []
-        for one, fit in zip(self._model.calibration.sensors, self._fits.values(), strict=True):
-            table = fit.replication
-            below = table.bias.df_below
-            pure = table.sigma_prec * np.sqrt(one.df / below) if below > 0 else 0.0
-            if lacks_fit(table) and np.isfinite(pure) and pure > 0:
-                ratio.append(pure / one.sigma_V)
-                noise.append(pure)
-                df.append(float(below))
-            else:
-                ratio.append(1.0)
-                noise.append(float(one.sigma_V))
-                df.append(float(one.df))
-        return np.array(ratio), np.array(noise), float(min(df))
+        found = J @ covariance @ J.T
+        of_fit = np.diag(found).copy()
+        every = np.array([df.get(sensor, np.inf) for _, _, sensor in model.named()])
+        answer = model.infer(calibration, model.readings)
+        sd = np.column_stack([answer.pitch_sd_deg, answer.roll_sd_deg])[:, : len(model.angles)].ravel()
+        inferred = np.arange(len(values) - last, len(values))
+        found[inferred, inferred] = sd**2
+        every[inferred] = np.column_stack([answer.df, answer.roll_df])[:, : len(model.angles)].ravel()
+        return TypeA(found, every, *SCATTER), of_fit
 
     def of_place(self, constant: PlaceConstant) -> Iterable[tuple[str, Shifts]]:
         """Levelling as two tilts of the head's base; local gravity as the scale of the sensitivity."""
@@ -303,30 +333,32 @@ class AttitudeEvaluation(Evaluation):
                     lambda times: Shift(levelled(pitch, roll, times * constant.standard)),
                 )
 
-    def notes(self, predicted: Sequence[FloatArray]) -> Iterable[str]:
-        """Lack of fit, which the budget does not explain."""
-        for name, fit in self._fits.items():
-            if lacks_fit(fit.replication):
-                yield (
-                    f"{name}: the model lacks something that repeats in every replication (T_bias "
-                    f"{fit.replication.bias.value:.3g}, 95 % limit {fit.replication.bias.limit_95:.3g}); errors of the "
-                    f"head do that, and so do effects: see rig trace. Scatter is taken from differences between "
-                    f"replications"
-                )
+    def notes(self) -> Iterable[str]:
+        """See `Evaluation`."""
+        return (words for name, one in self._scatter.items() if (words := one.sentence(name)))
 
 
 def attitude_evaluation(
-    table: Table, at: Sequence[Mapping[str, float]], *, temperature: bool | None, gravity: float | None
+    table: Table,
+    at: Sequence[Mapping[str, float]],
+    *,
+    temperature: bool | None,
+    traced: bool = False,
+    gravity: float | None,
 ) -> AttitudeEvaluation:
     """The evaluation of a table; arguments and errors as for `Kind.evaluation`.
 
     Args:
         temperature: as for `fit_attitude_table`.
+        traced: with the effects that a trace finds.
     """
+    from procedures.attitude.budget_traced import TracedEvaluation  # noqa: PLC0415 - which derives from this module
+
     data = attitude_data(table)
     warm = bool(table.declared.get("temperature", False)) if temperature is None else temperature
     try:
-        return AttitudeEvaluation(data, _points(data, at), temperature=warm, gravity=gravity)
+        made = TracedEvaluation if traced else AttitudeEvaluation
+        return made(data, _points(data, at), temperature=warm, gravity=gravity)
     except FitError as error:
         raise DataError(f"{table.source}: {error}") from error
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -79,11 +80,22 @@ class AttitudeConfirming(Confirming):
 
     def chosen(self, whole: Variation, units: Sequence[int]) -> Variation:
         """See `Confirming`."""
-        points = _points(whole.procedure.expand())[0]
+        points = self._candidates(whole)
         design = DesignSettings(
             type="points", points_deg=[tuple(at) for at in short_path(points[list(units)]).tolist()]
         )
         return replace(whole, procedure=whole.procedure.model_copy(update={"design": design}))
+
+    def _candidates(self, whole: Variation) -> FloatArray:
+        """(U, 2) different (pitch, roll) of a run; runs of them are chosen from one design many times."""
+        known = self._of_design
+        if not known or known[0][0] is not whole:
+            known[:] = [(whole, _points(whole.procedure.expand())[0])]
+        return known[0][1]
+
+    @cached_property
+    def _of_design(self) -> list[tuple[Variation, FloatArray]]:
+        return []
 
     def ways(
         self, variation: Variation, run_list: RunList, questions: Sequence[Question], later_s: float
@@ -92,7 +104,7 @@ class AttitudeConfirming(Confirming):
         temperature.
         """
         later = self._planned(variation, run_list)
-        done = [step.done([p.replication for p in run_list.points]) for step in variation.steps]
+        done = [step.done(run_list.replications()) for step in variation.steps]
         both = [self.beside(later, later_s, done)]
         sources = {member.terms[0].effect.source for question in questions for member in question.members}
         if later.sensor_temperature_degC is not None and sources & {*CARRIED_ON}:
@@ -161,18 +173,18 @@ class AttitudeConfirming(Confirming):
             late = np.exp(-(soaked + elapsed - float(data.elapsed_s.min())) / PACKAGE_S)
             degC = np.interp(elapsed, *data.temperatures) + variation.warmer_degC * (1.0 - late)
         turn = procedure.mounting
-        sides = np.array([p.sides for p in run_list.points])
+        sides = [np.array([side for _, side in column]) for column in run_list.points.settings]
         at = [f.name for f in run_list.factors]
         return AttitudeData(
-            replicate=np.array([p.replication for p in run_list.points]),
+            replicate=np.array(run_list.replications()),
             order=np.arange(n),
             elapsed_s=elapsed,
             pitch_deg=np.array(run_list.column("pitch_deg")),
             roll_deg=np.array(run_list.column("roll_deg")),
             sensor_temperature_degC=degC,
             outputs={name: np.zeros(n) for name in data.sensors},
-            pitch_side=sides[:, at.index("pitch_deg")],
-            roll_side=sides[:, at.index("roll_deg")],
+            pitch_side=sides[at.index("pitch_deg")],
+            roll_side=sides[at.index("roll_deg")],
             mounting=np.broadcast_to(mounting_matrix(turn.x_deg, turn.y_deg, turn.z_deg), (n, 3, 3))
             if turn.turned
             else None,
@@ -212,7 +224,8 @@ def _point_s(data: AttitudeData, run_list: RunList) -> float:
     executed = np.argsort(data.order)
     seconds = float(np.median(np.diff(data.elapsed_s[executed])))
     usual = _travel(np.column_stack([data.pitch_deg, data.roll_deg])[executed])
-    return seconds + TRAVEL_S_PER_DEG * max(_travel(np.array([p.setpoints for p in run_list.points])) - usual, 0.0)
+    angles = np.column_stack([run_list.column(factor.name) for factor in run_list.factors])
+    return seconds + TRAVEL_S_PER_DEG * max(_travel(angles) - usual, 0.0)
 
 
 def _travel(angles: FloatArray) -> float:

@@ -90,12 +90,14 @@ def infer_attitudes(
         )
     if measured_roll is not None and roll_sd_deg == 0:
         notes.append("the measured roll is taken as exact: --roll-sd gives its standard deviation")
+    quantities = [name.removesuffix("_sd") for name in added if name.endswith("_sd")]
     return Inference(
         {**table.columns, **table.text, **added},
         tuple(added),
         tuple(notes),
         int(np.sum(found.flag != "")),
-        quantities=tuple(name.removesuffix("_sd") for name in added if name.endswith("_sd")),
+        quantities=tuple(quantities),
+        df=dict(zip(quantities, (found.df, found.roll_df), strict=False)),
         unused=unused_beside(table, needed, inputs),
     )
 

@@ -7,6 +7,8 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from fitter.arrays import FloatArray
 from fitter.effects.entry import Entry
 from fitter.effects.own import Grammar
@@ -14,7 +16,7 @@ from procedures.acceptance import Verdict
 from procedures.advice import Advice
 from procedures.attitude.options import BudgetOptions, FitOptions, InferOptions, TraceOptions
 from procedures.attitude.settings import PitchRollProcedure
-from procedures.budgeting import Evaluation
+from procedures.budgeting import Evaluation, Expected
 from procedures.charting import Charting
 from procedures.confirming import Confirming
 from procedures.errors import DataError
@@ -102,7 +104,21 @@ class AttitudeKind(Kind):
         """See `Kind`."""
         from procedures.attitude.infer import AttitudeCalibration  # noqa: PLC0415
 
-        return AttitudeCalibration.from_dict(given["calibration"])
+        return AttitudeCalibration.from_dict(given.get("budget", {}).get("calibration") or given["calibration"])
+
+    def expected(self, procedure: PitchRollProcedure, run_list: RunList, sensors: Mapping[str, str]) -> Expected:
+        """See `Kind`."""
+        from procedures.attitude.planned import expected_run  # noqa: PLC0415
+
+        return expected_run(procedure, run_list, sensors)
+
+    def with_coefficients(
+        self, calibration: AttitudeCalibration, coefficients: Mapping[str, FloatArray]
+    ) -> AttitudeCalibration:
+        """See `Kind`; those of the declared model."""
+        from procedures.attitude.budget import with_coefficients  # noqa: PLC0415
+
+        return with_coefficients(calibration, np.array([coefficients[name] for name in calibration.names]))
 
     def infer(
         self, calibration: AttitudeCalibration, read: Reader, options: InferOptions, other: Callable[[Path], Reader]
@@ -137,7 +153,9 @@ class AttitudeKind(Kind):
         """Parameters, outputs and angles by the declared model."""
         from procedures.attitude.budget import attitude_evaluation  # noqa: PLC0415
 
-        return attitude_evaluation(table, at, temperature=options.temperature, gravity=constants.get("gravity"))
+        return attitude_evaluation(
+            table, at, temperature=options.temperature, traced=options.traced, gravity=constants.get("gravity")
+        )
 
     def charting(self) -> Charting:
         """See `Kind`."""

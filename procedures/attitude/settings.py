@@ -163,6 +163,10 @@ class ExpectSettings(Strict):
     sigma_y_deg: Positive | None = Field(None, description="value for a y sensor, if it differs")
     sigma_z_deg: Positive | None = Field(None, description="value for a z sensor, if it differs")
     coning_deg: float = Field(1.0, ge=0, lt=90, description="largest coning angle Omega of the sensors")
+    sensitivity_V_per_g: Positive | None = Field(
+        None,
+        description="sensitivity of the sensors; with it, errors of the voltmeter are forecast, too",
+    )
 
 
 class UsageSettings(Strict):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from procedures.acceptance import Verdict
 from procedures.errors import DataError
-from procedures.general.of_runs import fit_run, results_of
+from procedures.general.of_runs import Asked, fit_run, models_of, results_of
 from procedures.general.settings import GeneralProcedure
 from procedures.table import Table
 
@@ -22,7 +22,7 @@ def judge(procedure: GeneralProcedure, table: Table) -> list[Verdict]:
         raise DataError(f"acceptance.sigma_E.{unknown[0]}: the bench has no such sensor ({', '.join(columns)})")
     if not limits:
         return []
-    results, verdicts = results_of(fit_run(table).result), []
+    results, verdicts = results_of(fit_run(Asked(table, models_of(table))).result), []
     for sensor, limit in limits.items():
         column = columns[sensor]
         result, unit = results[column], column.rpartition("_")[2]

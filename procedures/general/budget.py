@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
+from fitter import LinearFit
 from fitter.arrays import FloatArray, IntArray
 from fitter.budget import TypeA
 from fitter.errors import FitError
-from procedures.budgeting import Evaluation, Results, Shift, no_error, together
+from procedures.budgeting import SCATTER, Evaluation, Results, Shift, no_error, together
 from procedures.errors import DataError
 from procedures.general.declared import Declared, Model, model_of
 from procedures.general.fit import calibration_of
 from procedures.general.infer import CurveCalibration
 from procedures.general.of_runs import declared_of, has_whole_plots, models_of
+from procedures.scatter import Scatter, scatter
 from procedures.table import Columns, Table
 
 _ITERATIONS, _TOLERANCE = 50, 1e-13
@@ -32,6 +35,7 @@ class Sensor:
         declared: its model.
         plots: columns that identify whole plots.
         at: (p,) values of every variable of the model, by name.
+        expected: sum of squares that stated errors leave in the residuals; None if that is not known.
     """
 
     name: str
@@ -39,17 +43,50 @@ class Sensor:
     declared: Declared
     plots: tuple[str, ...]
     at: Mapping[str, FloatArray]
+    expected: float | None = None
 
     def _model(self, columns: Columns) -> Model:
         table = replace(self.table, columns={**self.table.columns, **columns})
         return model_of(self.declared, table, self.name, self.plots, None)
 
     @cached_property
-    def calibration(self) -> CurveCalibration:
-        """Calibration of the run."""
+    def plain(self) -> CurveCalibration:
+        """Calibration of the run, with the scatter of its residuals."""
         model = self._model({})
         rows = np.arange(len(self.table))
         return calibration_of(model.rows.fitted(), self.name, model, self.table, rows, ())
+
+    @cached_property
+    def calibration(self) -> CurveCalibration:
+        """Calibration of the run, with the scatter that its budget has."""
+        one, found = self.plain, self.readings_scatter
+        if found is None or not found.explained:
+            return one
+        ratio = found.variance / float(one.variances[0])
+        factor = None if one.factor is None else replace(one.factor, covariance=ratio * one.factor.covariance)
+        spread = np.array([[2.0 * found.variance**2 / found.df]])
+        return replace(
+            one, covariance=ratio * one.covariance, variances=np.array([found.variance]), spread=spread, factor=factor
+        )
+
+    def residuals(self, columns: Columns) -> FloatArray:
+        """(n,) residuals with other columns."""
+        rows = self._model(columns).rows
+        return np.asarray(rows.y - rows.values(rows.fitted()))
+
+    @cached_property
+    def readings_scatter(self) -> Scatter | None:
+        """Scatter of independent rows; None if it is stated, or has whole plots."""
+        rows = self._model({}).rows
+        fit = rows.fitted()
+        even = isinstance(fit, LinearFit) and float(np.ptp(rows.scale_at(fit))) == 0.0
+        if not even or len(self.plain.variances) != 1 or self.plain.reading is not None or fit.df < 1:
+            return None
+        left, point = self.residuals({}), _points_of(self.table)
+        inside = left - (np.bincount(point, left) / np.bincount(point))[point]
+        pure_df = len(left) - len(np.unique(point))
+        total = float(self.plain.variances[0]) * float(np.max(fit.df))
+        return scatter(total, float(np.max(fit.df)), float(inside @ inside), pure_df, self.expected or 0.0)
 
     def coefficients(self, columns: Columns) -> FloatArray:
         """(k,) coefficients with other columns."""
@@ -128,25 +165,25 @@ class Sensor:
     def _names(self) -> tuple[str, ...]:
         return tuple(self._model({}).rows.fitted().names)
 
-    def scatter(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """(m, m) covariance by the fit and (m,) degrees of freedom, and (m, m) of one reading with its (m,)."""
+    def scatter(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """(m, m) covariance of the results, that of inferred values with one reading in use; (m,) df; (m,) variances by
+        the fit alone.
+        """
         one = self.calibration
-        J = np.eye(len(one.coefficients))
-        p = 0
+        J, p = np.eye(len(one.coefficients)), 0
         if self.has_points:
             J = np.vstack([J, self.rows])
             if self.variable is not None:
                 J, p = np.vstack([J, -self.rows / self.slope[:, None]]), len(self.rows)
         covariance = J @ one.covariance @ J.T
+        of_fit = np.diag(covariance).copy()
         _, df = one.curve_variance(J)
-        used, of_reading = np.zeros_like(covariance), np.full(len(J), np.inf)
+        df = np.where(df > 0, df, 1.0)
         if p:
             last = np.arange(len(J) - p, len(J))
-            own = float(one.variances.sum()) if one.reading is None else one.reading**2
-            used[last, last] = own / self.slope**2
-            spread = float(np.sum(one.spread)) if one.reading is None else 0.0
-            of_reading[last] = 2.0 * own**2 / spread if spread > 0.0 else np.inf
-        return covariance, np.where(df > 0, df, 1.0), used, of_reading
+            variance, of_reading = one.reading_variance(self.rows)
+            covariance[last, last], df[last] = variance / self.slope**2, of_reading
+        return covariance, df, of_fit
 
 
 def _plain(name: str) -> str:
@@ -157,6 +194,20 @@ def _plain(name: str) -> str:
 def _unit(term: str, unit: str) -> str:
     """Unit of a term's coefficient; that of the output for the constant."""
     return unit if term == "1" else f"{unit} per unit of {term}"
+
+
+def _points_of(table: Table) -> IntArray:
+    """(n,) number of the combination of settings of each row, from 0."""
+    number = [_setting(table, name) for name in table.factors]
+    every = np.column_stack(number) if number else np.arange(len(table))[:, None]
+    return np.asarray(np.unique(every, axis=0, return_inverse=True)[1], np.int64).ravel()
+
+
+def _setting(table: Table, name: str) -> IntArray:
+    """(n,) number of the setting of a factor, from 0."""
+    stem, _, unit = name.rpartition("_")
+    given = table.columns.get(f"{stem}_set_{unit}", table.columns[name])
+    return np.asarray(np.unique(np.round(given, 9), return_inverse=True)[1], np.int64)
 
 
 class GeneralEvaluation(Evaluation):
@@ -170,8 +221,34 @@ class GeneralEvaluation(Evaluation):
             Sensor(name, table, declared_of(model, table), plots, points) for name, model in models_of(table).items()
         ]
         for one in self._each:
-            if not len(one.calibration.variances):
+            if not len(one.plain.variances):
                 raise FitError(f"{one.name}: as many rows as coefficients: its scatter is not known; measure more")
+
+    def explain(self, expected: Mapping[str, float]) -> None:
+        """See `Evaluation`."""
+        self._each = [replace(one, expected=expected.get(one.name)) for one in self._each]
+
+    def residuals(self, columns: Mapping[str, FloatArray]) -> Mapping[str, FloatArray]:
+        """See `Evaluation`."""
+        found = {}
+        for one in self._each:
+            uses = {*one.plain.formula.names, one.name}
+            found[one.name] = one.residuals({n: self.columns[n] + moved for n, moved in columns.items() if n in uses})
+        return found
+
+    def stored(self) -> Any:
+        """See `Evaluation`."""
+        return {one.name: one.calibration.to_dict() for one in self._each}
+
+    def notes(self) -> Iterable[str]:
+        """See `Evaluation`."""
+        every = ((one.name, one.readings_scatter) for one in self._each)
+        return (words for name, one in every if one is not None and (words := one.sentence(name)))
+
+    def inferred(self, output: str, readings: FloatArray) -> FloatArray:
+        """(p,) values of the variable of readings of one output at the points."""
+        one = next(one for one in self._each if one.name == output)
+        return one.values(one.calibration.coefficients, readings)[-len(readings) :]
 
     @cached_property
     def columns(self) -> Columns:
@@ -183,15 +260,8 @@ class GeneralEvaluation(Evaluation):
     @cached_property
     def settings(self) -> Mapping[str, IntArray]:
         """See `Evaluation`."""
-        columns = self._table.columns
-        number = {}
-        for name in self._table.factors:
-            stem, _, unit = name.rpartition("_")
-            given = columns.get(f"{stem}_set_{unit}", columns[name])
-            number[name] = np.asarray(np.unique(np.round(given, 9), return_inverse=True)[1], np.int64)
-        every = np.column_stack([*number.values()]) if number else np.zeros((len(self._table), 1))
-        points = np.asarray(np.unique(every, axis=0, return_inverse=True)[1], np.int64).ravel()
-        return {**number, "": points}
+        number = {name: _setting(self._table, name) for name in self._table.factors}
+        return {**number, "": _points_of(self._table)}
 
     @cached_property
     def replication(self) -> IntArray:
@@ -199,17 +269,24 @@ class GeneralEvaluation(Evaluation):
         given = self._table.columns.get("replicate", np.zeros(len(self._table)))
         return np.asarray(np.unique(given, return_inverse=True)[1], np.int64)
 
-    def evaluate(self, shift: Shift) -> FloatArray:
+    def coefficients(self, columns: Mapping[str, FloatArray]) -> Mapping[str, FloatArray]:
         """See `Evaluation`."""
-        found = []
+        found = {}
         for one in self._each:
             uses = {*one.calibration.formula.names, one.name}
-            mine = {n: self.columns[n] + moved for n, moved in shift.columns.items() if n in uses}
-            coefficients = one.coefficients(mine) if mine else one.calibration.coefficients
+            mine = {n: self.columns[n] + moved for n, moved in columns.items() if n in uses}
+            found[one.name] = one.coefficients(mine) if mine else one.calibration.coefficients
+        return found
+
+    def evaluate(self, shift: Shift) -> FloatArray:
+        """See `Evaluation`."""
+        coefficients = self.coefficients(shift.columns)
+        found = []
+        for one in self._each:
             readings = one.readings if one.has_points else np.zeros(0)
             if one.has_points and shift.in_use is not no_error:
                 readings = readings + shift.in_use(one.name, readings)
-            found.append(one.values(coefficients, readings))
+            found.append(one.values(coefficients[one.name], readings))
         return np.concatenate(found)
 
     @cached_property
@@ -222,14 +299,8 @@ class GeneralEvaluation(Evaluation):
             raise FitError(f"{lost}: it is not determined there; choose another point with --at")
         names, units, sensors = zip(*named, strict=True)
         parts = [one.scatter() for one in self._each]
-        whole = "scatter of one reading in use" + (", in a new whole plot" if has_whole_plots(self._table) else "")
-        type_a = (
-            TypeA(
-                together([p[0] for p in parts]), np.concatenate([p[1] for p in parts]), "scatter of the run", "the run"
-            ),
-            TypeA(together([p[2] for p in parts]), np.concatenate([p[3] for p in parts]), whole, "the run"),
-        )
-        return Results(names, units, values, type_a, sensors)
+        type_a = TypeA(together([p[0] for p in parts]), np.concatenate([p[1] for p in parts]), *SCATTER)
+        return Results(names, units, values, type_a, sensors, np.concatenate([p[2] for p in parts]))
 
 
 def general_evaluation(table: Table, at: Sequence[Mapping[str, float]]) -> GeneralEvaluation:

@@ -46,6 +46,7 @@ class Roles:
         date_order: "dmy" or "mdy", for dates that do not show it.
         wrap: period of the response, symmetric about zero; None if it is not an angle.
         own: the laboratory's own effects, of any kind of calibration.
+        sensors: number of responses of the run that are traced: findings by chance are counted over all of them.
     """
 
     response: str
@@ -61,6 +62,7 @@ class Roles:
     date: str | None = None
     date_order: str | None = None
     own: tuple[Entry, ...] = ()
+    sensors: int = 1
 
     @property
     def label(self) -> str:
@@ -169,6 +171,7 @@ def _roles(table: Table, roles: Roles, formula: Formula, response: Formula) -> t
         points=_points(formula, columns, roles.group),
         order_unknown=along,
         numbers=table.numbers[order],
+        sensors=roles.sensors,
     )
     return data, tuple(notes)
 

@@ -23,6 +23,9 @@ from procedures.table import Reader, Table
 from procedures.unused import TEXT, unused_columns
 from procedures.words import doubts_of, noise_of, part, verdict
 
+IGNORED = "named with --ignore"
+"""Reason for a column that a person excluded."""
+
 
 @dataclass(frozen=True, eq=False)
 class GeneralTraced:
@@ -67,7 +70,7 @@ class GeneralTraced:
         """Its report."""
         from procedures.general.page import trace_page  # noqa: PLC0415 - plots take a second to import
 
-        return trace_page(self)
+        return trace_page((self,), self.to_json()["unused"])
 
     @cached_property
     def outcome(self) -> Outcome:
@@ -85,7 +88,7 @@ class GeneralTraced:
         reasons |= dict.fromkeys(self.table.text, TEXT)
         if self.roles.candidates is not None:
             reasons |= {n: "not among --candidates" for n in self.table.names if n not in self.roles.candidates}
-        return reasons | dict.fromkeys(self.roles.ignore, "named with --ignore")
+        return reasons | dict.fromkeys(self.roles.ignore, IGNORED)
 
     def _df(self, effect: FoundTableEffect) -> int:
         """Degrees of freedom of an effect's standard errors: for effects constant in whole plots, by the number of

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,13 +11,16 @@ import numpy as np
 from procedures.errors import DataError
 from procedures.general.infer import CurveCalibration
 from procedures.general.infer_table import infer_general
-from procedures.inference import Inference
+from procedures.inference import INFERRED, Inference
 from procedures.table import Reader
 from procedures.unused import Unused
 
 
 def infer_sensors(
-    calibrations: Mapping[str, CurveCalibration], read: Reader, u_reading: float | None = None
+    calibrations: Mapping[str, CurveCalibration],
+    read: Reader,
+    u_reading: float | None = None,
+    quantity: str | None = None,
 ) -> Inference:
     """Infer the variable of the curve of every calibrated output in a table, each by itself.
 
@@ -24,13 +28,14 @@ def infer_sensors(
         calibrations: by output.
         read: the table, with a column for one or more of the outputs.
         u_reading: standard uncertainty of one reading, in place of those of the calibrations.
+        quantity: the variable to infer, for calibrations with several; others have only their own.
 
     Returns:
         With one output as for a calibration of one sensor. With several, columns begin with the sensor's name:
         `prt_1_bath_degC` from `prt_1_V`.
 
     Raises:
-        DataError: none of the columns is there, or a curve cannot be inverted.
+        DataError: none of the columns is there, or no curve can be inverted.
     """
     table = read(())
     present = [name for name in calibrations if name in table.columns]
@@ -38,16 +43,26 @@ def infer_sensors(
         raise DataError(
             f"{table.source} has no output of a calibrated sensor; these are calibrated: {', '.join(calibrations)}"
         )
-    found = {name: infer_general(calibrations[name], read, u_reading) for name in present}
+    found, refused = {}, {}
+    for name in present:
+        own = quantity if quantity in calibrations[name].formula.names else None
+        try:
+            found[name] = infer_general(calibrations[name], read, u_reading, own)
+        except DataError as error:
+            refused[name] = error
+    if not found:
+        raise next(iter(refused.values()))
+    told = tuple(f"{name} was not used: {error}" for name, error in refused.items())
     if len(found) == 1:
-        return found[present[0]]
+        ((_, only),) = found.items()
+        return replace(only, notes=(*only.notes, *told))
     columns: dict[str, Any] = {**table.columns, **table.text}
     quantities, flagged = [], np.zeros(len(table), np.bool_)
     for output, one in found.items():
-        stem, (quantity,) = output.rpartition("_")[0], one.quantities
-        named = f"{stem}_{calibrations[output].variable}"
+        stem, (variable,) = output.rpartition("_")[0], one.quantities
+        named = f"{stem}_{variable.removeprefix(INFERRED)}"
         columns |= {
-            f"{named}{name.removeprefix(quantity)}" if name.startswith(quantity) else f"{stem}_{name}": one.columns[
+            f"{named}{name.removeprefix(variable)}" if name.startswith(variable) else f"{stem}_{name}": one.columns[
                 name
             ]
             for name in one.added
@@ -56,4 +71,5 @@ def infer_sensors(
         flagged |= np.asarray(one.columns[one.added[-1]]) != ""
     added = tuple(name for name in columns if name not in table.columns and name not in table.text)
     notes = tuple(dict.fromkeys(f"{name}: {note}" for name, one in found.items() for note in one.notes))
-    return Inference(columns, added, notes, int(flagged.sum()), tuple(quantities), Unused())
+    df = {name: one.df[one.quantities[0]] for name, one in zip(quantities, found.values(), strict=True)}
+    return Inference(columns, added, (*notes, *told), int(flagged.sum()), tuple(quantities), Unused(), df=df)

@@ -2,27 +2,33 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
+from fitter.arrays import FloatArray
 from fitter.errors import FitError
 from procedures.errors import DataError
-from procedures.general.infer import CurveCalibration, infer_curve
+from procedures.general.infer import CurveCalibration, InferredCurve, infer_curve
+from procedures.general.infer.curve import BEYOND
 from procedures.inference import Inference, empty_rows, free_name, no_column, unused_beside
-from procedures.table import Reader
+from procedures.table import Reader, Table
 
 
-def infer_general(calibration: CurveCalibration, data: Reader, u_reading: float | None = None) -> Inference:
-    """Infer the variable of a calibration's curve from every row of a CSV table.
+def infer_general(
+    calibration: CurveCalibration, data: Reader, u_reading: float | None = None, quantity: str | None = None
+) -> Inference:
+    """Infer a variable of a calibration's curve from every row of a CSV table.
 
     Args:
-        calibration: with a formula of one column, monotonic over the calibrated range.
-        data: the table, with a column for the response.
+        calibration: with a curve that is monotonic in the variable over the calibrated range.
+        data: the table, with a column for the response, and for every other variable of the formula.
         u_reading: standard uncertainty of one reading, in place of the calibration's.
+        quantity: the variable; None for the only one, or the only one that is no column of the table.
 
     Raises:
-        DataError: the curve cannot be inverted, or the column is missing.
+        DataError: the curve cannot be inverted, or a column is missing.
     """
     response = calibration.response
     notes = calibration.notes
@@ -34,13 +40,14 @@ def infer_general(calibration: CurveCalibration, data: Reader, u_reading: float 
     table = data([response])
     if response not in table.columns:
         raise no_column(table, response)
-    inputs = {response: table.columns[response]}
+    variable = _variable(calibration, table, quantity)
+    others = [name for name in calibration.formula.names if name != variable]
+    inputs = {name: table.columns[name] for name in (response, *others)}
+    if others:
+        notes = (*notes, f"{' and '.join(others)} of each row {'is' if len(others) == 1 else 'are'} taken as exact")
     flag = empty_rows(inputs)
     complete = flag == ""
-    try:
-        found, variable = infer_curve(calibration, inputs[response][complete]), calibration.variable
-    except FitError as error:
-        raise DataError(f"this calibration of {response} cannot be inverted: {error}") from error
+    found = _inferred(calibration, inputs[response][complete], {name: inputs[name][complete] for name in others})
     name = free_name(variable, table)
     flag[complete] = found.flag
     added: dict[str, Any] = {}
@@ -48,11 +55,71 @@ def infer_general(calibration: CurveCalibration, data: Reader, u_reading: float 
         added[name + end] = np.full(len(table), np.nan)
         added[name + end][complete] = values
     added[free_name("flag", table)] = flag
+    df = np.full(len(table), np.nan)
+    df[complete] = found.df
     return Inference(
         {**table.columns, **table.text, **added},
         tuple(added),
         notes,
         int(np.sum(flag != "")),
         quantities=(name,),
-        unused=unused_beside(table, [response], inputs),
+        unused=unused_beside(table, [*inputs], inputs),
+        df={name: df},
     )
+
+
+def _variable(calibration: CurveCalibration, table: Table, quantity: str | None) -> str:
+    """The variable to infer. Raises `DataError` if it is not clear, or values of others are missing."""
+    names, response = calibration.formula.names, calibration.response
+    if calibration.formula.has_categories or not names:
+        has = ", ".join(names) or "no column"
+        raise DataError(f"this calibration of {response} cannot be inverted: its formula has {has}")
+    if quantity is not None and quantity not in names:
+        raise DataError(f"--quantity {quantity}: the calibration of {response} has {', '.join(names)}")
+    unknown = [name for name in names if name not in table.columns]
+    if quantity is None and len(names) > 1 and not unknown:
+        raise DataError(
+            f"{table.source} has columns of all variables of the calibration of {response}, {', '.join(names)}: say "
+            f"with --quantity which is to be inferred"
+        )
+    variable = quantity or (names[0] if len(names) == 1 else unknown[0])
+    missing = [name for name in unknown if name != variable]
+    if missing:
+        which = " and ".join([variable, *missing]) if quantity is None else missing[0]
+        raise DataError(
+            f"{table.source} has no column {which}: one reading of {response} determines one variable, and the values "
+            f"of the others have to be in the table"
+        )
+    return variable
+
+
+def _inferred(calibration: CurveCalibration, y: FloatArray, others: Mapping[str, FloatArray]) -> InferredCurve:
+    """The variable of (n,) readings with known values (n,) of the other variables; flags where these are not usable."""
+    at = np.column_stack([*others.values()]) if others else np.zeros((len(y), 0))
+    values, group = np.unique(at, axis=0, return_inverse=True)
+    out = [np.full(len(y), np.nan) for _ in range(5)]
+    flag, failed = np.full(len(y), "", dtype=object), ""
+    for number, fixed in enumerate(values.tolist()):
+        rows = np.flatnonzero(group.reshape(-1) == number)
+        known = dict(zip(others, fixed, strict=True))
+        try:
+            found = infer_curve(calibration.at(known), y[rows])
+        except FitError as error:
+            failed = f"this calibration of {calibration.response} cannot be inverted: {error}"
+            flag[rows] = failed
+            continue
+        for whole, part in zip(out, (found.value, found.sd, found.lo95, found.hi95, found.df), strict=True):
+            whole[rows] = part
+        outside = [words for name, value in known.items() if (words := _outside(calibration, name, value))]
+        flag[rows] = ["; ".join(filter(None, (*outside, own))) for own in found.flag]
+    if failed and np.all(flag == failed):
+        raise DataError(failed)
+    value, sd, low, high, df = out
+    return InferredCurve(value, sd, low, high, flag, df)
+
+
+def _outside(calibration: CurveCalibration, name: str, value: float) -> str:
+    """That a known value is outside the calibrated range, in words; "" if it is inside."""
+    low, high = calibration.ranges[name]
+    room = BEYOND * (high - low)
+    return "" if low - room <= value <= high + room else f"{name} is outside the calibrated {low:g} to {high:g}"

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,8 +15,10 @@ from procedures.acceptance import Verdict
 from procedures.advice import Advice
 from procedures.budgeting import Evaluation
 from procedures.charting import Charting
+from procedures.confirming import Confirming
 from procedures.errors import DataError
 from procedures.expected import Columns
+from procedures.further_runs import Limits, Variation
 from procedures.general.options import FitOptions, InferOptions, TraceOptions
 from procedures.general.settings import GeneralProcedure
 from procedures.inference import Inference
@@ -27,7 +30,9 @@ from procedures.seen import Seen
 from procedures.table import Reader, Table
 
 if TYPE_CHECKING:
+    from procedures.general.evaluate import GeneralTraced
     from procedures.general.infer import CurveCalibration
+    from procedures.general.of_runs import RunTraced
 
 
 class GeneralKind(Kind):
@@ -52,16 +57,29 @@ class GeneralKind(Kind):
         self, source: Source, options: FitOptions, *, leave_out: Sequence[str], own: Sequence[Entry], keep: bool
     ) -> Fitted:
         """A formula to one column, or the declared models to all sensors of a run."""
-        if options.response is None and source.table.outputs:
-            from procedures.general.of_runs import fit_run  # noqa: PLC0415
+        read: Reader = source.read
+        if source.is_run:
+            from procedures.general.of_runs import Asked, fit_run, reader_of  # noqa: PLC0415
 
-            return fit_run(source.table, leave_out)
+            asked = Asked.of(source.table, options.response, options.formula)
+            if asked is not None and set(_given(options)) <= {*_OF_RUNS, "traced"}:
+                if options.traced:
+                    from procedures.general.traced import fit_traced  # noqa: PLC0415
+
+                    return fit_traced(asked, leave_out, own)
+                return fit_run(asked, leave_out)
+            read = reader_of(source.table)
+        if options.traced:
+            raise DataError(
+                "--traced is for the sensors of a run file, with no other options than --response and --formula; of a "
+                "table, add the terms that rig trace prints to --formula"
+            )
         from procedures.general.declared import Declared  # noqa: PLC0415
         from procedures.general.fit import GeneralFitted, fit_general  # noqa: PLC0415
         from procedures.general.series import series_of  # noqa: PLC0415
 
         if options.response is None:
-            raise DataError("--formula and --model need --response, the column to be explained")
+            raise DataError(_NEEDS_RESPONSE.format(", ".join(f"--{n.replace('_', '-')}" for n in _given(options))))
         plots = [name.strip() for name in options.whole_plot.split(",")] if options.whole_plot else []
         declared = Declared(
             options.formula,
@@ -74,7 +92,7 @@ class GeneralKind(Kind):
             series_of(options.series, options.direction, options.position),
         )
         result = fit_general(
-            source.read, options.response, None, plots, options.replicate, leave_out, declared, options.tolerance
+            read, options.response, None, plots, options.replicate, leave_out, declared, options.tolerance
         )
         return GeneralFitted(result)
 
@@ -88,10 +106,14 @@ class GeneralKind(Kind):
 
     def trace(self, source: Source, options: TraceOptions, *, own: Sequence[Entry]) -> Traced:
         """See `Kind`."""
-        if options.response is None and source.table.outputs:
-            from procedures.general.of_runs import trace_run  # noqa: PLC0415
+        read: Reader = source.read
+        if source.is_run:
+            from procedures.general.of_runs import Asked, reader_of, trace_run  # noqa: PLC0415
 
-            return trace_run(source.table, own)
+            asked = Asked.of(source.table, options.response, options.formula)
+            if asked is not None and set(_given(options)) <= _OF_RUNS:
+                return trace_run(asked, own)
+            read = reader_of(source.table)
         from procedures.general.column_roles import Roles  # noqa: PLC0415
         from procedures.general.evaluate import trace_general_table  # noqa: PLC0415
 
@@ -112,7 +134,7 @@ class GeneralKind(Kind):
             date_order=options.date_order,
             own=tuple(own),
         )
-        return trace_general_table(source.read, roles)
+        return trace_general_table(read, roles)
 
     def look(self, source: Source, table: Table) -> Seen | None:
         """See `Kind`."""
@@ -124,11 +146,23 @@ class GeneralKind(Kind):
         """For one response, or for every sensor of a run by its output."""
         from procedures.general.infer import CurveCalibration  # noqa: PLC0415
 
+        kept = given.get("budget", {}).get("calibration")
+        if kept is not None:
+            found = {str(name): CurveCalibration.from_dict(one) for name, one in kept.items()}
+            return found if "sensors" in given else next(iter(found.values()))
         if "sensors" in given:
             return {name: CurveCalibration.from_dict(one["calibration"]) for name, one in given["sensors"].items()}
         if "calibration" not in given:
             raise FitError("it was written before tables of any kind could be inferred from; fit the table again")
         return CurveCalibration.from_dict(given["calibration"])
+
+    def with_coefficients(
+        self, calibration: CurveCalibration | Mapping[str, CurveCalibration], coefficients: Mapping[str, FloatArray]
+    ) -> CurveCalibration | Mapping[str, CurveCalibration]:
+        """See `Kind`."""
+        if isinstance(calibration, Mapping):
+            return {name: replace(one, coefficients=coefficients[name]) for name, one in calibration.items()}
+        return replace(calibration, coefficients=coefficients[calibration.response])
 
     def infer(
         self,
@@ -143,9 +177,9 @@ class GeneralKind(Kind):
         if isinstance(calibration, Mapping):
             from procedures.general.infer_runs import infer_sensors  # noqa: PLC0415
 
-            return infer_sensors(calibration, read, options.u_reading)
+            return infer_sensors(calibration, read, options.u_reading, options.quantity)
 
-        return infer_general(calibration, read, options.u_reading)
+        return infer_general(calibration, read, options.u_reading, options.quantity)
 
     def check_design(self, procedure: GeneralProcedure, run_list: RunList) -> None:
         """Check that the design can estimate the declared models."""
@@ -172,6 +206,25 @@ class GeneralKind(Kind):
 
         return judge(procedure, table)
 
+    def confirming(self, traced: GeneralTraced | RunTraced) -> Confirming | None:
+        """See `Kind`."""
+        from procedures.general.confirming import GeneralConfirming  # noqa: PLC0415
+        from procedures.general.of_runs import RunTraced  # noqa: PLC0415
+
+        return GeneralConfirming(traced) if isinstance(traced, RunTraced) else None
+
+    def cannot_confirm(self, table: Table, options: TraceOptions) -> str:
+        """See `Kind`."""
+        from procedures.general.confirming import cannot_confirm  # noqa: PLC0415
+
+        return cannot_confirm(table, options)
+
+    def further_runs(self, procedure: GeneralProcedure, limits: Limits, *, chamber: bool) -> Iterator[Variation]:
+        """See `Kind`."""
+        from procedures.general.further_runs import further_runs  # noqa: PLC0415
+
+        return further_runs(procedure)
+
     def model_columns(self, columns: Columns, declared: Mapping[str, Any]) -> FloatArray | None:
         """Columns of the declared model, for the residuals of a running run."""
         from fitter.formula import Formula  # noqa: PLC0415
@@ -188,6 +241,16 @@ class GeneralKind(Kind):
         from procedures.general.charting import CHARTING  # noqa: PLC0415
 
         return CHARTING
+
+
+_OF_RUNS = {"response", "formula"}
+"""Options with which a run keeps its own whole plots, replications, time and direction."""
+_NEEDS_RESPONSE = "{} needs --response, the column to be explained"
+
+
+def _given(options: Options) -> list[str]:
+    """Names of the options that were given."""
+    return [name for name, value in options if value is not None and value is not False]
 
 
 def _names(given: Sequence[str] | None) -> tuple[str, ...]:

@@ -15,11 +15,12 @@ from procedures.blocks import Block, Line
 from procedures.errors import DataError
 from procedures.general.column_roles import Roles
 from procedures.general.declared import Declared
-from procedures.general.evaluate import GeneralTraced, trace_general_table
+from procedures.general.evaluate import IGNORED, GeneralTraced, trace_general_table
 from procedures.general.fit import fit_general
 from procedures.general.settings import ModelSettings, SensorModel
 from procedures.results import Page, PlainFitted
 from procedures.table import Reader, Table
+from procedures.unused import RECORDED
 
 _WHOLE_PLOT, _REPLICATE, _TIME = "whole_plot", "replicate", "elapsed_s"
 _FLAGS = {
@@ -41,6 +42,42 @@ def models_of(table: Table) -> Mapping[str, SensorModel]:
     return {column: model.of(sensor) for column, sensor in table.outputs.items()}
 
 
+@dataclass(frozen=True)
+class Asked:
+    """A run, and the declared models of the sensors that are to be fitted or traced.
+
+    Attributes:
+        table: the run.
+        models: by output.
+    """
+
+    table: Table
+    models: Mapping[str, SensorModel]
+
+    @classmethod
+    def of(cls, table: Table, response: str | None = None, formula: str | None = None) -> Asked | None:
+        """With the procedure's models; or one output only, or another formula for it or for all.
+
+        None if the response is no output: arithmetic, or another column. Raises `DataError` if there is no model.
+        """
+        if response is not None and response not in table.outputs:
+            if formula is None:
+                raise DataError(
+                    f"{table.source} has no output {response}; its sensors are {', '.join(table.outputs)}, and any "
+                    f"other column needs --formula, too"
+                )
+            return None
+        wanted = [response] if response is not None else list(table.outputs)
+        if formula is not None:
+            return cls(table, dict.fromkeys(wanted, SensorModel(formula=formula)))
+        models = models_of(table)
+        return cls(table, {output: models[output] for output in wanted})
+
+    def adding(self, terms: Mapping[str, Sequence[str]]) -> Asked:
+        """The same with further terms, by output."""
+        return Asked(self.table, {name: _with_terms(one, terms.get(name, ())) for name, one in self.models.items()})
+
+
 def reader_of(table: Table) -> Reader:
     """Reads a table that is read already."""
 
@@ -59,6 +96,10 @@ def declared_of(model: SensorModel, table: Table) -> Declared:
     abscissa = (model.abscissa or only) if model.standard is not None else None
     start = tuple(f"{name}={value!r}" for name, value in model.start.items())
     return Declared(model.formula, model.standard, abscissa, start)
+
+
+def _with_terms(model: SensorModel, terms: Sequence[str]) -> SensorModel:
+    return model.model_copy(update={"formula": " + ".join([str(model.formula), *terms])}) if terms else model
 
 
 def has_whole_plots(table: Table) -> bool:
@@ -101,22 +142,36 @@ def results_of(result: Mapping[str, Any]) -> Mapping[str, Mapping[str, Any]]:
     return {result["response"]: result} if sensors is None else sensors
 
 
-def fit_run(table: Table, leave_out: Sequence[str] = ()) -> RunFitted:
+def noted_of(fitted: RunFitted, notes: Mapping[str, Sequence[str]]) -> RunFitted:
+    """Fits with more notes, by output; every use of the calibrations has them too."""
+    found = {}
+    for output, one in results_of(fitted.result).items():
+        more = list(notes.get(output, ()))
+        kept = {**one["calibration"], "notes": [*one["calibration"]["notes"], *more]}
+        found[output] = _noted({**one, "calibration": kept}, more)
+    if "sensors" in fitted.result:
+        return RunFitted({**fitted.result, "sensors": found})
+    return RunFitted(next(iter(found.values())))
+
+
+def fit_run(asked: Asked, leave_out: Sequence[str] = ()) -> RunFitted:
     """Fit the declared model to every sensor.
 
     Raises:
         DataError: the rows do not determine a model, or it cannot be read.
     """
+    table = asked.table
     plots = [_WHOLE_PLOT] if has_whole_plots(table) else []
     read, notes = reader_of(table), notes_of(table)
-    found = {
-        column: _noted(fit_general(read, column, None, plots, None, leave_out, declared_of(model, table)), notes)
-        for column, model in models_of(table).items()
-    }
+    found = {}
+    for column, model in asked.models.items():
+        declared = declared_of(model, table)
+        found[column] = _noted(fit_general(read, column, None, plots, None, leave_out, declared), notes)
     if len(found) == 1:
         return RunFitted(next(iter(found.values())))
     first = next(iter(found.values()))
-    return RunFitted({"data": first["data"], "sensors": found, "unused": first["unused"]})
+    unused = _unused_by_all([one["unused"] for one in found.values()], found)
+    return RunFitted({"data": first["data"], "sensors": found, "unused": unused})
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,9 +180,11 @@ class RunTraced:
 
     Attributes:
         each: by output.
+        not_traced: outputs whose declared model is not linear in its coefficients.
     """
 
     each: Mapping[str, GeneralTraced]
+    not_traced: tuple[str, ...] = ()
 
     @property
     def table(self) -> Table:
@@ -142,13 +199,9 @@ class RunTraced:
     def to_json(self) -> dict[str, Any]:
         """JSON values for `rig trace --json`."""
         told = [one.to_json() for one in self.each.values()]
-        together = told[0] | {"sensors": {name: found for one in told for name, found in one["sensors"].items()}}
+        sensors = {name: found for one in told for name, found in one["sensors"].items()}
+        together = told[0] | {"sensors": sensors, "unused": _unused_by_all([one["unused"] for one in told], sensors)}
         return together | ({"not_traced": list(self.not_traced)} if self.not_traced else {})
-
-    @cached_property
-    def not_traced(self) -> tuple[str, ...]:
-        """Outputs whose declared model is not linear in its coefficients."""
-        return tuple(column for column in models_of(self.table) if column not in self.each)
 
     def blocks(self) -> Iterator[Block]:
         """Blocks for people."""
@@ -159,36 +212,46 @@ class RunTraced:
                 f"not traced: {', '.join(self.not_traced)}; a trace needs a model that is linear in its coefficients, "
                 f"and the declared one is not"
             )
-        if len(self.each) > 1:
-            yield Line(f"a report shows the first sensor only, {next(iter(self.each))}")
 
     def summary(self) -> Iterator[Block]:
         """All of it."""
         return self.blocks()
 
     def page(self) -> Page:
-        """The report of the sensor; of several sensors that of the first one."""
-        return next(iter(self.each.values())).page()
+        """The report of all sensors."""
+        from procedures.general.page import trace_page  # noqa: PLC0415 - plots take a second to import
+
+        return trace_page(tuple(self.each.values()), self.to_json()["unused"], self.not_traced)
 
 
-def trace_run(table: Table, own: Sequence[Entry] = ()) -> RunTraced:
+def _unused_by_all(every: Sequence[Mapping[str, Any]], outputs: Collection[str]) -> dict[str, Any]:
+    """Columns that the trace of no sensor used, and that are no sensor's output; from their `Unused.to_json`."""
+    common = set.intersection(*({one["column"] for one in unused["columns"]} for unused in every))
+    columns = [one for one in every[0]["columns"] if one["column"] in common and one["column"] not in outputs]
+    told = [one | {"why": RECORDED if one["why"] == IGNORED else one["why"]} for one in columns]
+    return {**every[0], "columns": told}
+
+
+def trace_run(asked: Asked, own: Sequence[Entry] = ()) -> RunTraced:
     """Find effects missing in the declared model of every sensor; `own` are the laboratory's own effects.
 
     Raises:
         DataError: there are too few rows for a model, or it cannot be read.
     """
-    read = reader_of(table)
-    every = {column: replace(roles, own=tuple(own)) for column, roles in roles_of_run(table).items()}
-    return RunTraced({column: trace_general_table(read, roles) for column, roles in every.items()})
+    read = reader_of(asked.table)
+    every = {column: replace(roles, own=tuple(own)) for column, roles in roles_of_run(asked).items()}
+    found = {column: trace_general_table(read, roles) for column, roles in every.items()}
+    return RunTraced(found, tuple(column for column in asked.models if column not in found))
 
 
-def roles_of_run(table: Table) -> dict[str, Roles]:
+def roles_of_run(asked: Asked) -> dict[str, Roles]:
     """Roles of the columns of a run in the trace of every output.
 
     Raises:
         DataError: a declared model cannot be read.
     """
-    plots, models = has_whole_plots(table), models_of(table)
+    table, models = asked.table, asked.models
+    plots = has_whole_plots(table)
     found = {}
     if not any(model.linear for model in models.values()):
         raise DataError(
@@ -210,9 +273,9 @@ def roles_of_run(table: Table) -> dict[str, Roles]:
             replicate=None if plots else _replicated(table),
             time=_TIME,
             direction=_direction(table, used),
-            ignore=tuple(name for name in table.columns if _ignored(name, table, models)),
+            ignore=tuple(name for name in table.columns if _ignored(name, table)),
         )
-    return found
+    return {column: replace(roles, sensors=len(found)) for column, roles in found.items()}
 
 
 def _replicated(table: Table) -> str | None:
@@ -228,10 +291,10 @@ def _direction(table: Table, used: Collection[str]) -> str | None:
     return varying[0] if len(varying) == 1 else None
 
 
-def _ignored(name: str, table: Table, outputs: Collection[str]) -> bool:
+def _ignored(name: str, table: Table) -> bool:
     """Whether a column says nothing beyond others: other outputs, setpoints and readbacks of measured factors."""
     stem, _, unit = name.rpartition("_")
     doubled = any(stem.endswith(end) for end in ("_set", "_readback")) and f"{stem.rpartition('_')[0]}_{unit}" in (
         table.columns
     )
-    return name in _NOT_TRACED or name in outputs or doubled
+    return name in _NOT_TRACED or name in table.outputs or doubled

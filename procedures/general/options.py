@@ -14,6 +14,7 @@ _FORMULA = "the declared model, such as '1 + x + x^2'"
 class FitOptions(Options):
     """Options of `rig fit`."""
 
+    traced: bool = Field(False, description="keep a calibration with the effects that a trace finds")
     response: str | None = Field(None, description="the column to be explained")
     formula: str | None = Field(None, description=_FORMULA)
     whole_plot: str | None = Field(None, description="column(s, comma between) of whole plots")
@@ -73,6 +74,12 @@ class TraceOptions(Options):
 
 class InferOptions(Options):
     """Options of `rig infer`."""
+
+    quantity: str | None = Field(
+        None,
+        description="the variable to infer, if the calibration has several: the table has the values of the others; "
+        "left out: the only one that is no column of the table",
+    )
 
     u_reading: float | None = Field(
         None, description="standard uncertainty of one new reading, in its unit, in place of the calibration's"

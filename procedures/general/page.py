@@ -5,7 +5,7 @@ The residual's running mean shows what a cloud of points hides.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -81,11 +81,22 @@ def _means(values: Array, residual: Array, *, each: bool = False) -> tuple[Array
 _PLOTS = 6
 
 
-def trace_page(traced: GeneralTraced) -> Page:
-    """The report of a trace."""
-    result = traced.to_json()
-    name, found = next(iter(result["sensors"].items()))
-    contents = {
+def trace_page(every: Sequence[GeneralTraced], unused: Mapping[str, Any], not_traced: Sequence[str] = ()) -> Page:
+    """The report of traces of one table: of one response, or of every sensor of a run.
+
+    Args:
+        every: one trace per response, of the same table.
+        unused: columns that none of them used, from `Unused.to_json`.
+        not_traced: outputs of the run whose declared model no trace can use.
+    """
+    contents = {"sensors": [_sensor(one) for one in every], "not_traced": list(not_traced)}
+    return Page("procedures.general", "page.html.j2", every[0].table, 0.0, unused, contents)
+
+
+def _sensor(traced: GeneralTraced) -> dict[str, Any]:
+    """One response: findings, error before and after, residuals, coefficients."""
+    ((name, found),) = traced.to_json()["sensors"].items()
+    return {
         **found,
         "name": name,
         "rows": list(compared(traced.outcome)),
@@ -96,7 +107,6 @@ def trace_page(traced: GeneralTraced) -> Page:
             for term, value in found["fitted"]["coefficients"].items()
         ],
     }
-    return Page("procedures.general", "page.html.j2", traced.table, 0.0, result["unused"], contents)
 
 
 def _plots(traced: GeneralTraced) -> list[dict[str, Any]]:

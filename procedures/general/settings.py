@@ -104,6 +104,11 @@ class MeasureSettings(Strict):
     max_sd_V: Positive | None = Field(
         None, description="noisier than this: read again; for outputs in volts, or in millivolts and so on"
     )
+    max_sd: dict[str, Positive] = Field(
+        default_factory=dict,
+        description="the same of one sensor, by its name on the bench, or of a factor's reference standard, by the "
+        "factor's name; in its own unit",
+    )
     repeats: int = Field(
         2,
         ge=0,
@@ -327,6 +332,8 @@ class GeneralProcedure(Strict):
             readings=self.measure.readings,
             repeats=self.measure.repeats,
             max_sd_V=self.measure.max_sd_V,
+            max_sd=self.measure.max_sd,
+            models_of=dict.fromkeys([*self.model.own, *self.expect.sigma, *(self.acceptance.sigma_E or ())]),
             faults=self.faults.for_run(whole_plots=self._whole_plots),
             warnings=self.warnings,
             hold_max_s=recovery.hold_max_s,

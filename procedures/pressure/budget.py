@@ -14,7 +14,7 @@ import numpy as np
 from fitter.arrays import FloatArray, IntArray
 from fitter.budget import TypeA
 from fitter.errors import FitError
-from procedures.budgeting import Evaluation, Results, Shift, Shifts, no_error, together
+from procedures.budgeting import SCATTER, Evaluation, Results, Shift, Shifts, no_error, together
 from procedures.errors import DataError
 from procedures.pressure.data import WholePlotData
 from procedures.pressure.evaluate import METHOD, coefficient_unit
@@ -98,20 +98,20 @@ class Transducer:
         yield from ((f"{stem} output {place}", "mV") for place in where)
         yield from ((f"{stem} inferred pressure {place}", "psi") for place in where)
 
-    def scatter(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """(m, m) covariance by the fit and (m,) degrees of freedom, and (m, m) of one reading with its (m,)."""
+    def scatter(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """(m, m) covariance of the results, with one reading in a new whole plot for inferred pressures; (m,) df;
+        (m,) variances by the fit alone.
+        """
         one, errors, h = self.calibration, self.calibration.errors, self.rows
         k, p = len(one.coefficients), len(h)
         J = np.vstack([np.eye(k), h, -h / self.slope[:, None]])
         covariance = J @ one.covariance @ J.T
-        gradient = np.einsum("mk,pkl,ml->mp", J, one.derivatives, J)
+        gradient, of_fit = np.einsum("mk,pkl,ml->mp", J, one.derivatives, J), np.diag(covariance).copy()
         variance, by = errors.of_reading(self.at[:, 0], new_whole_plot=True)
-        used = np.zeros((len(J), len(J)))
         last = np.arange(k + p, k + 2 * p)
-        used[last, last] = variance / self.slope**2
-        df = np.full(len(J), np.inf)
-        df[last] = errors.df(variance, by)
-        return covariance, errors.df(np.diag(covariance), gradient), used, df
+        covariance[last, last] += variance / self.slope**2
+        gradient[last] += by / self.slope[:, None] ** 2
+        return covariance, errors.df(np.diag(covariance), gradient), of_fit
 
 
 class PressureEvaluation(Evaluation):
@@ -122,6 +122,11 @@ class PressureEvaluation(Evaluation):
         points = np.array(at, np.float64).reshape(-1, 3)
         fits = fit_transducers(data, model)
         self._each = [Transducer(name, fit, fit.calibration(METHOD), points) for name, fit in fits.items()]
+
+    def inferred(self, output: str, readings: FloatArray) -> FloatArray:
+        """(p,) pressures of readings of one output at the points."""
+        one = next(one for one in self._each if one.name == output)
+        return one.values(one.calibration.coefficients, readings)[-len(readings) :]
 
     @cached_property
     def columns(self) -> Columns:
@@ -149,17 +154,24 @@ class PressureEvaluation(Evaluation):
         """See `Evaluation`."""
         return np.asarray(np.unique(self._data.replicate, return_inverse=True)[1], np.int64)
 
+    def coefficients(self, columns: Mapping[str, FloatArray]) -> Mapping[str, FloatArray]:
+        """See `Evaluation`."""
+        shared = {name: moved for name, moved in columns.items() if name in _NAMES.values()}
+        found = {}
+        for one in self._each:
+            mine = shared | ({one.name: columns[one.name]} if one.name in columns else {})
+            found[one.name] = one.coefficients(mine) if mine else one.calibration.coefficients
+        return found
+
     def evaluate(self, shift: Shift) -> FloatArray:
         """See `Evaluation`."""
-        shared = {name for name in shift.columns if name in _NAMES.values()}
+        coefficients = self.coefficients(shift.columns)
         found = []
         for one in self._each:
-            mine = {name: moved for name, moved in shift.columns.items() if name in shared or name == one.name}
-            coefficients = one.coefficients(mine) if mine else one.calibration.coefficients
             readings = one.readings
             if shift.in_use is not no_error:
                 readings = readings + shift.in_use(one.name, readings)
-            found.append(one.values(coefficients, readings))
+            found.append(one.values(coefficients[one.name], readings))
         return np.concatenate(found)
 
     @cached_property
@@ -172,18 +184,8 @@ class PressureEvaluation(Evaluation):
             raise FitError(f"{lost}: it is not determined there; choose another point with --at")
         names, units, sensors = zip(*named, strict=True)
         parts = [one.scatter() for one in self._each]
-        type_a = (
-            TypeA(
-                together([p[0] for p in parts]), np.concatenate([p[1] for p in parts]), "scatter of the run", "the run"
-            ),
-            TypeA(
-                together([p[2] for p in parts]),
-                np.concatenate([p[3] for p in parts]),
-                "scatter of one reading in use, in a new whole plot",
-                "the run",
-            ),
-        )
-        return Results(names, units, values, type_a, sensors)
+        type_a = TypeA(together([p[0] for p in parts]), np.concatenate([p[1] for p in parts]), *SCATTER)
+        return Results(names, units, values, type_a, sensors, np.concatenate([p[2] for p in parts]))
 
     def of_place(self, constant: PlaceConstant) -> Iterable[tuple[str, Shifts]]:
         """The height of the transducers as a share of the pressure."""

@@ -382,13 +382,23 @@ def _errors(found: TransducerTrace) -> Errors:
     return Errors([Change(*within, "mV"), Change(*between, "mV")], left_out, "" if tells else _HIDES)
 
 
-def trace_whole_plot_table(table: Table, model: str | None = None, own: Sequence[Entry] = ()) -> WholePlotTraced:
-    """Find effects missing in the declared model of a whole-plot table; errors as for `fit_whole_plots`."""
+def trace_whole_plot_table(
+    table: Table, model: str | None = None, own: Sequence[Entry] = (), *, validate: bool = True
+) -> WholePlotTraced:
+    """Find effects missing in the declared model of a whole-plot table; errors as for `fit_whole_plots`.
+
+    Args:
+        table: the run.
+        model: as there.
+        own: effects of the laboratory.
+        validate: as for `trace_whole_plots`.
+    """
     data, dead = _alive(table)
     declared = Declared.of(table, model, data)
     try:
         with rows_of_file(table):
-            found = trace_whole_plots(data, declared.model, with_own(PRESSURE_CATALOGUE, own, PressureEffect))
+            catalogue = with_own(PRESSURE_CATALOGUE, own, PressureEffect)
+            found = trace_whole_plots(data, declared.model, catalogue, validate=validate)
         return WholePlotTraced(table, data, found, dead, declared)
     except FitError as error:
         raise DataError(f"{table.source}: {error}") from error

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fitter.arrays import FloatArray
 from fitter.errors import FitError
 from procedures.errors import DataError
 from procedures.inference import Inference, empty_results, empty_rows, free_name, incomplete_rows
@@ -54,6 +55,7 @@ def infer_pressures(
     columns: dict[str, Any] = {**table.columns, **table.text}
     given, flags = set(columns), np.zeros(len(table), bool)
     quantities, notes, without = [], [], []
+    df: dict[str, FloatArray] = {}
     zeros: dict[str, Any] = {}
     gaps: dict[str, list[tuple[int, str]]] = {}
     for output in outputs:
@@ -63,6 +65,7 @@ def infer_pressures(
         name = free_name(name, table)
         flag = "flag" if alone and "flag" not in given else f"{name}_flag"
         columns |= {f"{name}{end}": values for end, values in found.values.items()} | {flag: found.flag}
+        df[name] = found.df
         flags |= found.flag != ""
         quantities.append(name)
         notes += [*(f"{output}: {note}" for note in calibrations[output].notes), *found.notes]
@@ -89,6 +92,7 @@ def infer_pressures(
         quantities=tuple(quantities),
         unused=_unused(calibrations, table, of_zero, gaps),
         zeros=zeros,
+        df=df,
     )
 
 
@@ -119,6 +123,7 @@ class _Found:
     notes: list[str]
     zeros: list[dict[str, Any]]
     without: int
+    df: FloatArray
     incomplete: dict[str, list[tuple[int, str]]] = field(default_factory=dict)
 
 
@@ -128,7 +133,7 @@ def _of_output(
     values: dict[str, Any] = {end: np.full(len(table), np.nan) for end in ("", "_sd", "_lo95", "_hi95")}
     inputs = {name: table.columns[name] for name in (output, *TEMPERATURES)}
     flag = empty_rows(inputs)
-    complete, without = flag == "", 0
+    complete, without, df = flag == "", 0, np.full(len(table), np.nan)
     notes: list[str] = []
     zeros: list[dict[str, Any]] = []
     incomplete = {table.source: incomplete_rows(table, inputs)}
@@ -143,7 +148,7 @@ def _of_output(
         quantities = found.pressure_psia, found.sd_psia, found.lo95_psia, found.hi95_psia
         for end, quantity in zip(values, quantities, strict=True):
             values[end][here] = quantity
-        flag[here] = found.flag
+        flag[here], df[here] = found.flag, found.df
         if read is None:
             without += int(rows.sum())
             continue
@@ -151,7 +156,7 @@ def _of_output(
         zeros.append(read.to_json(source.source, found.departures))
         lacking = [(row, name) for row, name in read.incomplete if (row, name) not in incomplete.get(source.source, ())]
         incomplete.setdefault(source.source, []).extend(lacking)
-    return _Found(values, flag, notes, zeros, without, incomplete)
+    return _Found(values, flag, notes, zeros, without, df, incomplete)
 
 
 def _in_flight(read: Zeros | None) -> Zero | Sequence[Zero] | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,7 +13,7 @@ from fitter.effects.entry import Entry
 from fitter.effects.own import Grammar
 from fitter.errors import FitError
 from procedures.acceptance import Verdict
-from procedures.budgeting import Evaluation
+from procedures.budgeting import Evaluation, Expected
 from procedures.charting import Charting
 from procedures.confirming import Confirming
 from procedures.expected import Columns, Expecting
@@ -78,7 +79,7 @@ class PressureKind(Kind):
         """See `Kind`."""
         from procedures.pressure.evaluate import trace_whole_plot_table  # noqa: PLC0415
 
-        return trace_whole_plot_table(source.table, options.formula, own)
+        return trace_whole_plot_table(source.table, options.formula, own, validate=not options.quick)
 
     def calibration_of(self, given: Mapping[str, Any]) -> Mapping[str, PressureCalibration]:
         """See `Kind`."""
@@ -110,6 +111,21 @@ class PressureKind(Kind):
         from procedures.pressure.confirming import WholePlotConfirming  # noqa: PLC0415
 
         return WholePlotConfirming(traced)
+
+    def expected(self, procedure: WholePlotProcedure, run_list: RunList, sensors: Mapping[str, str]) -> Expected:
+        """See `Kind`."""
+        from procedures.pressure.planned import expected_run  # noqa: PLC0415
+
+        return expected_run(procedure, run_list, sensors)
+
+    def with_coefficients(
+        self, calibration: Mapping[str, PressureCalibration], coefficients: Mapping[str, FloatArray]
+    ) -> Mapping[str, PressureCalibration]:
+        """See `Kind`."""
+        return {
+            name: replace(one, coefficients=coefficients[name]) if name in coefficients else one
+            for name, one in calibration.items()
+        }
 
     def placed(self, columns: Columns, constants: Mapping[str, float]) -> Columns:
         """With the pressure at the transducers, by their height above the standard's reference level."""

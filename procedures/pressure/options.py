@@ -41,6 +41,9 @@ class TraceOptions(Options):
     """Options of `rig trace`."""
 
     formula: str | None = Field(None, description=_FORMULA)
+    quick: bool = Field(
+        False, description="without the error at left-out whole plots, which takes most of the time; same findings"
+    )
 
 
 class BudgetOptions(Options):

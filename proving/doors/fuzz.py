@@ -27,7 +27,6 @@ from dataclasses import asdict
 from pathlib import Path
 
 from proving.doors.attack import DOORS, HANG_S, Found, Material, attack
-from proving.night.scenario import Lab
 
 SHARES = {
     "run": 0.08,
@@ -42,7 +41,7 @@ SHARES = {
     "formula": 0.415,
 }
 """Of the inputs at each door with --total: more where one takes less time."""
-NIGHTS: tuple[tuple[Lab, int], ...] = (
+NIGHTS: tuple[tuple[str, int], ...] = (
     ("pressure", 0),
     ("attitude", 0),
     ("attitude", 1),

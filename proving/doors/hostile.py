@@ -19,7 +19,6 @@ import typer
 from procedures.errors import DataError
 from proving.crashes.damages import small_finished
 from proving.night.campaign import replay
-from proving.night.scenario import Lab
 from rig.cli import app
 from rig.errors import RigError
 
@@ -68,7 +67,7 @@ class Material:
     made: dict[str, Any] = field(default_factory=dict)
 
     @classmethod
-    def make(cls, folder: Path, nights: tuple[tuple[Lab, int], ...] = (("pressure", 0),)) -> Material:
+    def make(cls, folder: Path, nights: tuple[tuple[str, int], ...] = (("pressure", 0),)) -> Material:
         """Make a small run and some nights full of faults, by laboratory and seed; see `rig night`."""
         run = small_finished("attitude", folder / "whole")
         runs = [run]

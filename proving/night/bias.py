@@ -10,8 +10,9 @@ import numpy as np
 from fitter.arrays import FloatArray
 from fitter.split_plot import SplitPlotDesign
 from proving.night.play import Played
-from proving.night.scenario import LOAD_CELL_V, LOAD_CELL_V_PER_KN
 from rig.tables import run_table
+from sims.physics.expression import Formula
+from sims.physics.laboratory_truth import AnySensorTruth, SourceTruth
 from sims.physics.pressure_truth import TransducerTruth
 from sims.physics.truth import SensorTruth
 
@@ -20,16 +21,17 @@ def deviations(played: Played) -> Iterator[tuple[str, float, float]]:
     """(quantity, coefficient less the truth over its standard error, degrees of freedom) of a complete night.
 
     Attitude: offset and sensitivity of every sensor, by least squares of a single sphere of gravity; pressure:
-    offset and sensitivity, whole plots with an error of their own; load cell: offset and sensitivity.
+    offset and sensitivity, whole plots with an error of their own; any other laboratory: offset and slope over every
+    factor of what the outputs differ from their formulas in the world file, which is nothing.
     """
     assert played.path is not None
     table = run_table(played.path)
     if played.scenario.lab == "attitude":
         yield from _attitude(played, table.columns)
-    elif played.scenario.lab == "load-cell":
-        yield from _load_cell(table.columns)
-    else:
+    elif played.scenario.lab == "pressure":
         yield from _pressure(played, table.columns)
+    else:
+        yield from _any(played, table.columns)
 
 
 def _attitude(played: Played, columns: Mapping[str, FloatArray]) -> Iterator[tuple[str, float, float]]:
@@ -54,16 +56,42 @@ def _attitude(played: Played, columns: Mapping[str, FloatArray]) -> Iterator[tup
         yield f"{name} sensitivity", float((size - true.sensitivity_V_per_g) / error), df
 
 
-def _load_cell(columns: Mapping[str, FloatArray]) -> Iterator[tuple[str, float, float]]:
-    force, y = columns["force_kN"], columns["cell_V"]
-    x = np.column_stack([np.ones_like(force), force])
-    b, *_ = np.linalg.lstsq(x, y, rcond=None)
-    left, df = y - x @ b, len(y) - 2
-    if df < 3:
+def _any(played: Played, columns: Mapping[str, FloatArray]) -> Iterator[tuple[str, float, float]]:
+    truth, bench = played.bench.sim.plant.truth, played.plan.bench
+    factors = [factor.name for factor in played.plan.run_list.factors]
+    there = {name: columns[name] for name in factors}
+    for name in factors:
+        text = truth.sources.get(name, SourceTruth()).formula
+        if text and name not in bench.references:  # a reference reads the true value
+            formula = Formula.parse(text, name, {"set"})
+            there[name] = np.array([formula.value({"set": value}) for value in columns[name].tolist()])
+    levels = [np.ptp(columns[name]) for name in factors]
+    slopes = [columns[name] / span for name, span in zip(factors, levels, strict=True)]
+    x = np.column_stack([np.ones(len(columns["order"])), *slopes])
+    plots = columns.get("whole_plot", np.arange(len(x)))
+    terms = ("1", *factors)
+    if len(x) - len(terms) < _FEWEST or len(np.unique(plots)) <= len(terms):
         return
-    cov = np.linalg.inv(x.T @ x) * (left @ left) / df
-    for i, (what, true) in enumerate((("offset", LOAD_CELL_V), ("sensitivity", LOAD_CELL_V_PER_KN))):
-        yield f"cell {what}", float((b[i] - true) / np.sqrt(cov[i, i])), df
+    for name, sensor in bench.sensors.items():
+        true = truth.sensors[name]
+        assert isinstance(true, AnySensorTruth)
+        formula = Formula.parse(true.formula, name)
+        rows = [dict(zip(factors, row, strict=True)) for row in np.column_stack([there[n] for n in factors]).tolist()]
+        y = columns[f"{name}_{sensor.unit}"] - np.array([formula.value(row) for row in rows])
+        if len(np.unique(plots)) < len(x):
+            fit = SplitPlotDesign(x, plots, terms).fit(y)
+            found = fit.coefficients, fit.stderr, fit.df
+        else:
+            b, *_ = np.linalg.lstsq(x, y, rcond=None)
+            df = len(y) - x.shape[1]
+            cov = np.linalg.inv(x.T @ x) * float((y - x @ b) @ (y - x @ b)) / df
+            found = b, np.sqrt(np.diag(cov)), np.full(len(terms), float(df))
+        for term, error, stderr, df in zip(terms, *found, strict=True):
+            yield f"{name} {term}", float(error / stderr), float(df)
+
+
+_FEWEST = 3
+"""Degrees of freedom of the error from which on a night's calibration is judged."""
 
 
 def _pressure(played: Played, columns: Mapping[str, FloatArray]) -> Iterator[tuple[str, float, float]]:

@@ -78,6 +78,10 @@ class Night:
         """All readings that an instrument made of an input, (instrument, channel), in order of time."""
         return self._inputs.get(wire, [])
 
+    def alone(self, wire: tuple[str, str]) -> bool:
+        """Whether an instrument reads this input only."""
+        return all(channel == wire[1] for instrument, channel in self._inputs if instrument == wire[0])
+
     def meanwhile(self, record: Record, wire: tuple[str, str]) -> range:
         """Which of `of_input` were made, from begin to end, while an observation says that it was measured."""
         began, ended = self.measured_s(record)

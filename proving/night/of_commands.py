@@ -13,7 +13,7 @@ def within_limits(night: Night) -> Iterator[str]:
     """Nothing was ever told to go beyond the bench's limits."""
     bench = night.played.plan.bench
     driven = {instrument: factor for factor, instrument in bench.factors.items()}
-    quantities = {"setpoint_psia": "{driven}", "setpoint_degC": "{instrument}_degC"}
+    quantities = {"setpoint_psia": "{driven}", "setpoint": "{driven}", "setpoint_degC": "{instrument}_degC"}
     told: dict[str, list[float]] = {}
     for change in night.tape.changes:
         axis, _, what = change.what.rpartition(" ")

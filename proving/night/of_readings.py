@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from math import sqrt
 from operator import attrgetter
 
-from procedures.run_list import Point
+from procedures.run_list import Factor, Point
 from proving.night.judged import Night
+from rig.bench import of_reading
 from rig.run_file.chain import Record
-from sims.physics.laboratory_truth import AnySensorTruth
+from sims.physics.expression import Formula
+from sims.physics.laboratory_truth import AnySensorTruth, SourceTruth, StandardTruth
 from sims.physics.pressure_truth import TransducerTruth
 from sims.physics.truth import SensorTruth
 from sims.tape import Reading
@@ -30,7 +32,9 @@ def truthful(night: Night) -> Iterator[str]:
         for column, values in {**record.data["outputs"], **record.data["temperatures"]}.items():
             yield from _read(night, record, point, inputs[column], values["readings"])
         for column, values in record.data.get("references", {}).items():
-            if column not in stated(night, record):  # which are compared where the sensors were read
+            if column in night.played.plan.bench.references:
+                yield from _read(night, record, point, inputs[column], values["readings"])
+            elif column not in stated(night, record):  # which are compared where the sensors were read
                 yield from _readback(night, record, column, values["readings"])
 
 
@@ -38,13 +42,13 @@ def _read(night: Night, record: Record, point: Point, of: _Input, values: list[f
     """What is wrong with the first reading of a column with which anything is.
 
     A thermometer that hangs is excepted: what it repeats must have been true when it was first said, wherever that was.
-    One that has never been seen to change cannot be distinguished from a coarse one.
+    One that has never been seen to change cannot be distinguished from a coarse one; nor can an instrument with one
+    input only.
     """
     made = night.of_input(of.wire)
     left = iter(night.meanwhile(record, of.wire))
     for value in values:
-        said = value * of.scale
-        at = next((i for i in left if abs(made[i].given - said) <= of.accuracy.digit + _TEXT * abs(said)), None)
+        at = next((i for i in left if of.says(made[i].given, value)), None)
         if at is None:
             began, ended = night.measured_s(record)
             yield f"point {point.index}: {of.column} = {value:g} was not read between {began:.1f} and {ended:.1f} s"
@@ -57,7 +61,8 @@ def _read(night: Night, record: Record, point: Point, of: _Input, values: list[f
         judged = then if reading.unit == "degC" else reading
         off = abs(judged.given - judged.true)
         wrong = list(_there(night, record, of.column, reading))
-        if off > of.bound(judged):
+        unknown = at == 0 and len(set(values)) == 1 and night.alone(of.wire)
+        if off > of.bound(judged) and not unknown:
             wrong.append(f"point {point.index}: {of.column} = {value:g} is off by {off:.2g} {reading.unit}")
         if reading.unit == "V":
             wrong += _there(night, record, f"{of.column}, repeated since then,", then)
@@ -103,6 +108,7 @@ class _Input:
         column: its name.
         wire: (instrument, channel).
         scale: volts or degrees Celsius in its unit.
+        quantity: what a reading says by the formula of the bench file, for a reference standard that has one.
         noise: standard deviation of the sensor's mean over 1 s, volts or degrees Celsius.
         accuracy: of the instrument, likewise.
 
@@ -113,20 +119,28 @@ class _Input:
     scale: float
     noise: float
     accuracy: Accuracy
+    quantity: Callable[[float], float] | None = None
+
+    def says(self, given: float, value: float) -> bool:
+        """Whether this is the value that was written down of a reading, to the last digit sent."""
+        if self.quantity is not None:
+            return abs(self.quantity(given) - value) <= _TEXT * max(abs(value), abs(given))
+        said = value * self.scale
+        return abs(given - said) <= self.accuracy.digit + _TEXT * abs(said)
 
     def bound(self, reading: Reading) -> float:
         """How far a reading may be from the truth."""
         return _SDS * self.noise / sqrt(reading.end_s - reading.t_s) + self.accuracy.adds
 
 
-def _noise_volts(truth: TransducerTruth | SensorTruth | AnySensorTruth) -> float:
-    """Standard deviation of a sensor's mean over 1 s; outputs of other laboratories are in volts here."""
+def _noise_volts(truth: TransducerTruth | SensorTruth | AnySensorTruth, scale: float) -> float:
+    """Standard deviation of a sensor's mean over 1 s; `scale` is the number of volts in its unit on the bench."""
     match truth:
         case TransducerTruth():
             return truth.noise_mV * 1e-3
         case SensorTruth():
             return truth.noise_V
-    return truth.noise
+    return truth.noise * scale
 
 
 def _inputs(night: Night) -> dict[str, _Input]:
@@ -141,13 +155,18 @@ def _inputs(night: Night) -> dict[str, _Input]:
 
     for name, sensor in bench.sensors.items():
         true = truth.sensors[name]
-        noise = _noise_volts(true)
         scale = 1e-3 if sensor.unit == "mV" else 1.0
+        noise = _noise_volts(true, scale)
         wire = (sensor.reader, sensor.channel)
         found.append(_Input(f"{name}_{sensor.unit}", wire, scale, noise, accuracy(*wire, "V")))
     for column, at in bench.temperatures.items():
         wire = (at.reader, at.channel)
         found.append(_Input(column, wire, 1.0, 0.0, accuracy(*wire, "degC")))
+    for column, reference in bench.references.items():
+        wire = (reference.reader, reference.channel)
+        noise = truth.references.get(column, StandardTruth()).noise
+        quantity = None if reference.formula is None else of_reading(reference.formula)
+        found.append(_Input(column, wire, 1.0, noise, accuracy(*wire, "V"), quantity))
     return {one.column: one for one in found}
 
 
@@ -159,8 +178,8 @@ _TEXT = 6e-9
 
 _DIGIT_PSI = 1e-7
 
-_THERE = {"deg": 0.003, "psia": 0.02, "kN": 1e-9}
-"""How far the truth may be from the setpoint: band, encoder and reference errors and control noise; none of weights."""
+_THERE = {"deg": 0.003, "psia": 0.02}
+"""How far the truth may be from the setpoint: band, encoder and reference errors and control noise."""
 
 
 def stated(night: Night, record: Record) -> dict[str, float]:
@@ -173,13 +192,34 @@ def stated(night: Night, record: Record) -> dict[str, float]:
 
 def _there(night: Night, record: Record, column: str, reading: Reading) -> Iterator[str]:
     point, said = night.point(record), stated(night, record)
+    standard = column.partition(",")[0] in night.played.plan.bench.references  # of its own factor only
     for factor, planned in zip(night.run_list.factors, point.setpoints, strict=True):
         setpoint = said.get(factor.name, planned)
-        if factor.hard:
+        if factor.hard or standard:
             continue
         is_at = reading.factors[factor.name]
-        if abs(is_at - setpoint) > _THERE[factor.name.rpartition("_")[2]]:
+        if abs(is_at - _truly(night, factor.name, setpoint)) > _near(night, factor):
             yield f"point {point.index}: {column} was read with {factor.name} at {is_at:g}, not at {setpoint:g}"
+
+
+def _truly(night: Night, factor: str, setpoint: float) -> float:
+    """What a source or a person truly makes of a setpoint."""
+    text = night.played.bench.sim.plant.truth.sources.get(factor, SourceTruth()).formula
+    return Formula.parse(text, factor, {"set"}).value({"set": setpoint}) if text else setpoint
+
+
+def _near(night: Night, factor: Factor) -> float:
+    """How far the truth may be from that: nothing where a person sets it; the band in which a source has settled."""
+    unit = factor.name.rpartition("_")[2]
+    if unit in _THERE:
+        return _THERE[unit]
+    name = night.played.plan.bench.factors[factor.name]
+    if night.played.plan.bench.instruments[name].driver == "person":
+        return _OF_WEIGHTS
+    return night.played.plan.procedure.conduct.settled(factor.axis).band
+
+
+_OF_WEIGHTS = 1e-9
 
 
 def _seen(night: Night, record: Record) -> list[Reading]:
@@ -219,7 +259,8 @@ def one_stay(night: Night) -> Iterator[str]:
         setting = night.run_list.setting(night.point(record))
         for factor in night.run_list.hard:
             chamber, wanted = night.played.plan.bench.factors[factor.name], setting[factor.name]
-            air = max((reading.air_degC[chamber] for reading in seen), key=lambda a: abs(a - wanted), default=wanted)
+            there = (reading.air_degC.get(chamber, reading.factors.get(factor.name, wanted)) for reading in seen)
+            air = max(there, key=lambda a: abs(a - wanted), default=wanted)
             if abs(air - wanted) > _AIR_DEGC:
                 yield f"point {record.run_index}: {chamber} was truly at {air:.2f} degC, not {wanted:g}"
     owners: dict[int, int] = {}

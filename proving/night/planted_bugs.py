@@ -9,7 +9,7 @@ import sys
 
 from proving.night.bugs import BUGS
 from proving.night.campaign import one_night
-from proving.night.scenario import LABS
+from proving.night.scenario import EVERY_LAB
 
 
 def main() -> int:
@@ -17,7 +17,7 @@ def main() -> int:
     most = int(sys.argv[1]) if len(sys.argv) > 1 else 200
     missed = 0
     for bug in BUGS:
-        nights = ((seed, lab, one_night(seed, lab, bug=bug).violations) for seed in range(most) for lab in LABS)
+        nights = ((seed, lab, one_night(seed, lab, bug=bug).violations) for seed in range(most) for lab in EVERY_LAB)
         found = next(((seed, lab, broken[0]) for seed, lab, broken in nights if broken), None)
         missed += found is None
         if found is None:

@@ -18,8 +18,9 @@ from typing import Literal, NoReturn
 from drivers.clock import Clock
 from drivers.wires import Wires
 from proving.disk import Crash, Disk, folding
+from proving.night.mishaps import Mishap
 from proving.night.safety import not_safe
-from proving.night.scenario import Mishap, Scenario
+from proving.night.scenario import Scenario
 from rig.bench import Bench, check_options, open_bench
 from rig.controller import Site, resume_run, start_run
 from rig.engine.holes import WatchedClock

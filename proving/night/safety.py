@@ -26,7 +26,10 @@ def not_safe(bench: DryBench, *, moving_only: bool) -> Iterator[str]:
         if line.controlling or abs(psia - line.ambient_psia(now)) > _AT_THE_ATMOSPHERE_PSI:
             yield f"the line is at {psia:.2f} psia, {'controlled' if line.controlling else 'closed'}"
     for name in config.instruments:
-        if "chamber" in bench.sim.twin(name).roles:
+        roles = bench.sim.twin(name).roles
+        if "source" in roles and plant.source(name).on:
+            yield f"{name} is left on at {plant.source(name).setpoint:g}"
+        if "chamber" in roles:
             setpoint = plant.chamber(name).setpoint_degC
             if not _HARMLESS_DEGC[0] <= setpoint <= _HARMLESS_DEGC[1]:
                 yield f"{name} is left at a setpoint of {setpoint:.1f} degC"

@@ -25,6 +25,7 @@ Results = Sequence[Result]
 
 NAMES = (
     "attitude",
+    "budgets",
     "charts",
     "closed_loop",
     "confirm",
@@ -38,6 +39,7 @@ NAMES = (
     "intervals",
     "laboratories",
     "pressure",
+    "registers",
     "split_plots",
     "strangers",
     "tables",

@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 
 from procedures.general.column_roles import Roles, roles_of
-from procedures.general.of_runs import roles_of_run
+from procedures.general.of_runs import Asked, models_of, roles_of_run
 from procedures.general.trace import search_table
 from procedures.table import Table
 from proving.ledger import Result
@@ -45,7 +45,7 @@ def names(lab: str, seed: int, *, hidden: bool) -> dict[str, list[str]]:
     with tempfile.TemporaryDirectory() as folder:
         plan = plan_from({"bench.toml": bench, "procedure.toml": procedure, "world.toml": world})
         table = run_table(dry(plan, Path(folder)))
-    return {column: _found(table, roles) for column, roles in roles_of_run(table).items()}
+    return {column: _found(table, roles) for column, roles in roles_of_run(Asked(table, models_of(table))).items()}
 
 
 def _found(table: Table, roles: Roles) -> list[str]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import datetime
 from dataclasses import dataclass, field, fields, is_dataclass
+from math import isfinite
 from typing import Any, Literal
 
 Stage = Literal["", "as found", "as left"]
@@ -285,7 +286,7 @@ class Statement:
         rule: the decision rule, as words.
         verdict: its result.
         probability: that the quantity is within the tolerance, as a text.
-        sentence: the statement.
+        sentence: the statement, without the name of the sensor.
         stage: as found or as left.
     """
 
@@ -395,6 +396,7 @@ class Document:
         remarks: further sentences of the laboratory.
         paper: size of a page.
         opinions: interpretations that are no results of measurement.
+        notes: on the uncertainties, sentences.
     """
 
     number: str
@@ -420,10 +422,11 @@ class Document:
     next_due: datetime.date | None = None
     remarks: tuple[str, ...] = ()
     opinions: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
     paper: Literal["a4", "letter"] = "a4"
 
     def to_json(self) -> dict[str, Any]:
-        """JSON values of all but the logo, dates as YYYY-MM-DD."""
+        """JSON values of all but the logo, dates as YYYY-MM-DD; infinite numbers are None."""
         told: dict[str, Any] = _plain(self)
         return told
 
@@ -436,4 +439,6 @@ def _plain(value: Any) -> Any:
         return {one.name: _plain(getattr(value, one.name)) for one in fields(value)}
     if isinstance(value, tuple):
         return [_plain(one) for one in value]
+    if isinstance(value, float) and not isfinite(value):
+        return None
     return value.isoformat() if isinstance(value, datetime.date) else value

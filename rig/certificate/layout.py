@@ -13,6 +13,7 @@ from typing import Any, Literal
 from rig.certificate import words
 from rig.certificate.document import Budget, Document, Party, ResultTable
 from rig.certificate.numbers import padding, raised, typeset
+from rig.present.visible import visible
 
 Align = Literal["left", "right", "bar"]
 
@@ -199,6 +200,8 @@ def _equipment(document: Document) -> Iterator[Block]:
 
 def _results(document: Document) -> Iterator[Block]:
     yield Sentences(words.UNCERTAINTY)
+    if document.notes:
+        yield Sentences(document.notes, small=True)
     stages = list(dict.fromkeys(one.stage for one in document.tables))
     for stage in stages:
         for table in document.tables:
@@ -251,7 +254,15 @@ def _conformity(document: Document) -> Iterator[Block]:
     ]
     rules = tuple(dict.fromkeys(one.rule for one in document.statements))
     yield _texts("", heads, rows, notes=(*(f"Decision rule: {rule}" for rule in rules), *words.CONFORMITY))
-    yield Sentences(tuple(dict.fromkeys(one.sentence for one in document.statements if one.sentence)))
+    yield Sentences(tuple(_stated(document)))
+
+
+def _stated(document: Document) -> Iterator[str]:
+    """Each statement once, with the items that it holds for."""
+    for stage, sentence in dict.fromkeys((one.stage, one.sentence) for one in document.statements if one.sentence):
+        of = [one.sensor for one in document.statements if (one.stage, one.sentence) == (stage, sentence)]
+        items = ", ".join(one or "all items together" for one in dict.fromkeys(of))
+        yield f"{items}{f', {stage}' if stage else ''}: {sentence}"
 
 
 def _effects(document: Document) -> Iterator[Block]:
@@ -318,7 +329,7 @@ def _budget(budget: Budget) -> Grid:
 
 
 def _titled(sensor: str, what: str, stage: str) -> str:
-    return "".join((f"{sensor}: " if sensor else "", what, f", {stage}" if stage else ""))
+    return "".join((f"{sensor}: " if sensor else "", raised(what), f", {stage}" if stage else ""))
 
 
 def _share(share: float) -> str:
@@ -357,6 +368,8 @@ def _span(began: date, ended: date) -> str:
 
 def percent(probability: str) -> str:
     """A probability in percent, with its digits: `0.9545` is `95.45 %`. Any other text is unchanged."""
+    if probability[:2] in ("> ", "< "):
+        return probability[:2] + percent(probability[2:])
     whole, point, digits = probability.partition(".")
     if not (whole.isdigit() and digits.isdigit() and point):
         return probability
@@ -366,9 +379,20 @@ def percent(probability: str) -> str:
 
 
 def contents(document: Document) -> dict[str, Any]:
-    """The input of a template: the document and its sections, as JSON values."""
-    return {
+    """The input of a template: the document and its sections, as JSON values; control characters are shown."""
+    told = {
         "document": document.to_json(),
         "sections": [asdict(one) for one in sections(document)],
         "words": words.PAGE,
     }
+    shown: dict[str, Any] = _visible(told)
+    return shown
+
+
+def _visible(value: Any) -> Any:
+    """A value with control characters of its texts as escape sequences: they have no glyph on paper."""
+    if isinstance(value, str):
+        return visible(value)
+    if isinstance(value, dict):
+        return {name: _visible(one) for name, one in value.items()}
+    return [_visible(one) for one in value] if isinstance(value, list | tuple) else value

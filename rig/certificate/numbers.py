@@ -34,7 +34,9 @@ def typeset(text: str) -> str:
 
 
 def raised(text: str) -> str:
-    """A unit or formula with raised whole powers: `kN/m^2` is `kN/m²`."""
+    """A text with raised whole powers, real minus signs and degrees Celsius: `kN/m^2` is `kN/m²`."""
+    text = re.sub(r"\bdegC\b", "°C", text)
+    text = re.sub(r"(?<![\w)^-])-(?=\d)", "−", text)
     return re.sub(r"(?:\^|\*\*)\(?(-?\d+)\)?", lambda power: power[1].translate(_RAISED), text)
 
 

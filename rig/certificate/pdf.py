@@ -12,24 +12,29 @@ from datetime import UTC, datetime, time
 from pathlib import Path
 
 from rig.certificate.document import Document
-from rig.certificate.extras import needed
 from rig.certificate.layout import contents
+from rig.dcc.extras import needed
 from rig.errors import ConfigurationError
 
 _TEMPLATE = Path(__file__).parent / "templates" / "certificate.typ"
+_FONTS = (
+    "typst's own fonts have Latin, Greek and Cyrillic; put a font that has it into a folder, and name the folder: "
+    'fonts = "FOLDER" in certificate.toml'
+)
 _PACKAGE = re.compile(r"""["']@[A-Za-z]""")
 
 
-def pdf(document: Document, template: Path | None = None) -> bytes:
+def pdf(document: Document, template: Path | None = None, fonts: Path | None = None) -> bytes:
     """The certificate as PDF/A-2b.
 
     Args:
         document: the certificate.
         template: a laboratory's own template in typst, which reads `contents.json` beside it; None for ours.
+        fonts: folder with fonts for texts that typst's own do not have; None for none.
 
     Raises:
         UsageError: the extra `certificate` is not installed.
-        ConfigurationError: the template cannot be read, fetches a package, or has an error.
+        ConfigurationError: the template cannot be read, fetches a package, or has an error; or a text has no font.
     """
     typst = needed("typst", "certificate")
     source = _text(template or _TEMPLATE)
@@ -41,10 +46,13 @@ def pdf(document: Document, template: Path | None = None) -> bytes:
         if (logo := document.laboratory.logo) is not None:
             (folder / f"logo.{logo.kind}").write_bytes(logo.data)
         issued = datetime.combine(document.dates.issued, time(), UTC)
-        compiler = typst.Compiler(folder / "main.typ", root=folder, ignore_system_fonts=True)
+        more = [fonts] if fonts is not None else []
+        compiler = typst.Compiler(folder / "main.typ", root=folder, ignore_system_fonts=True, font_paths=more)
         try:
             made: bytes = compiler.compile(format="pdf", pdf_standards="a-2b", timestamp=int(issued.timestamp()))
         except typst.TypstError as error:
+            if "could not be displayed with font" in error.message:
+                raise ConfigurationError(f"{error.message}: {_FONTS}") from error
             hints = "".join(f"; {hint}" for hint in error.hints)
             where = template or "the certificate"
             raise ConfigurationError(f"{where} cannot be set as a page: {error.message}{hints}") from error

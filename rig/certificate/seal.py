@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from rig.atomic import write_whole
-from rig.certificate.extras import needed
+from rig.dcc.extras import needed
 from rig.errors import RunFileError, UsageError
 from rig.regular import open_regular
 

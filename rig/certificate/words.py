@@ -37,7 +37,7 @@ PAGE = {
     "title": "Calibration certificate",
     "simulated": "SIMULATED",
     "warning": "Simulated run: no real instrument was involved. This is not a certificate.",
-    "end": "End of the certificate",
+    "end": "end of the certificate",
 }
 VERDICTS: Mapping[Verdict, str] = {
     "pass": "pass",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -9,27 +11,12 @@ import typer
 
 from rig.atomic import check_files
 from rig.cli import app
+from rig.cli.budget_options import EquipmentOption, SameMeterOption
 from rig.cli.kind_options import with_options_of_kinds
 from rig.cli.run import JsonOption, RunArgument
-from rig.cli.show import out, print_json, show_notes
+from rig.cli.show import counting, out, print_json, show_notes
 from rig.errors import ExitCode
 from rig.present.terminal import show
-
-EquipmentOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--equipment",
-        help="a register of equipment, for runs that were made without one or with another one",
-        show_default="the register kept with the run",
-    ),
-]
-SameMeterOption = Annotated[
-    bool,
-    typer.Option(
-        "--same-meter",
-        help="the meter of the run reads the sensors in use, too: errors that it has in both cancel",
-    ),
-]
 
 
 @app.command()
@@ -48,6 +35,22 @@ def budget(
     probability: Annotated[
         float, typer.Option(min=0.5, max=0.9999, help="coverage probability of expanded uncertainties")
     ] = 0.95,
+    shapes: Annotated[
+        bool,
+        typer.Option(
+            "--shapes",
+            help="coverage factors by the shapes of the distributions: smaller where limits of error dominate",
+        ),
+    ] = False,
+    monte_carlo: Annotated[
+        int | None,
+        typer.Option(
+            min=100,
+            help="check the budgets by this number of simulated evaluations, with random errors of all influences",
+            show_default=False,
+        ),
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="of the simulation; the same seed gives the same numbers")] = 1,
     report: Annotated[Path | None, typer.Option(help="write a self-contained HTML report", show_default=False)] = None,
     as_json: JsonOption = False,
     *,
@@ -57,6 +60,7 @@ def budget(
 
     Every result has its expanded uncertainty, its effective degrees of freedom and the shares of all influences. An
     influence is what the register states about an instrument, carried through the whole evaluation of the run.
+    `--monte-carlo` compares the intervals with simulated ones (JCGM 101), and names those that differ.
 
     Example: `rig budget RUN --equipment equipment.toml --at force_kN=2.5`
     """
@@ -64,9 +68,12 @@ def budget(
     from rig.results.budget import points  # noqa: PLC0415
 
     check_files([report], [run_file, *filter(None, (equipment,))])
-    found = budget_run(
-        run_file, equipment=equipment, at=points(at or []), same_meter=same_meter, probability=probability, **given
-    )
+    asked: dict[str, Any] = {"equipment": equipment, "same_meter": same_meter, "probability": probability, **given}
+    with counting("simulated evaluations", monte_carlo) if monte_carlo is not None else nullcontext() as one_more:
+        each = None if one_more is None else partial(one_more, "")
+        found = budget_run(
+            run_file, at=points(at or []), trials=monte_carlo, seed=seed, each=each, shapes=shapes, **asked
+        )
     if report is not None:
         found.report(report)
     if as_json:

@@ -92,6 +92,11 @@ COMMANDS = {
         "rig.cli.verify",
         "Check that a run file is intact and its contents are consistent; report changes and their places.",
     ),
+    "certificate": Entry(
+        _DATA,
+        "rig.cli.certificate",
+        "Certificate of a run: on paper (PDF), as a page (HTML), and as digital calibration certificate (XML).",
+    ),
     "seal": Entry(
         _DATA,
         "rig.cli.seal",

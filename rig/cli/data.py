@@ -12,6 +12,7 @@ from procedures.kind import Kind
 from procedures.results import Traced
 from rig.atomic import check_files
 from rig.cli import app
+from rig.cli.budget_options import EquipmentOption
 from rig.cli.kind_options import with_options_of_kinds
 from rig.cli.run import JsonOption
 from rig.cli.show import err, out, print_json, show_notes, show_result, write_report
@@ -53,6 +54,7 @@ def fit(
             show_default=False,
         ),
     ] = None,
+    equipment: EquipmentOption = None,
     separator: SeparatorOption = None,
     decimal: DecimalOption = None,
     encoding: EncodingOption = None,
@@ -68,11 +70,11 @@ def fit(
     from rig.results.data import fit_source  # noqa: PLC0415
     from rig.tables import Asked, FileSource  # noqa: PLC0415
 
-    check_files([out_file, report], [data, *filter(None, (confirmed_by,))])
+    check_files([out_file, report], [data, *filter(None, (confirmed_by, equipment))])
     source = FileSource(data, Asked.of(separator, decimal, encoding, header))
     if not leave_out and confirmed_by is None and _seen(source, "fit", given, as_json=as_json):
         return ExitCode.USAGE
-    fitted = fit_source(source, given, leave_out or (), confirmed_by, keep=out_file is not None)
+    fitted = fit_source(source, given, leave_out or (), confirmed_by, keep=out_file is not None, equipment=equipment)
     write_report(fitted, report)
     if out_file is not None:
         fitted.save(out_file)

@@ -9,6 +9,7 @@ import typer
 from rich.markup import escape
 
 from rig.cli import app
+from rig.cli.budget_options import SameMeterOption
 from rig.cli.kind_options import with_options_of_kinds
 from rig.cli.run import JsonOption
 from rig.cli.show import err, mark, print_json, show_notes
@@ -22,6 +23,7 @@ def infer(
     calibration: Annotated[Path, typer.Argument(help="calibration file of `rig fit --out`", show_default=False)],
     data: Annotated[Path, typer.Argument(help="CSV with the outputs", show_default=False)],
     out_file: Annotated[Path, typer.Option("--out", "-o", help="the CSV file to write", show_default=False)],
+    same_meter: SameMeterOption = False,
     as_json: JsonOption = False,
     separator: SeparatorOption = None,
     decimal: DecimalOption = None,
@@ -40,7 +42,7 @@ def infer(
     from rig.results.inferred import infer as infer_readings  # noqa: PLC0415
 
     how: dict[str, Any] = {"separator": separator, "decimal": decimal, "encoding": encoding, "header": header}
-    found = infer_readings(calibration, data, out=out_file, **how, **given)
+    found = infer_readings(calibration, data, out=out_file, same_meter=same_meter, **how, **given)
     show_notes(found)
     err.print(f"{mark(found.simulated)}{escape(str(out_file))}: {found.words}", soft_wrap=True)
     if as_json:

@@ -21,6 +21,11 @@ class _Given:
         self.name = table.source
 
     @property
+    def is_run(self) -> bool:
+        """Whether it has outputs of a bench."""
+        return bool(self.table.outputs)
+
+    @property
     def read(self) -> Reader:
         """The table as it is."""
         return lambda needed: self.table

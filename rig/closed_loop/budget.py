@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import date
 from pathlib import Path
 from typing import Any
 
-from fitter.budget import Budgeted, Influence, TypeA, budgets
+from fitter.budget import Budgeted, Check, Influence, TypeA, budgets, monte_carlo
+from fitter.errors import FitError
 from procedures.budgeting import Evaluation
 from procedures.errors import DataError
-from procedures.influences import corrected, influences
+from procedures.influences import corrected, explain, influences
 from procedures.kind import Kind, kind_of_table
+from procedures.simulated_budget import whole
 from procedures.stated import Statements
 from procedures.table import Table
 from rig.config import BenchConfig, parse_bench
@@ -30,6 +32,14 @@ from rig.run_file.events.sessions import Identified
 from rig.run_file.reader import RunReader
 from rig.tables import is_run, run_table
 
+BY_SHAPE = (
+    "coverage factors are by the shapes of the distributions: smaller than Student's t where limits of error dominate, "
+    "and right only if these errors are rectangular, as stated"
+)
+SIMULATED = (
+    "simulation (JCGM 101): {trials} trials, seed {seed}; the budget's interval agrees for {agree} of {count} results "
+    "within half a unit of the second digit of the standard uncertainty"
+)
 SAME_METER, OTHER_METER = (
     "readings in use are taken to be by the meter of the run, with the same errors, which are taken once",
     "errors of the meter that reads the sensors in use are not in these uncertainties; those of the run's meter are",
@@ -69,6 +79,7 @@ class RunBudget:
         type_a: covariances of the results.
         influences: on the results.
         notes: sentences for readers.
+        checks: of each result by simulation; empty if none was asked for.
     """
 
     of: OfRun
@@ -78,6 +89,7 @@ class RunBudget:
     type_a: tuple[TypeA, ...]
     influences: tuple[Influence, ...]
     notes: tuple[str, ...]
+    checks: tuple[Check, ...] = ()
 
 
 def run_with_register(path: Path, equipment: Path | None = None) -> OfRun:
@@ -186,17 +198,67 @@ def budget_of(
     same_meter: bool = False,
     probability: float = 0.95,
     options: Mapping[str, Any] | None = None,
+    trials: int | None = None,
+    seed: int = 1,
+    each: Callable[[], None] | None = None,
+    shapes: bool = False,
 ) -> RunBudget:
-    """The same of a run that was read."""
+    """The same of a run that was read.
+
+    Args:
+        of: the run.
+        at: as in `budget_run`.
+        same_meter: as in `budget_run`.
+        probability: as in `budget_run`.
+        options: as in `budget_run`.
+        trials: of a simulation that checks the budgets; None for no check.
+        seed: of the simulation.
+        each: called after each trial.
+        shapes: whether coverage factors follow the shapes of the distributions; as in `budgets`.
+    """
     chosen = of.kind.budget_options(**dict(options or {}))
     evaluation = of.kind.evaluation(of.table, chosen, at, constants_of(of.stated))
-    results = evaluation.results
-    found = influences(evaluation, of.stated, same_meter=same_meter)
-    type_a = (*results.type_a, *found.grouped)
-    made = budgets(results.names, results.units, results.values, type_a, found.influences, probability=probability)
+    try:
+        explain(evaluation, of.stated)
+        results = evaluation.results
+        found = influences(evaluation, of.stated, same_meter=same_meter)
+        type_a = (results.type_a, *found.grouped)
+        asked: dict[str, Any] = {"probability": probability, "shapes": shapes}
+        made = budgets(results.names, results.units, results.values, type_a, found.influences, **asked)
+    except FitError as error:
+        raise DataError(f"{of.table.source}: {error}") from error
     notes = [SAME_METER if same_meter else OTHER_METER, *found.notes, *of.stated.unused]
     if of.corrected:
         notes.insert(0, f"corrected by the certificates: {', '.join(of.corrected)}")
     if of.stated.example:
         notes.insert(0, f"the register {of.register.name!r} has example values: these uncertainties are examples, too")
-    return RunBudget(of, evaluation, made, results.sensors, type_a, found.influences, tuple(notes))
+    if shapes:
+        notes.append(BY_SHAPE)
+    checks: tuple[Check, ...] = ()
+    if trials is not None:
+        evaluate = whole(evaluation, found.shifts, each)
+        try:
+            checks = monte_carlo(made, type_a, found.influences, seed=seed, evaluate=evaluate, count=trials)
+        except FitError as error:
+            raise DataError(f"simulation of the budgets: {error}") from error
+        notes += simulated_notes(made, checks, seed)
+    return RunBudget(of, evaluation, made, results.sensors, type_a, found.influences, tuple(notes), checks)
+
+
+def simulated_notes(made: Sequence[Budgeted], checks: Sequence[Check], seed: int) -> list[str]:
+    """Sentences about budgets beside their simulation: how many agree, which do not, and what could not be decided."""
+    agree = sum(check.agrees is True for check in checks)
+    trials = checks[0].simulated.trials if checks else 0
+    notes = [SIMULATED.format(trials=trials, seed=seed, agree=agree, count=len(checks))]
+    for one, check in zip(made, checks, strict=True):
+        if check.agrees is False:
+            drawn = check.simulated.symmetric
+            ratio = 2.0 * one.expanded_uncertainty / (drawn.upper - drawn.lower)
+            notes.append(
+                f"{one.name}: the simulated interval is from {drawn.lower:.6g} to {drawn.upper:.6g} {one.unit}; the "
+                f"budget's is {ratio:.2f} times as wide"
+            )
+    undecided = sum(check.agrees is None for check in checks)
+    if undecided:
+        notes.append(f"for {undecided} of {len(checks)} results this needs more trials to be decided")
+    return notes

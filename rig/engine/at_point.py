@@ -19,6 +19,7 @@ from rig.engine.by_hand import ByHand
 from rig.engine.early_warning import EarlyWarnings
 from rig.engine.failure_counts import Policies
 from rig.engine.fault_classes import (
+    DoubtfulReadings,
     FrozenReading,
     NotSettled,
     OverloadedError,
@@ -38,6 +39,7 @@ from rig.quantities import unit_of
 from rig.run_file.events.event import EMPTY
 from rig.run_file.events.points import ACCEPTED, REJECTED, Observed
 from rig.run_file.events.sessions import Held
+from rig.scatter import most_scatter, noisiest
 
 _MOVE_TIMEOUT_S = 600.0
 _NEARLY = 0.9
@@ -95,11 +97,13 @@ class AtPoint:
         self._axes = frozenset(do.axis_names)
         self._references = tuple(f for f in run_list.easy if not f.stays)
         self._standards = [f for f in run_list.factors if f.name in bench.references]
+        self._most_scatter = most_scatter(conduct, bench.config)
         self._poll_s = conduct.poll_s
-        readers = {name: reader for name, (reader, _) in bench.sensors.items()}
+        readers = {name: reader for name, (reader, _) in (*bench.sensors.items(), *bench.references.items())}
         last = journal.last_read()
         at, read = (None, {}) if last is None else (run_list.points[last[0]], last[1])
-        self._liveness = Liveness(readers, at, read)
+        places = {f.name: place for place, f in enumerate(run_list.factors) if f.name in bench.references}
+        self._liveness = Liveness(readers, at, read, places)
         self.move_timeout_s = max(_MOVE_TIMEOUT_S, conduct.settle.timeout_s)
 
     def recovering(self) -> str:
@@ -188,15 +192,16 @@ class AtPoint:
         self._check_alive(observation)
         self._check_references(observation)
         self._check_standards(observation)
-        noisiest, most = observation.noisiest(self._bench.volts), self._conduct.max_sd_V
-        if most is not None and noisiest is not None and noisiest[1] > most:
-            name, sd_V = noisiest
+        sds = {name: c.sd for name, c in (*observation.outputs.items(), *observation.references.items())}
+        name = noisiest(sds, self._most_scatter)
+        if name is not None and sds[name] > self._most_scatter[name].sd:
+            most = self._most_scatter[name]
             if at.repeats < settings.repeats:
                 at.repeats += 1
                 at.rejected.append({"noisy": name, **observation.as_json()})
                 return "repeat"
-            noise = f"{name} scatters by {sd_V:.2g} V at point {at.point.index}"
-            self._flag("noisy", "noisy", TooNoisy(f"{noise}, more than {most:g} V"))
+            noise = f"{name} scatters by {most.told(sds[name])} at point {at.point.index}"
+            self._flag("noisy", "noisy", TooNoisy(f"{noise}, more than {most.most}"))
         return "record"
 
     def _check_alive(self, observation: Observation) -> None:
@@ -238,11 +243,12 @@ class AtPoint:
                 self._flag("reference", "reference", ReferenceDisagrees(words))
                 return
 
-    def _flag(self, flag: str, fault: str, error: Exception) -> None:
+    def _flag(self, flag: str, fault: str, error: DoubtfulReadings) -> None:
         """Accept a doubtful reading with a flag or raise its error, as the policies say."""
         at = self._at
         assert at.observation is not None
         if not self._policies.accepts(fault, at.place):
+            error.evidence = {"readings": at.observation.readings}
             raise error
         at.observation.flags.append(flag)
 

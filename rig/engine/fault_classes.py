@@ -28,19 +28,25 @@ class OverloadedError(Exception):
     """A reading was out of the instrument's range."""
 
 
-class TooNoisy(Exception):
+class DoubtfulReadings(Exception):
+    """Readings that the policies may still accept. `evidence` holds them."""
+
+    evidence: Mapping[str, Any] = {}
+
+
+class TooNoisy(DoubtfulReadings):
     """Readings scatter more than the procedure allows, even after repeats."""
 
 
-class FrozenReading(Exception):
+class FrozenReading(DoubtfulReadings):
     """An output repeats its last reading to the last digit although the setting has changed."""
 
 
-class ReferenceDisagrees(Exception):
+class ReferenceDisagrees(DoubtfulReadings):
     """A reference standard's reading is not near the setpoint."""
 
 
-class TemperatureLeft(Exception):
+class TemperatureLeft(DoubtfulReadings):
     """A temperature that should be constant has left its band."""
 
 

@@ -122,12 +122,12 @@ class Guard:
         self._interlocks.check_chamber(name, state)
         if state.alarms and not self._interlocks.watches(f"{name}.alarms"):
             alarms = ", ".join(state.alarms)
-            raise LimitViolation(f"{name} reports an alarm: {alarms}; look at the chamber, then resume")
+            raise LimitViolation(f"{name} reports an alarm: {alarms}; look at {name}, then resume")
         low, high = self._limits.get(f"{name}_degC", (float("-inf"), float("inf")))
         if not low - CHAMBER_MARGIN_DEGC <= state.temperature_degC <= high + CHAMBER_MARGIN_DEGC:
             raise LimitViolation(
-                f"{name} is at {state.temperature_degC:.2f} degC, outside {low:g} to {high:g}; look at the chamber, "
-                f"then resume"
+                f"{name} is at {state.temperature_degC:.2f} degC, outside {low:g} to {high:g}; look at {name}, then "
+                f"resume"
             )
         self._check_rate(name, f"{name}_degC_per_min", state.temperature_degC)
 

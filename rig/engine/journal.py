@@ -16,6 +16,7 @@ from rig.engine.settling import Settling
 from rig.engine.states import State
 from rig.engine.time_left import LAST_POINTS, LastPoints, by_hand_s, spent_s
 from rig.run_file.chain import Record, encode
+from rig.run_file.events.bench import Fault
 from rig.run_file.events.event import Event
 from rig.run_file.events.points import Observed, WholePlotBegan
 from rig.run_file.events.sessions import ClockSet, Ended, SessionBegan
@@ -192,11 +193,19 @@ class Journal:
         self._session.observer.recorded(record)
 
     def last_read(self) -> tuple[int, dict[str, Sequence[float]]] | None:
-        """Index and output readings of the last accepted point of any session."""
-        last = next(self.recent(1), None)
-        if last is None or last.run_index is None or not isinstance(last.event, Observed):
-            return None
-        return last.run_index, {name: output["readings"] for name, output in last.event.outputs.items()}
+        """Point, and readings of outputs and references, that were read last in any session, accepted or not.
+
+        Readings that were refused because something hung come after those before them, as `Liveness` remembers them.
+        """
+        every: dict[str, Sequence[float]] = {}
+        for record in self._run.latest((Observed.kind, Fault.kind), _LOOKED_BACK):
+            read = _readings(record.event)
+            if not read or record.run_index is None:
+                continue
+            every = {name: (*read.get(name, ()), *every.get(name, ())) for name in {**read, **every}}
+            if not (isinstance(record.event, Fault) and record.event.fault == "frozen"):
+                return record.run_index, every
+        return None
 
     def recent(self, observations: int) -> Iterator[Record]:
         """The last accepted observations of all sessions, the earliest first."""
@@ -313,3 +322,19 @@ class Journal:
             "whole_plots": self._whole_plots,
             "settling": {name: judge.lately(_SHOWN_S, _SHOWN) for name, judge in self.settling().items()},
         }
+
+
+_LOOKED_BACK = 30
+"""Number of records among which there are readings, if there were any lately."""
+
+
+def _readings(event: Event) -> dict[str, Sequence[float]]:
+    """Readings by column, without overloads; empty if the event has none."""
+    found: Mapping[str, Any] = {}
+    if isinstance(event, Observed):
+        channels = {**event.references, **event.outputs}
+        found = {**event.readings, **{name: channel["readings"] for name, channel in channels.items()}}
+    elif isinstance(event, Fault):
+        found = (event.evidence or {}).get("readings", {})
+    in_range = {name: tuple(r for r in readings if r is not None) for name, readings in found.items()}
+    return {name: readings for name, readings in in_range.items() if readings}

@@ -9,12 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 from procedures.run_list import Point
 from rig.engine.measuring import Observation
 
 _TOO_STILL = 3e-3
 """Probability below which equal readings on several channels are not accepted as chance."""
+_FEWEST = 3
+"""Different readings of a reference standard, at least, by which it is known to scatter."""
 _STILL, _SEEN = 0.5, 4.0
 """Prior: two of four observations had equal readings."""
 
@@ -50,41 +53,72 @@ class _Output:
 
 
 class Liveness:
-    """Watches the outputs of a bench.
+    """Watches the outputs of a bench, and its reference standards.
 
     Args:
-        readers: by output column, the instrument that reads it.
+        readers: by column of an output or a reference standard, the instrument that reads it.
         point: the last point of an earlier session; None if there was none.
         last: readings there, by column.
+        standards: place in a point's setpoints of the factor that a reference standard reads, by its column.
 
     """
 
-    def __init__(self, readers: Mapping[str, str], point: Point | None, last: Mapping[str, Sequence[float]]) -> None:
-        self._readers = readers
+    def __init__(
+        self,
+        readers: Mapping[str, str],
+        point: Point | None,
+        last: Mapping[str, Sequence[float]],
+        standards: Mapping[str, int] = MappingProxyType({}),
+    ) -> None:
+        self._readers, self._standards = readers, standards
         self._point, self._last = point, last
         self._outputs = {name: _Output() for name in readers}
+        self._hung: Mapping[str, float] = {}
+        self._hung_at = -1
 
     def hanging(self, point: Point, observation: Observation, passing: Mapping[str, Sequence[float]]) -> list[str]:
-        """Outputs that hang.
+        """Columns that hang.
 
         Args:
             point: where the observation was made.
             observation: it.
-            passing: output readings since the previous observation, made while only temperatures were wanted.
+            passing: readings since the previous observation, made while only temperatures were wanted.
 
         """
-        now = {name: c.readings for name, c in observation.outputs.items()}
+        read = {**observation.references, **observation.outputs}
+        now = {name: read[name].readings for name in self._readers if name in read}
         last = {name: (*self._last.get(name, ()), *passing.get(name, ())) for name in now}
-        found = observation.frozen(last, moved=self._point is None or self._point.setpoints != point.setpoints)
-        found = found or self._too_still(observation)
+        found = [name for name, readings in now.items() if self._repeats(name, readings, last[name], point)]
+        found = found or self._too_still(now)
         if found:
+            self._hung = {**self._hung, **{name: now[name][-1] for name in found}}
+            self._hung_at = point.index
             self._last = {name: (*last[name], *now[name]) for name in now}
         else:
+            if self._hung_at != point.index:
+                self._hung = {}
             self._point, self._last = point, now
         return found
 
-    def _too_still(self, observation: Observation) -> list[str]:
-        chances = {name: self._outputs[name].chance(c.readings) for name, c in observation.outputs.items()}
+    def _repeats(self, name: str, now: Sequence[float], before: Sequence[float], point: Point) -> bool:
+        """Whether all readings of a column are its last one before, and that is not by chance.
+
+        If the setting has not changed, an output that scattered must scatter again. The factor of a reference standard
+        may stay for long while others change: it is doubted only if it never gave the same reading twice.
+        """
+        if set(now) == {self._hung.get(name)}:
+            return True  # it hung at this point, and read something else in between: an open input, a spike
+        if not before or set(now) != {before[-1]}:
+            return False
+        then = self._point
+        if name not in self._standards:
+            return then is None or then.setpoints != point.setpoints or len(set(before)) > 1
+        at = self._standards[name]
+        moved = then is None or then.setpoints[at] != point.setpoints[at]
+        return moved or len(set(before)) == len(before) >= _FEWEST
+
+    def _too_still(self, now: Mapping[str, Sequence[float]]) -> list[str]:
+        chances = {name: self._outputs[name].chance(readings) for name, readings in now.items()}
         found = []
         for reader in dict.fromkeys(self._readers.values()):
             still = [name for name, chance in chances.items() if self._readers[name] == reader and chance < 1.0]

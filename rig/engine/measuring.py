@@ -72,31 +72,10 @@ class Observation:
     def _overloaded_references(self) -> list[tuple[str, Channel]]:
         return [(name, c) for name, c in self.references.items() if c.overload]
 
-    def frozen(self, before: Mapping[str, Sequence[float]], *, moved: bool) -> list[str]:
-        """Outputs that repeat their last reading to the last digit.
-
-        Args:
-            before: readings of the previous point and those since, by column.
-            moved: whether the setting has changed. If it has not, an output that scattered before must scatter again.
-
-        """
-        return [
-            name
-            for name, c in self.outputs.items()
-            if (then := before.get(name)) and set(c.readings) == {then[-1]} and (moved or len(set(then)) > 1)
-        ]
-
-    def noisiest(self, volts: Mapping[str, float]) -> tuple[str, float] | None:
-        """The output with the largest standard deviation, and this standard deviation in volts; None without outputs
-        in volts.
-
-        Args:
-            volts: by output column, its unit per volt; outputs may be in different units.
-
-        """
-        sd_V = {name: c.sd / volts[name] for name, c in self.outputs.items() if name in volts}
-        name = max(sd_V, key=sd_V.__getitem__, default="")
-        return (name, sd_V[name]) if name else None
+    @property
+    def readings(self) -> dict[str, list[float]]:
+        """Readings of outputs and references, by column."""
+        return {name: list(c.readings) for name, c in (*self.references.items(), *self.outputs.items())}
 
     def as_json(self) -> dict[str, Any]:
         """Its fields for the run file. Overloads are written as null, so that nobody can average them."""

@@ -95,8 +95,8 @@ class Pace:
         self._ratios: deque[float] = deque(maxlen=KEPT)
         self._planned: int | None = None
         self._began: tuple[int, float] | None = None
+        self._soaking_s: float | None = None  # since when a soak goes on; unlike `_began` through faults and holds
         self._last: tuple[int, int | None, float] | None = None
-        self._session_s = 0.0
         self._left: _Left | None = None
 
     @property
@@ -122,6 +122,7 @@ class Pace:
         if self._last is not None and self._last[:2] == (index - 1, plot):
             self._points.append(max(record.elapsed_s - self._last[2] - float(self._travel[index]), 0.0))
         self._last = index, plot, record.elapsed_s
+        self._soaking_s = None
         self._done(index)
 
     def _happened(self, record: Record, event: Event) -> None:
@@ -129,20 +130,22 @@ class Pace:
             self._last = self._began = None
         match event:
             case SessionBegan():
-                self._session_s = record.elapsed_s
+                self._soaking_s = record.elapsed_s
+            case AskedByHand():
+                self._soaking_s = None  # a person comes before the soak
             case Skipped(final=True):
                 assert record.run_index is not None
                 self._done(record.run_index)
             case TemperaturesLeft():
-                self._began = event.planned, record.elapsed_s
+                self._began, self._soaking_s = (event.planned, record.elapsed_s), record.elapsed_s
             case WholePlotBegan():
                 self._planned = event.planned
                 if self._began is not None and self._began[0] == self._planned:
                     self._ratios.append((record.elapsed_s - self._began[1]) / self._soaks[self._planned])
-                self._began, self._left = None, None
+                self._began = self._left = self._soaking_s = None
             case WholePlotLost():
                 self._open[event.first : event.first + event.count] = True
-                self._planned = self._last = self._left = None
+                self._planned = self._last = self._left = self._soaking_s = None
             case _:
                 pass
 
@@ -153,7 +156,7 @@ class Pace:
     def interrupted(self, elapsed_s: float) -> None:
         """Note the end of a session: an unfinished soak begins again with the next one."""
         self._last = self._began = None
-        self._session_s = elapsed_s
+        self._soaking_s = elapsed_s
 
     def remaining_s(self, elapsed_s: float) -> float:
         """Remaining bench seconds at an elapsed time."""
@@ -161,9 +164,8 @@ class Pace:
             self._left = self._what_is_left()
         left = self._left
         soaks = list(left.soaks)
-        if left.soak_next and (self._began is not None or self._last is None):
-            began = self._session_s if self._began is None else self._began[1]
-            soaks[0] = max(soaks[0] - max(elapsed_s - began, 0.0), 0.0)
+        if left.soak_next and self._soaking_s is not None:
+            soaks[0] = max(soaks[0] - max(elapsed_s - self._soaking_s, 0.0), 0.0)
         return left.without_soaks_s + sum(soaks)
 
     def _what_is_left(self) -> _Left:
@@ -202,10 +204,18 @@ def _followers(run_list: RunList, bench: BenchConfig) -> Mapping[str, Follower]:
     out = {}
     for factor in run_list.hard:
         rate = _rate(bench, factor.name, "ramp_degC_per_min")
-        thermometer = bench.temperatures.get(factor.name)
-        follows = FOLLOWS_S if thermometer is None or thermometer.follows_s is None else thermometer.follows_s
-        out[factor.name] = Follower(inf if rate is None else rate / 60.0, follows)
+        out[factor.name] = Follower(inf if rate is None else rate / 60.0, follows_s(bench, factor.name))
     return out
+
+
+def follows_s(bench: BenchConfig, factor: str) -> float:
+    """Time constant with which what is measured at a hard factor follows its setting, seconds; assumed if not said.
+
+    It is that of the thermometer of this name, or of a bath, which has to arrive itself: the larger of both.
+    """
+    thermometer = bench.temperatures.get(factor)
+    said = (None if thermometer is None else thermometer.follows_s, _rate(bench, factor, "time_constant_s"))
+    return max((one for one in said if one is not None), default=FOLLOWS_S)
 
 
 def _soaks_s(run_list: RunList, soak: SoakSettings, followers: Mapping[str, Follower]) -> dict[int, float]:

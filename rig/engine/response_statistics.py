@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from math import sqrt
+from math import hypot, sqrt
 from operator import mul
 
 import numpy as np
@@ -25,6 +25,18 @@ _BEYOND_SCATTER = 50.0
 _SPANNED = 0.3
 _ODD = 0.05
 _TO_JUDGE_A_SLOPE, _SLOPE_OFF = 8, 0.2
+_EXACT, _ZERO = 1e-9, 1e-13
+"""Smallest error of an observation that is assumed, relative to the range of the output; and the smallest singular
+value that is not zero, relative to the largest.
+"""
+
+
+@dataclass(frozen=True)
+class _Expected:
+    """A prediction: its value, and the standard deviation of the fitted function there (not of a reading)."""
+
+    value: float
+    sd: float
 
 
 @dataclass
@@ -34,29 +46,42 @@ class _Seen:
     row: Row
     mean: float
     still: bool
-    expected: float | None
+    expected: _Expected | None
 
 
 class _Model:
-    """The output as a linear function of the columns, fitted to the first observations."""
+    """The output as a linear function of the columns, fitted to the first observations.
 
-    def __init__(self, rows: Sequence[Row], outputs: Sequence[float]) -> None:
+    What these observations do not determine is unknown: a column may move the output over its `span` by as much as the
+    output has moved so far. So a temperature that stands while the flow is swept predicts nothing for another one,
+    even if it stands to the last digit and least squares has a solution.
+    """
+
+    def __init__(self, rows: Sequence[Row], outputs: Sequence[float], span: Sequence[float]) -> None:
         columns, y = np.array(rows), np.array(outputs)
-        solved = np.linalg.lstsq(columns, y, rcond=1e-9)[0]
-        left = y - columns @ solved
+        left = y - columns @ np.linalg.lstsq(columns, y, rcond=1e-9)[0]
         total = float(np.sum((y - y.mean()) ** 2))
         self.explained = 1.0 - float(left @ left) / total if total > 0.0 else None
-        self.scatter = float(np.sqrt(left @ left / max(1, len(y) - len(solved))))
+        rank = int(np.linalg.matrix_rank(columns, rtol=1e-9))
+        self.scatter = float(np.sqrt(left @ left / max(1, len(y) - rank)))
         self.low, self.high = float(y.min()), float(y.max())
+        reach = self.high - self.low
+        self._error = max(self.scatter, _EXACT * reach) or 1.0
+        moves = np.array(span) > 0.0
+        scale = np.where(moves, span, np.maximum(np.abs(columns).max(axis=0), 1e-300))
+        weighted = np.vstack([columns / scale / self._error, np.diag(moves / (reach or 1.0))])
+        u, size, vt = np.linalg.svd(weighted, full_matrices=False)
+        inverse = np.divide(1.0, size, out=np.zeros_like(size), where=size > size[0] * _ZERO)
+        root = vt.T * inverse / scale[:, None]
+        solved = root @ (u.T @ np.concatenate([y / self._error, np.zeros(len(scale))]))
+        self._columns: list[list[float]] = root.T.tolist()
         self._solved: list[float] = solved.tolist()
-        self._inverse: list[list[float]] = np.linalg.pinv(columns.T @ columns).tolist()
 
-    def expects(self, row: Row) -> float | None:
-        """Predicted output at a setting; None far outside the range of the fit."""
-        far = 0.0  # a few columns: numpy would take longer to begin than this takes
-        for x, inverse in zip(row, self._inverse, strict=True):
-            far += x * sum(map(mul, inverse, row))
-        return None if far > 1.0 else sum(map(mul, self._solved, row))
+    def expects(self, row: Row) -> _Expected | None:
+        """Predicted output at a setting; None where it is less certain than an observation."""
+        # a few columns: numpy would take longer to begin than this takes
+        sd = hypot(*[sum(map(mul, row, column)) for column in self._columns])
+        return None if sd > self._error else _Expected(sum(map(mul, row, self._solved)), sd)
 
 
 class ResponseTest:
@@ -105,10 +130,10 @@ class ResponseTest:
             said = self._learn()
         return said
 
-    def _believable(self, mean: float, expected: float | None) -> bool:
+    def _believable(self, mean: float, expected: _Expected | None) -> bool:
         """Whether an observation is good enough to be added to the fit."""
         model = self._model
-        return model is None or expected is None or abs(mean - expected) <= _ODD * (model.high - model.low)
+        return model is None or expected is None or abs(mean - expected.value) <= _ODD * (model.high - model.low)
 
     def _frozen(self, last: list[_Seen]) -> str:
         """Test for a frozen output: all readings equal at different settings, although the sensor had noise before."""
@@ -129,7 +154,7 @@ class ResponseTest:
             self._next_fit = n + 5
             return ""
         self._next_fit = max(n + 1, min(_MODEL_ROWS, int(n * 1.5)))
-        model = _Model(self._rows, self._outputs)
+        model = _Model(self._rows, self._outputs, self._span)
         if model.explained is None:
             return f"does not follow the settings: it read {self._say(model.low)} at all {n} points so far"
         if model.explained < 0.5:
@@ -142,15 +167,13 @@ class ResponseTest:
     def _deaf(self, last: list[_Seen]) -> str:
         """Test for an output that stays constant although the settings should have moved it."""
         model = self._model
-        if model is None:
-            return ""
         for size in _WINDOWS:
             some = last[-size:]
             expected = [s.expected for s in some if s.expected is not None]
-            if len(expected) < size:
+            if model is None or len(expected) < size:
                 break
-            should = max(expected) - min(expected)
-            if should <= max(_BEYOND_SCATTER * model.scatter, 0.01 * (model.high - model.low)):
+            should = _range(expected)
+            if should <= _certain(model, expected):
                 continue
             did = max(s.mean for s in some) - min(s.mean for s in some)
             if did < 0.1 * should:
@@ -167,9 +190,9 @@ class ResponseTest:
         expected = [s.expected for s in some if s.expected is not None]
         slope, error, should = 1.0, 0.0, 0.0
         if model is not None and len(expected) == _TO_JUDGE_A_SLOPE:
-            should = max(expected) - min(expected)
-            if should > max(_BEYOND_SCATTER * model.scatter, 0.01 * (model.high - model.low)):
-                slope, error = _slope(expected, [s.mean for s in some])
+            should = _range(expected)
+            if should > _certain(model, expected):
+                slope, error = _slope([e.value for e in expected], [s.mean for s in some])
         off = abs(slope - 1.0) > _SLOPE_OFF and error < 0.01 * should
         self._off = self._off + 1 if off else 0
         if self._off < _JUMPED:
@@ -179,15 +202,24 @@ class ResponseTest:
     def _jumped(self, last: list[_Seen]) -> str:
         """Test for a jump: several points in succession far from the fit."""
         model, some = self._model, last[-_JUMPED:]
-        off = [s.mean - s.expected for s in some if s.expected is not None]
+        off = [(s.mean - s.expected.value, s.expected.sd) for s in some if s.expected is not None]
         if model is None or len(off) < _JUMPED:
             return ""
-        if min(abs(o) for o in off) <= max(
-            _BEYOND_SCATTER * model.scatter, self._least_jump * (model.high - model.low)
-        ):
+        least = self._least_jump * (model.high - model.low)
+        if any(abs(by) <= max(_BEYOND_SCATTER * hypot(model.scatter, sd), least) for by, sd in off):
             return ""
         rail = _at_rail(model, some[-1].mean)
-        return f"reads {self._say(off[-1])} away from what its settings gave before, {_JUMPED} points in a row{rail}"
+        return f"reads {self._say(off[-1][0])} away from what its settings gave before, {_JUMPED} points in a row{rail}"
+
+
+def _range(expected: Sequence[_Expected]) -> float:
+    return max(e.value for e in expected) - min(e.value for e in expected)
+
+
+def _certain(model: _Model, expected: Sequence[_Expected]) -> float:
+    """Smallest predicted change that the output must follow."""
+    worst = max(e.sd for e in expected)
+    return max(_BEYOND_SCATTER * hypot(model.scatter, worst), 0.01 * (model.high - model.low))
 
 
 def _slope(expected: list[float], read: list[float]) -> tuple[float, float]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -12,26 +12,39 @@ import numpy as np
 from procedures.inference import Inference
 from procedures.results import Options
 from procedures.table import Reader, Table
+from rig.errors import UsageError
 from rig.inference.calibration_file import CalibrationFile, calibration_in, read_calibration
+from rig.inference.total import REPEATABILITY_ONLY, with_total
 from rig.tables import Asked, read_gappy_csv
 from rig.tables.of_others.asked import NOTHING
 
 __all__ = ["CalibrationFile", "CsvReader", "Inference", "calibration_in", "csv_reader", "infer", "read_calibration"]
 
 
-def infer(file: CalibrationFile, read: Reader, options: Options) -> Inference:
+def infer(file: CalibrationFile, read: Reader, options: Options, *, same_meter: bool = False) -> Inference:
     """Infer the measured quantities of a calibration from a table.
 
     Args:
         file: the calibration.
         read: reads the table, in which values may be missing.
         options: as the calibration's kind declares them.
+        same_meter: whether the meter of the calibration's run reads the sensors, with the same errors.
 
     Raises:
-        UsageError: the table cannot be read.
+        UsageError: the table cannot be read, or the calibration does not know the errors of that meter.
         procedures.errors.DataError: a column is missing, or a value cannot be used.
     """
-    found = file.kind.infer(file.calibration, read, options, csv_reader)
+    if file.budget is None and same_meter:
+        raise UsageError("--same-meter needs a calibration with influences: rig fit RUN --equipment FILE --out ...")
+
+    def by(calibration: Any, table: Reader, other: Callable[[Path], Reader]) -> Inference:
+        return file.kind.infer(calibration, table, options, other)
+
+    found = by(file.calibration, read, csv_reader)
+    if file.budget is None:
+        found = replace(found, notes=(REPEATABILITY_ONLY, *found.notes))
+    else:
+        found = with_total(found, file.budget, file.kind, file.calibration, by, read, csv_reader, same_meter=same_meter)
     if file.incomplete:
         found = replace(found, notes=(f"the calibration is of an incomplete run: {file.incomplete}", *found.notes))
     found = replace(found, notes=(*file.notes, *found.notes))

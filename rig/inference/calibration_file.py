@@ -11,6 +11,7 @@ from typing import Any
 from procedures.kind import Kind, kinds
 from procedures.words import incomplete
 from rig.errors import UsageError
+from rig.inference.total import KeptBudget
 from rig.regular import read_regular_text
 
 
@@ -24,6 +25,7 @@ class CalibrationFile:
         simulated: whether it is from a simulated run.
         incomplete: sentence about missing points of its run, "" if none.
         notes: sentences for every use.
+        budget: influences of its instruments; None if it has repeatability only.
     """
 
     kind: Kind
@@ -31,6 +33,7 @@ class CalibrationFile:
     simulated: bool
     incomplete: str
     notes: tuple[str, ...] = ()
+    budget: KeptBudget | None = None
 
 
 def read_calibration(path: Path) -> CalibrationFile:
@@ -59,7 +62,9 @@ def calibration_in(text: str, source: str) -> CalibrationFile:
         given = json.loads(text)
         about, kind = given["data"], _kind(given)
         words = kind.notes_of(given)
-        return CalibrationFile(kind, kind.calibration_of(given), bool(about.get("simulated")), incomplete(about), words)
+        budget = KeptBudget.of(given["budget"]) if "budget" in given else None
+        calibration = kind.calibration_of(given)
+        return CalibrationFile(kind, calibration, bool(about.get("simulated")), incomplete(about), words, budget)
     except RecursionError:
         raise UsageError(f"{source} is nested too deeply to be a calibration file") from None
     except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError) as error:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from math import isfinite
 from pathlib import Path
 from typing import Any
 
 from rich.markup import escape
 
-from fitter.budget import Budgeted
+from fitter.budget import Budgeted, Check
 from procedures.blocks import Block, Grid, Line, headline
 from procedures.numbers import with_error
 from rig.closed_loop.budget import RunBudget, budget_of, run_with_register
@@ -18,6 +18,7 @@ from rig.options import options_of
 from rig.results.frames import Frame, of_rows
 from rig.results.result import Plots, Result
 
+_AGREES = {True: "yes", False: "no", None: "not decided"}
 SMALL = 1e-3
 """Share of the variance below which an influence is not printed; JSON has all."""
 
@@ -38,9 +39,14 @@ class Budget(Result):
         return {
             "data": {"kind": self.found.of.kind.name, "simulated": table.simulated, **table.provenance},
             "register": {"name": register.name, "example": register.example},
-            "results": [_json(one, sensor) for one, sensor in zip(self.found.budgets, self.found.sensors, strict=True)],
+            "results": list(self._results()),
             "notes": list(self.notes()),
         }
+
+    def _results(self) -> Iterator[dict[str, Any]]:
+        checks: Sequence[Check | None] = self.found.checks or [None] * len(self.found.budgets)
+        for one, sensor, check in zip(self.found.budgets, self.found.sensors, checks, strict=True):
+            yield {**_json(one, sensor), **({} if check is None else {"simulated": _simulated(check)})}
 
     def blocks(self) -> Iterable[Block]:
         """A table of results, and a budget of each."""
@@ -54,6 +60,7 @@ class Budget(Result):
             grid.add_row(escape(one.name), f"{value} {one.unit}", expanded, f"{one.coverage_factor:.2f}", escape(words))
         yield Line(f"expanded uncertainties with a coverage probability of {100 * probability:g} %")
         yield grid
+        yield from _checks(self.found)
         for one in self.found.budgets:
             yield from _budget(one)
 
@@ -107,6 +114,35 @@ def _budget(one: Budgeted) -> Iterator[Block]:
         yield Line(f"  and {left} below 0.1 %")
 
 
+def _checks(found: RunBudget) -> Iterator[Block]:
+    """Intervals of the budgets beside simulated ones."""
+    if not found.checks:
+        return
+    grid = Grid(("result", "budget", "simulated", "agrees"), frame="plain", apart=2)
+    for one, check in zip(found.budgets, found.checks, strict=True):
+        low, high = one.value - one.expanded_uncertainty, one.value + one.expanded_uncertainty
+        drawn = check.simulated.symmetric
+        texts = [with_error(end, one.expanded_uncertainty)[0] for end in (low, high, drawn.lower, drawn.upper)]
+        budget, simulated = (f"{a} to {b} {one.unit}" for a, b in (texts[:2], texts[2:]))
+        grid.add_row(escape(one.name), budget, simulated, _AGREES[check.agrees])
+    yield Line("\nintervals of the budgets, and by simulation of the whole evaluation")
+    yield grid
+
+
+def _simulated(check: Check) -> dict[str, Any]:
+    one = check.simulated
+    return {
+        "trials": one.trials,
+        "mean": one.mean,
+        "standard_deviation": one.standard_deviation,
+        "interval": [one.symmetric.lower, one.symmetric.upper],
+        "shortest_interval": [one.shortest.lower, one.shortest.upper],
+        "error": one.error,
+        "tolerance": check.tolerance,
+        "agrees": check.agrees,
+    }
+
+
 def _json(one: Budgeted, sensor: str) -> dict[str, Any]:
     lines = [dict(vars(line)) for line in sorted(one.contributions, key=lambda c: -abs(c.share))]
     return {**vars(one), "sensor": sensor, "contributions": lines}
@@ -119,6 +155,10 @@ def budget(
     at: Sequence[Mapping[str, float]] = (),
     same_meter: bool = False,
     probability: float = 0.95,
+    trials: int | None = None,
+    seed: int = 1,
+    each: Callable[[], None] | None = None,
+    shapes: bool = False,
     **options: Any,
 ) -> Budget:
     """Uncertainty budgets of a run's results, by its register of equipment.
@@ -129,6 +169,10 @@ def budget(
         at: points at which outputs and inferred quantities are given, by quantity, such as {"force_kN": 2.5}.
         same_meter: whether the meter of the run reads the sensors in use, with the same errors.
         probability: coverage probability of expanded uncertainties.
+        trials: of a simulation that checks the budgets, at least 100 / (1 - probability).
+        seed: of the simulation.
+        each: called after each trial.
+        shapes: whether coverage factors follow the shapes of the distributions.
         options: of `rig budget` for this kind of run, with underscores for hyphens.
 
     Raises:
@@ -143,7 +187,17 @@ def budget(
     of = run_with_register(Path(run), register)
     given = {name: value for name, value in options.items() if value is not None}
     options_of(of.kind, given, lambda kind: kind.budget_options, f"{run} is of {of.kind.title}")
-    return Budget(budget_of(of, at=at, same_meter=same_meter, probability=probability, options=given))
+    if trials is not None and trials < round(100.0 / (1.0 - probability)):
+        least = round(100.0 / (1.0 - probability))
+        raise UsageError(f"--monte-carlo {trials}: {100 * probability:g} % need at least {least} trials")
+    asked: dict[str, Any] = {
+        "at": at,
+        "same_meter": same_meter,
+        "probability": probability,
+        "options": given,
+        "shapes": shapes,
+    }
+    return Budget(budget_of(of, **asked, trials=trials, seed=seed, each=each))
 
 
 def points(texts: Sequence[str]) -> list[dict[str, float]]:

@@ -17,6 +17,7 @@ from procedures.results import Fitted, Page, Traced
 from procedures.unused import sentences, unit_of
 from procedures.words import units
 from rig.atomic import write_whole
+from rig.closed_loop.kept import REPEATABILITY
 from rig.effects import laboratory_effects
 from rig.errors import UsageError
 from rig.inference import calibration_in
@@ -24,6 +25,7 @@ from rig.options import chosen
 from rig.results.frames import Frame, of_rows
 from rig.results.inferred import Inferred, check_readings, infer_from
 from rig.results.observations import Observations
+from rig.results.registered import Uncertainty, registered
 from rig.results.result import Reported
 from rig.tables import Asked, FileSource, is_run
 from rig.tables.of_others.asked import NOTHING
@@ -90,9 +92,26 @@ class Calibration(Evaluated):
 
     """
 
-    def __init__(self, fitted: Fitted, kind: Kind, source: str, understood: Mapping[str, Any] | None = None) -> None:
+    def __init__(
+        self,
+        fitted: Fitted,
+        kind: Kind,
+        source: str,
+        understood: Mapping[str, Any] | None = None,
+        uncertainty: Uncertainty = Uncertainty(),  # noqa: B008 - frozen
+    ) -> None:
         super().__init__(fitted, kind, source, understood)
         self.fitted = fitted
+        self._uncertainty = uncertainty
+
+    @cached_property
+    def _told(self) -> dict[str, Any]:
+        return {**super()._told, **self._uncertainty.to_json()}
+
+    def notes(self) -> Sequence[str]:
+        """As for every result, and which uncertainties its intervals have."""
+        words = self._uncertainty.words
+        return [*super().notes(), *([f"standard errors and intervals: {words}"] if words else [])]
 
     @cached_property
     def _page(self) -> Page:
@@ -149,6 +168,14 @@ class Trace(Evaluated):
     def __init__(self, traced: Traced, kind: Kind, source: str, understood: Mapping[str, Any] | None = None) -> None:
         super().__init__(traced, kind, source, understood)
         self.traced = traced
+
+    @cached_property
+    def _told(self) -> dict[str, Any]:
+        return {**super()._told, "uncertainty": REPEATABILITY}
+
+    def notes(self) -> Sequence[str]:
+        """As for every result, and which uncertainties its intervals have."""
+        return [*super().notes(), f"standard errors and intervals: {REPEATABILITY}"]
 
     @property
     def verdicts(self) -> Mapping[str, str]:
@@ -254,10 +281,18 @@ def fit_source(
     confirmed_by: Path | None = None,
     *,
     keep: bool = False,
+    equipment: Path | None = None,
 ) -> Calibration:
-    """`rig fit`: arguments and errors as for `Data.fit`; `keep` means that the result is written to a file."""
+    """`rig fit`: arguments and errors as for `Data.fit`; `keep` means that the result is written to a file.
+
+    A run with a register of equipment, its own or the given one, is corrected by its certificates, and the calibration
+    keeps their influences.
+    """
+    of = registered(source, equipment)
+    source = source if of.run is None else of.source
     kind, options = chosen(source, _asked(given), lambda one: one.fit_options)
     fitted: Fitted
+    others = [name for name, value in (("--leave-out", leave_out), ("--confirmed-by", confirmed_by)) if value]
     if confirmed_by is not None:
         from rig.closed_loop.confirm import fit_confirmed  # noqa: PLC0415 - which few fits need
 
@@ -266,7 +301,8 @@ def fit_source(
         fitted = fit_confirmed(source.path, confirmed_by, options)
     else:
         fitted = kind.fit(source, options, leave_out=leave_out, own=laboratory_effects(), keep=keep)
-    return Calibration(fitted, kind, source.name, source.understood)
+    uncertainty = of.uncertainty(_asked(given), others, keep=keep)
+    return Calibration(fitted, kind, source.name, source.understood, uncertainty)
 
 
 def trace_source(source: FileSource, given: Mapping[str, Any]) -> Trace:

@@ -114,6 +114,7 @@ def infer(
     decimal: str | None = None,
     encoding: str | None = None,
     header: int | None = None,
+    same_meter: bool = False,
     **options: Any,
 ) -> Inferred:
     """Infer the measured quantities of a calibration file.
@@ -126,6 +127,7 @@ def infer(
         decimal: "point" or "comma".
         encoding: of its text.
         header: row of its column names; 0 for none.
+        same_meter: whether the meter of the calibration's run reads the sensors, with the same errors.
         options: of `rig infer`, with underscores for hyphens.
 
     Raises:
@@ -135,7 +137,7 @@ def infer(
     path = Path(calibration)
     check_readings(readings, out, [path], options)
     asked = Asked.of(separator, decimal, encoding, header)
-    return infer_from(read_calibration(path), readings, out, options, asked)
+    return infer_from(read_calibration(path), readings, out, options, asked, same_meter=same_meter)
 
 
 def infer_from(
@@ -144,12 +146,14 @@ def infer_from(
     out: str | Path | None,
     options: Mapping[str, Any],
     asked: Asked = NOTHING,
+    *,
+    same_meter: bool = False,
 ) -> Inferred:
     """The same with a calibration that has been read; arguments and errors as for `infer`."""
     given = {name: value for name, value in options.items() if value is not None}
     chosen = options_of(file.kind, given, lambda kind: kind.infer_options, f"this calibration is of {file.kind.title}")
     reader = _reader(readings, asked)
-    found = inference.infer(file, reader, chosen)
+    found = inference.infer(file, reader, chosen, same_meter=same_meter)
     understood = reader.understood if isinstance(reader, CsvReader) else {}
     if out is not None:
         write_csv(found.columns, Path(out))

@@ -22,6 +22,8 @@ from procedures.durations import duration
 from procedures.kind import kind_of
 from procedures.precision import Precision
 from procedures.unused import unit_of
+from rig.closed_loop.promised import Promised, expired, promised
+from rig.config import BenchConfig
 from rig.disk_space import needed_bytes
 from rig.engine.guard import Guard
 from rig.engine.session import Progress
@@ -45,6 +47,7 @@ class Plan(Result):
         forecast: expected duration.
         now: assumed time of its start.
         disk: free bytes in the folder of its file, and needed bytes.
+        promised: total uncertainties by the bench's register of equipment.
     """
 
     checked: Checked
@@ -53,6 +56,7 @@ class Plan(Result):
     forecast: Forecast
     now: datetime
     disk: tuple[int, int]
+    promised: Promised
 
     @property
     def finish(self) -> datetime:
@@ -67,7 +71,8 @@ class Plan(Result):
     @property
     def overdue(self) -> Sequence[str]:
         """Instruments whose own calibration is due before the end, or has no known date, one sentence each."""
-        return list(_due(self.checked.bench.instruments, self.finish_latest.date()))
+        on = self.finish_latest.date()
+        return [*_due(self.checked.bench, on), *expired(self.checked, on)]
 
     @property
     def _told(self) -> dict[str, Any]:
@@ -96,6 +101,8 @@ class Plan(Result):
             "finish": self.finish.isoformat(timespec="minutes"),
             "finish_latest": self.finish_latest.isoformat(timespec="minutes"),
             "precision": self.precision.rows,
+            "total": [one.to_json() for one in self.promised.results],
+            "uncertainty": list(self.promised.notes),
             "reach": run_list.extremes(),
             "limits": self._limits,
             "overdue": self.overdue,
@@ -121,6 +128,7 @@ class Plan(Result):
         yield from self._time()
         yield from self._by_hand()
         yield from self._precise()
+        yield from self._promised()
         yield from self._advised()
         yield from self._in_the_way()
 
@@ -134,6 +142,16 @@ class Plan(Result):
         yield from (Line(f"  {line}") for line in precise.further)
         if precise.assuming:
             yield Line(f"  ({precise.assuming})")
+
+    def _promised(self) -> Iterator[Block]:
+        if self.promised.results:
+            grid = Grid(("result", "total, 95 %", "repeatability", "largest influence", "more points gain at most"))
+            for one in self.promised.results:
+                total, scatter = (f"+-{value:.2g} {one.unit}" for value in (one.expanded, one.repeatability))
+                gain = 100.0 * (1.0 - one.limit / one.expanded)
+                grid.add_row(one.name, total, scatter, f"{one.dominant}, {100 * one.share:.0f} %", f"{gain:.1f} %")
+            yield grid
+        yield from (Line(f"  ({escape(note)})") for note in self.promised.notes)
 
     def _time(self) -> Iterator[Block]:
         found = self.forecast
@@ -250,7 +268,7 @@ def plan(
     folder = Path(out)
     existing = next(p for p in (folder, *folder.absolute().parents) if p.exists())
     disk = shutil.disk_usage(existing).free, needed_bytes(len(checked.run_list))
-    return Plan(checked, precise, advice, forecast, now, disk)
+    return Plan(checked, precise, advice, forecast, now, disk, promised(checked))
 
 
 def _advice(checked: Checked, usage_deg: float | None) -> Sequence[Advice]:
@@ -285,8 +303,11 @@ def _environment(checked: Checked) -> str | None:
     return f"{', '.join(names)}: {asked}"
 
 
-def _due(instruments: Mapping[str, Any], on: date) -> Iterator[str]:
-    for name, instrument in instruments.items():
+def _due(bench: BenchConfig, on: date) -> Iterator[str]:
+    for name, standard in bench.references.items():
+        if standard.due is not None and standard.due < on:
+            yield f"reference standard of {name}: its calibration is due {standard.due}, before this run would end"
+    for name, instrument in bench.instruments.items():
         if not instrument.address:  # a person
             continue
         if instrument.due is None:

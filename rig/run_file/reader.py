@@ -188,6 +188,11 @@ class RunReader:
         where = "seq IN (SELECT seq FROM record WHERE kind = ? AND status = ? ORDER BY seq DESC LIMIT ?)"
         return self._sensible(where, (Observed.kind, ACCEPTED, most))
 
+    def latest(self, kinds: tuple[str, str], most: int) -> list[Record]:
+        """The last records of these kinds, at most `most`, the latest first."""
+        where = "seq IN (SELECT seq FROM record WHERE kind = ? OR kind = ? ORDER BY seq DESC LIMIT ?)"
+        return list(self._sensible(where, (*kinds, most)))[::-1]
+
     def salvage(self) -> Iterator[Record]:
         """Every record that can still be read by itself, regardless of the others."""
         with contextlib.suppress(RunFileError):

@@ -65,6 +65,11 @@ class FileSource:
         """Its path."""
         return str(self.path)
 
+    @property
+    def is_run(self) -> bool:
+        """Whether it is a run file. Raises `UsageError` if there is no such file."""
+        return is_run(self.path)
+
     @cached_property
     def table(self) -> Table:
         """The whole table. Raises `UsageError` or `RunFileError`."""

@@ -100,6 +100,7 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False) ->
         "began_utc": _utc(began),
         "last_observation_utc": _utc(last),
         "instruments": instruments,
+        **({"reference standards": standards} if (standards := _standards(bench)) else {}),
         "complete": ended,
         "points_planned": len(run_list),
         "points_observed": len(rows),
@@ -161,6 +162,20 @@ def _instruments(reader: RunReader) -> dict[str, str]:
         name, text = event.instrument, f"{event.words}, calibration due {event.due or 'not declared'}"
         found[name] = f"{found[name]}; then {text}" if name in found else text
     return found
+
+
+def _standards(bench: Stored) -> str:
+    """Reference standards as declared: asset, due date, formula; "" without any."""
+    told = []
+    for factor, table in bench.table("references").tables():
+        parts = [
+            f"asset {table.text('asset') or 'not declared'}",
+            f"calibration due {table.everything().get('due', 'not declared')}",
+            f"read by {table.text('reader')}",
+            *([f"{factor} = {formula}"] if (formula := table.text("formula")) else []),
+        ]
+        told.append(f"{factor}: {', '.join(parts)}")
+    return "; ".join(told)
 
 
 def _doubted(records: Iterable[Record]) -> dict[int | None, float]:

@@ -8,6 +8,7 @@ began; and `lab_degC`. Pure functions of virtual time between commands.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from math import sqrt
 from typing import Any
 
@@ -29,6 +30,8 @@ _FULL, _USUAL = 0.01, 100.0
 meter is beyond its range.
 """
 _STEPS, _NEAR = 60, 1e-12
+_NEW_STAY_DEGC = 0.5
+"""Change of a bath's temperature from which on it is another stay."""
 
 
 def _solved(formula: Formula, value: float) -> float:
@@ -45,13 +48,19 @@ def _solved(formula: Formula, value: float) -> float:
     return b
 
 
+_QUICK_S, _BATH_S = 0.5, 480.0
+"""Time constants of a source and of a bath if nothing is said of them, seconds."""
+
+
 class Source:
     """One quantity that is set from time to time, and approaches its setting.
 
     Args:
         truth: of the factor that it sets.
-        start: virtual time of its first state: off, at zero.
+        start: virtual time of its first state: off, at rest.
         where: name of the factor, for messages.
+        time_constant_s: of its approach, if its truth has none.
+        rest: its value before it is set and with the output off, if its truth has none.
 
     Attributes:
         on: whether its output is on.
@@ -60,12 +69,15 @@ class Source:
         settings: history of its true settings.
     """
 
-    def __init__(self, truth: SourceTruth, start: float, where: str) -> None:
+    def __init__(
+        self, truth: SourceTruth, start: float, where: str, *, time_constant_s: float = 0.0, rest: float = 0.0
+    ) -> None:
         self.on, self.setpoint = False, 0.0
         self.told: Told | None = None
-        self._tau = truth.time_constant_s
+        self._tau = time_constant_s if truth.time_constant_s is None else truth.time_constant_s
+        self._rest = rest if truth.rest is None else truth.rest
         self._true = Formula.parse(truth.formula, f"sources.{where}.formula", {"set"}) if truth.formula else None
-        self.settings = Steps(start, 0.0)
+        self.settings = Steps(start, self._rest)
 
     def set(self, now: float, value: float) -> None:
         """Command a value, with the output on."""
@@ -75,9 +87,9 @@ class Source:
             self.told("setpoint", value)
 
     def off(self, now: float) -> None:
-        """Switch the output off: it goes to zero."""
+        """Switch the output off: it goes to its rest."""
         self.on = False
-        self.settings.set(now, 0.0)
+        self.settings.set(now, self._rest)
         if self.told is not None:
             self.told("control", "off")
 
@@ -87,7 +99,7 @@ class Source:
 
     def reads(self, t: float) -> float:
         """Its own readback, which does not know its error: the approach to the setpoint."""
-        true, set_to = self.settings.value(t), self.setpoint if self.on else 0.0
+        true, set_to = self.settings.value(t), self.setpoint if self.on else self._rest
         return self.value(t) - true + set_to
 
     def settled(self, t: float, within: float) -> bool:
@@ -111,6 +123,9 @@ class Laboratory:
     def __init__(self, truth: Truth, bench: Mapping[str, Any], lab: Lab, start: float) -> None:
         self._truth, self._lab, self._start = truth, lab, start
         self._factors = {name: str(instrument) for name, instrument in bench.get("factors", {}).items()}
+        self._time_constants = {
+            name: table.get("time_constant_s") for name, table in bench.get("instruments", {}).items()
+        }
         self._sources: dict[str, Source] = {}
         self._chambers: dict[str, Chamber] = {}
         self._others: dict[str, Callable[[float], float]] = {}
@@ -151,7 +166,11 @@ class Laboratory:
         if instrument not in self._sources:
             factor = next((f for f, name in self._factors.items() if name == instrument), instrument)
             truth = self._truth.sources.get(factor, SourceTruth())
-            self._sources[instrument] = Source(truth, self._start, factor)
+            bath = factor.endswith("_degC")
+            said = self._time_constants.get(instrument)
+            tau = said if isinstance(said, int | float) else _BATH_S if bath else _QUICK_S
+            rest = self._truth.lab.mean_degC if bath else 0.0
+            self._sources[instrument] = Source(truth, self._start, factor, time_constant_s=tau, rest=rest)
         return self._sources[instrument]
 
     def chamber(self, instrument: str) -> Chamber | None:
@@ -173,7 +192,7 @@ class Laboratory:
     def _hand(self, factor: str) -> Source:
         if factor not in self._by_hand:
             truth = self._truth.sources.get(factor, SourceTruth())
-            self._by_hand[factor] = Source(SourceTruth(truth.formula, 0.0), self._start, factor)
+            self._by_hand[factor] = Source(replace(truth, time_constant_s=0.0), self._start, factor)
         return self._by_hand[factor]
 
     def sets(self, factor: str) -> bool:
@@ -209,8 +228,14 @@ class Laboratory:
         return {factor: self._steps(factor).direction(t) for factor in self._factors}
 
     def stay(self, t: float) -> int:
-        """A number for the stay at the present temperatures of the chambers."""
-        return event_at(max((c.temperatures.since(t) for c in self._chambers.values()), default=self._start))
+        """A number for the stay at the present temperatures of chambers and baths."""
+        baths = (
+            self._sources[instrument].settings.changed(t, _NEW_STAY_DEGC)
+            for factor, instrument in self._factors.items()
+            if factor.endswith("_degC") and instrument in self._sources
+        )
+        chambers = (c.temperatures.since(t) for c in self._chambers.values())
+        return event_at(max((*chambers, *baths), default=self._start))
 
     def _variables(self, t: float) -> dict[str, float]:
         found = self.factors(t)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from sims.physics.expression import Formula
-from sims.physics.fields import WorldError, accepts, quantity, read_table
+from sims.physics.fields import Number, WorldError, accepts, quantity, read_table
 
 ANY = "any"
 """Axis, among those of `sensor_axes`, of a sensor of any laboratory."""
@@ -58,11 +58,15 @@ class SourceTruth:
 
     Attributes:
         formula: the true value, from the value `set`; "" for exactly that.
-        time_constant_s: of its approach; a person's setting is there at once.
+        time_constant_s: of its approach; a person's setting is there at once. None for what the bench file says of the
+            instrument, or what is usual of its unit.
+        rest: the value before the first setting, and with the output off. None for 0, or the laboratory's mean
+            temperature.
     """
 
     formula: str = field(default="", metadata=accepts(Text()))
-    time_constant_s: float = quantity(0.5, 0.0, 1e6)
+    time_constant_s: float | None = field(default=None, metadata=accepts(Number(0.0, 1e6)))
+    rest: float | None = field(default=None, metadata=accepts(Number(-1e9, 1e9)))
 
 
 @dataclass(frozen=True)

@@ -262,6 +262,8 @@ class Plant:
         if column is not None and self.laboratory.sets(column):
             return self.laboratory.true(column, t)
         place = self._places.get((instrument, channel))
+        if place is not None and self.laboratory.sets(place):
+            return self.laboratory.true(place, t)
         return inf if place is None else self.temperature_degC(place, t)
 
 

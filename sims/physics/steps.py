@@ -32,6 +32,14 @@ class Steps:
         """Time at which the value in force at `t` was set."""
         return self._times[self._at(t)]
 
+    def changed(self, t: float, least: float) -> float:
+        """Time of the last change by more than `least` before `t`; that of the first value if there was none."""
+        values = self._values
+        for i in range(self._at(t), 0, -1):
+            if abs(values[i] - values[i - 1]) > least:
+                return self._times[i]
+        return self._times[0]
+
     def value(self, t: float) -> float:
         """The value in force at `t`."""
         return self._values[self._at(t)]

@@ -117,7 +117,7 @@ def _turn(axis: int, since: Moment) -> Term:
     """The package is turned about one of its axes from some time on; all three axes are judged together."""
 
     def column(scene: Scene, sensor: str) -> FloatArray:
-        return np.asarray(-_DEGREE * (np.cross(np.eye(3)[axis], scene.g) @ scene.axes[sensor]) * since.passed(scene))
+        return np.asarray(-_DEGREE * scene.turned_about(sensor)[axis] * since.passed(scene))
 
     return Term(f"about {'xyz'[axis]} {since.name}", column, group=since.name, part=axis)
 

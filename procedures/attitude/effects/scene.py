@@ -105,6 +105,12 @@ class Scene:
         """(n,) output per degree of roll, V/deg."""
         return self._slopes(sensor)[1]
 
+    def turned_about(self, sensor: str) -> FloatArray:
+        """(3, n) output per radian by which gravity turns about each axis of the package, V."""
+        if sensor not in self._turned:
+            self._turned[sensor] = np.ascontiguousarray(np.cross(self.g, self.axes[sensor]).T)
+        return self._turned[sensor]
+
     def _slopes(self, sensor: str) -> tuple[FloatArray, FloatArray]:
         if sensor not in self._kept:
             m = np.radians(self.axes[sensor])
@@ -114,6 +120,10 @@ class Scene:
     @cached_property
     def lagged(self) -> dict[float, FloatArray]:
         """Cache of computed lagged temperatures, by time constant."""
+        return {}
+
+    @cached_property
+    def _turned(self) -> dict[str, FloatArray]:
         return {}
 
     @cached_property

@@ -45,6 +45,7 @@ class InferredAttitude:
         roll_lo95_deg: (n,).
         roll_hi95_deg: (n,).
         df: (n,) degrees of freedom of `pitch_sd_deg` (Satterthwaite).
+        roll_df: (n,) the same of `roll_sd_deg`; infinite if roll was measured.
         assumed: (n,) whether the outputs fit another attitude as well, and the result is the one nearest to `near_deg`.
         flag: (n,) empty without problems.
     """
@@ -58,6 +59,7 @@ class InferredAttitude:
     roll_lo95_deg: FloatArray
     roll_hi95_deg: FloatArray
     df: FloatArray
+    roll_df: FloatArray
     assumed: NDArray[np.bool_]
     flag: NDArray[Any]
 

@@ -222,7 +222,7 @@ def _tangent_errors(q: Question, g: FloatArray, out: InferredAttitude) -> FloatA
     errors = Propagation.at(q.calibration, q.noise, g, q.warmth)
     of_pitch, of_roll = (errors.spread(gains, weighed=q.weighed) for gains in (by_up, by_along))
     pitch, roll = angles(g)
-    out.df[:] = of_pitch.df
+    out.df[:], out.roll_df[:] = of_pitch.df, of_roll.df
     put(out, "pitch", pitch, np.sqrt(of_pitch.variance), t_limits(of_pitch.df))
     put(out, "roll", roll, np.sqrt(of_roll.variance) / c, t_limits(of_roll.df))
     pole = ~(c > FEWEST_SD * np.sqrt(of_roll.variance))
@@ -304,7 +304,7 @@ def _known_roll(q: Question, out: InferredAttitude) -> None:
     errors = Propagation.at(q.calibration, q.noise, g, q.warmth)
     spread = errors.spread(gains, of_roll, weighed=q.weighed)
     sd = np.sqrt(spread.variance)
-    out.df[:] = spread.df
+    out.df[:], out.roll_df[:] = spread.df, np.inf
     limit = t_limits(spread.df)
     put(out, "pitch", pitch, sd, limit)
     given = np.sqrt(q.roll_variance)

@@ -52,7 +52,15 @@ class Estimate:
 
 
 def estimate(problem: Problem, chosen: tuple[int, ...]) -> Estimate:
-    """Fit the `chosen` candidates."""
+    """Fit the `chosen` candidates; a fit that was made before is used again."""
+    known = problem.estimates
+    if chosen not in known:
+        known[chosen] = _estimate(problem, chosen)
+    found: Estimate = known[chosen]
+    return found
+
+
+def _estimate(problem: Problem, chosen: tuple[int, ...]) -> Estimate:
     together = _estimate_at(problem, chosen, "declared")
     p = [table.drift.p for table in together.tables]
     drifts = any(value * len(p) < DRIFTS for value in p)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -52,6 +52,7 @@ def sensor_trace(
     i: int,
     cv: FloatArray | None,
     nameless: Nameless,
+    doubts: Mapping[str, str],
 ) -> SensorTrace:
     """Findings in sensor `i`.
 
@@ -66,6 +67,7 @@ def sensor_trace(
         i: the sensor.
         cv: (2,) rms errors left out, before and after.
         nameless: shapes without a name beside what was found.
+        doubts: reasons for doubt about names, by name.
 
     """
     problem = judge.problem
@@ -76,7 +78,7 @@ def sensor_trace(
     divided = _shares(problem, after, [effect.effect for effect in shown], unnamed_part(rest), i)
     every = sorted(
         (
-            replace(effect, share=float(share), doubtful=nameless.doubts.get(effect.effect))
+            replace(effect, share=float(share), doubtful=doubts.get(effect.effect))
             for effect, share in zip(shown, divided, strict=True)
         ),
         key=lambda effect: -effect.share,

@@ -134,11 +134,18 @@ class AttitudeJudge:
     def _reachable(self, products: Products, rival: Rival) -> bool:
         """Whether an explanation needs no coefficient that is impossibly large."""
         picked = list(rival.terms)
+        if not np.any(np.isfinite(self._limits[picked])):
+            return True
         gram, dot = products.columns[np.ix_(picked, picked)], products.outputs[picked]
         length = np.sqrt(np.maximum(np.diag(gram), np.finfo(float).tiny))
         spread = np.linalg.pinv(gram / np.outer(length, length), rcond=1e-10)
         value, stderr = spread @ (dot / length) / length, np.sqrt(np.maximum(np.diag(spread), 0.0)) / length
-        return bool(np.all(np.abs(value) - SURE * stderr <= limits(self.problem, picked)))
+        return bool(np.all(np.abs(value) - SURE * stderr <= self._limits[picked]))
+
+    @cached_property
+    def _limits(self) -> FloatArray:
+        """(J,) largest plausible coefficient of each candidate."""
+        return limits(self.problem, range(len(self.candidates)))
 
     @cached_property
     def _open(self) -> NDArray[np.bool_]:

@@ -129,7 +129,7 @@ class Nameless:
             for one in remainders(view.white(y, place.sensor, rho), df, [place.block], project):
                 p = one.p
                 if p * count < WALKED:
-                    p = max(p, self._against_a_walk(place, y, one.basis))
+                    p = max(p, self.against_a_walk(place.level, y, one.basis))
                 found.append(Left(place, one, min(p * count, 1.0)))
         return tuple(sorted(found, key=lambda one: one.p))
 
@@ -200,9 +200,9 @@ class Nameless:
         return most if effect.searched and most >= (2 if effect.source == "sensor" else 3) else 0
 
     def _own_of(self, name: str) -> tuple[str, ...]:
-        """Sensors that have an effect each for itself which no common cause, time or temperature, gives to all."""
+        """Sensors that have an effect each for itself, unless it follows the temperature, which all may do."""
         mine = [c for j in self.chosen if (c := self.problem.candidates[j]).effect.name == name]
-        if mine[0].effect.source != "sensor":
+        if mine[0].effect.source not in ("sensor", "time"):
             return ()
         return tuple(dict.fromkeys(c.sensor for c in mine if c.sensor is not None))
 
@@ -222,7 +222,7 @@ class Nameless:
             groups: list[tuple[set[str], set[int]]] = []
             for name in names_of(problem.candidates, self.chosen):
                 mine = [j for j in self.chosen if problem.candidates[j].effect.name == name]
-                if self._level(name) != level:
+                if self.level_of(name) != level:
                     continue
                 where = set(np.flatnonzero(np.max([concerns(problem, j) for j in mine], axis=0) > 0.05).tolist())
                 joined = [group for group in groups if group[1] & where]
@@ -238,20 +238,20 @@ class Nameless:
         What is hardly seen within replications was found between them: there it is weighed, beside offsets and
         sensitivities that differ from one to the next.
         """
-        level = self._level(names[0])
+        level = self.level_of(names[0])
         named = self._named(names, level)
         if level == "points" and named < SEEN:
             return self._named(names, "declared"), *self._nameless(names, level, "declared")
         return named, *self._nameless(names, level, level)
 
-    def _level(self, name: str) -> Level:
+    def level_of(self, name: str) -> Level:
         """Level of an effect; an effect of time remains one if the order of running hides it within points."""
         effect = next(c.effect for c in self.problem.candidates if c.effect.name == name)
         return "replications" if effect.stratum == "between-point" else "points"
 
     def _named(self, names: Sequence[str], level: Level) -> float:
         """Evidence in nats for effects found, one after the other, less their prices."""
-        view, every = self._without(names, level)
+        view, every = self.without_in_view(names, level)
         own = (view.of([j for j in every if self.problem.candidates[j].effect.name == name]) for name in names)
         return evidence_of(view.outputs.reshape(-1), own) - sum(map(self._price, names))
 
@@ -265,7 +265,7 @@ class Nameless:
 
         """
         problem, n = self.problem, len(self.problem.scene.data)
-        view, mine = self._without(names, level)
+        view, mine = self.without_in_view(names, level)
         y, every = view.outputs.reshape(-1), view.of(mine).reshape(len(problem.sensors), n, -1)
         sensors = [i for i in range(len(problem.sensors)) if np.any(every[i] != 0)]
         by_text: dict[str, dict[int | None, Place]] = {}
@@ -283,7 +283,7 @@ class Nameless:
                 best, where = total, text
         return best, where
 
-    def _without(self, names: Sequence[str], level: Level) -> tuple[View, list[int]]:
+    def without_in_view(self, names: Sequence[str], level: Level) -> tuple[View, list[int]]:
         """The residual beside all but some effects, and their candidates."""
         mine = [j for j in self.chosen if self.problem.candidates[j].effect.name in names]
         return View(self.problem, level, tuple(j for j in self.chosen if j not in mine), self.sigma), mine
@@ -297,13 +297,13 @@ class Nameless:
         names = len({c.effect.name for c in candidates})
         return float(np.log(names) + (np.log(len(units)) if effect.searched else 0.0))
 
-    def _against_a_walk(self, place: Place, y: FloatArray, columns: FloatArray) -> float:
+    def against_a_walk(self, level: Level, y: FloatArray, columns: FloatArray) -> float:
         """P by chance of columns beside a random walk of the offset, with the most probable width."""
         n = len(self.problem.scene.data)
         ys = list(y.reshape(-1, n))
         xs = list(columns.reshape(len(ys), n, -1))
-        spread = SPREAD if place.level == "points" else 1.0
-        ratio = likelihood_ratio(self.problem.levels.walks(place.level), ys, xs, spread)
+        spread = SPREAD if level == "points" else 1.0
+        ratio = likelihood_ratio(self.problem.levels.walks(level), ys, xs, spread)
         return float(special.chdtrc(columns.shape[1], max(ratio, 0.0)))
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -100,6 +101,11 @@ class Problem:
         """(J,) index of each candidate's unit."""
         where = {j: u for u, unit in enumerate(self.units) for j in unit}
         return tuple(where[j] for j in range(len(self.candidates)))
+
+    @cached_property
+    def estimates(self) -> dict[tuple[int, ...], Any]:
+        """Cache of fits, by the candidates in them: `estimate`."""
+        return {}
 
     def columns_at(self, level: Level, picked: Sequence[int]) -> FloatArray:
         """(S, n, q) remainders of some candidates' columns at a level, V per unit coefficient."""

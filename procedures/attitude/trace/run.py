@@ -20,6 +20,7 @@ from procedures.attitude.effects import CATALOGUE, Effect
 from procedures.attitude.effects.unnamed import UNNAMED
 from procedures.attitude.trace.agreement import supported
 from procedures.attitude.trace.alternatives import alternatives
+from procedures.attitude.trace.constant import doubts_of
 from procedures.attitude.trace.estimate import concerns, estimate
 from procedures.attitude.trace.family import family_of
 from procedures.attitude.trace.findings import residual_of, sensor_trace
@@ -115,10 +116,21 @@ def trace(
     wrong = refusals(judge, found, classes, {name: fit.parameters.S_V for name, fit in problem.fits.items()})
     wrong = (*judge.oversized, *wrong)
     nameless = Nameless(problem, found)
+    doubts = doubts_of(nameless)
     sensors = {
         sensor: replace(
             sensor_trace(
-                judge, data, aside, not_kept, before, after, classes, i, None if cv is None else cv[:, i], nameless
+                judge,
+                data,
+                aside,
+                not_kept,
+                before,
+                after,
+                classes,
+                i,
+                None if cv is None else cv[:, i],
+                nameless,
+                doubts,
             ),
             refused=tuple(one for one in wrong if sensor in one.sensors),
         )

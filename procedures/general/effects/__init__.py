@@ -11,6 +11,9 @@ from procedures.general.effects.catalogue import TABLE_CATALOGUE
 from procedures.general.effects.kind import Of, TableEffect, TableKind
 from procedures.general.effects.scene import TableScene, is_temperature
 
+OF_CONSTANT = "error of the constant of "
+"""Begin of the name of a column that tells the error of a searched constant."""
+
 __all__ = ["TABLE_CATALOGUE", "TableEffect", "TableKind", "effects_of"]
 
 
@@ -32,7 +35,7 @@ def _effect(kind: TableKind, names: tuple[str, ...], response: str) -> TableEffe
         scope="sensor",
         stratum=kind.stratum,
         unit=kind.unit.format(*names, **words),
-        size=lambda _values, _scale: "",
+        size=lambda values, _scale: ", ".join(f"{value:.4g}{_of_what(name)}" for name, value in values.items()),
         against=names[-1] if kind.of in ("direction of setting", "direction by covariate") else names[0],
         separate_by=kind.separate_by.format(*names, **words),
         usual_size=kind.usual_size,
@@ -41,6 +44,11 @@ def _effect(kind: TableKind, names: tuple[str, ...], response: str) -> TableEffe
         columns=names,
         family="temperature" if warm else kind.family,
     )
+
+
+def _of_what(name: str) -> str:
+    """Words for the coefficient of an error of a searched constant; "" for others."""
+    return " (its constant)" if name.startswith(OF_CONSTANT) else ""
 
 
 def _columns_for(of: Of, scene: TableScene) -> Iterator[tuple[str, ...]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -33,6 +33,7 @@ class CurveCalibration:
         factor: the covariance and its derivatives in factored form, with smaller rounding errors; None in older files.
         notes: the fit's notes about its intervals.
         reading: known standard uncertainty of one new reading; None if `variances` has it.
+        fixed: known values of the other variables of the formula, by name.
     """
 
     response: str
@@ -46,20 +47,35 @@ class CurveCalibration:
     factor: Factored | None = None
     notes: tuple[str, ...] = ()
     reading: float | None = None
+    fixed: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def variables(self) -> tuple[str, ...]:
+        """Variables of the formula that have no known value."""
+        return tuple(name for name in self.formula.names if name not in self.fixed)
 
     @property
     def variable(self) -> str:
         """The only variable, which the response determines. Raises FitError with the reason if there is none."""
-        if self.formula.has_categories or len(self.formula.names) != 1:
-            names = ", ".join(self.formula.names) or "no column"
+        if self.formula.has_categories or len(self.variables) != 1:
+            names = ", ".join(self.variables) or "no column"
             raise FitError(
-                f"its formula has {names}; a curve is inverted where it has one column of numbers, as in '1 + x + x^2'"
+                f"its formula has {names}; a curve is inverted where it has one column of numbers, as in "
+                f"'1 + x + x^2', or where the values of all others are known"
             )
         if not len(self.variances):
             raise FitError(
                 "it was fitted to as many rows as it has coefficients, so its error is unknown; fit more rows"
             )
-        return self.formula.names[0]
+        return self.variables[0]
+
+    def at(self, fixed: Mapping[str, float]) -> CurveCalibration:
+        """The same with known values of other variables."""
+        return replace(self, fixed={**self.fixed, **fixed})
+
+    def _columns(self, x: FloatArray) -> dict[str, FloatArray]:
+        """(n,) values of all variables."""
+        return {self.variable: x, **{name: np.full_like(x, value) for name, value in self.fixed.items()}}
 
     @property
     def factored(self) -> Factored:
@@ -108,7 +124,17 @@ class CurveCalibration:
         if reading is not None and not 0.0 <= reading < np.inf:
             raise FitError("a calibration of a general table garbles reading")
         return CurveCalibration(
-            response, formula, **numbers, ranges=ranges, factor=factor, notes=notes, reading=reading
+            response,
+            formula,
+            numbers["coefficients"],
+            numbers["covariance"],
+            numbers["variances"],
+            numbers["derivatives"],
+            numbers["spread"],
+            ranges,
+            factor,
+            notes,
+            reading,
         )
 
     def with_reading(self, u: float) -> CurveCalibration:
@@ -117,11 +143,11 @@ class CurveCalibration:
 
     def curve(self, x: FloatArray) -> FloatArray:
         """(n,) response at (n,) values of the variable. Raises `FitError` outside the curve's domain."""
-        return self.formula.value(self.coefficients, {self.variable: x})
+        return self.formula.value(self.coefficients, self._columns(x))
 
     def rows(self, x: FloatArray) -> FloatArray:
         """(n, k) its derivative by the coefficients. Raises `FitError` outside the curve's domain."""
-        found = self.formula.rows(self.coefficients, {self.variable: x})
+        found = self.formula.rows(self.coefficients, self._columns(x))
         if not np.isfinite(found).all():
             raise FitError(f"the curve {self.formula} has no derivative everywhere")
         return found
@@ -129,7 +155,7 @@ class CurveCalibration:
     def slope(self, x: FloatArray) -> FloatArray:
         """(n,) its derivative by the variable; not finite where there is none."""
         with np.errstate(all="ignore"):  # a logarithm at zero: the caller checks the result
-            return self.formula.slope(self.coefficients, {self.variable: x}, self.variable)
+            return self.formula.slope(self.coefficients, self._columns(x), self.variable)
 
     def reading_variance(self, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(n,) variance of a new reading minus the curve at (n, k) `rows`, and its degrees of freedom.

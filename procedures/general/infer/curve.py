@@ -44,6 +44,7 @@ class InferredCurve:
         lo95: (n,) 95 % interval; NaN if unbounded.
         hi95: (n,).
         flag: (n,) empty without problems.
+        df: (n,) degrees of freedom of `sd`.
     """
 
     value: FloatArray
@@ -51,6 +52,7 @@ class InferredCurve:
     lo95: FloatArray
     hi95: FloatArray
     flag: NDArray[Any]
+    df: FloatArray
 
 
 def infer_curve(calibration: CurveCalibration, response: FloatArray) -> InferredCurve:
@@ -63,7 +65,7 @@ def infer_curve(calibration: CurveCalibration, response: FloatArray) -> Inferred
     """
     band = _Band.of(calibration)
     parts = [band.infer(response[i : i + _CHUNK]) for i in range(0, max(len(response), 1), _CHUNK)]
-    names = ("value", "sd", "lo95", "hi95", "flag")
+    names = ("value", "sd", "lo95", "hi95", "flag", "df")
     return InferredCurve(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
 
 
@@ -105,13 +107,14 @@ class _Band:
         outside = (flag == "") & ~((y >= ends[0]) & (y <= ends[1]))
         flag[outside] = f"{name} is outside the calibrated {low:g} to {high:g}"
         usable = flag == ""
-        value, sd, low95, high95 = (np.full(n, np.nan) for _ in range(4))
-        found = InferredCurve(value, sd, low95, high95, flag)
+        value, sd, low95, high95, df = (np.full(n, np.nan) for _ in range(5))
+        found = InferredCurve(value, sd, low95, high95, flag, df)
         if not usable.any():
             return found
         y = y[usable]
         at = _root(np.full(len(y), self.inner[0]), np.full(len(y), self.inner[1]), lambda x: self.curve(x) - y)
         found.value[usable], found.sd[usable] = at, self.sd(at)
+        found.df[usable] = self.calibration.reading_variance(self.calibration.rows(at))[1]
         found.lo95[usable], found.hi95[usable] = self.lower(at, y), self.upper(at, y)
         for limits, side in ((found.lo95, "lower"), (found.hi95, "upper")):
             open_ = usable & np.isnan(limits)

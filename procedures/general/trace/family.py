@@ -5,11 +5,14 @@ noise fitted without effects, and scored like the table itself, with the noise f
 parametric bootstrap of the likelihood ratio (Davison and Hinkley, Bootstrap Methods, 1997, ch. 4). The best score of
 each effect is calibrated separately with these draws, so that neither many values of a constant nor effects imitated by
 noise mask the others; then the smallest of all p is calibrated (Westfall and Young, Resampling-Based Multiple Testing,
-1993). It is run at `fitter.trace.chance.ALPHA`, so that the rate over steps is 5 %.
+1993). It is run at `fitter.trace.chance.ALPHA`, so that the rate over steps is 5 %. Of several sensors of one run each
+has a family of its own; p is then that of the best of all of them (Sidak, JASA 62 (1967) 626: exact if their noise is
+independent, cautious if it is not).
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -20,6 +23,7 @@ from scipy import special
 from fitter.arrays import FloatArray, IntArray
 from fitter.linear import orthonormal
 from fitter.sums_of_squares import off
+from fitter.trace.chance import ALPHA
 from procedures.general.trace.noise import BoolArray
 from procedures.general.trace.problem import SPARED, Problem
 from procedures.general.trace.score import FEWEST_FOR_SCATTER, Blocks, View
@@ -29,6 +33,8 @@ Single = NDArray[np.float32]
 WORK = 1.2e9
 """Maximum number of multiplications of a simulation."""
 FEWEST, MOST = 400, 2000
+TWICE = 2
+"""Number of draws beyond the critical score, at least, however many sensors a run has."""
 TRIED = 60
 """Number of draws to find covariances that are never near the best."""
 BEHIND = 12.0
@@ -76,10 +82,12 @@ class TableFamily:
     Attributes:
         tails: by effect; those that cannot be judged are missing.
         smallest_p: of all effects in every draw, ascending.
+        sensors: of the run, each with such a family.
     """
 
     tails: dict[str, Tail]
     smallest_p: FloatArray
+    sensors: int = 1
 
     @property
     def least(self) -> float:
@@ -94,7 +102,13 @@ class TableFamily:
 
     def _rank(self, p: float) -> float:
         rank = int(np.searchsorted(self.smallest_p, p, side="right"))
-        return min((1.0 + rank) / (1.0 + self.smallest_p.size), 1.0)
+        own = min((1.0 + rank) / (1.0 + self.smallest_p.size), 1.0)
+        return of_all(own, self.sensors)
+
+
+def of_all(p: float, sensors: int) -> float:
+    """Probability by chance of the best of so many sensors, from that of one."""
+    return p if sensors == 1 else -math.expm1(sensors * math.log1p(-min(p, 1.0 - 1e-15)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,10 +170,11 @@ def family_of(
     n, df = problem.n, problem.n - basis.shape[1]
     judged = np.flatnonzero((found.rank > 0) & (df - found.rank >= SPARED))
     if not len(judged):
-        return TableFamily({}, np.ones(1))
+        return TableFamily({}, np.ones(1), problem.sensors)
     rng = np.random.default_rng(seed)
     near = [_near(problem, at, possible, rng) for possible in (without, beside)]
-    draws = int(np.clip(WORK / max(found.units.size * len(near[1]), 1), FEWEST, MOST))
+    fewest = max(FEWEST, math.ceil(TWICE * problem.sensors / ALPHA))
+    draws = int(np.clip(WORK / max(found.units.size * len(near[1]), 1), fewest, max(MOST, fewest)))
     errors = rng.standard_normal((n, draws))
     ratio = _ratios(bases, near[0], near[1], problem.noise.colour(at, errors), found.rank, df)
     if scatter and n >= FEWEST_FOR_SCATTER:
@@ -174,7 +189,7 @@ def family_of(
             score = np.maximum(score, evidence(best, rank, df - rank))
         tails[name] = Tail(np.sort(score), float(weight[mine[0]]))
         smallest = np.minimum(smallest, tails[name].p(score))
-    return TableFamily(tails, np.sort(smallest))
+    return TableFamily(tails, np.sort(smallest), problem.sensors)
 
 
 def _near(problem: Problem, at: int, possible: BoolArray, rng: np.random.Generator) -> IntArray:

@@ -14,6 +14,7 @@ from fitter.trace.chance import ALPHA
 from fitter.trace.growing_noise import Growth
 from procedures.general.trace.both import Both
 from procedures.general.trace.estimate import error_of
+from procedures.general.trace.family import of_all
 from procedures.general.trace.intervals import in_words, moved, understated
 from procedures.general.trace.judge import TableJudge
 from procedures.general.trace.noise import Wandering
@@ -53,7 +54,7 @@ def _wander(judge: TableJudge, chosen: tuple[int, ...], data: TableData) -> Foun
     if not isinstance(noise, Wandering | Both) or noise.correlation[beside.best] == 0:
         return None
     still = float(beside.reml[noise.correlation == 0].max())
-    p = float(special.chdtrc(2, 2.0 * max(float(beside.reml.max()) - still, 0.0)))
+    p = of_all(float(special.chdtrc(2, 2.0 * max(float(beside.reml.max()) - still, 0.0))), data.sensors)
     if p > CLEAR:
         return None
     correlation = float(noise.correlation[beside.best])
@@ -109,7 +110,7 @@ def _alone(judge: TableJudge, chosen: tuple[int, ...], data: TableData) -> Found
     left = view.y - taken @ (taken.T @ view.y)
     alone = alone[np.argsort(-np.abs(left[alone]))]
     z = np.abs(left[alone]) / scale(left, problem.step)
-    p = float(min(2.0 * special.ndtr(-z.max()) * problem.n, 1.0))
+    p = float(min(2.0 * special.ndtr(-z.max()) * problem.n * data.sensors, 1.0))
     if p > ALPHA:
         return None
     shown = alone[:SHOWN]

@@ -11,7 +11,17 @@ import numpy as np
 
 from fitter.arrays import FloatArray, IntArray
 from fitter.trace.aliases import DELTA
-from fitter.trace.doubts import BUNDLE, DOUBT, EARNED, PERIODS, bundle, few_periods, no_better, something_left
+from fitter.trace.doubts import (
+    BUNDLE,
+    DOUBT,
+    EARNED,
+    PERIODS,
+    bundle,
+    few_periods,
+    no_better,
+    several_values,
+    something_left,
+)
 from fitter.trace.flexible import Block, Remainder, evidence, evidence_of, remainders, tried
 from fitter.trace.lines import Line, line
 from fitter.trace.search import names_of
@@ -31,6 +41,8 @@ PLAIN = 0.0
 """Minimum lead in nats of a name without a searched constant: a smooth curve begins with a line or a square."""
 RARE = ("fourth-order", "fifth-order", "logarithm", "reciprocal", "square-root", "ageing", "drift-second-order")
 """Kinds that need the same lead as kinds with a searched constant, because many functions are similar to them."""
+NEAR = 0.05
+"""Share by which a frequency may differ from twice or three times another one, as its harmonic."""
 JUMPS = 7.0
 """Minimum lead in nats of two levels over every noise with memory."""
 
@@ -99,15 +111,19 @@ class Nameless:
         count = self._tests(self.places)
         found = []
         for place in self.places:
-            for one in self._remainders(place, at):
+            for one in self._remainders(place.block, at):
                 p = one.p
                 if p * count < ASKED_AGAIN and slow != at:
-                    again = self._remainders(place, slow)
+                    again = self._remainders(place.block, slow)
                     p = max([p, *(other.p for other in again)])
                 found.append(Left(place, one, min(p * count, 1.0)))
         return tuple(sorted(found, key=lambda one: one.p))
 
-    def _remainders(self, place: Place, at: int) -> list[Remainder]:
+    def p_of(self, block: Block, at: int) -> float | None:
+        """P by chance of a block beside the model, under covariance `at`; None if nothing is left of it."""
+        return next((one.p for one in self._remainders(block, at)), None)
+
+    def _remainders(self, block: Block, at: int) -> list[Remainder]:
         problem = self.judge.problem
         taken = self.judge.view(at).taken(self.chosen)
         df = problem.n - taken.shape[1]
@@ -116,7 +132,7 @@ class Nameless:
             white = self.white(columns, at)
             return np.asarray(white - taken @ (taken.T @ white))
 
-        return remainders(self.left_under(at), df, [place.block], project) if df > 2 else []
+        return remainders(self.left_under(at), df, [block], project) if df > 2 else []
 
     def left_under(self, at: int) -> FloatArray:
         """(n,) residual, whitened by covariance `at`."""
@@ -195,6 +211,9 @@ class Nameless:
             effect, profile = candidates[j].effect, candidates[j].term.profile
             if effect.family == "periodic" and effect.source == "time" and profile and profile.value < PERIODS:
                 out.setdefault(effect.name, few_periods(profile.value))
+        for name in names:
+            if (values := self._values_of(name)) > 1:
+                out.setdefault(name, several_values(values))
         for name, other in self._over_one_variable(names):
             out.setdefault(name, bundle([name, other]))
             out.setdefault(other, bundle([name, other]))
@@ -209,6 +228,12 @@ class Nameless:
             if named - nameless < (PLAIN if self._plain(name) else EARNED) and name not in out:
                 out[name] = no_better((name,), where)
         return out
+
+    def _values_of(self, name: str) -> int:
+        """Number of values of the period searched for it; two and three times one frequency are its harmonics."""
+        mine = [self.judge.candidates[j] for j in self.chosen if self.judge.candidates[j].effect.name == name]
+        found = sorted(c.term.profile.value for c in mine if c.effect.family == "periodic" and c.term.profile)
+        return sum(not any(_harmonic(v, first) for first in found[:i]) for i, v in enumerate(found))
 
     def _over_one_variable(self, names: Sequence[str]) -> Iterator[tuple[str, str]]:
         """Pairs of effects of the same columns, unless both are plain: with a searched constant they take any shape."""
@@ -270,6 +295,11 @@ class Nameless:
         own = [c for c in candidates if c.effect.name == name]
         names = len({c.effect.name for c in candidates})
         return float(np.log(names) + np.log(len(own)))
+
+
+def _harmonic(value: float, first: float) -> bool:
+    """Whether a frequency is two or three times another one."""
+    return any(abs(k * first - value) < NEAR * value for k in (2, 3))
 
 
 def _less_means(values: FloatArray, group: IntArray) -> FloatArray:

@@ -43,6 +43,7 @@ class Problem:
         ordered: whether rows have an order, of measurement or of a setting.
         presumed: whether that order is only assumed.
         left_out: candidates that cannot be used in computation.
+        sensors: of the run, each of which is searched: findings by chance are counted over all.
     """
 
     y: FloatArray
@@ -53,6 +54,7 @@ class Problem:
     ordered: bool
     presumed: bool = False
     left_out: tuple[NotKept, ...] = ()
+    sensors: int = 1
 
     @property
     def n(self) -> int:

@@ -27,6 +27,7 @@ from procedures.general.trace.findings import noise_findings
 from procedures.general.trace.judge import TableJudge
 from procedures.general.trace.nameless import Nameless
 from procedures.general.trace.noise import Wandering
+from procedures.general.trace.reasons import doubts_of
 from procedures.general.trace.remainder import pure_error, unnamed
 from procedures.general.trace.result import FoundTableEffect, TableSide, TableTrace
 from procedures.general.trace.run import Found, TableData, problem_of, search_table
@@ -48,6 +49,7 @@ def trace_general(data: TableData) -> TableTrace:
     crossed = left_out(problem_of(data), judge, chosen)
     pure = [pure_error(data.y, data.points, judge.problem.of(terms)) for terms in ((), chosen)]
     nameless = Nameless(judge, chosen, data)
+    doubts = doubts_of(nameless)
     left = unnamed(nameless, _variables(data))
     shown = [_effect(judge, after, name, data) for name in names_of(judge.candidates, chosen)]
     divided = _shares(judge, chosen, shown, unnamed_part(left))
@@ -56,7 +58,7 @@ def trace_general(data: TableData) -> TableTrace:
     slow = {c.effect.name for c in judge.candidates if c.effect.source == "time" or ORDER in c.effect.columns}
     wandering = slow if wanders else set()
     effects = [
-        replace(effect, share=float(share), doubtful=nameless.doubts.get(effect.effect) or _doubt(effect, wandering))
+        replace(effect, share=float(share), doubtful=doubts.get(effect.effect) or _doubt(effect, wandering))
         for effect, share in zip(shown, divided, strict=True)
     ]
     effects.sort(key=lambda effect: -effect.share)
@@ -82,6 +84,7 @@ def trace_general(data: TableData) -> TableTrace:
         variables=_variables(data) | _others(data),
         levels={name: g.levels for name, g in data.scene.groups.items()},
         left_out=None if crossed is None else crossed[1],
+        search=found,
     )
 
 

@@ -12,6 +12,7 @@ from fitter.json_values import JsonValue
 from fitter.trace.found import CONFIRMED, Found, Unnamed
 from fitter.trace.outcome import OF_REPLICATIONS, Instead, Outcome, Parameter, Row, WithError, absent
 from procedures.general.trace.estimate import Estimate
+from procedures.general.trace.run import Found as Search
 
 UNBOUNDED = (
     "no sign and no largest size is asked of an effect in tables of any kind: whether the named cause can be as large, "
@@ -119,6 +120,7 @@ class TableTrace:
         levels: names of the levels of groups among them, whose values are indices from zero.
         left_out: groups of rows left out for `cv_rms`.
         instead: one shape without a name in place of the doubtful effects.
+        search: the search that ended with these effects.
     """
 
     response: str
@@ -134,6 +136,7 @@ class TableTrace:
     variables: Mapping[str, FloatArray]
     levels: Mapping[str, tuple[str, ...]]
     left_out: str | None
+    search: Search
     instead: Instead | None = None
 
     @property

@@ -8,6 +8,7 @@ import numpy as np
 
 from fitter.arrays import FloatArray, IntArray
 from fitter.linear import orthonormal
+from fitter.trace.aliases import DELTA
 from fitter.trace.chance import ALPHA
 from fitter.trace.growing_noise import Growth, growth_of
 from fitter.trace.keep import kept
@@ -52,6 +53,7 @@ class TableData:
         order_unknown: whether rows are sorted by a setting and their order of measurement is unknown: neighbours may be
             correlated, but effects of time cannot be tested.
         numbers: (n,) row number in the file; None for 1, 2, 3.
+        sensors: of the run, each of which is searched.
     """
 
     response: str
@@ -65,6 +67,7 @@ class TableData:
     points: IntArray | None = None
     order_unknown: bool = False
     numbers: IntArray | None = None
+    sensors: int = 1
 
     @property
     def rows(self) -> list[int]:
@@ -97,6 +100,7 @@ def problem_of(data: TableData) -> Problem:
         ordered=time is not None or data.order_unknown,
         presumed=time is not None and time.presumed,
         left_out=large,
+        sensors=data.sensors,
     )
 
 
@@ -141,8 +145,34 @@ def look(judge: TableJudge, data: TableData, rows: IntArray | None = None) -> Fo
         if set(again) == set(chosen) and settled:
             break
         chosen = again
+    judge, chosen = _with_fewer_constants(judge, chosen)
     chosen, not_kept = stays(judge, chosen)
     return Found(judge, _simplest_orders(judge, chosen), growth, not_kept)
+
+
+def _with_fewer_constants(judge: TableJudge, chosen: tuple[int, ...]) -> tuple[TableJudge, tuple[int, ...]]:
+    """One constant of an effect in place of two on the grid around it, where it does as well once it is refined."""
+    for name in names_of(judge.candidates, chosen):
+        mine = [j for j in chosen if judge.candidates[j].effect.name == name]
+        if len(mine) < 2 or any(judge.candidates[j].term.profile is None for j in mine):
+            continue
+        at = judge.beside(chosen).best
+        rss, df = _rss(judge, at, chosen)
+        for left_out in mine:
+            trial = tuple(j for j in chosen if j != left_out)
+            problem = refined(judge, trial)
+            other = judge if problem is judge.problem else TableJudge(problem, judge.families)
+            if _rss(other, at, trial)[0] - rss <= DELTA * rss / max(df, 1):
+                judge, chosen = other, trial
+                break
+    return judge, chosen
+
+
+def _rss(judge: TableJudge, at: int, chosen: tuple[int, ...]) -> tuple[float, int]:
+    """Residual sum of squares under a covariance, and its degrees of freedom."""
+    white, taken = judge.white(at, chosen), judge.view(at).taken(chosen)
+    left = white - taken @ (taken.T @ white)
+    return float(left @ left), len(white) - taken.shape[1]
 
 
 def stays(judge: TableJudge, chosen: tuple[int, ...]) -> tuple[tuple[int, ...], tuple[NotKept, ...]]:
@@ -175,7 +205,7 @@ def _growth(judge: TableJudge, chosen: tuple[int, ...], data: TableData, rows: I
     left, kept, fitted = _left(judge, chosen)
     every = drivers(data, np.zeros(1))
     picked = {name: v if rows is None else v[rows] for name, v in every.items() if name != "fitted"}
-    return growth_of(left, kept, {**picked, "fitted": np.abs(fitted)})
+    return growth_of(left, kept, {**picked, "fitted": np.abs(fitted)}, data.sensors)
 
 
 def _driver(

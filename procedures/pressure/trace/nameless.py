@@ -154,12 +154,14 @@ class Nameless:
         return out
 
     def _own_of(self, name: str) -> tuple[str, ...]:
-        """Transducers that have an effect of a searched constant each for itself, which no common cause gives to all.
+        """Transducers that have a drift or an effect of a searched constant each for itself.
 
-        All of one make may be bent or stick alike; that all have the same corner at one pressure is the line's doing.
+        All of one make may be bent or stick alike; that all have the same corner at one pressure is the line's doing,
+        and that all drift at once is the doing of what they have in common.
         """
         mine = [c for j in self.chosen if (c := self.problem.candidates[j]).effect.name == name]
-        if mine[0].effect.source != "sensor" or not mine[0].effect.searched:
+        effect = mine[0].effect
+        if effect.source != "time" and not (effect.source == "sensor" and effect.searched):
             return ()
         return tuple(dict.fromkeys(c.sensor for c in mine if c.sensor is not None))
 

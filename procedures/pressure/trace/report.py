@@ -14,7 +14,7 @@ from fitter.effects.entry import Entry
 from fitter.formula import Formula
 from fitter.linear import orthonormal
 from fitter.trace.aliases import Rival, separation
-from fitter.trace.doubts import something_left
+from fitter.trace.doubts import MANY, another_law, several_causes, something_left
 from fitter.trace.found import Unnamed, verdict
 from fitter.trace.lines import CLEAR
 from fitter.trace.not_kept import NotKept, for_others
@@ -23,6 +23,7 @@ from procedures.pressure.data import WholePlotData
 from procedures.pressure.effects.scene import PressureEffect, PressureScene, PressureTerm
 from procedures.pressure.effects.separation import separate_pressure
 from procedures.pressure.trace.agreement import classes
+from procedures.pressure.trace.constant import Constant
 from procedures.pressure.trace.courses import Course, courses
 from procedures.pressure.trace.drawn import drawn, drawn_instead, drawn_period
 from procedures.pressure.trace.estimate import Estimate, error_of, residual_of
@@ -47,6 +48,9 @@ UNEXPLAINED = 1e-3
 """Probability of lack of fit below which a remainder is reported."""
 DIFFERENT = 0.01
 """Coefficients of all transducers that agree with more than this probability are called equal."""
+
+QUADRATIC = ("offset-temperature", "offset-temperature-second-order", "sensitivity-temperature")
+"""Terms of the usual quadratic model: where one is missing, it is likelier than any corner that looks like it."""
 
 _BETWEEN = "between whole plots"
 
@@ -92,6 +96,11 @@ class Finding:
     def nameless(self) -> Nameless:
         """Shapes without a name beside what was found."""
         return Nameless(self.judge.problem, replace(self.scene, data=self.data), self.after.chosen)
+
+    @cached_property
+    def constant(self) -> Constant:
+        """Whether the coefficients of what was found are constants."""
+        return Constant(self.nameless)
 
     @cached_property
     def courses(self) -> dict[int, Course]:
@@ -143,10 +152,38 @@ def transducer(finding: Finding, i: int) -> TransducerTrace:
 
 
 def _doubt(finding: Finding, effect: FoundPressureEffect, i: int) -> str | None:
-    """Why a name found in transducer `i` should not be believed yet; None where nothing is against it."""
-    course = finding.courses.get(i)
-    said = finding.nameless.doubts.get((effect.effect, i))
-    if said is None and effect.stratum == "whole-plot" and course is not None and not course.slow:
+    """Why a name found in transducer `i` should not be believed yet; None where nothing is against it.
+
+    A name that is doubtful in one transducer is so in all: it is one cause, and they are of one make and on one line.
+    """
+    every = (_doubt_in(finding, effect.effect, k) for k in (i, *range(len(finding.judge.problem.sensors))))
+    return next((text for text in every if text is not None), _alike_laws(finding, effect.effect))
+
+
+def _alike_laws(finding: Finding, name: str) -> str | None:
+    """Doubt about a name beside which many others explain as much, or a corner over a temperature beside a power."""
+    candidates = finding.judge.problem.candidates
+    rivals = [r for r in finding.classes[name] if r.alias and r.effect != name]
+    if len(rivals) >= MANY:
+        return several_causes(len(rivals) + 1)
+    own = next(c.effect for c in candidates if c.effect.name == name)
+    effects = [candidates[rival.terms[0]].effect for rival in rivals]
+    corners = [effect.name for effect in effects if effect.searched and effect.source == "temperature"]
+    return another_law(corners[0]) if corners and not own.searched and name not in QUADRATIC else None
+
+
+def _doubt_in(finding: Finding, name: str, i: int) -> str | None:
+    """Why a name should not be believed in transducer `i`."""
+    problem, course = finding.judge.problem, finding.courses.get(i)
+    said = finding.nameless.doubts.get((name, i))
+    if said is None:
+        said = finding.constant.doubts.get(name)
+    between = any(
+        problem.judged_at[j] == "whole-plot" and problem.candidates[j].sensor in (None, problem.sensors[i])
+        for j in finding.after.chosen
+        if problem.candidates[j].effect.name == name
+    )
+    if said is None and between and course is not None and not course.slow:
         return something_left(course.where, course.shape.p)
     return said
 

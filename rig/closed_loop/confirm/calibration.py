@@ -29,7 +29,7 @@ def fit_confirmed(run: Path, later: Path, options: Options) -> Fitted:
     if run.suffix == ".csv" or later.suffix == ".csv":
         raise UsageError("--confirmed-by takes two run files: tables have no bench and no time")
     given = options.model_dump(exclude_unset=True)
-    first = open_traced(run, **{name: given[name] for name in ("formula", "temperature") if name in given})
+    first = open_traced(run, **{name: given[name] for name in ("formula", "temperature", "response") if name in given})
     return with_confirmed(first, judge(first, later), options)
 
 

@@ -7,12 +7,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
-from rig.quantities import per_volt
 from rig.run_file.chain import Record
 from rig.run_file.events.event import Event
 from rig.run_file.events.points import Observed
 from rig.run_file.sense.case import Case
 from rig.run_file.state import RunState
+from rig.scatter import MostScatter, most_scatter, noisiest
 
 _GROUPS = ("outputs", "temperatures", "references")
 _MEAN, _SD = 1e-12, 1e-9
@@ -33,16 +33,15 @@ class Readings:
     def __init__(self, case: Case) -> None:
         conduct, bench = case.conduct, case.bench
         self._sweeps = None if conduct is None else conduct.readings
-        self._most_V = None if conduct is None else conduct.max_sd_V
         self._again = _Again()
         self._columns: dict[str, set[str]] = {}
-        self._scales: dict[str, float] = {}
+        self._most: Mapping[str, MostScatter] = {}
         self._standards: set[str] = set()
         if bench is not None:
-            outputs = {f"{name}_{s.unit}": per_volt(s.unit) for name, s in bench.sensors.items()}
-            self._scales = {name: volts for name, volts in outputs.items() if volts is not None}
+            outputs = {f"{name}_{s.unit}" for name, s in bench.sensors.items()}
+            self._most = {} if conduct is None else most_scatter(conduct, bench)
             self._standards = {name for name in bench.references if name in {f.name for f in case.run_list.factors}}
-            self._columns = {"outputs": set(outputs), "temperatures": set(bench.temperatures)}
+            self._columns = {"outputs": outputs, "temperatures": set(bench.temperatures)}
 
     def look(self, record: Record, event: Event, _fold: RunState) -> Iterator[str]:
         """See `Rule.look`."""
@@ -85,21 +84,21 @@ class Readings:
             yield f"sd of NAME is {channel['sd']!r}, that of its {n} readings is {sd!r}"
 
     def _noise(self, event: Observed) -> Iterator[str]:
-        """Check that an observation is flagged as noisy if and only if its noisiest output is."""
+        """Check that an observation is flagged as noisy if and only if its noisiest quantity is."""
         marked = "noisy" in event.flags
-        if self._most_V is None:
+        if not self._most:
             if marked:
                 yield "it is marked as noisy, and the procedure sets no limit to noise"
             return
-        judged = [n for n in event.outputs if n in self._scales]
-        if not judged:
+        sds = {name: channel["sd"] for name, channel in (*event.outputs.items(), *event.references.items())}
+        name = noisiest(sds, self._most)
+        if name is None:
             return
-        name = max(judged, key=lambda n: event.outputs[n]["sd"] / self._scales[n])
-        sd, most = event.outputs[name]["sd"], self._most_V * self._scales[name]
+        sd, most = sds[name], self._most[name].sd
         if sd > most and not marked:
             yield f"sd of {name} is {sd:g}, more than the procedure allows ({most:g}), and it is not marked as noisy"
         elif marked and not sd > most:
-            yield f"it is marked as noisy, and its noisiest output, {name}, is not: sd {sd:g}, {most:g} allowed"
+            yield f"it is marked as noisy, and its noisiest quantity, {name}, is not: sd {sd:g}, {most:g} allowed"
 
 
 class _Again:

@@ -111,11 +111,13 @@ def _identity(
 
 
 def check_due(config: BenchConfig, now_s: float, end_s: float | None) -> Iterator[Finding]:
-    """Findings about the instruments' own calibrations: overdue, or due before the run ends."""
+    """Findings about calibrations of instruments and reference standards: overdue, or due before the run ends."""
     today = datetime.fromtimestamp(now_s, UTC).astimezone().date()
     last = today if end_s is None else datetime.fromtimestamp(end_s, UTC).astimezone().date()
     for name, instrument in config.instruments.items():
         yield _due(f"calibration of {name}", instrument.due, today, last)
+    for name, standard in config.references.items():
+        yield _due(f"calibration of the reference standard of {name}", standard.due, today, last)
 
 
 def _due(check: str, due: date | None, today: date, last: date) -> Finding:

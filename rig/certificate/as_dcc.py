@@ -24,7 +24,8 @@ from rig.certificate.document import (
     ResultTable,
     Statement,
 )
-from rig.certificate.si_units import SIUnit, si_unit
+from rig.dcc.si_units import SIUnit, si_unit
+from rig.errors import UsageError
 
 VERSION = "3.2.0"
 DCC, SI, XSI = "https://ptb.de/dcc", "https://ptb.de/si", "http://www.w3.org/2001/XMLSchema-instance"
@@ -41,7 +42,7 @@ def dcc(document: Document, paper: bytes | None = None) -> bytes:
         paper: its PDF, to be kept in the XML; None for none.
 
     Raises:
-        UsageError: a unit cannot be written in SI units.
+        UsageError: the unit of a column cannot be written in SI units.
     """
     for prefix, space in (("dcc", DCC), ("si", SI), ("xsi", XSI)):
         ET.register_namespace(prefix, space)
@@ -141,14 +142,21 @@ def _item(parent: ET.Element, item: Item) -> None:
     _words(parent, "description", f"{item.description}. Condition as received: {item.condition}")
     _words(_add(parent, "manufacturer"), "name", item.maker)
     _add(parent, "model", _solid(item.model))
-    numbers = _add(parent, "identifications")
-    for issuer, value, kind in (
+    numbers = [
         ("manufacturer", item.serial, "serialNumber"),
         ("calibrationLaboratory", item.asset, "measurementEquipmentNumber"),
         ("customer", item.customer_id, "customerAssetNumber"),
-    ):
-        if value:
-            _identification(numbers, issuer, value, kind)
+    ]
+    _numbers(parent, numbers)
+
+
+def _numbers(parent: ET.Element, numbers: Sequence[tuple[str, str, str]]) -> None:
+    """Identifications: issuer, value and kind of each that has a value; no element if none has."""
+    known = [one for one in numbers if one[1]]
+    if known:
+        listed = _add(parent, "identifications")
+        for issuer, value, kind in known:
+            _identification(listed, issuer, value, kind)
 
 
 def _identification(parent: ET.Element, issuer: str, value: str, kind: str) -> None:
@@ -287,10 +295,7 @@ def _instrument(parent: ET.Element, one: Equipment) -> None:
         ("calibrationLaboratory", one.asset, "measurementEquipmentNumber"),
     ]
     numbers.append(("other", one.certificate, "certificateNumber"))
-    listed = _add(parent, "identifications")
-    for issuer, value, kind in numbers:
-        if value:
-            _identification(listed, issuer, value, kind)
+    _numbers(parent, numbers)
 
 
 _STATUS = {"as found": "beforeAdjustment", "as left": "afterAdjustment"}
@@ -333,8 +338,13 @@ def _result(parent: ET.Element, table: ResultTable) -> None:
 
 
 def _real(quantity: ET.Element, value: str, unit: str, result: Result | None = None) -> None:
-    """A number as a real, or as a hybrid with the unit of the laboratory."""
-    found = si_unit(unit)
+    """A number as a real, as a hybrid with the unit of the laboratory, or as a text if its unit has no SI unit."""
+    try:
+        found = si_unit(unit)
+    except UsageError:
+        told = "" if result is None else f" ± {result.expanded} (k = {result.k}, probability {result.probability})"
+        _words(quantity, "noQuantity", f"{value}{told}, in {unit}")
+        return
     places = (
         [(_add(quantity, "hybrid", space=SI), found), (None, _as_given(found))]
         if found.original
@@ -384,5 +394,11 @@ def _other_units(document: Document) -> Iterable[SIUnit]:
     used = [column.unit for table in document.tables for column in table.at]
     used += [one.unit for table in document.tables for one in table.results]
     used += [condition.unit for condition in document.conditions]
-    found = (si_unit(unit) for unit in dict.fromkeys(used))
-    return [unit for unit in found if unit.original]
+    return [found for unit in dict.fromkeys(used) if (found := _known(unit)) is not None and found.original]
+
+
+def _known(unit: str) -> SIUnit | None:
+    try:
+        return si_unit(unit)
+    except UsageError:
+        return None

@@ -87,6 +87,22 @@ def si_unit(unit: str) -> SIUnit:
     return SIUnit(text or "\\one", factor, unit, "; ".join(defined))
 
 
+def per_term(unit: str) -> str:
+    """Unit of a coefficient, with the unit of its term: `V per unit of force_kN^2` is `V/kN^2`.
+
+    The units of a term are the ends of its names. A unit of a term with functions is unchanged.
+    """
+    own, between, term = unit.partition(" per unit of ")
+    factors = [_FACTOR_OF_TERM.fullmatch(one.strip()) for one in re.split(r"[:*](?!\*)(?<!\*\*)", term)]
+    if not between or None in factors:
+        return unit
+    below = "".join(f"/{one[1]}" + (f"^{one[2]}" if one[2] else "") for one in factors if one is not None)
+    return (own or "1") + below
+
+
+_FACTOR_OF_TERM = re.compile(r"[A-Za-z]\w*_([A-Za-z]+)(?:(?:\^|\*\*)(\d+))?")
+
+
 _PARTS = re.compile(r"(\\[a-zA-Z]+)(?:\\tothe\{(-?\d+)\})?")
 
 

@@ -11,7 +11,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from rig.certificate.extras import needed
+from rig.dcc.extras import needed
 from rig.errors import UsageError
 
 _DS = "http://www.w3.org/2000/09/xmldsig#"

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
 
-from rig.certificate.si_units import plain_unit
+from rig.dcc.si_units import plain_unit
 from rig.errors import UsageError
 from rig.regular import open_regular
 
@@ -76,13 +76,14 @@ class Read:
         laboratory: who issued it.
         customer: whom it is for.
         items: name, maker, model and numbers of each item, as words.
+        makers: maker, model and first number of each item.
         began: first day of the calibration; None if not given.
         ended: last day; None if not given.
         issued: day of issue; None if not given.
         quantities: all of its values, in order.
         statements: declarations, as words.
         conformity: words of conformity with what they are about.
-        signatures: number of signatures in it; whether they hold is told by `rig.certificate.signature`.
+        signatures: number of signatures in it; whether they hold is told by `rig.dcc.signature`.
     """
 
     file: str
@@ -91,6 +92,7 @@ class Read:
     laboratory: str
     customer: str
     items: tuple[str, ...]
+    makers: tuple[tuple[str, str, str], ...]
     began: date | None
     ended: date | None
     issued: date | None
@@ -121,7 +123,7 @@ def read_dcc(path: Path) -> Read:
     Raises:
         UsageError: the file cannot be read, or is no digital calibration certificate.
     """
-    return parsed(_bytes(path), str(path))
+    return parsed(bytes_of(path), str(path))
 
 
 def number_in(path: Path, where: str, row: int | None = None) -> Number:
@@ -144,7 +146,8 @@ def number_in(path: Path, where: str, row: int | None = None) -> Number:
     return found.numbers[(row or 1) - 1]
 
 
-def _bytes(path: Path) -> bytes:
+def bytes_of(path: Path) -> bytes:
+    """Contents of the file of a certificate. Raises `UsageError`."""
     try:
         with open_regular(path) as file:
             read = file.read(_MOST + 1)
@@ -184,6 +187,7 @@ def parsed(data: bytes, name: str) -> Read:
         laboratory=_named(_under(root, "administrativeData", "calibrationLaboratory", "contact")),
         customer=_named(_under(root, "administrativeData", "customer")),
         items=tuple(_item(one) for one in _all(_under(root, "administrativeData", "items"), "item")),
+        makers=tuple(_maker(one) for one in _all(_under(root, "administrativeData", "items"), "item")),
         began=_date(core, "beginPerformanceDate"),
         ended=_date(core, "endPerformanceDate"),
         issued=_date(core, "issueDate"),
@@ -239,6 +243,11 @@ def _item(element: ET.Element) -> str:
     numbers = [_text(_child(one, "value")) for one in _all(_child(element, "identifications"), "identification")]
     parts = (_named(element), _named(_child(element, "manufacturer")), _text(_child(element, "model")), *numbers)
     return ", ".join(part for part in parts if part)
+
+
+def _maker(element: ET.Element) -> tuple[str, str, str]:
+    numbers = [_text(_child(one, "value")) for one in _all(_child(element, "identifications"), "identification")]
+    return _named(_child(element, "manufacturer")), _text(_child(element, "model")), next(iter(numbers), "")
 
 
 def _statements(root: ET.Element) -> Iterator[str]:

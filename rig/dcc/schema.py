@@ -8,7 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from rig.certificate.extras import needed
+from rig.dcc.extras import needed
 from rig.errors import UsageError
 
 _MOST = 20

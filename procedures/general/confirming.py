@@ -1,0 +1,388 @@
+"""A traced run of any laboratory as the first of two. See `procedures.confirming.Confirming`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import chain
+from typing import Any
+
+import numpy as np
+
+from fitter.arithmetic_text import parse_expression
+from fitter.arrays import FloatArray, IntArray
+from fitter.confirm import Confirmation, Question
+from fitter.effects.entry import Entry
+from fitter.effects.hands import Done
+from fitter.errors import FitError
+from fitter.trace.aliases import DELTA, Rival
+from fitter.trace.found import Explanation
+from fitter.trace.search import names_of
+from procedures.blocks import Block
+from procedures.confirming import SETTLED, Confirming
+from procedures.effects_shown import show_confirmed
+from procedures.errors import DataError
+from procedures.further_runs import Variation, repeated
+from procedures.general.effects.literal import arithmetic
+from procedures.general.effects.of_others import HYSTERESIS
+from procedures.general.effects.time_columns import lag
+from procedures.general.factors import RANDOM
+from procedures.general.further_runs import values_of, with_routine
+from procedures.general.of_runs import Asked, RunFitted, RunTraced, fit_run
+from procedures.general.options import FitOptions, TraceOptions
+from procedures.general.planning import check_declared
+from procedures.general.settings import GeneralProcedure
+from procedures.general.together import TIME, GeneralTogether, Observations, RunTerm, columns_of
+from procedures.general.trace import TableTrace
+from procedures.run_list import RunList
+from procedures.table import Table
+
+MOST_CONSTANTS = 3
+LEAST_CANDIDATES, MOST_CANDIDATES = 5, 160
+"""Numbers of units from which those of a run are chosen."""
+LEAST_POINTS = 12
+_COUNTS = 2, 3, 4, 5, 6, 8, 10, 12, 15, 19, 24, 30, 38, 48, 60, 76, 96, 120
+CHOSEN = "chosen by rig confirm"
+"""In place of the name of a file with the points."""
+OWN_UNITS = "the unit of each output"
+
+
+def cannot_confirm(table: Table, options: TraceOptions) -> str:
+    """Why no further run can confirm the findings in a run; see `procedures.kind.Kind.cannot_confirm`."""
+    others = options.model_fields_set - {"response", "formula"}
+    asked = None if others else Asked.of(table, options.response, options.formula)
+    if asked is None:
+        given = sorted(f"--{name.replace('_', '-')}" for name in others or {"response"})
+        return (
+            f"a run is confirmed with the roles of its columns, by the outputs of its sensors: leave out "
+            f"{', '.join(given)}. What is not an output is traced again in another run: rig trace"
+        )
+    models = asked.models
+    if not any(model.linear for model in models.values()):
+        return (
+            "its declared models are not linear in their coefficients, so nothing is traced and no run is proposed. "
+            "Make the procedure again with a formula that is, such as a polynomial, in [model]; or make the same run "
+            "again and compare both calibrations: rig chart"
+        )
+    return ""
+
+
+@dataclass(frozen=True, eq=False)
+class FoundInRun:
+    """Findings of all sensors of a run, a `fitter.confirm.question.Traced`.
+
+    Attributes:
+        sensors: by output.
+    """
+
+    sensors: Mapping[str, TableTrace]
+
+    @cached_property
+    def chosen(self) -> tuple[RunTerm, ...]:
+        """Columns in the models of all sensors."""
+        return tuple(
+            term
+            for output, trace in self.sensors.items()
+            for j in trace.search.chosen
+            for term in self._columns(output, (j,))
+        )
+
+    def _columns(self, output: str, terms: Sequence[int]) -> Iterator[RunTerm]:
+        candidates = self.sensors[output].search.judge.candidates
+        for j in terms:
+            yield from columns_of(candidates[j].effect, candidates[j].term, output)
+
+    @cached_property
+    def _rivals(self) -> Mapping[str, Mapping[str, Mapping[str, Rival]]]:
+        """All explanations of each effect, by effect, output, and explanation."""
+        found: dict[str, dict[str, dict[str, Rival]]] = {}
+        for output, trace in self.sensors.items():
+            judge, chosen = trace.search.judge, trace.search.chosen
+            for name in names_of(judge.candidates, chosen):
+                found.setdefault(name, {})[output] = {rival.effect: rival for rival in judge.rivals(chosen, name)}
+        return found
+
+    @cached_property
+    def explanations(self) -> Mapping[str, Sequence[Explanation]]:
+        """Explanations of each effect that all sensors with it have in common, best first."""
+        return {name: self._explained(by_output) for name, by_output in self._rivals.items()}
+
+    def _explained(self, by_output: Mapping[str, Mapping[str, Rival]]) -> tuple[Explanation, ...]:
+        common = [name for name in next(iter(by_output.values())) if all(name in own for own in by_output.values())]
+        costs = {name: sum(own[name].sigmas ** 2 for own in by_output.values()) for name in common}
+        least = min(costs.values())
+        told = [
+            Explanation(
+                name,
+                tuple(term for output, own in by_output.items() for term in self._columns(output, own[name].terms)),
+                float(np.sqrt(cost - least)),
+                alias=cost - least <= DELTA,
+            )
+            for name, cost in costs.items()
+        ]
+        return tuple(sorted(told, key=lambda one: one.sigmas))
+
+    @cached_property
+    def constants(self) -> Mapping[str, tuple[float, ...]]:
+        """Time constants of the explanations that remember earlier settings, by output."""
+        found: dict[str, dict[float, None]] = {}
+        for every in self.explanations.values():
+            for term in (term for one in every if one.alias for term in one.terms):
+                if term.effect.kind.terms is lag and term.block.profile is not None:
+                    found.setdefault(term.sensor, {})[term.block.profile.value] = None
+        return {output: tuple(sorted(taus)[:MOST_CONSTANTS]) for output, taus in found.items()}
+
+
+@dataclass(frozen=True, eq=False)
+class GeneralConfirming(Confirming):
+    """See `procedures.confirming.Confirming`. Errors are those of the outputs, in their own units."""
+
+    traced: RunTraced
+
+    per_slope = 1.0
+    passes = 1, 2, 4
+
+    @cached_property
+    def found(self) -> FoundInRun:
+        """See `Confirming`."""
+        return FoundInRun({output: one.trace for output, one in self.traced.each.items()})
+
+    @cached_property
+    def data(self) -> Observations:
+        """See `Confirming`."""
+        return Observations.of(self.traced.table)
+
+    @property
+    def unit(self) -> str:  # type: ignore[override]
+        """Unit of all outputs, if they have one."""
+        units = {output.rpartition("_")[2] for output in self.traced.each}
+        return units.pop() if len(units) == 1 else OWN_UNITS
+
+    @property
+    def output_unit(self) -> str:  # type: ignore[override]
+        """The same."""
+        return self.unit
+
+    @property
+    def drawn(self) -> tuple[str, float]:  # type: ignore[override]
+        """The same."""
+        return self.unit, 1.0
+
+    def own_words(self, *, realigned: bool) -> str:
+        """See `Confirming`."""
+        return "what of earlier settings was remembered at its start is its own" if self.found.constants else ""
+
+    def later(self, table: Table) -> Observations:
+        """See `Confirming`."""
+        return Observations.of(table)
+
+    def beside(self, later: Observations, after_s: float, done: Sequence[Done] = ()) -> GeneralTogether:
+        """See `Confirming`."""
+        roles = {output: one.roles for output, one in self.traced.each.items()}
+        found = self.found
+        return GeneralTogether.of(found.sensors, roles, self.data.table, later.table, after_s, done, found.constants)
+
+    @cached_property
+    def catalogue(self) -> Sequence[Entry]:
+        """See `Confirming`: every effect that a sensor was searched for, once."""
+        every = (c.effect for trace in self.found.sensors.values() for c in trace.search.judge.candidates)
+        return tuple({effect.name: effect for effect in every}.values())
+
+    def suits(self, variation: Variation, questions: Sequence[Question]) -> bool:
+        """See `Confirming`: a hysteresis is a loop over the whole range, whose factor has to go up and down again."""
+        loops = {
+            term.effect.columns[-1]
+            for question in questions
+            for member in question.members
+            for term in member.terms
+            if term.effect.kind.name == HYSTERESIS.name
+        }
+        run: GeneralProcedure = variation.procedure
+        return all(run.factors[name].order != RANDOM for name in loops if name in run.factors)
+
+    def whole(self, group: Sequence[Variation], times: int) -> Variation | None:
+        """See `Confirming`: the largest grid, if it has enough points to choose from."""
+        largest = max(group, key=lambda variation: len(variation.procedure.expand()))
+        whole = repeated(largest, times)
+        whole = replace(whole, procedure=with_routine(whole.procedure, largest.procedure))
+        count = int(self.units(whole.procedure.expand()).max()) + 1
+        return whole if LEAST_CANDIDATES <= count <= MOST_CANDIDATES else None
+
+    @cached_property
+    def counts(self) -> Sequence[int]:  # type: ignore[override]
+        """See `Confirming`: a run of fewer points would not show whether a model fits."""
+        columns = self.data.table.columns
+        rows = len(self.data) / max(len(set(columns["whole_plot"].tolist())), 1) if "whole_plot" in columns else 1.0
+        return tuple(count for count in _COUNTS if count * rows >= LEAST_POINTS and count > 1)
+
+    def units(self, run_list: RunList) -> IntArray:
+        """See `Confirming`: a setting, or all settings at those of the factors that are hard to change."""
+        keys = _unit_keys(run_list)
+        numbers = {key: number for number, key in enumerate(sorted(set(keys)))}
+        return np.array([numbers[key] for key in keys], np.int64)
+
+    def chosen(self, whole: Variation, units: Sequence[int]) -> Variation:
+        """See `Confirming`; with as many more units as the declared models need."""
+        run: GeneralProcedure = whole.procedure
+        run_list = run.expand()
+        keys = _unit_keys(run_list)
+        ordered = sorted(set(keys))
+        settings: dict[tuple[float, ...], list[tuple[float, ...]]] = {}
+        for key, point in zip(keys, run_list.points, strict=True):
+            if point.setpoints not in settings.setdefault(key, []):
+                settings[key].append(point.setpoints)
+        wanted = [ordered[unit] for unit in units]
+        for key in (None, *_from_the_ends([key for key in ordered if key not in wanted])):
+            wanted += [] if key is None else [key]
+            rows = [list(point) for one in ordered if one in wanted for point in settings[one]]
+            procedure = _of_points(run, rows)
+            if _determined(procedure):
+                break
+        return replace(whole, procedure=procedure)
+
+    def ways(
+        self, variation: Variation, run_list: RunList, questions: Sequence[Question], later_s: float
+    ) -> list[GeneralTogether]:
+        """One course: other quantities go on as in the first run."""
+        done = [step.done([p.replication for p in run_list.points]) for step in variation.steps]
+        return [self.beside(Observations.of(self._planned(run_list, variation.wait_s)), later_s, done)]
+
+    def hours(self, variation: Variation, run_list: RunList) -> float:
+        """See `Confirming`."""
+        point, soak = self._times_s
+        return (len(run_list) * (point + variation.wait_s) + run_list.whole_plots * soak) / 3600.0
+
+    def size(self, procedure: GeneralProcedure) -> str:
+        """See `Confirming`."""
+        return f"{len(procedure.expand()) // procedure.replications} x {procedure.replications}"
+
+    def separated_by(self, one: Entry, other: Entry) -> str:
+        """See `Confirming`."""
+        return "; ".join(dict.fromkeys((one.separate_by, other.separate_by)))
+
+    def variables(self) -> Mapping[str, tuple[str, float]]:
+        """See `Confirming`."""
+        scenes = [trace.variables for trace in self.found.sensors.values()]
+        return {name: (name, 1.0) for variables in scenes for name in variables}
+
+    def calibrated(
+        self,
+        answers: Sequence[Confirmation],
+        questions: Sequence[Question],
+        record: dict[str, Any],
+        options: FitOptions,
+    ) -> ConfirmedFit:
+        """Columns of confirmed causes that are functions of the table's own columns are added to the models."""
+        asked = Asked.of(self.traced.table, options.response, options.formula)
+        if asked is None:
+            raise DataError(f"--response {options.response} is no output of the run")
+        added: dict[str, list[str]] = {}
+        for answer, question, effect in zip(answers, questions, record["effects"], strict=True):
+            effect["terms"] = []
+            if answer.verdict not in SETTLED:
+                effect["used"] = f"{effect['told']}: nothing was added to the calibration for it"
+                continue
+            members = {member.effect: member.terms for member in question.members}
+            terms = [term for term in members.get(answer.holding[0], answer.holder) if not term.slope]
+            usable = {term: usable_term(term.term.name, self.traced.table.factors) for term in terms}
+            if not all(usable.values()):
+                why = "it is no function of the settings: the calibration does not have it"
+                effect["used"] = f"{effect['told']}; {why}"
+                continue
+            for term in terms:
+                added.setdefault(term.sensor, []).append(f"I({usable[term]})")
+            effect["terms"] = [f"{term.sensor}: I({usable[term]})" for term in terms]
+        return ConfirmedFit(fit_run(asked.adding(added)), record)
+
+    @cached_property
+    def _times_s(self) -> tuple[float, float]:
+        """Seconds between rows of one whole plot, and the additional time of a new one."""
+        steps = np.diff(self.data.table.columns[TIME])
+        plots = self.data.table.columns.get("whole_plot", np.zeros(len(self.data)))
+        new = np.diff(plots) != 0
+        point = float(np.median(steps[~new])) if np.any(~new) else 0.0
+        return point, max(float(np.median(steps[new])) - point, 0.0) if np.any(new) else 0.0
+
+    def _planned(self, run_list: RunList, wait_s: float) -> Table:
+        """The rows of a planned run with an additional wait at every point; its outputs are not used."""
+        first, n = self.data.table, len(run_list)
+        point, soak = self._times_s
+        plots = np.array([float(p.whole_plot or 0) for p in run_list.points])
+        began = np.unique(plots, return_inverse=True)[1] if run_list.whole_plots else np.zeros(n)
+        elapsed = soak * began + (point + wait_s) * np.arange(1.0, n + 1.0)
+        columns: dict[str, FloatArray] = {
+            "replicate": np.array([float(p.replication) for p in run_list.points]),
+            "order": np.arange(1.0, n + 1.0),
+            TIME: elapsed + float(first.columns[TIME].min()),
+            "whole_plot": plots,
+            "block": np.ones(n),
+        }
+        for factor in run_list.factors:
+            setting = np.array(run_list.column(factor.name), np.float64)
+            columns |= {factor.name: setting, factor.set_name: setting}
+        sides = np.array([p.sides for p in run_list.points], np.float64)
+        columns |= {f"{f.axis}_side": sides[:, at] for at, f in enumerate(run_list.factors) if not f.hard}
+        then, now = (t - t.min() for t in (first.columns[TIME], columns[TIME]))
+        others = {name: np.interp(now, then, v) for name, v in first.columns.items() if name not in columns}
+        return Table("planned", {name: {**others, **columns}[name] for name in first.columns}, True, {})
+
+
+def usable_term(label: str, factors: Sequence[str]) -> str:
+    """A column of an effect as arithmetic of factors, which are known when a sensor is used; "" if it is none."""
+    try:
+        text = arithmetic(label)
+        names = parse_expression(text).names
+    except FitError:
+        return ""
+    return text if names and set(names) <= set(factors) else ""
+
+
+def _unit_keys(run_list: RunList) -> list[tuple[float, ...]]:
+    """Settings that identify the unit of each point: those of the hard factors, or without any the whole setting."""
+    hard = [at for at, factor in enumerate(run_list.factors) if factor.hard]
+    return [tuple(p.setpoints[at] for at in hard) if hard else tuple(p.setpoints) for p in run_list.points]
+
+
+def _from_the_ends(keys: Sequence[Any]) -> Iterator[Any]:
+    """The first, the last, the middle, and so on to the rest."""
+    yield from sorted(keys, key=lambda key: (min(keys.index(key), len(keys) - 1 - keys.index(key)), keys.index(key)))
+
+
+def _of_points(run: GeneralProcedure, rows: list[list[float]]) -> GeneralProcedure:
+    """The run with these settings in place of a grid."""
+    values = values_of(run)
+    factors = {name: {k: v for k, v in one.items() if k != "levels"} for name, one in values["factors"].items()}
+    for name, factor in run.factors.items():  # defaults that follow from the levels stay those of the first run
+        factors[name] |= {"band": factor.band, "tolerance": factor.tolerance}
+        factors[name] = {k: v for k, v in factors[name].items() if v is not None}
+    design = {"type": "file", "points": CHOSEN, "rows": rows}
+    return with_routine(GeneralProcedure.model_validate({**values, "factors": factors, "design": design}), run)
+
+
+def _determined(procedure: GeneralProcedure) -> bool:
+    """Whether the settings of a procedure determine the declared models."""
+    try:
+        check_declared(procedure, procedure.expand())
+    except FitError:
+        return False
+    return True
+
+
+@dataclass(frozen=True)
+class ConfirmedFit:
+    """A calibration with terms confirmed by a further run, and their source."""
+
+    fitted: RunFitted
+    record: dict[str, Any]
+
+    def to_json(self) -> dict[str, Any]:
+        """JSON values for `rig fit --json`."""
+        return self.fitted.to_json() | {"confirmed_by": self.record}
+
+    def blocks(self) -> Iterator[Block]:
+        """Blocks for people."""
+        return chain(self.fitted.blocks(), show_confirmed(self.record))
+
+    def page(self) -> None:
+        """It has none."""

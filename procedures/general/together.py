@@ -1,0 +1,377 @@
+"""Two runs of any laboratory as one problem: the declared model of every sensor, and the effects found in any."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from types import MappingProxyType
+from typing import Self, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fitter.arrays import FloatArray
+from fitter.confirm import Question, Together
+from fitter.confirm.together import Candidates, Own
+from fitter.effects.hands import Done
+from fitter.errors import FitError
+from procedures.errors import DataError
+from procedures.general.column_roles import Roles, roles_of
+from procedures.general.effects import OF_CONSTANT, TableEffect
+from procedures.general.effects.literal import Rows, column
+from procedures.general.effects.of_time import WARM_UP
+from procedures.general.effects.scene import Profile, TableTerm
+from procedures.general.trace import TableData, TableTrace
+from procedures.general.trace.places import places_of
+from procedures.table import Table
+
+TIME = "elapsed_s"
+_NUMBERED = ("replicate", "order", "block", "whole_plot")
+"""Columns of numbers that go on in a later run."""
+_STEP = 1e-3
+One = TypeVar("One")
+
+
+@dataclass(frozen=True, eq=False)
+class Observations:
+    """Rows of a run in order of time; every column is an attribute, for plots.
+
+    Attributes:
+        table: the run.
+    """
+
+    table: Table
+
+    @classmethod
+    def of(cls, table: Table) -> Observations:
+        """The rows of a run, sorted by time."""
+        order = np.argsort(table.columns[TIME], kind="stable")
+        return cls(replace(table, columns={name: v[order] for name, v in table.columns.items()}, rows=()))
+
+    def __getattr__(self, name: str) -> FloatArray:
+        if name.startswith("_") or name == "table" or name not in self.table.columns:
+            raise AttributeError(name)
+        return self.table.columns[name]
+
+    def __len__(self) -> int:
+        return len(self.table)
+
+
+@dataclass(frozen=True)
+class Label:
+    """One column of a term.
+
+    Attributes:
+        name: its formula.
+    """
+
+    name: str
+
+
+@dataclass(frozen=True, eq=False)
+class RunTerm:
+    """One column of an effect in one sensor.
+
+    Attributes:
+        effect: the effect.
+        term: the column.
+        sensor: its output.
+        block: the term of the first run.
+        at: number of the column in it.
+        slope: whether it is the change of that column with the logarithm of its searched constant.
+    """
+
+    effect: TableEffect
+    term: Label
+    sensor: str
+    block: TableTerm
+    at: int
+    slope: bool = False
+
+
+def columns_of(effect: TableEffect, block: TableTerm, sensor: str) -> Iterator[RunTerm]:
+    """The columns of a term in a sensor, and their slopes over its searched constant: a search knows it about only."""
+    slopes = np.zeros(0) if block.profile is None else np.linalg.norm(_slopes(block.profile), axis=0)
+    for at, label in enumerate(block.labels):
+        yield RunTerm(effect, Label(label), sensor, block, at)
+    for at, length in enumerate(slopes.tolist()):
+        if length > 0.0:
+            yield RunTerm(effect, Label(f"{OF_CONSTANT}{block.labels[at]}"), sensor, block, at, slope=True)
+
+
+def _slopes(profile: Profile) -> FloatArray:
+    """(n, d) change of a term's columns with the logarithm of its searched constant."""
+    above, below = (profile.at(profile.value * (1.0 + step)).columns for step in (_STEP, -_STEP))
+    return np.asarray((above - below) / (2.0 * _STEP))
+
+
+def join(first: Table, later: Table, after_s: float, needed: Sequence[str]) -> Table:
+    """Rows of both runs, those of the first one first.
+
+    Args:
+        first: the traced run, in order of time.
+        later: the confirming run, in order of time.
+        after_s: seconds from the first run's zero of elapsed time to the later one's.
+        needed: columns that both must have.
+
+    Raises:
+        FitError: the later run lacks one of them.
+    """
+    missing = next((name for name in needed if name not in later.columns), None)
+    if missing is not None:
+        raise FitError(f"the confirming run has no {missing}, which the traced run has")
+    columns = {}
+    for name in first.columns:
+        if name not in later.columns:
+            continue
+        a, b = first.columns[name], later.columns[name]
+        if name in _NUMBERED:
+            b = b - b.min() + a.max() + 1
+        elif name == TIME:
+            b = b + after_s
+        columns[name] = np.concatenate([a, b])
+    return replace(first, columns=columns, rows=())
+
+
+@dataclass(frozen=True, eq=False)
+class Whole:
+    """Both runs, prepared for every sensor.
+
+    Attributes:
+        table: all rows, those of the first run first, each run in order of time.
+        data: of all rows, by output.
+        later: of the later run's rows alone, by output; without sensors whose model has too many columns for them.
+        traces: findings in the first run, by output.
+        count: number of rows of the first run.
+        constants: time constants of explanations that remember earlier settings, by output.
+    """
+
+    table: Table
+    data: Mapping[str, TableData]
+    later: Mapping[str, TableData]
+    traces: Mapping[str, TableTrace]
+    count: int
+    constants: Mapping[str, Sequence[float]]
+    _kept: dict[tuple[str, bool, bool], FloatArray] = field(default_factory=dict)
+
+    def of(self, outputs: Collection[str]) -> Whole:
+        """The same for some of the sensors."""
+        return replace(
+            self,
+            data=_some(self.data, outputs),
+            later=_some(self.later, outputs),
+            traces=_some(self.traces, outputs),
+            constants=_some(self.constants, outputs),
+        )
+
+    def columns(self, term: RunTerm) -> FloatArray:
+        """(n,) the column of a term in all rows, as its formula says."""
+        anew = term.effect.kind.name == WARM_UP.name
+        key = term.block.labels[term.at], term.slope, anew
+        if key not in self._kept:
+            rows = self._since_begin if anew else self._rows
+            if term.slope:
+                assert term.block.profile is not None
+                above, below = (_labelled(term, 1.0 + step) for step in (_STEP, -_STEP))
+                self._kept[key] = (column(above, rows) - column(below, rows)) / (2.0 * _STEP)
+            else:
+                self._kept[key] = column(term.block.labels[term.at], rows)
+        return self._kept[key]
+
+    @cached_property
+    def _rows(self) -> Rows:
+        return Rows(self.table.columns, self.table.columns[TIME], (0, self.count))
+
+    @cached_property
+    def _since_begin(self) -> Rows:
+        """The rows with a time that begins anew in the later run."""
+        t = self.table.columns[TIME]
+        since = np.concatenate([t[: self.count], t[self.count :] - t[self.count] + t[0]])
+        return Rows({**self.table.columns, TIME: since}, since, (0, self.count))
+
+    def started(self, output: str) -> FloatArray:
+        """(n, c) decays from the first row of the later run on: it is not known what stood before, and for how long."""
+        t = self.table.columns[TIME]
+        since = t - t[self.count]
+        columns = [np.where(since >= 0.0, np.exp(-np.maximum(since, 0.0) / tau), 0.0) for tau in self._taus(output)]
+        return np.column_stack(columns) if columns else np.zeros((len(t), 0))
+
+    def _taus(self, output: str) -> Sequence[float]:
+        return self.constants.get(output, ())
+
+
+def _some(every: Mapping[str, One], outputs: Collection[str]) -> Mapping[str, One]:
+    return {name: one for name, one in every.items() if name in outputs}
+
+
+def _labelled(term: RunTerm, factor: float) -> str:
+    """The formula of a term's column with another searched constant."""
+    assert term.block.profile is not None
+    return term.block.profile.at(term.block.profile.value * factor).labels[term.at]
+
+
+def _those_that_can(table: Table, roles: Mapping[str, Roles]) -> Iterator[tuple[str, TableData]]:
+    """Sensors whose declared model a run's rows suffice for, with these rows."""
+    for output, own in roles.items():
+        try:
+            yield output, roles_of(table, own)[0]
+        except DataError:
+            continue
+
+
+@dataclass(frozen=True, eq=False)
+class Outputs:
+    """Measured outputs of both runs.
+
+    Attributes:
+        outputs: (n,) by sensor.
+    """
+
+    outputs: Mapping[str, FloatArray]
+
+
+@dataclass(frozen=True, eq=False)
+class GeneralTogether(Together):
+    """See `Together`.
+
+    Attributes:
+        whole: both runs.
+        rows: (n,) rows of them that are used.
+    """
+
+    whole: Whole
+    rows: NDArray[np.int64]
+
+    @classmethod
+    def of(
+        cls,
+        traces: Mapping[str, TableTrace],
+        roles: Mapping[str, Roles],
+        first: Table,
+        later: Table,
+        after_s: float,
+        done: Sequence[Done] = (),
+        constants: Mapping[str, Sequence[float]] = MappingProxyType({}),
+    ) -> Self:
+        """A run, its traces, and a later run; both in order of time. `constants` as in `Whole`.
+
+        Raises:
+            FitError: the later run lacks a column of the first, or too few rows.
+        """
+        used = [name for one in roles.values() for name in (one.response, *one.named)]
+        both = join(first, later, after_s, list(dict.fromkeys([*used, *first.factors])))
+        every = {
+            output: replace(own, ignore=tuple(name for name in own.ignore if name in both.columns))
+            for output, own in roles.items()
+        }
+        data = {output: roles_of(both, own)[0] for output, own in every.items()}
+        alone = dict(_those_that_can(later, every))
+        n, count = len(both), len(first)
+        changes = tuple(one.after_first(count) for one in done)
+        whole = Whole(both, data, alone, traces, count, constants)
+        return cls(np.arange(n) >= count, whole, np.arange(n), done=changes)
+
+    @property
+    def data(self) -> Outputs:
+        """See `Together`."""
+        return Outputs({output: one.y[self.rows] for output, one in self.whole.data.items()})
+
+    @property
+    def df(self) -> int:
+        """See `Together`."""
+        return max(min(trace.after.fit.df for trace in self.whole.traces.values()), 1)
+
+    @property
+    def realigned(self) -> bool:
+        """False: the first run's parameters are valid."""
+        return False
+
+    @property
+    def own_response(self) -> bool:
+        """True: a sensor may have changed from one day to the next."""
+        return True
+
+    @property
+    def loose(self) -> FloatArray:
+        """(n, l) what is remembered at the start of the later run; nothing else, as the sensors will be used."""
+        every = [self.whole.started(output)[self.rows] for output in self.whole.constants]
+        return np.column_stack(every) if every else np.zeros((len(self.rows), 0))
+
+    @cached_property
+    def sigma(self) -> FloatArray:
+        """(S, n) scatter of a row within its whole plot or replication, growing as the trace found."""
+        out = []
+        for output, trace in self.whole.traces.items():
+            sides, growth = trace.after.shared, trace.search.growth
+            same = np.full(len(self.rows), sides[0] if sides is not None else trace.after.fit.sigma_E)
+            scene = self.whole.data[output].scene
+            known = growth is not None and growth.driver in {**scene.variables, TIME: None}
+            out.append(growth.sd(scene.of(growth.driver)[self.rows]) if growth is not None and known else same)
+        return np.stack(out)
+
+    @property
+    def slope(self) -> FloatArray:
+        """(S,) one: errors are those of the outputs."""
+        return np.ones(len(self.sensors))
+
+    @cached_property
+    def declared(self) -> tuple[FloatArray, ...]:
+        """See `Together`."""
+        return tuple(
+            np.column_stack(
+                [one.columns[self.rows], self._anew(one.columns[self.rows]), self.whole.started(output)[self.rows]]
+            )
+            for output, one in self.whole.data.items()
+        )
+
+    def _anew(self, columns: FloatArray) -> FloatArray:
+        """(n, k d) the declared model again after every change with which it changes."""
+        after = [done.after.astype(np.float64)[:, None] * columns for done in self.done if done.anew]
+        return np.column_stack(after) if after else np.zeros((len(columns), 0))
+
+    @cached_property
+    def own(self) -> tuple[tuple[Own, ...], ...]:
+        """Errors that the rows of a whole plot or replication share."""
+        out: list[tuple[Own, ...]] = []
+        for i, (output, trace) in enumerate(self.whole.traces.items()):
+            groups, sides = self.whole.data[output].shared, trace.after.shared
+            if groups is None or sides is None or not sides[1] > 0.0:
+                out.append(())
+                continue
+            index = groups[self.rows]
+            every = [np.flatnonzero(index == k) for k in np.unique(index)]
+            out.append(tuple(Own.of(rows, (sides[1] / self.sigma[i][rows])[:, None]) for rows in every))
+        return tuple(out)
+
+    def untouched(self, terms: Candidates) -> FloatArray:
+        """See `Together`."""
+        raw = np.zeros((len(self.sensors), len(self.rows), len(terms)))
+        for k, term in enumerate(terms):
+            raw[self.sensors.index(term.sensor), :, k] = self.whole.columns(term)[self.rows]
+        return raw
+
+    def about(self, question: Question) -> tuple[Together, Question]:
+        """See `Together`: sensors are independent, so only those with a column of an explanation have a part in it."""
+        concerned = {term.sensor for member in question.members for term in member.terms}
+        if concerned >= set(self.sensors):
+            return self, question
+        rest = tuple(term for term in question.rest if term.sensor in concerned)
+        return replace(self, whole=self.whole.of(concerned)), replace(question, rest=rest)
+
+    def shapes(self, *, lasting: bool) -> Iterator[FloatArray]:
+        """See `Together`: the places where a trace looks for shapes without a name."""
+        fresh = self.rows[self.fresh] - self.whole.count
+        for output, one in self.whole.later.items():
+            for place in places_of(one.scene, one.shared):
+                if lasting and place.timed:
+                    continue
+                raw = np.zeros((len(self.sensors), len(self.rows), place.block.columns.shape[1]))
+                raw[self.sensors.index(output), self.fresh] = place.block.columns[fresh]
+                yield raw
+
+    def only(self, rows: NDArray[np.bool_]) -> Self:
+        """See `Together`."""
+        kept = np.asarray(rows, np.bool_)
+        done = tuple(one.at(kept) for one in self.done)
+        return replace(self, fresh=self.fresh[kept], rows=self.rows[kept], done=done)

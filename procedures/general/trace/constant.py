@@ -1,0 +1,100 @@
+"""Whether the coefficients of the names found in a table are constants."""
+
+from __future__ import annotations
+
+from itertools import permutations
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from fitter.trace.constancy import ENDS, Change, change, products
+from fitter.trace.doubts import one_that_changes
+from fitter.trace.exchange import stands_in
+from fitter.trace.flexible import waves
+from fitter.trace.search import names_of
+from procedures.general.trace.nameless import ASKED_AGAIN, Nameless
+from procedures.general.trace.run import TableData
+
+TO_A_LEVEL = 6
+"""Rows in a level of a group, on average, from which on a coefficient is asked to be the same in all levels."""
+
+
+def changes(nameless: Nameless) -> dict[str, Change]:
+    """The clearest change of the coefficient of each name found."""
+    judge, chosen = nameless.judge, nameless.chosen
+    if not nameless.able or not chosen:
+        return {}
+    beside = judge.beside(chosen)
+    at, slow = beside.best, beside.slowest_of(np.ones(len(beside.reml), np.bool_))
+    variables, added = _variables(nameless.data), _added(nameless, at)
+    tested = len(names_of(judge.candidates, chosen))
+    out = {}
+    for name, own in added.items():
+        found: dict[str, list[float]] = {}
+        for block in products(own, variables):
+            p = nameless.p_of(block, at)
+            if p is not None and p * len(variables) * tested < ASKED_AGAIN and slow != at:
+                p = max(p, nameless.p_of(block, slow) or 0.0)
+            if p is not None:
+                found[block.place] = [p]
+        clearest = change(found)
+        if clearest is not None:
+            out[name] = clearest
+    return out
+
+
+def exchanged(nameless: Nameless) -> dict[str, str]:
+    """A sentence for each of two names of which one with a coefficient that changes does the work of both."""
+    judge, chosen = nameless.judge, nameless.chosen
+    names = names_of(judge.candidates, chosen)
+    if not nameless.able or len(names) < 2:
+        return {}
+    at = judge.beside(chosen).best
+    view, left = judge.view(at), nameless.left_under(at)
+    variance = float(left @ left) / max(left.size - view.taken(chosen).shape[1], 1)
+    variables, added, out = _variables(nameless.data), _added(nameless, at), dict[str, str]()
+    for name, other in permutations(names, 2):
+        theirs = [j for j in chosen if judge.candidates[j].effect.name == other]
+        taken = view.taken(tuple(j for j in chosen if j not in theirs))
+
+        def project(columns: FloatArray, taken: FloatArray = taken) -> FloatArray:
+            white = nameless.white(columns, at)
+            return np.asarray(white - taken @ (taken.T @ white))
+
+        y = judge.white(at, chosen)
+        own = project(judge.problem.of(theirs))
+        over = stands_in(y - taken @ (taken.T @ y), own, products(added[name], variables), project, variance)
+        if over is not None:
+            out |= {one: one_that_changes(name, other, over) for one in (name, other) if one not in out}
+    return out
+
+
+def _added(nameless: Nameless, at: int) -> dict[str, FloatArray]:
+    """(n,) what each name adds to the response."""
+    judge, chosen = nameless.judge, nameless.chosen
+    problem = judge.problem
+    model = nameless.white(problem.model(chosen), at)
+    gamma = np.linalg.lstsq(model, judge.white(at, chosen), rcond=1e-10)[0]
+    first, out = problem.declared.shape[1], dict[str, FloatArray]()
+    for j in chosen:
+        columns, name = judge.candidates[j].term.columns, judge.candidates[j].effect.name
+        own = columns @ gamma[first : first + columns.shape[1]]
+        out[name], first = out.get(name, 0.0) + own, first + columns.shape[1]
+    return out
+
+
+def _variables(data: TableData) -> dict[str, FloatArray]:
+    scene, n = data.scene, len(data.y)
+    found = {f"with {name}": waves(v, ENDS) for name, v in scene.variables.items()}
+    if scene.time is not None:
+        found[f"with {scene.time.name}"] = waves(scene.time.values, ENDS)
+    if scene.direction is not None:
+        found[f"with {scene.direction[0]}"] = np.asarray(scene.direction[1], np.float64)[:, None]
+    for name, group in scene.groups.items():
+        if 1 < len(group.levels) <= n // TO_A_LEVEL:
+            found[f"with {name}"] = group.indicators[:, 1:]
+    if data.shared is not None and 0 < (most := int(data.shared.max())) < n // TO_A_LEVEL:
+        found["from one group of rows with a common error to the next"] = (
+            data.shared[:, None] == np.arange(1, most + 1)
+        ).astype(np.float64)
+    return found

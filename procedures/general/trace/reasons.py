@@ -1,0 +1,19 @@
+"""All reasons for doubt about the names found in a table."""
+
+from __future__ import annotations
+
+from fitter.trace.doubts import CHANGES, not_constant, not_sudden
+from procedures.general.trace.constant import changes, exchanged
+from procedures.general.trace.nameless import Nameless
+from procedures.general.trace.sudden import not_sudden as lasting
+
+
+def doubts_of(nameless: Nameless) -> dict[str, str]:
+    """A sentence by name: those of shapes without a name first."""
+    return {**new_doubts(nameless), **nameless.doubts}
+
+
+def new_doubts(nameless: Nameless) -> dict[str, str]:
+    """Of names that are one whose coefficient changes, of coefficients that are no constants, of steps that last."""
+    changing = {name: not_constant(one.over, one.p) for name, one in changes(nameless).items() if one.p < CHANGES}
+    return {**exchanged(nameless), **dict.fromkeys(sorted(lasting(nameless)), not_sudden()), **changing}

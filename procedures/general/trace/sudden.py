@@ -1,0 +1,41 @@
+"""Whether a step found in a table is sudden."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from fitter.trace.aliases import DELTA
+from fitter.trace.sudden import lead_over_slopes, slopes
+from procedures.general.effects.columns import origin
+from procedures.general.effects.of_time import SENSITIVITY_STEP, STEP
+from procedures.general.trace.nameless import Nameless
+
+
+def not_sudden(nameless: Nameless) -> frozenset[str]:
+    """Names of steps found that are no better than a change that goes on for a good part of the run."""
+    judge, scene = nameless.judge, nameless.data.scene
+    if scene.time is None or not nameless.able:
+        return frozenset()
+    at, found = judge.beside(nameless.chosen).best, set[str]()
+    view, left = judge.view(at), nameless.left_under(at)
+    variance = float(left @ left) / max(left.size - view.taken(nameless.chosen).shape[1], 1)
+    for j in nameless.chosen:
+        effect = judge.candidates[j].effect
+        if effect.kind not in (STEP, SENSITIVITY_STEP):
+            continue
+        taken = view.taken(tuple(k for k in nameless.chosen if k != j))
+        y = judge.white(at, nameless.chosen)
+        y = y - taken @ (taken.T @ y)
+
+        def project(columns: FloatArray, taken: FloatArray = taken) -> FloatArray:
+            white = nameless.white(columns, at)
+            return np.asarray(white - taken @ (taken.T @ white))
+
+        changes = slopes(scene.time.values)
+        if effect.kind == SENSITIVITY_STEP:
+            setting = scene.of(effect.columns[1])
+            changes = changes * (setting - origin(setting))[:, None]
+        if lead_over_slopes(y, float(y @ y - left @ left), variance, changes, project) <= DELTA:
+            found.add(effect.name)
+    return frozenset(found)

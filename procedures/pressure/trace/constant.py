@@ -1,0 +1,113 @@
+"""Whether the coefficients of the names found within whole plots are constants."""
+
+from __future__ import annotations
+
+from functools import cached_property, partial
+from itertools import permutations
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from fitter.trace.constancy import ENDS, Change, change, products
+from fitter.trace.doubts import CHANGES, not_constant, one_that_changes
+from fitter.trace.exchange import stands_in
+from fitter.trace.flexible import Block, remainders, waves
+from procedures.pressure.effects.scene import PressureScene
+from procedures.pressure.trace.estimate import coefficients_of
+from procedures.pressure.trace.nameless import LOOKED_AT, Nameless, View
+
+OF_PLOTS = ("with the transducer's temperature", "with the electronics' temperature", "along the run")
+"""Variables of whole plots: a coefficient that changes with them looks like a sensitivity that each plot draws anew."""
+
+
+class Constant:
+    """Names found within whole plots, and what they add to each transducer.
+
+    Args:
+        nameless: the run with its findings.
+
+    """
+
+    def __init__(self, nameless: Nameless) -> None:
+        self.nameless = nameless
+        problem = nameless.problem
+        every = (j for j in nameless.chosen if problem.judged_at[j] == "subplot")
+        self.inside = [j for j in every if not problem.candidates[j].effect.of_noise] if nameless.able else []
+
+    @cached_property
+    def doubts(self) -> dict[str, str]:
+        """Reasons for doubt by name."""
+        changing = {name: not_constant(one.over, one.p) for name, one in self.changes.items() if one.p < CHANGES}
+        return {**self._exchanged(), **changing}
+
+    @cached_property
+    def changes(self) -> dict[str, Change]:
+        """The clearest change of the coefficient of each name, over all transducers that have it."""
+        problem, view = self.nameless.problem, self.nameless.view("subplot")
+        out = {}
+        for name in self._names(range(len(problem.sensors))):
+            found: dict[str, list[float]] = {}
+            for i in range(len(problem.sensors)):
+                for block in self._blocks(name, i):
+                    for one in remainders(view.outputs[i], int(view.df[i]), [block], partial(view.project, i=i)):
+                        p = one.p
+                        if p < LOOKED_AT and block.place in OF_PLOTS:
+                            p = max(p, self.nameless.among_slopes(i, one.basis))
+                        found.setdefault(block.place, []).append(p)
+            clearest = change(found)
+            if clearest is not None:
+                out[name] = clearest
+        return out
+
+    def _exchanged(self) -> dict[str, str]:
+        """Names of which one with a coefficient that changes does the work of both."""
+        problem, out = self.nameless.problem, dict[str, str]()
+        sigma = self.nameless.view("subplot").sigma
+        for i in range(len(problem.sensors)):
+            for name, other in permutations(self._names([i]), 2):
+                theirs = self._mine(other, i)
+                rest = tuple(j for j in self.nameless.chosen if j not in theirs)
+                view = View(problem, "subplot", rest, sigma)
+                own, blocks = view.of(theirs, [i]), self._blocks(name, i)
+                over = stands_in(view.outputs[i], own, blocks, partial(view.project, i=i), 1.0)
+                if over is not None:
+                    out |= {one: one_that_changes(name, other, over) for one in (name, other) if one not in out}
+        return out
+
+    def _names(self, sensors: range | list[int]) -> list[str]:
+        """Names found in some transducers."""
+        found = dict.fromkeys(self.nameless.problem.candidates[j].effect.name for j in self.inside)
+        return [name for name in found if any(self._mine(name, i) for i in sensors)]
+
+    def _mine(self, name: str, i: int) -> list[int]:
+        problem = self.nameless.problem
+        own = ((j, problem.candidates[j]) for j in self.inside)
+        return [j for j, c in own if c.effect.name == name and c.sensor in (None, problem.sensors[i])]
+
+    def _blocks(self, name: str, i: int) -> list[Block]:
+        """The contribution of a name to a transducer, times each variable."""
+        mine = self._mine(name, i)
+        added = self.nameless.problem.raw[i][:, mine] @ np.array([self._values[j] for j in mine])
+        return products(added, self._variables) if np.any(added) else []
+
+    @cached_property
+    def _values(self) -> dict[int, float]:
+        found = coefficients_of(self.nameless.problem, self.nameless.chosen)
+        return {j: one.value for j, one in found.items()}
+
+    @cached_property
+    def _variables(self) -> dict[str, FloatArray]:
+        return _variables(self.nameless.scene)
+
+
+def _variables(scene: PressureScene) -> dict[str, FloatArray]:
+    data = scene.data
+    side = data.pressure_side.astype(np.float64)[:, None]
+    return {
+        "with the pressure": waves(data.pressure_psia, ENDS),
+        OF_PLOTS[0]: waves(np.round(data.sensor_temperature_degC), ENDS),
+        OF_PLOTS[1]: waves(np.round(data.sse_temperature_degC), ENDS),
+        OF_PLOTS[2]: waves(scene.hours, ENDS),
+        "along each whole plot": waves(scene.since_h, ENDS),
+        "with the side from which a pressure was reached": side if np.ptp(side) > 0 else side[:, :0],
+    }

@@ -1,0 +1,1 @@
+"""Random certificates: their digital form by PTB's schema and rules, and read back."""

@@ -1,0 +1,249 @@
+"""Parts of a certificate that are words: laboratory, customer, items, people, equipment; and missing fields."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+from rig.certificate.document import Equipment, Evidence, Item, Laboratory, Logo, Method, Party, Person, Stage
+from rig.certificate.settings import CertificateSettings
+from rig.closed_loop.budget import OfRun
+from rig.config import SensorConfig
+from rig.register import Register, SensorItem
+from rig.register.check import entries
+from rig.run_file.state import RunState
+from rig.version import VERSION
+
+_LARGEST_LOGO = 2 << 20
+
+
+@dataclass
+class Missing:
+    """Fields that a certificate needs and nobody gave, with where to give them."""
+
+    reasons: list[str] = field(default_factory=list)
+
+    def given(self, value: str, what: str, where: str) -> str:
+        """The value; if it is empty, that is noted."""
+        if not value.strip():
+            self.reasons.append(f"{what} is missing: add {where}")
+        return value.strip()
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Files that the words come from, for messages.
+
+    Attributes:
+        register: name of the register.
+        settings: name of certificate.toml.
+        folder: of certificate.toml, for the files that it names.
+    """
+
+    register: str
+    settings: str
+    folder: Path
+
+
+def laboratory(register: Register, settings: CertificateSettings, origin: Origin, missing: Missing) -> Laboratory:
+    """Who issues the certificate."""
+    own = register.laboratory
+    party = Party(
+        missing.given(own.name, "the name of the laboratory", f"laboratory.name in {origin.register}"),
+        _lines(missing.given(own.address, "its address", f"laboratory.address in {origin.register}")),
+        missing.given(settings.country, "the country of the laboratory", f'country = "GB" in {origin.settings}'),
+        settings.email,
+        settings.phone,
+    )
+    return Laboratory(party, own.accreditation, _logo(settings, origin, missing))
+
+
+def _lines(address: str) -> tuple[str, ...]:
+    return tuple(line.strip() for line in address.splitlines() if line.strip())
+
+
+_BEGINS: Mapping[bytes, str] = {b"\x89PNG": "png", b"\xff\xd8\xff": "jpg"}
+
+
+def _logo(settings: CertificateSettings, origin: Origin, missing: Missing) -> Logo | None:
+    if not settings.logo:
+        return None
+    path = origin.folder / settings.logo
+    try:
+        data = path.read_bytes()[: _LARGEST_LOGO + 1]
+    except OSError as error:
+        missing.reasons.append(f"logo {path} cannot be read: {error.strerror}: correct logo in {origin.settings}")
+        return None
+    kind: Any = next((kind for begin, kind in _BEGINS.items() if data.startswith(begin)), None)
+    if kind is None and b"<svg" in data[:4096]:
+        kind = "svg"
+    if kind is None or len(data) > _LARGEST_LOGO:
+        missing.reasons.append(
+            f"logo {path} is no SVG, PNG or JPEG of at most 2 MiB: correct logo in {origin.settings}"
+        )
+        return None
+    return Logo(data, kind)
+
+
+def _item_of(register: Register, name: str, sensor: SensorConfig | None) -> tuple[str, SensorItem | None]:
+    """Key in the register, and what it knows of a sensor: by its name on the bench, or by its asset number."""
+    for key in (name, sensor.asset if sensor else ""):
+        if key and key in register.sensors:
+            return key, register.sensors[key]
+    return name, None
+
+
+def items(
+    runs: Sequence[OfRun], settings: CertificateSettings, origin: Origin, missing: Missing
+) -> tuple[tuple[Item, ...], tuple[SensorItem, ...]]:
+    """The calibrated sensors, and what the register says of each."""
+    of, found, known = runs[-1], [], []
+    described = missing.given(settings.item, "what the items are", f'item = "..." in {origin.settings}')
+    for name in of.table.outputs.values():
+        sensor = of.config.sensors.get(name)
+        key, one = _item_of(of.register, name, sensor)
+        if one is None:
+            missing.reasons.append(f"sensor {name} is missing: add [sensors.{name}] in {origin.register}")
+            continue
+        where = f"sensors.{key}.{{}} in {origin.register}"
+        found.append(
+            Item(
+                name,
+                described,
+                missing.given(one.maker, f"the maker of {name}", where.format("maker")),
+                missing.given(one.model, f"the model of {name}", where.format("model")),
+                missing.given(one.serial, f"the serial number of {name}", where.format("serial")),
+                missing.given(one.condition, f"the condition of {name} as received", where.format("condition")),
+                sensor.asset if sensor else "",
+            )
+        )
+        known.append(one)
+    return tuple(found), tuple(known)
+
+
+def customer(known: Sequence[SensorItem], settings: CertificateSettings, origin: Origin, missing: Missing) -> Party:
+    """Whom the certificate is for: one customer for all items."""
+    names = list(dict.fromkeys(one.customer.strip() for one in known if one.customer.strip()))
+    addresses = list(dict.fromkeys(one.customer_address.strip() for one in known if one.customer_address.strip()))
+    if len(names) > 1 or len(addresses) > 1:
+        missing.reasons.append(
+            f"the items belong to several customers ({'; '.join(names)}): a certificate is for one; correct "
+            f"sensors.*.customer and customer_address in {origin.register}"
+        )
+    name = missing.given(names[0] if names else "", "the customer", f"sensors.*.customer in {origin.register}")
+    where = f"sensors.*.customer_address in {origin.register}"
+    address = missing.given(addresses[0] if addresses else "", "the customer's address", where)
+    return Party(name, _lines(address), settings.customer_country)
+
+
+def people(
+    of: OfRun, settings: CertificateSettings, origin: Origin, missing: Missing, calibrated: str, approved: str
+) -> tuple[tuple[Person, ...], Person]:
+    """Who calibrated and who approves. Where the register lists who may, they must be in its lists."""
+    own = of.register.laboratory
+    operators = str(of.table.provenance.get("operator", ""))
+    names = calibrated or settings.calibrated_by or operators
+    who = [one.strip() for one in names.split(",") if one.strip()]
+    if not who:
+        missing.reasons.append(f"who calibrated is missing: add calibrated_by in {origin.settings}, or --calibrated-by")
+    approver = missing.given(
+        approved or settings.approved_by, "who approves", f"approved_by in {origin.settings}, or --approved-by"
+    )
+    for name, allowed, may in (
+        *((one, own.calibrates, "calibrates") for one in who),
+        *([(approver, own.approves, "approves")] if approver else []),
+    ):
+        if allowed and name not in allowed:
+            listed = ", ".join(allowed)
+            missing.reasons.append(f"{name} is not in laboratory.{may} of {origin.register}, which has {listed}")
+    roles = settings.calibrated_by_role, settings.approved_by_role
+    return tuple(Person(one, roles[0]) for one in who), Person(approver, roles[1])
+
+
+def method(of: OfRun, settings: CertificateSettings, origin: Origin, missing: Missing) -> Method:
+    """The method, and what the procedure of the run was."""
+    own = settings.method
+    name = missing.given(own.name, "the calibration method", f"method.name in {origin.settings}")
+    p = of.table.provenance
+    ran = (
+        f"Procedure of the run: {p['procedure']}; {p['points_observed']} of {p['points_planned']} planned observations."
+    )
+    return Method(name, (*own.sentences, ran), own.references)
+
+
+def equipment(runs: Sequence[OfRun]) -> tuple[Equipment, ...]:
+    """Instruments and standards of the benches, and constants of the place, each once."""
+    found: dict[tuple[str, str], Equipment] = {}
+    for of in runs:
+        for key, entry in entries(of.config):
+            known = of.register.equipment.get(entry.asset)
+            if known is None:
+                continue
+            certificate, kind = known.certificate, key.partition(".")[2]
+            found.setdefault(
+                (entry.asset, certificate.number if certificate else ""),
+                Equipment(
+                    known.description or kind,
+                    known.maker,
+                    known.model,
+                    known.serial,
+                    entry.asset,
+                    certificate.number if certificate else "",
+                    certificate.laboratory if certificate else "",
+                    certificate.date if certificate else None,
+                    certificate.due if certificate else None,
+                ),
+            )
+        for name, constant in of.register.place.items():
+            if constant.source:
+                words = name.replace("_", " ")
+                found.setdefault((words, ""), Equipment(words, "", "", "", "", "", constant.source, None, None))
+    return tuple(found.values())
+
+
+def deviations(of: OfRun, state: RunState, stage: Stage) -> Iterator[str]:
+    """Departures from the procedure, one sentence each."""
+    p = of.table.provenance
+    at = f" ({stage})" if stage else ""
+    for one in p.get("skipped", ()):
+        yield f"Point {one['point']} ({one['where']}) was skipped{at}: {one['reason']}."
+    for why in state.lost.values():
+        yield f"A whole plot was measured again{at}: {why}."
+    if state.sessions > 1:
+        yield f"The run was interrupted and continued {state.sessions - 1} times{at}."
+    if rejected := p.get("observations_rejected"):
+        yield f"{rejected} observations were rejected during the run and measured again{at}."
+    if doubted := p.get("left_out_in_doubt"):
+        yield f"{doubted} observations were left out, because temperatures had left their band{at}."
+    for flag, count in p.get("flags", {}).items():
+        yield f"{count} observations are marked {flag!r} and used{at}."
+    for one in p.get("by_hand", ()):
+        yield f"A person did a step by hand during the run{at}: {_told(one)}."
+    if of.corrected:
+        columns = ", ".join(of.corrected)
+        yield f"Recorded values were corrected by the certificates of the equipment{at}: {columns}."
+
+
+def _told(one: Any) -> str:
+    if isinstance(one, Mapping):
+        return ", ".join(f"{name} {value}" for name, value in one.items() if value not in ("", None))
+    return str(one)
+
+
+def evidence(of: OfRun, records: int, stage: Stage) -> Evidence:
+    """The run file."""
+    p = of.table.provenance
+    return Evidence(
+        str(p["file"]),
+        str(p["run_id"]),
+        str(p["head"]),
+        records,
+        int(p["points_observed"]),
+        date.fromisoformat(p["began_utc"][:10]),
+        date.fromisoformat(p["last_observation_utc"][:10]),
+        VERSION,
+        stage,
+    )

@@ -1,0 +1,279 @@
+"""Parts of a certificate that are numbers: results, budgets, statements of conformity, conditions, effects."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from decimal import Decimal
+
+import numpy as np
+
+from fitter.budget import Budgeted
+from fitter.budget.rounding import rounded, rounded_df, rounded_factor, rounded_to, rounded_uncertainty
+from fitter.decision import decide
+from fitter.trace.outcome import Finding, Outcome
+from rig.certificate.document import Budget, Condition, Contribution, Effect, Result, ResultTable, Stage, Statement
+from rig.certificate.settings import CertificateSettings, ToleranceSettings
+from rig.closed_loop.budget import RunBudget
+from rig.closed_loop.confirm import Confirmed
+from rig.dcc.si_units import per_term
+
+SMALL = 1e-3
+"""Share of the variance below which an influence is not listed."""
+_SHARED = "Quantities inferred from all items together"
+_OF_TEMPERATURES = -2
+"""Last printed place of recorded temperatures: that of meters of temperatures, and of tables."""
+
+
+def sensor_of(name: str, run: RunBudget) -> str:
+    """Name of a sensor on the bench, from the column of its output; other names are unchanged."""
+    return run.of.table.outputs.get(name, name)
+
+
+def _label(one: Budgeted, column: str, run: RunBudget) -> str:
+    """Name of a result without that of its sensor."""
+    for name in (column, sensor_of(column, run)):
+        if name and one.name.startswith(f"{name} "):
+            return one.name.removeprefix(name).strip()
+    return one.name
+
+
+def _result(one: Budgeted, column: str, run: RunBudget) -> Result:
+    both = rounded(one.value, one.expanded_uncertainty)
+    power = f"e{both.exponent:+03d}" if both.exponent else ""
+    return Result(
+        name=one.name,
+        label=_label(one, column, run),
+        at=(),
+        value=f"{both.value_text}{power}",
+        expanded=f"{both.uncertainty_text}{power}",
+        k=rounded_factor(one.coverage_factor),
+        probability=f"{one.coverage_probability:g}",
+        unit=per_term(one.unit),
+        estimate=one.value,
+        standard=one.standard_uncertainty,
+        factor=one.coverage_factor,
+        df=one.df,
+    )
+
+
+def _of_sensors(run: RunBudget) -> Iterator[tuple[str, list[Budgeted]]]:
+    """Budgets by the output's column of their sensor; those of all sensors together last, with ""."""
+    pairs = list(zip(run.sensors, run.budgets, strict=True))
+    for column in sorted(dict.fromkeys(run.sensors), key=lambda name: not name):
+        yield column, [one for sensor, one in pairs if sensor == column]
+
+
+def tables(run: RunBudget, stage: Stage) -> tuple[ResultTable, ...]:
+    """A table of results for each sensor, and one for what is inferred from all of them."""
+    found = []
+    for column, ones in _of_sensors(run):
+        title = "results" if column else _SHARED
+        results = tuple(_result(one, column, run) for one in ones)
+        found.append(ResultTable(sensor_of(column, run), title, results, (), stage))
+    return tuple(found)
+
+
+def notes(run: RunBudget) -> Iterator[str]:
+    """Notes on the uncertainties, as sentences."""
+    for note in run.notes:
+        first = note.partition(" ")[0]
+        told = f"{note[0].upper()}{note[1:]}" if first.isalpha() else note
+        yield told if told.endswith(".") else f"{told}."
+
+
+def budgets(run: RunBudget, stage: Stage, which: str) -> tuple[Budget, ...]:
+    """Budgets of the annex: none, all, or of every sort of result the one of the largest uncertainty."""
+    found: list[Budget] = []
+    for column, ones in _of_sensors(run):
+        chosen = ones if which == "all" else _largest(ones, column, run) if which == "largest" else ()
+        found.extend(_budget(one, column, run, stage) for one in chosen)
+    return tuple(found)
+
+
+def _largest(ones: Sequence[Budgeted], column: str, run: RunBudget) -> Iterator[Budgeted]:
+    """Of results whose labels begin alike, such as all outputs, and that are in the unit of the first one."""
+    sorts: dict[str, list[Budgeted]] = {}
+    for one in ones:
+        sorts.setdefault(_label(one, column, run).partition(" ")[0], []).append(one)
+    for alike in sorts.values():
+        same = (one for one in alike if one.unit == alike[0].unit)
+        yield max(same, key=lambda one: one.expanded_uncertainty)
+
+
+def _budget(one: Budgeted, column: str, run: RunBudget, stage: Stage) -> Budget:
+    by_share = sorted(one.contributions, key=lambda line: -abs(line.share))
+    listed = [line for line in by_share if abs(line.share) >= SMALL]
+    lines = tuple(
+        Contribution(
+            line.name, line.source, line.kind, _uncertainty(line.standard_uncertainty), rounded_df(line.df), line.share
+        )
+        for line in listed
+    )
+    result = _result(one, column, run)
+    return Budget(
+        sensor=sensor_of(column, run),
+        result=one.name,
+        label=result.label,
+        unit=result.unit,
+        contributions=lines,
+        combined=_uncertainty(one.standard_uncertainty),
+        df=rounded_df(one.df),
+        k=result.k,
+        expanded=result.expanded,
+        stage=stage,
+        left=len(by_share) - len(listed),
+    )
+
+
+def _uncertainty(value: float) -> str:
+    return decimal_text(rounded_uncertainty(value)) if value else "0"
+
+
+def decimal_text(number: Decimal) -> str:
+    """A rounded number with all of its digits and no others, with a power of ten if it needs one."""
+    exponent = number.as_tuple().exponent
+    assert isinstance(exponent, int)
+    if -9 <= exponent <= 0:
+        return f"{number:f}"
+    power = number.adjusted()
+    return f"{number.scaleb(-power):f}e{power:+03d}"
+
+
+def repeatability_only(run: RunBudget) -> tuple[str, ...]:
+    """Results whose uncertainty has nothing but the scatter of the run."""
+    return tuple(one.name for one in run.budgets if not any(line.kind == "B" for line in one.contributions))
+
+
+def statements(run: RunBudget, stage: Stage, settings: CertificateSettings) -> Iterator[Statement]:
+    """Statements of conformity, one for each tolerance and result. Raises `FitError` if the rule cannot be applied."""
+    for tolerance in settings.tolerance:
+        for column, one in _judged(run, tolerance):
+            yield _statement(one, column, run, stage, tolerance, settings)
+
+
+def without_result(run: RunBudget, settings: CertificateSettings) -> Iterator[str]:
+    """Tolerances that belong to no result, or are in another unit, one sentence each."""
+    for one in settings.tolerance:
+        found = list(_judged(run, one))
+        where = f"tolerance of {one.result!r}" + (f" of {one.sensor!r}" if one.sensor else "")
+        if not found:
+            known = "; ".join(dict.fromkeys(_label(b, c, run) for c, b in zip(run.sensors, run.budgets, strict=True)))
+            yield f"{where}: no result has that label; there are: {known}"
+        for _, budget in found:
+            unit = per_term(budget.unit)
+            if unit != one.unit:
+                yield f"{where}: unit = {one.unit!r}, and {budget.name} is in {unit!r}: convert the limits"
+
+
+def _judged(run: RunBudget, tolerance: ToleranceSettings) -> Iterator[tuple[str, Budgeted]]:
+    for column, one in zip(run.sensors, run.budgets, strict=True):
+        names = (sensor_of(column, run), column)
+        if _label(one, column, run) == tolerance.result and (not tolerance.sensor or tolerance.sensor in names):
+            yield column, one
+
+
+def _statement(
+    one: Budgeted,
+    column: str,
+    run: RunBudget,
+    stage: Stage,
+    tolerance: ToleranceSettings,
+    settings: CertificateSettings,
+) -> Statement:
+    interval = tolerance.tolerance
+    made = decide(
+        one.value,
+        one.standard_uncertainty,
+        interval,
+        settings.decision.made,
+        expanded_uncertainty=one.expanded_uncertainty,
+        df=one.df,
+    )
+    unit = per_term(one.unit)
+    ends = (interval.lower, interval.upper)
+    words = (
+        f"{tolerance.nominal:g} ± {tolerance.deviation:g} {unit}"
+        if tolerance.nominal is not None
+        else f"{_end(ends[0], 'from')}{_end(ends[1], 'to' if np.isfinite(ends[0]) else 'up to')}{unit}".strip()
+    )
+    what = _label(one, column, run)
+    return Statement(
+        sensor=sensor_of(column, run),
+        what=what,
+        tolerance=words,
+        rule=settings.decision.words,
+        verdict=made.word,
+        probability=_probability(made.conformity_probability),
+        sentence=_SENTENCES[made.word].format(what),
+        stage=stage,
+    )
+
+
+def _end(value: float, word: str) -> str:
+    return f"{word} {value:g} " if np.isfinite(value) else ""
+
+
+def _probability(value: float) -> str:
+    """A probability with three digits, never rounded to certainty."""
+    return "> 0.999" if value > 0.9995 else "< 0.001" if value < 0.0005 else f"{value:.3f}"
+
+
+_SENTENCES = {
+    "pass": "{} conforms with its tolerance.",
+    "fail": "{} does not conform with its tolerance.",
+    "conditionalPass": "{} is within its tolerance, but nearer to a limit than the guard band.",
+    "conditionalFail": "{} is outside its tolerance, but nearer to a limit than the guard band.",
+    "noPass": "conformity of {} is not stated; it is rather within its tolerance.",
+    "noFail": "conformity of {} is not stated; it is rather outside its tolerance.",
+}
+
+
+def conditions(run: RunBudget, stage: Stage) -> tuple[Condition, ...]:
+    """Temperatures recorded with the observations: smallest, mean, largest."""
+    columns = run.of.table.columns
+    found = []
+    for name in run.of.config.temperatures:
+        values = columns.get(name)
+        if values is not None and np.isfinite(values).all():
+            three = (float(values.min()), float(values.mean()), float(values.max()))
+            low, mean, high = (f"{rounded_to(value, _OF_TEMPERATURES):f}" for value in three)
+            label = name.removesuffix("_degC").replace("_", " ")
+            found.append(Condition(name, label, "°C", low, mean, high, stage))
+    return tuple(found)
+
+
+def effects(
+    run: RunBudget, outcomes: Iterable[Outcome], confirmed: Confirmed | None, stage: Stage, head: str = ""
+) -> Iterator[Effect]:
+    """Effects that a trace found, and whether a further run confirmed them; remainders without a name, too.
+
+    Args:
+        run: with its budgets.
+        outcomes: of the trace.
+        confirmed: results of the further run; None if none was made.
+        stage: of the run.
+        head: head hash of the further run.
+    """
+    answers = {} if confirmed is None else {one.effect: one.verdict for one in confirmed.answers}
+    by = "" if confirmed is None else f" by {confirmed.path.name}, head {head[:16]}"
+    for outcome in outcomes:
+        sensor = sensor_of(outcome.sensor, run)
+        for one in outcome.findings:
+            if one.kind == "unnamed":
+                size = f"{100 * one.share:.2g} % of the error beyond scatter"
+                yield Effect(sensor, "no name", one.cause, size, False, "no cause of the catalogue explains it", stage)
+                continue
+            verdict = answers.get(one.effect, "")
+            how = f"{verdict}{by}" if verdict else "no further run was made"
+            size = one.size + (f" ({one.size_95})" if one.size_95 else "")
+            cause = one.cause.partition(": ")[0].partition("; ")[0]
+            yield Effect(sensor, one.effect, cause, size, verdict == "confirmed", how, stage)
+
+
+def doubtful(outcomes: Iterable[Outcome], confirmed: Confirmed | None) -> Iterator[tuple[str, Finding]]:
+    """Sensor and finding of every name that is doubtful and not confirmed since."""
+    settled: Mapping[str, str] = {} if confirmed is None else {one.effect: one.verdict for one in confirmed.answers}
+    for outcome in outcomes:
+        for one in outcome.named:
+            if one.doubtful and settled.get(one.effect) != "confirmed":
+                yield outcome.sensor, one

@@ -1,0 +1,157 @@
+"""`certificate.toml`: what a laboratory settles once for its certificates."""
+
+from __future__ import annotations
+
+import datetime
+from pathlib import Path
+from typing import Literal, Self
+
+from pydantic import Field, model_validator
+
+from fitter.decision import GuardBand, ProbabilityLimit, Rule, SharedRisk, SimpleAcceptance, Tolerance
+from fitter.errors import FitError
+from procedures.settings import Strict
+from rig.config import parse_toml, read_text, validated
+
+_COUNTRY = r"^[A-Z]{2}$"
+
+
+class ToleranceSettings(Strict):
+    """One `[[tolerance]]`: permitted values of one result."""
+
+    result: str = Field(min_length=1, description="label of the result in its table, such as `offset`")
+    sensor: str = Field("", description="of this sensor only; left out: of every sensor that has such a result")
+    unit: str = Field(description="unit of the limits: that of the result")
+    lower: float | None = Field(None, description="lowest permitted value")
+    upper: float | None = Field(None, description="highest permitted value")
+    nominal: float | None = Field(None, description="with `deviation`, instead of lower and upper")
+    deviation: float | None = Field(None, gt=0, description="largest permitted deviation from `nominal`")
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Self:
+        limits, around = (self.lower, self.upper), (self.nominal, self.deviation)
+        if (None in around) == (limits == (None, None)):
+            raise ValueError("a tolerance is lower or upper or both, or nominal with deviation")
+        if None in around and around != (None, None):
+            raise ValueError("nominal and deviation belong together")
+        try:
+            self.tolerance  # noqa: B018
+        except FitError as error:
+            raise ValueError(str(error)) from None
+        return self
+
+    @property
+    def tolerance(self) -> Tolerance:
+        """The interval. Raises `FitError` if it is none."""
+        if self.nominal is not None and self.deviation is not None:
+            return Tolerance.around(self.nominal, self.deviation)
+        limits = {"lower": self.lower, "upper": self.upper}
+        return Tolerance(**{name: value for name, value in limits.items() if value is not None})
+
+
+class DecisionSettings(Strict):
+    """`[decision]`: the rule by which conformity is stated, agreed with the customer."""
+
+    rule: Literal["simple", "guard-band", "probability", "shared-risk"] = Field(
+        "guard-band",
+        description="simple acceptance, acceptance limits inside the tolerance, a probability of conformity, or simple "
+        "acceptance where the uncertainty is small enough",
+    )
+    factor: float = Field(1.0, description="guard-band: the band is this times the expanded uncertainty")
+    binary: bool = Field(False, description="guard-band: pass or fail only, without conditional statements")
+    probability: float = Field(0.95, gt=0.5, lt=1, description="probability: least probability of a statement")
+    largest_share: float = Field(
+        1 / 3, gt=0, le=1, description="shared-risk: largest share of the expanded uncertainty in half the tolerance"
+    )
+
+    @property
+    def made(self) -> Rule:
+        """The rule."""
+        rules: dict[str, Rule] = {
+            "simple": SimpleAcceptance(),
+            "guard-band": GuardBand(self.factor, self.binary),
+            "probability": ProbabilityLimit(self.probability),
+            "shared-risk": SharedRisk(self.largest_share),
+        }
+        return rules[self.rule]
+
+    @property
+    def words(self) -> str:
+        """The rule, for people."""
+        band = f"{self.factor:g} times the expanded uncertainty"
+        ends = "pass or fail" if self.binary else "conditional statements within the band on either side of a limit"
+        return {
+            "simple": "simple acceptance: a value inside the tolerance passes (JCGM 106, 8.2)",
+            "guard-band": f"acceptance limits inside the tolerance by {band}; {ends} (JCGM 106, 8.3)",
+            "probability": f"a pass needs a probability of conformity of {100 * self.probability:g} % at least, a "
+            f"fail a probability of nonconformity of as much (JCGM 106, 7)",
+            "shared-risk": f"simple acceptance where the expanded uncertainty is at most {self.largest_share:.2g} of "
+            f"half the tolerance; otherwise no statement",
+        }[self.rule]
+
+
+class MethodSettings(Strict):
+    """`[method]`: name and number of the method, how it works, and what it follows."""
+
+    name: str = Field("", description="name and number of the calibration method")
+    sentences: tuple[str, ...] = Field((), description="how it works")
+    references: tuple[str, ...] = Field((), description="standards and papers")
+
+
+class CertificateSettings(Strict):
+    """A whole `certificate.toml`."""
+
+    number: str = Field(
+        "{year}-{next:04d}",
+        pattern=r"^[^/\\\x00-\x1f]*\{next(:0\d+d)?\}[^/\\\x00-\x1f]*$",
+        description="number of a certificate; `{year}` is that of issue, `{next}` the first number without a "
+        "certificate in the output folder",
+    )
+    country: str = Field("", pattern=f"{_COUNTRY}|^$", description="country of the laboratory, ISO 3166-1: `GB`")
+    email: str = ""
+    phone: str = ""
+    logo: str = Field("", description="picture (SVG, PNG or JPEG), a file beside this one")
+    paper: Literal["a4", "letter"] = "a4"
+    template: str = Field("", description="own template in typst, a file beside this one")
+    fonts: str = Field(
+        "", description="folder beside this file with fonts for texts that are not Latin, Greek or Cyrillic"
+    )
+    place: str = Field("", description="where the calibration is made; left out: the laboratory's address")
+    item: str = Field("", description="what the items are: `Load cell, 10 kN`")
+    customer_country: str = Field("", pattern=f"{_COUNTRY}|^$", description="country of the customer, ISO 3166-1")
+    calibrated_by: str = Field("", description="who calibrates; left out: the operators of the run")
+    calibrated_by_role: str = "calibration"
+    approved_by: str = Field("", description="who approves the certificate")
+    approved_by_role: str = "approval"
+    at: tuple[dict[str, float], ...] = Field(
+        (), description="points of the results, such as `{ force_kN = 2 }`; left out: those of the kind"
+    )
+    probability: float = Field(0.95, gt=0.5, lt=1, description="coverage probability of expanded uncertainties")
+    same_meter: bool = Field(False, description="whether the meter of the run reads the sensors in use as well")
+    annex: Literal["largest", "all", "none"] = Field(
+        "largest",
+        description="budgets in the annex: that of the largest uncertainty of every sort of result, or all",
+    )
+    customer_wants_due_date: bool = Field(False, description="whether the customer asked for a date")
+    next_due: datetime.date | None = Field(None, description="date of the next calibration, if the customer wants one")
+    remarks: tuple[str, ...] = ()
+    method: MethodSettings = MethodSettings()
+    decision: DecisionSettings = DecisionSettings()
+    tolerance: tuple[ToleranceSettings, ...] = ()
+
+    @model_validator(mode="after")
+    def _due(self) -> Self:
+        if self.next_due is not None and not self.customer_wants_due_date:
+            raise ValueError(
+                "next_due: a certificate recommends no date unless the customer wants one (ISO/IEC 17025, 7.8.4.3): "
+                "add customer_wants_due_date = true, or leave it out"
+            )
+        if self.customer_wants_due_date and self.next_due is None:
+            raise ValueError("customer_wants_due_date = true needs next_due = YYYY-MM-DD")
+        return self
+
+
+def read_settings(path: Path) -> CertificateSettings:
+    """Settings from their file. Raises `ConfigurationError` with all defects."""
+    text = read_text(path, "certificate")
+    return validated(CertificateSettings, parse_toml(text, str(path)), str(path))

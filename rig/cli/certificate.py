@@ -1,0 +1,231 @@
+"""`rig certificate`: certificates of runs, and digital certificates of others."""
+
+from __future__ import annotations
+
+from datetime import UTC, date, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.markup import escape
+
+from rig.cli import app
+from rig.cli.run import JsonOption
+from rig.cli.show import err, mark, out, print_json
+from rig.errors import ExitCode, UsageError
+
+if TYPE_CHECKING:
+    from rig.dcc.reader import Quantity, Read
+    from rig.dcc.signature import Signed
+
+
+def _file(text: str) -> Any:
+    return typer.Option(help=text, show_default=False)
+
+
+@app.command()
+def certificate(
+    runs: Annotated[
+        list[Path] | None,
+        typer.Argument(help="one run file; or two, as found and as left", show_default=False),
+    ] = None,
+    out_folder: Annotated[
+        Path | None, typer.Option("--out", "-o", help="folder of the files", show_default=False)
+    ] = None,
+    settings: Annotated[
+        Path | None,
+        typer.Option(help="what the laboratory settles once", show_default="certificate.toml of the working folder"),
+    ] = None,
+    equipment: Annotated[
+        Path | None, typer.Option(help="a register of equipment", show_default="the one kept with the run")
+    ] = None,
+    number: Annotated[
+        str | None, typer.Option(help="number of the certificate", show_default="the next by the settings")
+    ] = None,
+    amends: Annotated[
+        str | None,
+        typer.Option(help="number of a certificate in the folder that this one replaces", show_default=False),
+    ] = None,
+    because: Annotated[str, typer.Option(help="reason of the amendment, a sentence", show_default=False)] = "",
+    confirmed_by: Annotated[Path | None, _file("a later run that confirms the effects found")] = None,
+    adjustment: Annotated[
+        str, typer.Option(help="adjustment between as found and as left, a sentence", show_default=False)
+    ] = "",
+    calibrated_by: Annotated[
+        str, typer.Option(help="who calibrated", show_default="the settings, or the operators")
+    ] = "",
+    approved_by: Annotated[str, typer.Option(help="who approves", show_default="the settings")] = "",
+    issued: Annotated[str, typer.Option(help="date of issue, YYYY-MM-DD", show_default="today")] = "",
+    template: Annotated[Path | None, _file("own template of the page, in typst")] = None,
+    paper: Annotated[str, typer.Option(help="a4 or letter", show_default="the settings")] = "",
+    key: Annotated[Path | None, _file("private key, PEM, that signs the digital certificate")] = None,
+    key_certificate: Annotated[Path | None, _file("X.509 certificate of the key, PEM")] = None,
+    schema: Annotated[Path | None, _file("PTB's schema, by which the digital certificate is checked")] = None,
+    read: Annotated[Path | None, _file("show a digital certificate, also one of others, and its signatures")] = None,
+    authority: Annotated[
+        Path | None, _file("with --read: certificates, PEM, of trusted signers or authorities")
+    ] = None,
+    as_equipment: Annotated[
+        str | None,
+        typer.Option(help="with --read: print the entry of this asset for equipment.toml", show_default=False),
+    ] = None,
+    quantity: Annotated[
+        str, typer.Option(help="with --as-equipment: column or unit of the readings, bath_degC", show_default=False)
+    ] = "",
+    error: Annotated[
+        str | None, typer.Option(help="its values in the certificate, if they are errors", show_default=False)
+    ] = None,
+    correction: Annotated[
+        str | None, typer.Option(help="its values in the certificate, if they are corrections", show_default=False)
+    ] = None,
+    at: Annotated[str, typer.Option(help="the settings of these values in the certificate", show_default=False)] = "",
+    as_json: JsonOption = False,
+) -> int:
+    """Certificate of a run: on paper (PDF), as a page (HTML), and as digital calibration certificate (XML).
+
+    It has the results with expanded uncertainties by the register of equipment, the budgets, the conditions, the
+    equipment, statements of conformity, and the effects found. It is refused, with all reasons at once and exit code 2,
+    if a due date had passed, the run is not verified or not complete, an effect is doubtful, a field is missing, or an
+    uncertainty is repeatability only. A certificate is never overwritten: --amends makes one that replaces it.
+
+    Examples: `rig certificate RUN --out certificates`, `rig certificate FOUND LEFT --adjustment "zero set" --out
+    certificates`, `rig certificate --read DCC.xml`
+    """
+    if read is not None:
+        if runs:
+            raise UsageError("--read shows a certificate and makes none: leave out the run files")
+        if as_equipment is not None:
+            return _print_equipment(read, as_equipment, quantity, (error, correction), at, authority)
+        return _read(read, schema, authority, as_json=as_json)
+    if as_equipment is not None:
+        raise UsageError("--as-equipment belongs to --read DCC.xml")
+    if not runs or out_folder is None:
+        raise UsageError("a certificate needs a run file and --out FOLDER: rig certificate RUN --out certificates")
+    from rig.atomic import check_files  # noqa: PLC0415
+    from rig.results.certificate import Asked, Issue, all_files, check_extras, issue, make  # noqa: PLC0415
+
+    asked = Asked(tuple(runs), _date(issued), equipment, settings, confirmed_by, calibrated_by, approved_by, adjustment)
+    how = Issue(out_folder, number or "", amends or "", because, template, paper, key, key_certificate, schema)
+    check_files([], list(all_files(asked, how)))
+    check_extras(how)
+    made = issue(make(asked), how)
+    if as_json:
+        print_json(made.to_json())
+        return ExitCode.DONE
+    count = sum(len(one.results) for one in made.document.tables)
+    simulated = mark(made.document.simulated)
+    out.print(f"{simulated}certificate {escape(made.document.number)}: {count} results", soft_wrap=True)
+    for path in made.files:
+        out.print(f"  {escape(str(path))}", soft_wrap=True)
+    for change in made.document.amends.changes if made.document.amends else ():
+        err.print(f"  amended: {escape(change)}", soft_wrap=True)
+    return ExitCode.DONE
+
+
+def _date(text: str) -> date:
+    if not text:
+        from drivers.clock import RealClock  # noqa: PLC0415
+
+        return datetime.fromtimestamp(RealClock().utc(), UTC).date()
+    try:
+        return date.fromisoformat(text)
+    except ValueError:
+        raise UsageError(f"--issued {text} is no date such as 2026-11-24") from None
+
+
+def _read(path: Path, schema: Path | None, authority: Path | None, *, as_json: bool) -> int:
+    """Show a digital calibration certificate. Exit code 1 if a signature or the schema does not hold."""
+    from rig.dcc.reader import as_json as json_of  # noqa: PLC0415
+    from rig.dcc.reader import bytes_of, parsed  # noqa: PLC0415
+
+    data = bytes_of(path)
+    found = parsed(data, str(path))
+    signed = _signatures(path, found, authority)
+    errors: list[str] = []
+    if schema is not None:
+        from rig.dcc.schema import schema_errors  # noqa: PLC0415
+
+        errors = schema_errors(data, schema)
+    if as_json:
+        print_json({**json_of(found), "signatures": [vars(one) for one in signed], "schema_errors": errors})
+    else:
+        _show(found, signed, errors, checked=schema is not None)
+    return ExitCode.FAULT if errors or any(not one.holds or one.trusted is False for one in signed) else ExitCode.DONE
+
+
+def _print_equipment(
+    path: Path, asset: str, quantity: str, values: tuple[str | None, str | None], at: str, authority: Path | None
+) -> int:
+    """Print an entry for equipment.toml from a digital calibration certificate."""
+    from rig.certificate.seal import hash_of  # noqa: PLC0415
+    from rig.dcc.reader import read_dcc  # noqa: PLC0415
+    from rig.register.from_dcc import Wanted, choose, equipment_text  # noqa: PLC0415
+
+    means = choose(values)
+    if not quantity:
+        raise UsageError("name the column or unit of the readings: --quantity bath_degC")
+    wanted = Wanted(asset, quantity, next(one for one in values if one is not None), means, at)
+    found = read_dcc(path)
+    signed = _signatures(path, found, authority)
+    broken = next((one for one in signed if not one.holds or one.trusted is False), None)
+    if broken is not None:
+        raise UsageError(f"nothing is taken from {path}: its signature {broken.words}")
+    print(equipment_text(found, wanted, hash_of(path)), end="")
+    state = f"signature {signed[0].words}" if signed else "not signed: nothing shows whether it was changed"
+    err.print(f"{escape(str(path))}: {escape(state)}", soft_wrap=True)
+    err.print("  add the due date, and how the error behaves (behaves = ...), by hand", soft_wrap=True)
+    return ExitCode.DONE
+
+
+def _signatures(path: Path, found: Read, authority: Path | None) -> tuple[Signed, ...]:
+    """Signatures of a digital certificate, verified; () if it has none."""
+    if not found.signatures:
+        return ()
+    from drivers.clock import RealClock  # noqa: PLC0415
+    from rig.dcc.reader import bytes_of  # noqa: PLC0415
+    from rig.dcc.signature import signatures  # noqa: PLC0415
+
+    return signatures(bytes_of(path), datetime.fromtimestamp(RealClock().utc(), UTC), authority)
+
+
+def _show(found: Read, signed: tuple[Signed, ...], errors: list[str], *, checked: bool) -> None:
+    from rich.table import Table  # noqa: PLC0415
+
+    out.print(
+        f"[bold]{escape(found.number)}[/] (DCC {escape(found.version)}): {escape(found.laboratory)}", soft_wrap=True
+    )
+    dates = [("calibrated", found.began), ("to", found.ended), ("issued", found.issued)]
+    said = ", ".join(f"{name} {when}" for name, when in dates if when is not None)
+    for line in (f"for {found.customer}" if found.customer else "", *found.items, said):
+        if line:
+            out.print(f"  {escape(line)}", soft_wrap=True)
+    for one in signed:
+        out.print(f"  [{'green' if one.holds else 'bold red'}]signature {escape(one.words)}[/]", soft_wrap=True)
+    if not signed:
+        out.print("  [yellow]not signed: nothing shows whether it was changed[/]")
+    for error in errors:
+        out.print(f"  [bold red]schema: {escape(error)}[/]", soft_wrap=True)
+    if checked and not errors:
+        out.print("  valid by the schema")
+    table = Table("part", "quantity", "value", "expanded uncertainty", "k", "probability", "unit")
+    for quantity in found.quantities:
+        for row in _rows(quantity):
+            table.add_row(*(escape(cell) for cell in row))
+    out.print(table)
+    for what, word in found.conformity:
+        out.print(f"  conformity: {escape(what)}: [bold]{escape(word)}[/]", soft_wrap=True)
+
+
+def _rows(quantity: Quantity) -> list[tuple[str, ...]]:
+    if not quantity.numbers:
+        return [(quantity.where, quantity.name, quantity.text, "", "", "", "")] if quantity.text else []
+    return [
+        (
+            quantity.where,
+            quantity.name + (f" [{n}]" if len(quantity.numbers) > 1 else ""),
+            f"{one.value!r}",
+            *("-" if number is None else f"{number:.10g}" for number in (one.expanded, one.k, one.probability)),
+            one.unit,
+        )
+        for n, one in enumerate(quantity.numbers, 1)
+    ]

@@ -1,0 +1,131 @@
+"""Total uncertainty that a plan promises, by its register of equipment, and what more points would no longer buy."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from datetime import date
+from typing import Any
+
+import numpy as np
+from scipy import special
+
+from fitter.budget import budgets
+from fitter.errors import FitError
+from procedures.errors import DataError
+from procedures.influences import explain, influences
+from procedures.kind import kind_of
+from procedures.stated import Statements
+from rig.closed_loop.budget import constants_of
+from rig.errors import ConfigurationError
+from rig.plans import Plan
+from rig.register import DOCUMENT, check_covered, check_validity, entries, parse_register, stated_of
+
+NORMAL = float(special.ndtri(0.975))
+"""Coverage factor with infinite degrees of freedom, which more points approach."""
+_MOST = 20_000
+"""Points up to which a planned run is evaluated."""
+NO_METER = "errors of the outputs' meter are not in it: they need the sensors' sensitivity, [expect] in the procedure"
+
+
+@dataclass(frozen=True)
+class Promise:
+    """One promised result.
+
+    Attributes:
+        name: of the result.
+        unit: of its numbers.
+        expanded: expanded uncertainty for 95 %.
+        repeatability: the same by scatter alone.
+        dominant: influence with the largest share.
+        share: its share of the variance.
+        limit: expanded uncertainty that no number of further points goes below, for one reading in use.
+    """
+
+    name: str
+    unit: str
+    expanded: float
+    repeatability: float
+    dominant: str
+    share: float
+    limit: float
+
+    def to_json(self) -> dict[str, Any]:
+        """JSON values."""
+        return dict(vars(self))
+
+
+@dataclass(frozen=True)
+class Promised:
+    """Total uncertainties of a plan.
+
+    Attributes:
+        results: promised results; () if there are none.
+        notes: assumptions, or why there are none.
+    """
+
+    results: tuple[Promise, ...]
+    notes: tuple[str, ...]
+
+
+def promised(plan: Plan) -> Promised:
+    """Total uncertainties of inferred values that a plan promises.
+
+    Raises:
+        ConfigurationError: a certificate does not cover the settings of the plan.
+    """
+    if DOCUMENT not in plan.documents:
+        return Promised((), ("repeatability only: the bench has no register of equipment (docs/register.md)",))
+    if len(plan.run_list) > _MOST:
+        return Promised((), (f"repeatability only: no total uncertainty is forecast of more than {_MOST} points",))
+    register = parse_register(plan.documents[DOCUMENT], DOCUMENT)
+    stated, kind = stated_of(register, plan.bench), kind_of(plan.procedure)
+    sensors = {f"{name}_{sensor.unit}": sensor.axis or "" for name, sensor in plan.bench.sensors.items()}
+    set_to = {f.name: np.array(plan.run_list.column(f.name), np.float64) for f in plan.run_list.factors}
+    check_covered(stated, set_to, DOCUMENT)
+    try:
+        expected = kind.expected(plan.procedure, plan.run_list, sensors)
+        if not expected.meter:
+            stated = replace(stated, errors=[one for one in stated.errors if not one.reads])
+        options = kind.budget_options()
+        found = _of(kind.evaluation(expected.table, options, (), constants_of(stated)), stated)
+    except (DataError, FitError) as error:
+        return Promised((), (f"repeatability only: {error}",))
+    notes = [f"total uncertainties by the register {register.name!r}, for {expected.assuming}"]
+    notes += [] if expected.meter else [NO_METER]
+    notes += ["the register has example values"] if register.example else []
+    return Promised(found, tuple(notes))
+
+
+def expired(plan: Plan, on: date) -> list[str]:
+    """Certificates that will not be valid on a date, a sentence each: no budget is then made.
+
+    Those whose date is in the bench file, too, are left to it.
+    """
+    if DOCUMENT not in plan.documents:
+        return []
+    register = parse_register(plan.documents[DOCUMENT], DOCUMENT)
+    told = {one.asset for _, one in entries(plan.bench) if getattr(one, "due", None) is not None}
+    other = {asset: one for asset, one in register.equipment.items() if asset not in told}
+    try:
+        check_validity(register.model_copy(update={"equipment": other}), plan.bench, DOCUMENT, on, on)
+    except ConfigurationError as error:
+        return [line.replace("the run ended on", "this run would end on") for line in str(error).splitlines()]
+    return []
+
+
+def _of(evaluation: Any, stated: Statements) -> tuple[Promise, ...]:
+    explain(evaluation, stated)
+    results = evaluation.results
+    found = influences(evaluation, stated, same_meter=False)
+    type_a = (results.type_a, *found.grouped)
+    made = budgets(results.names, results.units, results.values, type_a, found.influences)
+    own = np.sqrt(np.diag(results.type_a.covariance))
+    promises = []
+    for one, scatter, of_fit in zip(made, own.tolist(), results.of_fit.tolist(), strict=True):
+        if " inferred " not in f" {one.name} ":
+            continue
+        first = max(one.contributions, key=lambda line: line.share)
+        k, u = one.coverage_factor, one.standard_uncertainty
+        limit = NORMAL * float(np.sqrt(max(u**2 - of_fit, 0.0)))
+        promises.append(Promise(one.name, one.unit, k * u, k * scatter, first.name, first.share, limit))
+    return tuple(promises)

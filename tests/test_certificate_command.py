@@ -1,0 +1,396 @@
+"""`rig certificate`: from a run to its certificate; every reason why none is made; amendments; reading."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+from datetime import date
+from functools import cache
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from certificate_lab import ISSUED, REGISTER, SETTINGS, settled, stand
+from command import rig
+
+from fitter.budget.rounding import rounded
+from fitter.trace.outcome import Finding
+from rig.certificate.assembly import conditions, decimal_text, doubtful, effects
+from rig.certificate.files import write_once
+from rig.certificate.numbers import plain
+from rig.dcc.reader import read_dcc
+from rig.dcc.si_units import per_term
+from rig.errors import ConfigurationError, UsageError
+from rig.results.budget import budget
+from rig.results.certificate import Asked, Issue, Made, Refused, issue, make
+from rig.run_file.reader import RunReader
+from rig.tables import run_table
+
+pytest.importorskip("typst")
+DAY = date.fromisoformat(ISSUED)
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory) -> Path:
+    return stand(tmp_path_factory.mktemp("stand"))
+
+
+def asked(run: Path, settings: Path, **more: object) -> Asked:
+    return Asked((run,), DAY, settings=settings, **more)  # type: ignore[arg-type]
+
+
+@pytest.fixture(autouse=True)
+def traced_once(monkeypatch):
+    """The trace of a run follows from the run alone: made once for all tests."""
+    monkeypatch.setitem(make.__globals__, "_traced", TRACED)
+
+
+TRACED = cache(make.__globals__["_traced"])
+
+
+@pytest.fixture(scope="module")
+def made(run, tmp_path_factory) -> Made:
+    tolerance = '[[tolerance]]\nresult = "coefficient 1"\nunit = "V"\nnominal = 0.1\ndeviation = 0.001\n'
+    return make(asked(run, settled(tmp_path_factory.mktemp("settings"), tolerance)))
+
+
+def reasons(run: Path, folder: Path, text: str = SETTINGS, **more: object) -> tuple[str, ...]:
+    with pytest.raises(Refused) as refused:
+        make(asked(run, settled(folder, text=text), **more))
+    return refused.value.reasons
+
+
+def test_every_number_is_that_of_the_budget(run, made):
+    found = budget(run, at=[{"force_kN": 1}, {"force_kN": 4}]).found.budgets
+    results = [one for table in made.document.tables for one in table.results]
+    assert [(one.estimate, one.standard, one.factor, one.df) for one in results] == [
+        (one.value, one.standard_uncertainty, one.coverage_factor, one.df) for one in found
+    ]
+    for result, one in zip(results, found, strict=True):
+        both = rounded(one.value, one.expanded_uncertainty)
+        assert (float(result.value), float(result.expanded)) == (float(both.value), float(both.uncertainty))
+        assert len(result.expanded.replace(".", "").lstrip("0")) == 2, "two digits"
+        assert result.k == f"{one.coverage_factor:.2f}"
+    shares = [line.share for one in made.document.budgets for line in one.contributions]
+    assert set(shares) <= {line.share for one in found for line in one.contributions}
+
+
+def test_what_is_said_of_the_run_is_in_the_run_file(run, made):
+    (evidence,) = made.document.evidence
+    with RunReader.open(run) as reader:
+        count, head = reader.head()
+        run_id = reader.about().run_id
+    assert (evidence.records, evidence.head, evidence.run_id) == (count, head.hex(), run_id)
+    table = run_table(run)
+    assert evidence.observations == len(table)
+    assert str(made.document.dates.began) == table.provenance["began_utc"][:10]
+
+
+def test_it_names_equipment_customer_and_people(made):
+    document = made.document
+    assert {one.certificate for one in document.equipment} == {"F-1", "E-1"}
+    assert (document.customer.name, document.customer.address) == ("Bridge builders", ("2 River Road",))
+    assert (document.items[0].serial, document.items[0].condition) == ("77", "clean")
+    assert ([one.name for one in document.calibrated_by], document.approved_by.name) == (["A. Byron"], "C. Wheat")
+    assert document.simulated
+    assert document.place == "1 Weight Road"
+
+
+def test_conformity_is_stated_by_the_rule(made):
+    (statement,) = made.document.statements
+    assert (statement.sensor, statement.verdict, statement.what) == ("cell", "pass", "coefficient 1")
+    assert statement.tolerance == "0.1 ± 0.001 V"
+    assert "1 times the expanded uncertainty" in statement.rule
+
+
+@pytest.mark.parametrize(
+    ("rule", "verdict"),
+    [
+        ('rule = "simple"', "pass"),
+        ('rule = "guard-band"', "conditionalPass"),
+        ('rule = "guard-band"\nbinary = true', "fail"),
+        ('rule = "probability"\nprobability = 0.9999', "noPass"),
+        ('rule = "shared-risk"', "noPass"),
+    ],
+)
+def test_decision_rules(run, tmp_path, rule, verdict):
+    """A coefficient of 0.10001 V with an expanded uncertainty of 0.0002 V, and a tolerance of as much."""
+    tolerance = (
+        f'[decision]\n{rule}\n[[tolerance]]\nresult = "coefficient 1"\nunit = "V"\nnominal = 0.1\ndeviation = 0.0002'
+    )
+    (statement,) = make(asked(run, settled(tmp_path, tolerance))).document.statements
+    assert statement.verdict == verdict
+
+
+def test_all_reasons_are_listed_at_once(run, tmp_path):
+    bare = REGISTER.replace('serial = "77"', "").replace('condition = "clean"', "").replace("2 River Road", "")
+    equipment = tmp_path / "bare.toml"
+    equipment.write_text(bare.replace('name = "Stand laboratory"', ""))
+    text = SETTINGS.replace('country = "GB"', "").replace('approved_by = "C. Wheat"', "")
+    found = reasons(run, tmp_path, text.replace('name = "W-3: comparison with weights"', ""), equipment=equipment)
+    for words in (
+        "the serial number of cell is missing: add sensors.cell.serial",
+        "the condition of cell as received is missing",
+        "the name of the laboratory is missing: add laboratory.name",
+        "the country of the laboratory is missing: add country",
+        "who approves is missing",
+        "the calibration method is missing: add method.name",
+        "the customer's address is missing",
+    ):
+        assert any(words in one for one in found), words
+    assert len(found) == 7
+
+
+def test_people_must_be_allowed(run, tmp_path):
+    found = reasons(run, tmp_path, approved_by="A. Byron", calibrated_by="Nobody")
+    assert [re.sub(r" of \S+,", ",", one) for one in found] == [
+        "Nobody is not in laboratory.calibrates, which has A. Byron",
+        "A. Byron is not in laboratory.approves, which has C. Wheat",
+    ]
+
+
+def test_an_item_is_not_received_after_its_calibration(run, tmp_path):
+    equipment = tmp_path / "late.toml"
+    equipment.write_text(REGISTER.replace('condition = "clean"', 'condition = "clean"\nreceived = 2999-01-01'))
+    (reason,) = reasons(run, tmp_path, equipment=equipment)
+    assert "received on 2999-01-01, after the run began" in reason
+
+
+def test_an_expired_certificate_is_refused(run, tmp_path):
+    equipment = tmp_path / "expired.toml"
+    equipment.write_text(REGISTER.replace("due = 2030-01-01", "due = 2021-01-01"))
+    found = reasons(run, tmp_path, equipment=equipment)
+    assert any("it had expired" in one for one in found)
+
+
+def test_a_range_that_is_left_is_refused(run, tmp_path):
+    equipment = tmp_path / "range.toml"
+    equipment.write_text(REGISTER.replace("range = [-10, 10]", "range = [-1, 1]"))
+    assert any("range" in one for one in reasons(run, tmp_path, equipment=equipment))
+
+
+def test_repeatability_only_is_refused(run, tmp_path):
+    equipment = tmp_path / "nothing.toml"
+    text = re.sub(r"(?s)\[\[equipment\.W-1\.says\]\].*?(?=\[equipment\.DVM-1\])", "", REGISTER)
+    equipment.write_text(re.sub(r"(?s)\[\[equipment\.DVM-1\.says\]\].*?(?=\[sensors)", "", text))
+    found = reasons(run, tmp_path, equipment=equipment)
+    assert sum("is repeatability only" in one for one in found) == 6
+
+
+def test_a_changed_file_is_refused(run, tmp_path):
+    damaged = tmp_path / "damaged.sqlite"
+    data = bytearray(run.read_bytes())
+    data[len(data) // 2] ^= 0xFF
+    damaged.write_bytes(data)
+    (reason,) = reasons(damaged, tmp_path)
+    assert "is not verified" in reason
+
+
+def test_a_doubtful_name_is_refused_until_it_is_confirmed(made, monkeypatch, run, tmp_path):
+    finding = Finding("effect", "the cell creeps", "replication", 0.5, effect="creep", doubtful="a curve fits as well")
+
+    def with_doubt(path, later, *, quick):
+        outcomes, confirmed = TRACED(path, later, quick=quick)
+        return [replace(one, findings=(finding,)) for one in outcomes], confirmed
+
+    monkeypatch.setitem(make.__globals__, "_traced", with_doubt)
+    (reason,) = reasons(run, tmp_path)
+    assert "the name of effect creep is doubtful: a curve fits as well; confirm it" in reason
+    outcomes, _ = with_doubt(run, None, quick=False)
+    answer = SimpleNamespace(effect="creep", verdict="confirmed")
+    assert list(doubtful(outcomes, None)) == [("cell_V", finding)]
+    confirmed = SimpleNamespace(answers=(answer,), path=Path("later.sqlite"))
+    assert list(doubtful(outcomes, confirmed)) == []
+    (effect,) = effects(made.budgets[0], outcomes, confirmed, "", "f0" * 32)
+    assert (effect.sensor, effect.confirmed) == ("cell", True)
+    assert effect.how == "confirmed by later.sqlite, head f0f0f0f0f0f0f0f0"
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        (
+            '[[tolerance]]\nresult = "nothing"\nunit = "V"\nlower = 1',
+            "no result has that label; there are: coefficient 1",
+        ),
+        ('[[tolerance]]\nresult = "coefficient 1"\nunit = "mV"\nlower = 1', "is in 'V': convert the limits"),
+    ],
+)
+def test_tolerances_that_belong_to_nothing(run, tmp_path, more, words):
+    with pytest.raises(Refused, match=re.escape(words)):
+        make(asked(run, settled(tmp_path, more)))
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        ("next_due = 2027-11-24", "recommends no date unless the customer wants one"),
+        ("customer_wants_due_date = true", "needs next_due"),
+        ('[[tolerance]]\nresult = "a"\nunit = "V"', "a tolerance is lower or upper or both, or nominal with deviation"),
+        ('[[tolerance]]\nresult = "a"\nunit = "V"\nlower = 2\nupper = 1', "lower limit must be below"),
+        ("nonsense = 1", "nonsense"),
+    ],
+)
+def test_settings_that_cannot_be_used(run, tmp_path, more, words):
+    with pytest.raises(ConfigurationError, match=words):
+        make(asked(run, settled(tmp_path, more)))
+
+
+def test_a_date_if_the_customer_wants_one(run, tmp_path):
+    wanted = "customer_wants_due_date = true\nnext_due = 2027-11-24"
+    assert make(asked(run, settled(tmp_path, wanted))).document.next_due == date(2027, 11, 24)
+
+
+def test_as_found_and_as_left(run, tmp_path):
+    settings, left = settled(tmp_path), stand(tmp_path / "later")
+    with pytest.raises(Refused, match="say what was adjusted between them"):
+        make(Asked((run, left), DAY, settings=settings))
+    with pytest.raises(Refused, match="both files are of the same run"):
+        make(Asked((run, run), DAY, settings=settings, adjustment="zero was set"))
+    found = make(Asked((run, left), DAY, settings=settings, adjustment="zero was set")).document
+    assert [one.stage for one in found.tables] == ["as found", "as left"]
+    assert [one.stage for one in found.evidence] == ["as found", "as left"]
+    assert found.adjustment == "zero was set"
+    with pytest.raises(UsageError, match="one run, or of two"):
+        make(Asked((run, run, run), DAY, settings=settings))
+
+
+def test_files_are_written_once(made, tmp_path):
+    first = issue(made, Issue(tmp_path))
+    assert [path.name for path in first.files] == [f"S-2026-001.{form}" for form in ("pdf", "html", "xml", "json")]
+    second = issue(made, Issue(tmp_path))
+    assert second.document.number == "S-2026-002"
+    before = {path: path.read_bytes() for path in first.files}
+    with pytest.raises(UsageError, match="is never overwritten: --amends S-2026-001"):
+        issue(made, Issue(tmp_path, number="S-2026-001"))
+    assert {path: path.read_bytes() for path in first.files} == before
+    again = issue(made, Issue(tmp_path / "elsewhere"))
+    assert {path.name: path.read_bytes() for path in again.files} == {path.name: data for path, data in before.items()}
+
+
+def test_half_a_certificate_is_none(tmp_path):
+    (tmp_path / "K-1.html").write_text("somebody else's")
+    with pytest.raises(UsageError, match="never overwritten"):
+        write_once(tmp_path, "K-1", {"pdf": b"a", "html": b"b"})
+    assert [path.name for path in tmp_path.iterdir()] == ["K-1.html"]
+
+
+@pytest.mark.parametrize("number", ["../K-1", "a/b", "", " K", ".hidden", "a\\b"])
+def test_numbers_that_are_no_file_names(made, tmp_path, number):
+    if number:
+        with pytest.raises(UsageError, match="cannot be the name of a file"):
+            issue(made, Issue(tmp_path, number=number))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_amendment_says_what_changed(made, tmp_path):
+    first = issue(made, Issue(tmp_path)).document
+    corrected = replace(made.document, items=(replace(made.document.items[0], serial="78"),))
+    second = issue(replace(made, document=corrected), Issue(tmp_path, amends=first.number, because="A typing error."))
+    amends = second.document.amends
+    assert second.document.number == "S-2026-001-1"
+    assert amends.changes == ("A typing error.", "items cell serial: 77 is now 78")
+    assert (amends.number, amends.issued) == (first.number, DAY)
+    assert b"<dcc:referralID>S-2026-001<" in (tmp_path / "S-2026-001-1.xml").read_bytes()
+    with pytest.raises(UsageError, match="nothing changed"):
+        issue(made, Issue(tmp_path, amends=first.number))
+    with pytest.raises(UsageError, match="S-9 cannot be amended"):
+        issue(made, Issue(tmp_path, amends="S-9"))
+
+
+def test_the_command(run, tmp_path):
+    settings = settled(tmp_path)
+    out = tmp_path / "out"
+    done = rig(
+        "certificate", run, "--settings", settings, "--out", out, "--issued", ISSUED, "--paper", "letter", "--json"
+    )
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    assert told["number"] == "S-2026-001"
+    assert sorted(told["files"]) == ["html", "json", "pdf", "xml"]
+    read = rig("certificate", "--read", told["files"]["xml"], "--json")
+    assert read.returncode == 0, read.stderr
+    values = [
+        n["value"] for q in json.loads(read.stdout)["quantities"] if q["where"] == "results" for n in q["numbers"]
+    ]
+    assert values == [float(one["value"]) for table in told["tables"] for one in table["results"]]
+    shown = rig("certificate", "--read", told["files"]["xml"])
+    assert "not signed" in shown.stdout
+    assert "S-2026-001" in shown.stdout
+
+
+def test_a_refusal_ends_with_two_and_writes_nothing(run, tmp_path):
+    done = rig("certificate", run, "--out", tmp_path / "out", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "no certificate is made of" in done.stderr
+    assert done.stderr.count("\n- ") >= 4
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(("missing", "extra"), [("typst", "certificate"), ("signxml", "dcc")])
+def test_a_missing_extra_is_told_before_the_work(run, tmp_path, monkeypatch, missing, extra):
+    from rig.dcc import extras  # noqa: PLC0415
+
+    real = extras.import_module
+
+    def imported(name):
+        if name.startswith(missing):
+            raise ImportError(name)
+        return real(name)
+
+    monkeypatch.setattr(extras, "import_module", imported)
+    monkeypatch.setitem(make.__globals__, "_traced", None)  # would fail if it were reached
+    keys = ["--key", tmp_path / "k.pem", "--key-certificate", tmp_path / "c.pem"]
+    done = rig("certificate", run, "--settings", settled(tmp_path), "--out", tmp_path / "out", *keys)
+    assert (done.returncode, f"pip install 'calibration-rig[{extra}]'" in done.stderr) == (2, True), done.stderr
+
+
+@pytest.mark.parametrize("arguments", [[], ["--out", "x"], ["RUN"], ["RUN", "--read", "x.xml"]])
+def test_what_is_asked_for_must_be_complete(run, arguments):
+    assert rig("certificate", *(run if one == "RUN" else one for one in arguments)).returncode == 2
+
+
+def test_conditions_are_the_smallest_the_mean_and_the_largest(made):
+    of = made.budgets[0].of
+    columns = {**of.table.columns, "room_degC": np.array([20.004, 20.0, 21.006]), "lost_degC": np.array([1.0, np.nan])}
+    config = of.config.model_copy(update={"temperatures": {"room_degC": None, "lost_degC": None, "none_degC": None}})
+    run = replace(made.budgets[0], of=replace(of, table=replace(of.table, columns=columns), config=config))
+    (room,) = conditions(run, "as left")
+    assert (room.label, room.unit, room.minimum, room.mean, room.maximum, room.stage) == (
+        *("room", "°C", "20.00", "20.34", "21.01"),
+        "as left",
+    )
+
+
+@pytest.mark.parametrize(
+    ("unit", "plainly"),
+    [
+        ("V per unit of force_kN", "V/kN"),
+        ("V per unit of force_kN^2", "V/kN^2"),
+        ("V per unit of force_kN:bath_degC", "V/kN/degC"),
+        ("V per unit of log(force_kN)", "V per unit of log(force_kN)"),
+        ("V", "V"),
+    ],
+)
+def test_units_of_coefficients(unit, plainly):
+    assert per_term(unit) == plainly
+
+
+def test_a_unit_without_an_si_unit_is_a_text_in_the_xml(made, tmp_path):
+    table = made.document.tables[0]
+    odd = replace(table.results[0], unit="V per unit of log(force_kN)")
+    document = replace(made.document, tables=(replace(table, results=(odd,)),))
+    issue(replace(made, document=document), Issue(tmp_path))
+    read = read_dcc(tmp_path / "S-2026-001.xml")
+    (text,) = [one.text for one in read.quantities if one.where == "results"]
+    assert odd.value in text
+    assert odd.expanded in text
+
+
+def test_rounded_numbers_have_all_of_their_digits():
+    for value, u in ((1234567.0, 15000.0), (1e-12, 1.5e-13), (0.1, 0.001), (-5.0, 0.01)):
+        both = rounded(value, u)
+        assert float(decimal_text(both.value)) == float(both.value)
+        assert np.isclose(float(plain(decimal_text(both.uncertainty))), u, rtol=0.05)

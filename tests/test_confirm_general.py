@@ -1,0 +1,143 @@
+"""`rig confirm` of runs of any laboratory: proposals, a further run, and its judgement."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from command import rig
+from general_lab import PROCEDURE, run_dry, written
+
+from fitter.errors import FitError
+from procedures.general.further_runs import further_runs
+from procedures.general.settings import GeneralProcedure
+from procedures.general.together import Observations, join
+from rig.closed_loop.confirm.first import open_traced
+from rig.config import parse_procedure
+from rig.examples import example
+
+CURVED = """seed = 3
+[sensors.cell]
+formula = "0.1 + 0.5*force_kN"
+hidden = "0.0004*force_kN^2"
+noise = 1e-5
+[person]
+sets_s = 20
+"""
+MORE = PROCEDURE.replace("[0, 1, 2, 5]", "[0, 1, 2, 3, 4, 5, 6, 7]")
+
+
+@pytest.fixture(scope="module")
+def first(tmp_path_factory):
+    """A run of a load cell whose declared line lacks a square."""
+    path, _ = run_dry(tmp_path_factory.mktemp("first"), MORE, world=CURVED)
+    return path
+
+
+def test_the_missing_term_is_confirmed_by_the_proposed_run_and_goes_into_the_calibration(first, tmp_path):
+    done = rig("confirm", first, "--dry", "--out", tmp_path, "--json", "--report", tmp_path / "page.html")
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    assert [one["what"] for one in told["proposals"]][:1]
+    (effect,) = told["effects"]
+    assert (effect["named"], effect["verdict"]) == ("second-order:force_kN", "confirmed")
+    low, high = effect["members"][0]["interval_95"][0]
+    assert low < 0.0004 < high
+    assert told["error"]["cell_V"]["after_V"] < 0.1 * told["error"]["cell_V"]["before_V"]
+    assert "second-order:force_kN" in (tmp_path / "page.html").read_text()
+    later = next(tmp_path.glob("*.sqlite"))
+    fit = rig("fit", first, "--confirmed-by", later, "--json")
+    assert fit.returncode == 0, fit.stderr
+    found = json.loads(fit.stdout)
+    assert found["coefficients"]["force_kN^2"]["estimate"] == pytest.approx(0.0004, rel=0.02)
+    assert found["confirmed_by"]["effects"][0]["terms"] == ["cell_V: I(force_kN^2)"]
+
+
+def test_an_effect_that_is_not_there_in_the_later_run_is_not_confirmed(first, tmp_path):
+    later, _ = run_dry(
+        tmp_path,
+        MORE,
+        world=CURVED.replace("0.0004*", "0*").replace("seed = 3", "seed = 4\nepoch = 2030-01-01T00:00:00Z"),
+    )
+    done = rig("confirm", first, "--by", later, "--json")
+    assert done.returncode == 3, done.stderr
+    (effect,) = json.loads(done.stdout)["effects"]
+    assert effect["verdict"] in ("none holds", "not shown")
+
+
+@pytest.fixture(scope="module")
+def bath(tmp_path_factory):
+    """A run of the bath: five sensors, four of which lack self-heating."""
+    folder = tmp_path_factory.mktemp("bath")
+    for name in ("bench", "procedure", "world"):
+        shutil.copy(example("bath-lab") / f"{name}.toml", folder)
+    run = rig("run", "procedure.toml", "--bench", "bench.toml", "--dry", "--world", "world.toml", cwd=folder)
+    return folder / run.stdout.splitlines()[0]
+
+
+def test_all_sensors_with_an_effect_are_judged_together(bath):
+    traced = open_traced(bath)
+    (question,) = traced.questions
+    sensors = {term.sensor for term in question.terms}
+    assert sensors == {f"prt_{number}_mV" for number in range(1, 5)}
+    later = traced.confirming.later(traced.traced.table)
+    both = traced.confirming.beside(later, 86400.0)
+    columns = both.untouched(question.terms)
+    first_half, second_half = columns[:, : len(later)], columns[:, len(later) :]
+    np.testing.assert_allclose(first_half, second_half)  # settings alone decide it
+    for place, term in enumerate(question.terms):
+        at = both.sensors.index(term.sensor)
+        assert np.any(columns[at, :, place])
+        assert not np.any(np.delete(columns[:, :, place], at, axis=0))
+
+
+def test_further_runs_are_procedures_that_differ_in_one_respect(tmp_path):
+    files = written(tmp_path, MORE)
+    first = parse_procedure(files[0].read_text(), "procedure.toml")
+    assert isinstance(first, GeneralProcedure)
+    runs = list(further_runs(first))
+    kinds = {run.what: run.procedure for run in runs}
+    assert set(kinds) == {
+        "the same again",
+        "settings in random order",
+        "force_kN between the settings of the first run",
+        "force_kN at the settings of the first run and between them",
+        "30 s at each setting before it is read",
+    }
+    assert kinds["settings in random order"].factors["force_kN"].order == "random"
+    assert kinds["force_kN between the settings of the first run"].factors["force_kN"].levels == [
+        0.5, 1.5, 2.5, 3.5, 4.5, 5.5, 6.5,
+    ]  # fmt: skip
+    assert len(kinds["force_kN at the settings of the first run and between them"].factors["force_kN"].levels) == 15
+    assert {run.procedure.seed for run in runs} == {first.seed + 1}
+    assert [run.procedure.replications for run in runs if run.what == "the same again"] == [1, 2, 4]
+    assert {run.wait_s for run in runs} == {0.0, 25.0}
+    assert all(run.procedure.expand() for run in runs)
+
+
+def test_a_later_run_without_a_sensor_of_the_first_is_refused(first):
+    table = open_traced(first).traced.table
+    with pytest.raises(FitError, match="the confirming run has no cell_V"):
+        join(table, replace(table, columns={n: v for n, v in table.columns.items() if n != "cell_V"}), 1.0, ["cell_V"])
+
+
+def test_rows_of_observations_are_in_order_of_time(first):
+    table = open_traced(first).traced.table
+    back = replace(table, columns={name: v[::-1] for name, v in table.columns.items()})
+    np.testing.assert_array_equal(Observations.of(back).elapsed_s, table.columns["elapsed_s"])
+
+
+def test_the_report_of_a_trace_shows_every_sensor_and_calls_no_output_unused(bath, tmp_path):
+    done = rig("trace", bath, "--json", "--report", tmp_path / "r.html")
+    told, page = json.loads(done.stdout), (tmp_path / "r.html").read_text()
+    outputs = [f"prt_{number}_mV" for number in range(1, 5)] + ["couple_mV"]
+    assert list(told["sensors"]) == outputs
+    for name in outputs:
+        assert f"<h2>{name} " in page
+        assert f"residuals of {name} over" in page
+    unused = {one["column"]: one["why"] for one in told["unused"]["columns"]}
+    assert not unused.keys() & {*outputs, "bath_degC", "current_A", "bath_set_degC"}
+    assert "named with --ignore" not in unused.values()

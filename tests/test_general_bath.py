@@ -1,0 +1,107 @@
+"""A bath that takes time: forecasts, the time left with a person in between, where it starts, a thermometer in it."""
+
+from __future__ import annotations
+
+import itertools
+
+import general_lab as lab
+import pytest
+from command import rig
+from general_lab import written
+
+from rig.config import parse_bench
+from rig.controller import start_run
+from rig.engine.session import Outcome, Signals
+from rig.errors import ConfigurationError
+from rig.forecast import rehearse
+from rig.plans import load_plan
+from rig.tables import run_table
+
+SLOW = lab.BATH.replace("dwell_s = 60\n", "dwell_s = 60\ntime_constant_s = 120\n")
+THERMOMETER = """
+[instruments.scanner]
+driver = "keysight-34970a"
+address = "/dev/rig/scanner"
+nplc = 10
+channels = { "101" = "rtd-4w-385" }
+[temperatures.NAME]
+reader = "scanner"
+channel = "101"
+"""
+NO_STANDARD = (
+    lab.BATH.split("[references")[0].replace(', "103"="volts"', "").replace("/dev/rig/scanner", "/dev/rig/bridge")
+    + '[factors]\nbath_degC = "bath"\n[limits]\nbath_degC = [10, 110]\n'
+)
+WARM = (
+    lab.BATH_PROCEDURE.replace("[0,25,50,75,100]", "[15,35]")
+    .replace("replications=2", "replications=1")
+    .replace("+bath_degC^2", "")
+    .replace("[soak]", "[soak]\npoll_s = 60")
+)
+REFERENCE = '[references.bath_degC]\nformula = "0.1 + 0.00039*bath_degC"\nnoise = 1e-7\n'
+WARM_WORLD = lab.BATH_WORLD.replace(REFERENCE, "")
+
+
+def made(plan, folder, told=lambda _: None):
+    paths = []
+    result = start_run(plan, folder, signals=Signals(), announce=paths.append, on_progress=told)
+    assert result.outcome is Outcome.COMPLETE, result.message
+    return paths[0]
+
+
+def test_a_rehearsed_bath_takes_the_time_that_the_bench_file_says(tmp_path):
+    procedure, bench, world = written(tmp_path, WARM, SLOW, lab.BATH_WORLD)
+    end = []
+    made(load_plan(procedure, bench, dry=True, world=world), tmp_path, lambda news: end.append(news.elapsed_s))
+    forecast = rehearse(load_plan(procedure, bench), lambda _: None)
+    assert forecast.total_s == pytest.approx(end[-1], rel=0.03)
+    assert forecast.assumed == ()
+
+
+def test_a_bath_of_unknown_speed_is_assumed_to_be_slow_and_this_is_said(tmp_path):
+    known, unknown = (
+        rehearse(load_plan(*written(tmp_path, WARM, bench)[:2]), lambda _: None) for bench in (SLOW, lab.BATH)
+    )
+    assert unknown.total_s > 1.5 * known.total_s
+    assert unknown.assumed == (
+        "assumed: bath approaches its setting with a time constant of 480 s; instruments.bath.time_constant_s in the "
+        "bench file says better",
+    )
+
+
+def test_the_advice_of_a_plan_about_a_thermometer_can_be_followed(tmp_path):
+    slow = NO_STANDARD + THERMOMETER.replace("NAME", "bath_degC") + "follows_s = 1500\n"
+    files = written(tmp_path, WARM, slow)
+    done = rig("plan", files[0], "--bench", files[1])
+    assert done.returncode == 0, done.stderr
+    assert "assumed" not in done.stdout
+
+
+def test_the_time_left_does_not_rise_when_a_person_comes_before_a_soak(tmp_path):
+    steps = '[[by_hand]]\nbefore_whole_plot = {}\nsay = "bleed the run"\nchange = "bled"\n'
+    procedure = WARM.replace("[15,35]", "[15,35,55,75]") + "".join(map(steps.format, range(1, 5)))
+    files = written(tmp_path, procedure, SLOW, lab.BATH_WORLD + "[person]\nafter_s = 300\n")
+    news = []
+    made(load_plan(files[0], files[1], dry=True, world=files[2]), tmp_path, lambda one: news.append(one.remaining_s))
+    left = [one for one in news if one is not None]
+    assert len(left) > 10
+    assert max(b - a for a, b in itertools.pairwise(left)) < 600, "at most what a soak was better or worse"
+
+
+def test_a_bath_starts_at_the_laboratory_and_its_limits_can_be_real(tmp_path):
+    files = written(tmp_path, WARM, NO_STANDARD, WARM_WORLD)
+    made(load_plan(files[0], files[1], dry=True, world=files[2]), tmp_path)
+    cold = WARM_WORLD.replace("time_constant_s = 120", "time_constant_s = 120\nrest = 4")
+    files = written(tmp_path, WARM, NO_STANDARD, cold)
+    done = rig("run", files[0], "--bench", files[1], "--dry", "--world", files[2], "--out", tmp_path / "cold")
+    assert done.returncode != 0
+    assert "bath is at 4.00 degC, outside 10 to 110; look at bath, then resume" in " ".join(done.stderr.split())
+
+
+def test_a_second_thermometer_in_the_bath_reads_the_bath(tmp_path):
+    bench = NO_STANDARD + THERMOMETER.replace("NAME", "inlet_degC") + 'place = "bath_degC"\n'
+    files = written(tmp_path, WARM, bench, WARM_WORLD)
+    columns = run_table(made(load_plan(files[0], files[1], dry=True, world=files[2]), tmp_path)).columns
+    assert columns["inlet_degC"] == pytest.approx(1.001 * columns["bath_set_degC"] - 0.03, abs=0.1)
+    with pytest.raises(ConfigurationError, match=r"place = 'tank_degC' is unknown; known: package, .*, lab, bath_degC"):
+        parse_bench(bench.replace('place = "bath_degC"', 'place = "tank_degC"'), "bench.toml")

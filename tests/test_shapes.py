@@ -1,0 +1,95 @@
+"""Coverage factors by the shapes of distributions, held against exact ones, printed ones, and simulated sums."""
+
+from __future__ import annotations
+
+from math import inf, sqrt
+
+import numpy as np
+import pytest
+from scipy import special
+
+from fitter.budget import EXCESS, Correlation, Influence, TypeA, budgets, combine, coverage_factor, shape_factor
+from fitter.budget.draws import standard_error
+from fitter.errors import FitError
+
+
+def one(name: str, u: float, distribution: str = "normal", df: float = inf) -> Influence:
+    return Influence(name, "certificate", "B", np.array([u]), df, distribution)  # type: ignore[arg-type]
+
+
+def factor(*inputs: Influence, **given) -> float:
+    return budgets(["y"], ["V"], np.zeros(1), (), inputs, shapes=True, **given)[0].coverage_factor
+
+
+def test_one_bounded_error_has_its_exact_factor():
+    assert factor(one("a", 3.0, "rectangular")) == pytest.approx(0.95 * sqrt(3.0), rel=1e-9)
+    assert factor(one("a", 3.0, "arcsine")) > sqrt(2.0)  # counts as rectangular: all of it is inside
+    assert factor(one("a", 3.0, "triangular")) == pytest.approx((1.0 - sqrt(0.05)) * sqrt(6.0), rel=0.01)
+
+
+def test_factors_of_ea_4_02():
+    """S9: 1.65 where one rectangular line dominates; S10: 1.83 for a trapezoid. From memory, as in test_monte_carlo."""
+    assert round(factor(one("a", 0.05 / sqrt(3.0), "rectangular"), one("b", 1e-3)), 2) == 1.65
+    assert round(factor(one("a", 50.0, "rectangular"), one("b", 25.0, "rectangular")), 2) == 1.83
+
+
+def test_without_bounded_errors_it_is_welch_satterthwaite():
+    inputs = [one("a", 1.0, df=4.0), one("b", 2.0, df=9.0), one("c", 1.5)]
+    alone = budgets(["y"], ["V"], np.zeros(1), (), inputs)[0]
+    assert factor(*inputs) == pytest.approx(alone.coverage_factor, rel=1e-12)
+    assert shape_factor(0.95, [0.0, 1e-7, -1e-7]) == pytest.approx([special.ndtri(0.975)] * 3, rel=1e-12)
+    assert shape_factor(0.95, 0.125) == pytest.approx(float(coverage_factor(0.95, 8.0)), rel=1e-12)
+
+
+SIZES = [0.95, 0.9, 0.8, 0.7, 0.5]
+
+
+def covered(pair: list[Influence]) -> float:
+    rng, n = np.random.default_rng(5), 60_000
+    total = sum(standard_error(each, rng, n) * each.sensitivities[0] for each in pair)
+    return float(np.mean(np.abs(total) <= factor(*pair)))
+
+
+@pytest.mark.parametrize("shape", ["rectangular", "triangular"])
+@pytest.mark.parametrize("rest", ["normal", "rectangular", "triangular"])
+def test_simulated_sums_are_covered(shape, rest):
+    shares = [covered([one("a", sqrt(share), shape), one("b", sqrt(1.0 - share), rest)]) for share in SIZES]
+    assert min(shares) >= 0.945
+    assert max(shares) <= 0.959
+
+
+def test_sums_with_an_arcsine_error_are_covered_at_least_so_often():
+    for rest in ("normal", "rectangular", "arcsine"):
+        shares = [covered([one("a", sqrt(share), "arcsine"), one("b", sqrt(1.0 - share), rest)]) for share in SIZES]
+        assert min(shares) >= 0.945
+    alone = [covered([one("a", sqrt(share), "rectangular"), one("b", sqrt(1.0 - share), "arcsine")]) for share in SIZES]
+    assert min(alone) >= 0.945
+
+
+def test_rows_in_numpy_have_the_same_factors():
+    rng = np.random.default_rng(12)
+    kinds = ["normal", "rectangular", "arcsine", "triangular", "normal", "rectangular"]
+    dfs = np.array([7.0, inf, inf, inf, inf, inf])
+    rows = rng.normal(size=(40, 6)) * 10.0 ** rng.uniform(-1, 1, 6)
+    r = np.eye(6)
+    r[4, 5] = r[5, 4] = 0.5
+    excess = np.array([EXCESS[kind] for kind in kinds])
+    fast = combine(rows, dfs, [(np.full(40, 0.3), 12.0)], correlation=r, excess=excess)
+    inputs = [
+        Influence(str(i), "c", "B", rows[:, i], float(dfs[i]), kinds[i])  # type: ignore[arg-type]
+        for i in range(6)
+    ]
+    fit = TypeA(0.3 * np.eye(40), 12.0)
+    told = budgets(
+        ["y"] * 40, ["V"] * 40, np.zeros(40), fit, inputs, correlations=[Correlation("4", "5", 0.5)], shapes=True
+    )
+    assert [each.expanded_uncertainty for each in told] == pytest.approx(fast.expanded_uncertainty.tolist(), rel=1e-9)
+    assert min(each.coverage_factor for each in told) < 1.8
+
+
+def test_a_result_without_uncertainty_and_another_probability():
+    assert factor(one("a", 0.0, "rectangular")) == pytest.approx(special.ndtri(0.975))
+    fast = combine(np.zeros((1, 1)), np.array([inf]), excess=np.array([-0.2]))
+    assert fast.expanded_uncertainty.tolist() == [0.0]
+    with pytest.raises(FitError, match="for 94 to 96 %, not for 99 %"):
+        factor(one("a", 1.0), probability=0.99)
