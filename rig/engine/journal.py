@@ -209,6 +209,18 @@ class Journal:
                 return record.run_index, every
         return None
 
+    def hung(self) -> tuple[int, dict[str, float]]:
+        """Point at which outputs or references hung since the last accepted observation, and what they repeated."""
+        found: dict[str, float] = {}
+        at = -1
+        for record in self._run.latest((Observed.kind, Fault.kind), _LOOKED_BACK):
+            if record.accepted:
+                break
+            if isinstance(record.event, Fault) and record.event.fault == "frozen" and record.run_index is not None:
+                same = {name: r[0] for name, r in _readings(record.event).items() if len(set(r)) == 1}
+                found, at = {**same, **found}, record.run_index if at < 0 else at
+        return at, found
+
     def recent(self, observations: int) -> Iterator[Record]:
         """The last accepted observations of all sessions, the earliest first."""
         return self._run.recent(observations)
