@@ -141,6 +141,10 @@ class Evaluation(ABC):
         """
         return ()
 
+    def model_errors(self) -> Iterable[TypeA]:
+        """Differences between models that the run cannot separate, as covariances of the results."""
+        return ()
+
     def notes(self) -> Iterable[str]:
         """Sentences about the scatter."""
         return ()

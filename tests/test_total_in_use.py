@@ -6,6 +6,7 @@ import csv
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tests.command import rig
@@ -116,3 +117,32 @@ def test_traces_and_their_reports_say_repeatability_only(tmp_path):
     assert json.loads(done.stdout)["uncertainty"] == "repeatability only"
     assert "standard errors and intervals: repeatability only" in done.stderr
     assert "repeatability only: errors of instruments" in page.read_text()
+
+
+def test_causes_that_cannot_be_separated_have_a_line_and_a_calibration_keeps_influences_beside_them(tmp_path):
+    run, register = DATA / "attitude-20261121.sqlite", EXAMPLES / "attitude-lab" / "equipment.toml"
+    file = tmp_path / "c.json"
+    done = rig("fit", run, "--equipment", register, "--traced", "--out", file)
+    assert done.returncode == 0, done.stderr
+    kept = json.loads(file.read_text())
+    done = rig("budget", run, "--equipment", register, "--traced", "--at", "pitch_deg=20,roll_deg=30", "--json")
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    offset = next(one for one in told["results"] if one["name"] == "x_V offset")
+    (model,) = (one for one in offset["contributions"] if one["name"].startswith("model: "))
+    assert model["kind"] == "B"
+    calibration = kept["calibration"]
+    assert calibration["alternatives"], "the example has pads, which look like others in few points"
+    named = calibration["sensors"][0]["coefficients"][0]
+    others = [one["calibration"]["sensors"][0]["coefficients"][0] for one in calibration["alternatives"]]
+    assert offset["value"] == pytest.approx(named, rel=1e-9)
+    expected = np.sqrt(np.sum((np.array(others) - named) ** 2) / (len(others) + 1))
+    assert model["standard_uncertainty"] == pytest.approx(expected, rel=1e-9)
+    assert any("held at the size that the trace found" in note for note in told["notes"])
+    readings = tmp_path / "r.csv"
+    outputs = (one["value"] for one in told["results"] if " output at " in one["name"])
+    readings.write_text("x_V,y_V,z_V\n" + ",".join(map(repr, outputs)) + "\n")
+    done = rig("infer", file, readings, "--near", "20", "30", "--out", tmp_path / "o.csv")
+    assert done.returncode == 0, done.stderr
+    assert ",total," in (tmp_path / "o.csv").read_text()
+    assert kept["budget"]["influences"][0]["name"].startswith("HD-0417")

@@ -339,17 +339,26 @@ class AttitudeEvaluation(Evaluation):
 
 
 def attitude_evaluation(
-    table: Table, at: Sequence[Mapping[str, float]], *, temperature: bool | None, gravity: float | None
+    table: Table,
+    at: Sequence[Mapping[str, float]],
+    *,
+    temperature: bool | None,
+    traced: bool = False,
+    gravity: float | None,
 ) -> AttitudeEvaluation:
     """The evaluation of a table; arguments and errors as for `Kind.evaluation`.
 
     Args:
         temperature: as for `fit_attitude_table`.
+        traced: with the effects that a trace finds.
     """
+    from procedures.attitude.budget_traced import TracedEvaluation  # noqa: PLC0415 - which derives from this module
+
     data = attitude_data(table)
     warm = bool(table.declared.get("temperature", False)) if temperature is None else temperature
     try:
-        return AttitudeEvaluation(data, _points(data, at), temperature=warm, gravity=gravity)
+        made = TracedEvaluation if traced else AttitudeEvaluation
+        return made(data, _points(data, at), temperature=warm, gravity=gravity)
     except FitError as error:
         raise DataError(f"{table.source}: {error}") from error
 

@@ -158,6 +158,15 @@ def with_temperature(table: Table, asked: bool | None) -> bool:
 Others = list[tuple[str, str, Volts]]
 
 
+def traced_effects(data: AttitudeData, *, temperature: bool) -> tuple[Volts, Others]:
+    """Effects that a trace of the catalogue finds, and all of them with another member of a class in place of one.
+
+    Raises:
+        FitError: the run cannot be traced.
+    """
+    return _effects(trace(data, CATALOGUE, temperature=temperature, validate=False), {})
+
+
 def _effects(found: Trace, allowed: Mapping[str, Sequence[str]]) -> tuple[Volts, Others]:
     """Contribution of each effect to the observations, volts, by effect and sensor; and of every alternative.
 

@@ -153,7 +153,9 @@ class AttitudeKind(Kind):
         """Parameters, outputs and angles by the declared model."""
         from procedures.attitude.budget import attitude_evaluation  # noqa: PLC0415
 
-        return attitude_evaluation(table, at, temperature=options.temperature, gravity=constants.get("gravity"))
+        return attitude_evaluation(
+            table, at, temperature=options.temperature, traced=options.traced, gravity=constants.get("gravity")
+        )
 
     def charting(self) -> Charting:
         """See `Kind`."""

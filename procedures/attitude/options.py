@@ -37,6 +37,7 @@ class TraceOptions(Options):
 class BudgetOptions(Options):
     """Options of `rig budget`."""
 
+    traced: bool = Field(False, description="with the effects that a trace finds, and the model error they leave")
     temperature: bool | None = Field(None, description=_TEMPERATURE, json_schema_extra={"default": _AS_RUN})
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from datetime import date
 from typing import Any
 
 import numpy as np
@@ -15,8 +16,9 @@ from procedures.influences import explain, influences
 from procedures.kind import kind_of
 from procedures.stated import Statements
 from rig.closed_loop.budget import constants_of
+from rig.errors import ConfigurationError
 from rig.plans import Plan
-from rig.register import DOCUMENT, check_covered, parse_register, stated_of
+from rig.register import DOCUMENT, check_covered, check_validity, entries, parse_register, stated_of
 
 NORMAL = float(special.ndtri(0.975))
 """Coverage factor with infinite degrees of freedom, which more points approach."""
@@ -92,6 +94,23 @@ def promised(plan: Plan) -> Promised:
     notes += [] if expected.meter else [NO_METER]
     notes += ["the register has example values"] if register.example else []
     return Promised(found, tuple(notes))
+
+
+def expired(plan: Plan, on: date) -> list[str]:
+    """Certificates that will not be valid on a date, a sentence each: no budget is then made.
+
+    Those whose date is in the bench file, too, are left to it.
+    """
+    if DOCUMENT not in plan.documents:
+        return []
+    register = parse_register(plan.documents[DOCUMENT], DOCUMENT)
+    told = {one.asset for _, one in entries(plan.bench) if getattr(one, "due", None) is not None}
+    other = {asset: one for asset, one in register.equipment.items() if asset not in told}
+    try:
+        check_validity(register.model_copy(update={"equipment": other}), plan.bench, DOCUMENT, on, on)
+    except ConfigurationError as error:
+        return [line.replace("the run ended on", "this run would end on") for line in str(error).splitlines()]
+    return []
 
 
 def _of(evaluation: Any, stated: Statements) -> tuple[Promise, ...]:

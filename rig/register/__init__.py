@@ -3,7 +3,7 @@
 `equipment.toml` (docs/register.md) is referred to from the bench file by asset number, and kept in the run file.
 """
 
-from rig.register.check import check_register, check_validity
+from rig.register.check import check_register, check_validity, entries
 from rig.register.read import DOCUMENT, parse_register, read_register, register_beside, register_of
 from rig.register.schema import Certificate, Equipment, Item, Laboratory, Register, SensorItem, Statement
 from rig.register.stated import check_covered, stated_of
@@ -20,6 +20,7 @@ __all__ = [
     "check_covered",
     "check_register",
     "check_validity",
+    "entries",
     "parse_register",
     "read_register",
     "register_beside",

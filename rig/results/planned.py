@@ -22,7 +22,7 @@ from procedures.durations import duration
 from procedures.kind import kind_of
 from procedures.precision import Precision
 from procedures.unused import unit_of
-from rig.closed_loop.promised import Promised, promised
+from rig.closed_loop.promised import Promised, expired, promised
 from rig.config import BenchConfig
 from rig.disk_space import needed_bytes
 from rig.engine.guard import Guard
@@ -71,7 +71,8 @@ class Plan(Result):
     @property
     def overdue(self) -> Sequence[str]:
         """Instruments whose own calibration is due before the end, or has no known date, one sentence each."""
-        return list(_due(self.checked.bench, self.finish_latest.date()))
+        on = self.finish_latest.date()
+        return [*_due(self.checked.bench, on), *expired(self.checked, on)]
 
     @property
     def _told(self) -> dict[str, Any]:

@@ -1,0 +1,71 @@
+"""Budgets with the effects that a trace finds, held at their size while errors of instruments are carried through.
+
+Where the data cannot separate the causes of an effect, the results by every one of them are as good. They differ from
+those by the named one by a model error, which has a line of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from fitter.budget import TypeA
+from procedures.attitude.budget import AttitudeEvaluation, Model
+from procedures.attitude.data import AttitudeData
+from procedures.attitude.evaluate import traced_effects
+from procedures.attitude.infer import AttitudeCalibration
+from procedures.attitude.infer.traced import calibrate_traced
+
+
+class TracedEvaluation(AttitudeEvaluation):
+    """The declared model with traced effects, fitted to every sensor of a run."""
+
+    def __init__(
+        self, data: AttitudeData, at_deg: Sequence[tuple[float, float]], *, temperature: bool, gravity: float | None
+    ) -> None:
+        super().__init__(data, at_deg, temperature=temperature, gravity=gravity)
+        effects, others = traced_effects(data, temperature=temperature)
+        self._effects = tuple(effects)
+        self._plain = calibrate_traced(data, effects, others, temperature=temperature)
+        held = {name: np.zeros(len(data)) for name in data.outputs}
+        for by in effects.values():
+            for sensor, volts in by.items():
+                held[sensor] = held[sensor] + (volts if volts.ndim == 1 else volts.sum(axis=1))
+        self._held = np.array([held[name] for name in data.outputs])
+
+    def _solved(self, moved: Mapping[str, FloatArray]) -> tuple[FloatArray, FloatArray]:
+        """See `AttitudeEvaluation`; of outputs without the effects."""
+        without = {name: moved.get(name, 0.0) - held for name, held in zip(self._data.outputs, self._held, strict=True)}
+        return super()._solved({**moved, **without})
+
+    def _coefficients(self, moved: Mapping[str, FloatArray]) -> FloatArray:
+        """See `AttitudeEvaluation`; those of the calibration with effects, changed as errors change the others."""
+        own = np.array([one.coefficients[:4] for one in self._plain.sensors])
+        return np.asarray(own + super()._coefficients(moved) - super()._coefficients({})) if moved else own
+
+    def _with_scatter(self, calibration: AttitudeCalibration) -> AttitudeCalibration:
+        """As it is: the effects are out of the residuals."""
+        return calibration
+
+    def model_errors(self) -> Iterator[TypeA]:
+        """The differences between causes that the data cannot separate, all of them equally likely."""
+        base = self.results.values
+        by_named: dict[str, list[tuple[str, FloatArray]]] = {}
+        for named, member, other in self._plain.alternatives:
+            model = Model(other, self._at, self._gravity)
+            own = np.array([one.coefficients[:4] for one in other.sensors])
+            values = model.values(own, self._model.readings, self._gravity)
+            if np.isfinite(values).all():
+                by_named.setdefault(named, []).append((member, values - base))
+        for named, members in by_named.items():
+            covariance = np.sum([np.outer(moved, moved) for _, moved in members], axis=0) / (len(members) + 1)
+            names = " or ".join(member for member, _ in members)
+            yield TypeA(covariance, np.inf, f"model: {named}, or {names}", "trace of the run", "B")
+
+    def notes(self) -> Iterable[str]:
+        """See `Evaluation`."""
+        if self._effects:
+            yield f"with the effects {', '.join(self._effects)}, held at the size that the trace found"
+        yield from self._plain.notes

@@ -1,0 +1,22 @@
+"""A share of the campaign of laboratories whose instruments err as certificates say: do expanded uncertainties hold?
+
+In full: docs/budgets.md. These few show a contribution that is missing, twice as large or half as large.
+"""
+
+from __future__ import annotations
+
+import pytest
+
+from proving.statistics.registers import attitude, force, pressure, shares
+
+
+@pytest.mark.parametrize(("case", "laboratories"), [(force, 10), (attitude, 3), (pressure, 2)])
+def test_expanded_uncertainties_hold_in_a_few_laboratories(case, laboratories):
+    found = shares([case(1, laboratories)])
+    assert found["mean"] > 85.0
+    assert found["of"] == laboratories
+
+
+def test_expanded_uncertainties_hold_as_often_as_they_say():
+    for case, laboratories in ((force, 300), (attitude, 60), (pressure, 40)):
+        assert 92.5 < shares([case(2, laboratories)])["mean"] < 97.5, case
