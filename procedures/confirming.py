@@ -83,6 +83,10 @@ class Confirming(ABC):
         """Effects that the trace looked for."""
         return ()
 
+    def suits(self, variation: Variation, questions: Sequence[Question]) -> bool:
+        """Whether all explanations say what they are in a run; a run of which one does not is not proposed."""
+        return True
+
     counts: Sequence[int] = ()
     """Numbers of units that are tried if a run's points are chosen, ascending."""
 

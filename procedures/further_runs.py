@@ -56,6 +56,7 @@ class Variation:
         by_weather: whether no instrument on the bench can set this temperature.
         steps: changes by a person in the run.
         wait_s: additional wait at every point, seconds.
+        routine: whether the procedure's own steps by hand are a part of it.
     """
 
     what: str
@@ -65,6 +66,7 @@ class Variation:
     by_weather: bool = False
     steps: tuple[Step, ...] = ()
     wait_s: float = 0.0
+    routine: bool = False
 
     @property
     def person(self) -> int:

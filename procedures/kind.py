@@ -201,6 +201,19 @@ class Kind(ABC):
         """A run that it traced, as the first of two; None if no further run is possible."""
         return None
 
+    def cannot_confirm(self, table: Table, options: Any) -> str:
+        """Why no further run can confirm the findings in a run, and what to do instead; "" where one can.
+
+        It is asked before the run is traced.
+
+        Args:
+            table: the run.
+            options: of the trace, as declared by this kind.
+        """
+        if type(self).confirming is Kind.confirming:
+            return f"no further run is made of {self.title}: make another run by `rig run`, and trace that by itself"
+        return ""
+
     def expected(self, procedure: Any, run_list: RunList, sensors: Mapping[str, str]) -> Expected:
         """A run as it is planned, for a forecast of total uncertainties.
 

@@ -17,7 +17,7 @@ from command import rig
 
 from fitter.budget.rounding import rounded
 from fitter.trace.outcome import Finding
-from rig.certificate.assembly import conditions, decimal_text, doubtful
+from rig.certificate.assembly import conditions, decimal_text, doubtful, effects
 from rig.certificate.files import write_once
 from rig.certificate.numbers import plain
 from rig.dcc.reader import read_dcc
@@ -201,7 +201,11 @@ def test_a_doubtful_name_is_refused_until_it_is_confirmed(made, monkeypatch, run
     outcomes, _ = with_doubt(run, None, quick=False)
     answer = SimpleNamespace(effect="creep", verdict="confirmed")
     assert list(doubtful(outcomes, None)) == [("cell_V", finding)]
-    assert list(doubtful(outcomes, SimpleNamespace(answers=(answer,)))) == []
+    confirmed = SimpleNamespace(answers=(answer,), path=Path("later.sqlite"))
+    assert list(doubtful(outcomes, confirmed)) == []
+    (effect,) = effects(made.budgets[0], outcomes, confirmed, "", "f0" * 32)
+    assert (effect.sensor, effect.confirmed) == ("cell", True)
+    assert effect.how == "confirmed by later.sqlite, head f0f0f0f0f0f0f0f0"
 
 
 @pytest.mark.parametrize(
@@ -323,6 +327,24 @@ def test_a_refusal_ends_with_two_and_writes_nothing(run, tmp_path):
     assert "no certificate is made of" in done.stderr
     assert done.stderr.count("\n- ") >= 4
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(("missing", "extra"), [("typst", "certificate"), ("signxml", "dcc")])
+def test_a_missing_extra_is_told_before_the_work(run, tmp_path, monkeypatch, missing, extra):
+    from rig.dcc import extras  # noqa: PLC0415
+
+    real = extras.import_module
+
+    def imported(name):
+        if name.startswith(missing):
+            raise ImportError(name)
+        return real(name)
+
+    monkeypatch.setattr(extras, "import_module", imported)
+    monkeypatch.setitem(make.__globals__, "_traced", None)  # would fail if it were reached
+    keys = ["--key", tmp_path / "k.pem", "--key-certificate", tmp_path / "c.pem"]
+    done = rig("certificate", run, "--settings", settled(tmp_path), "--out", tmp_path / "out", *keys)
+    assert (done.returncode, f"pip install 'calibration-rig[{extra}]'" in done.stderr) == (2, True), done.stderr
 
 
 @pytest.mark.parametrize("arguments", [[], ["--out", "x"], ["RUN"], ["RUN", "--read", "x.xml"]])

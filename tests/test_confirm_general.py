@@ -103,11 +103,15 @@ def test_further_runs_are_procedures_that_differ_in_one_respect(tmp_path):
     assert set(kinds) == {
         "the same again",
         "settings in random order",
-        "settings between those of the first run too",
+        "force_kN between the settings of the first run",
+        "force_kN at the settings of the first run and between them",
         "30 s at each setting before it is read",
     }
     assert kinds["settings in random order"].factors["force_kN"].order == "random"
-    assert len(kinds["settings between those of the first run too"].factors["force_kN"].levels) == 15
+    assert kinds["force_kN between the settings of the first run"].factors["force_kN"].levels == [
+        0.5, 1.5, 2.5, 3.5, 4.5, 5.5, 6.5,
+    ]  # fmt: skip
+    assert len(kinds["force_kN at the settings of the first run and between them"].factors["force_kN"].levels) == 15
     assert {run.procedure.seed for run in runs} == {first.seed + 1}
     assert [run.procedure.replications for run in runs if run.what == "the same again"] == [1, 2, 4]
     assert {run.wait_s for run in runs} == {0.0, 25.0}

@@ -196,6 +196,7 @@ def _holder(question: Question, answer: Confirmation) -> tuple[Any, ...]:
 
 def confirm(both: Together, question: Question) -> Confirmation:
     """Judge the members of one question by both runs together, and by the later one alone."""
+    both, question = both.about(question)
     standing_out = _outliers(both, question)
     aside = tuple((standing_out - int(np.flatnonzero(both.fresh)[0])).tolist())
     if aside:

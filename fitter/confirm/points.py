@@ -19,7 +19,7 @@ from scipy import special
 from fitter.arrays import FloatArray, IntArray
 from fitter.confirm.compare import NOTHING, Pair, fitted_again
 from fitter.confirm.question import Question
-from fitter.confirm.reduced import Reduced
+from fitter.confirm.reduced import reduced
 from fitter.confirm.together import Candidates, Fit, Together
 
 UNSEEN = 2.0
@@ -134,8 +134,8 @@ class Points:
             units: (n,) label of each planned observation's unit, from 0.
             most: number of observations of the largest possible run.
         """
-        short = [Reduced.of(both, questions) for both in ways]
-        found = [rival for both in short for question in questions for rival in _rivals(both, question, units)]
+        about = reduced(ways, questions)
+        found = [rival for own, question in about for both in own for rival in _rivals(both, question, units)]
         return cls(tuple(found), int(units.max()) + 1, float(np.sqrt(max(most / units.size, 1.0))))
 
     @property

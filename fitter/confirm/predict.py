@@ -18,7 +18,7 @@ from scipy import special
 from fitter.arrays import FloatArray
 from fitter.confirm.compare import NOTHING, Apart, Comparison, Pair, searched
 from fitter.confirm.question import Question
-from fitter.confirm.reduced import Reduced
+from fitter.confirm.reduced import reduced
 from fitter.confirm.together import RANK, Candidates, Fit, Together, left
 from fitter.quantiles import DISTINGUISHED, t_limit
 from fitter.trace.aliases import PER_COLUMN
@@ -172,8 +172,8 @@ def separation(both: Together | Sequence[Together], questions: Sequence[Question
         both: the first run and the planned one; or several equally probable courses of the planned one.
         questions: open questions.
     """
-    ways = [Reduced.of(one, questions) for one in ([both] if isinstance(both, Together) else both)]
-    return tuple(_separation(ways, question) for question in questions)
+    ways = [both] if isinstance(both, Together) else both
+    return tuple(_separation(own, question) for own, question in reduced(ways, questions))
 
 
 def _separation(ways: Sequence[Together], question: Question) -> Separation:

@@ -7,7 +7,7 @@ triangular factor has the same ones.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
@@ -155,6 +155,24 @@ class Reduced(Together):
     @cached_property
     def _number(self) -> dict[int, int]:
         return {id(term): number for number, term in enumerate(self.terms)}
+
+
+def reduced(ways: Sequence[Together], questions: Sequence[Question]) -> Iterator[tuple[list[Together], Question]]:
+    """For every question: both runs in each course with fewer rows, and the question, about the sensors with a part in
+    it.
+
+    Args:
+        ways: the first run and a planned one.
+        questions: open questions.
+    """
+    common: list[Together] = []
+    for question in questions:
+        about = [both.about(question) for both in ways]
+        if all(own is both for both, (own, _) in zip(ways, about, strict=True)):
+            common = common or [Reduced.of(both, questions) for both in ways]
+            yield common, question
+        else:
+            yield [Reduced.of(own, [alone]) for own, alone in about], about[0][1]
 
 
 def _different(questions: Sequence[Question]) -> Candidates:

@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,9 @@ from fitter.arrays import FloatArray
 from fitter.effects.hands import Done
 from fitter.linear import orthonormal
 from fitter.trace.aliases import NOTHING_LEFT
+
+if TYPE_CHECKING:
+    from fitter.confirm.question import Question
 
 Candidates = Sequence[Any]
 """Terms of effects, each of a kind's own class; all have effect, term and sensor."""
@@ -179,6 +182,10 @@ class Together(ABC):
     @abstractmethod
     def untouched(self, terms: Candidates) -> FloatArray:
         """(S, n, q) unweighted columns of effects as if nobody changed the bench, zero for sensors without the term."""
+
+    def about(self, question: Question) -> tuple[Together, Question]:
+        """The runs and a question without sensors that have no part in it; as they are if any may have one."""
+        return self, question
 
     def shapes(self, *, lasting: bool) -> Iterator[FloatArray]:
         """(S, n, m) smooth unweighted columns over what was recorded in the later run, one place after the other.

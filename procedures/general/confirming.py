@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import chain
 from typing import Any
@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from fitter.arithmetic_text import parse_expression
-from fitter.arrays import FloatArray
+from fitter.arrays import FloatArray, IntArray
 from fitter.confirm import Confirmation, Question
 from fitter.effects.entry import Entry
 from fitter.effects.hands import Done
@@ -23,10 +23,15 @@ from procedures.blocks import Block
 from procedures.confirming import SETTLED, Confirming
 from procedures.effects_shown import show_confirmed
 from procedures.errors import DataError
-from procedures.further_runs import Variation
+from procedures.further_runs import Variation, repeated
+from procedures.general.effects.literal import arithmetic
+from procedures.general.effects.of_others import HYSTERESIS
 from procedures.general.effects.time_columns import lag
+from procedures.general.factors import RANDOM
+from procedures.general.further_runs import values_of, with_routine
 from procedures.general.of_runs import Asked, RunFitted, RunTraced, fit_run
-from procedures.general.options import FitOptions
+from procedures.general.options import FitOptions, TraceOptions
+from procedures.general.planning import check_declared
 from procedures.general.settings import GeneralProcedure
 from procedures.general.together import TIME, GeneralTogether, Observations, RunTerm, columns_of
 from procedures.general.trace import TableTrace
@@ -34,7 +39,33 @@ from procedures.run_list import RunList
 from procedures.table import Table
 
 MOST_CONSTANTS = 3
+LEAST_CANDIDATES, MOST_CANDIDATES = 5, 160
+"""Numbers of units from which those of a run are chosen."""
+LEAST_POINTS = 12
+_COUNTS = 2, 3, 4, 5, 6, 8, 10, 12, 15, 19, 24, 30, 38, 48, 60, 76, 96, 120
+CHOSEN = "chosen by rig confirm"
+"""In place of the name of a file with the points."""
 OWN_UNITS = "the unit of each output"
+
+
+def cannot_confirm(table: Table, options: TraceOptions) -> str:
+    """Why no further run can confirm the findings in a run; see `procedures.kind.Kind.cannot_confirm`."""
+    others = options.model_fields_set - {"response", "formula"}
+    asked = None if others else Asked.of(table, options.response, options.formula)
+    if asked is None:
+        given = sorted(f"--{name.replace('_', '-')}" for name in others or {"response"})
+        return (
+            f"a run is confirmed with the roles of its columns, by the outputs of its sensors: leave out "
+            f"{', '.join(given)}. What is not an output is traced again in another run: rig trace"
+        )
+    models = asked.models
+    if not any(model.linear for model in models.values()):
+        return (
+            "its declared models are not linear in their coefficients, so nothing is traced and no run is proposed. "
+            "Make the procedure again with a formula that is, such as a polynomial, in [model]; or make the same run "
+            "again and compare both calibrations: rig chart"
+        )
+    return ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,6 +141,7 @@ class GeneralConfirming(Confirming):
     traced: RunTraced
 
     per_slope = 1.0
+    passes = 1, 2, 4
 
     @cached_property
     def found(self) -> FoundInRun:
@@ -157,6 +189,59 @@ class GeneralConfirming(Confirming):
         every = (c.effect for trace in self.found.sensors.values() for c in trace.search.judge.candidates)
         return tuple({effect.name: effect for effect in every}.values())
 
+    def suits(self, variation: Variation, questions: Sequence[Question]) -> bool:
+        """See `Confirming`: a hysteresis is a loop over the whole range, whose factor has to go up and down again."""
+        loops = {
+            term.effect.columns[-1]
+            for question in questions
+            for member in question.members
+            for term in member.terms
+            if term.effect.kind.name == HYSTERESIS.name
+        }
+        run: GeneralProcedure = variation.procedure
+        return all(run.factors[name].order != RANDOM for name in loops if name in run.factors)
+
+    def whole(self, group: Sequence[Variation], times: int) -> Variation | None:
+        """See `Confirming`: the largest grid, if it has enough points to choose from."""
+        largest = max(group, key=lambda variation: len(variation.procedure.expand()))
+        bare = GeneralProcedure.model_validate(values_of(largest.procedure))  # its steps have no places in fewer plots
+        whole = repeated(replace(largest, procedure=bare), times)
+        whole = replace(whole, procedure=with_routine(whole.procedure, largest.procedure))
+        count = int(self.units(whole.procedure.expand()).max()) + 1
+        return whole if LEAST_CANDIDATES <= count <= MOST_CANDIDATES else None
+
+    @cached_property
+    def counts(self) -> Sequence[int]:  # type: ignore[override]
+        """See `Confirming`: a run of fewer points would not show whether a model fits."""
+        columns = self.data.table.columns
+        rows = len(self.data) / max(len(set(columns["whole_plot"].tolist())), 1) if "whole_plot" in columns else 1.0
+        return tuple(count for count in _COUNTS if count * rows >= LEAST_POINTS and count > 1)
+
+    def units(self, run_list: RunList) -> IntArray:
+        """See `Confirming`: a setting, or all settings at those of the factors that are hard to change."""
+        keys = _unit_keys(run_list)
+        numbers = {key: number for number, key in enumerate(sorted(set(keys)))}
+        return np.array([numbers[key] for key in keys], np.int64)
+
+    def chosen(self, whole: Variation, units: Sequence[int]) -> Variation:
+        """See `Confirming`; with as many more units as the declared models need."""
+        run: GeneralProcedure = whole.procedure
+        run_list = run.expand()
+        keys = _unit_keys(run_list)
+        ordered = sorted(set(keys))
+        settings: dict[tuple[float, ...], list[tuple[float, ...]]] = {}
+        for key, point in zip(keys, run_list.points, strict=True):
+            if point.setpoints not in settings.setdefault(key, []):
+                settings[key].append(point.setpoints)
+        wanted = [ordered[unit] for unit in units]
+        for key in (None, *_from_the_ends([key for key in ordered if key not in wanted])):
+            wanted += [] if key is None else [key]
+            rows = [list(point) for one in ordered if one in wanted for point in settings[one]]
+            procedure = _of_points(run, rows)
+            if _determined(procedure):
+                break
+        return replace(whole, procedure=procedure)
+
     def ways(
         self, variation: Variation, run_list: RunList, questions: Sequence[Question], later_s: float
     ) -> list[GeneralTogether]:
@@ -201,22 +286,15 @@ class GeneralConfirming(Confirming):
                 continue
             members = {member.effect: member.terms for member in question.members}
             terms = [term for term in members.get(answer.holding[0], answer.holder) if not term.slope]
-            if not all(self._usable(term) for term in terms):
+            usable = {term: usable_term(term.term.name, self.traced.table.factors) for term in terms}
+            if not all(usable.values()):
                 why = "it is no function of the settings: the calibration does not have it"
                 effect["used"] = f"{effect['told']}; {why}"
                 continue
             for term in terms:
-                added.setdefault(term.sensor, []).append(f"I({term.term.name})")
-            effect["terms"] = [f"{term.sensor}: I({term.term.name})" for term in terms]
+                added.setdefault(term.sensor, []).append(f"I({usable[term]})")
+            effect["terms"] = [f"{term.sensor}: I({usable[term]})" for term in terms]
         return ConfirmedFit(fit_run(asked.adding(added)), record)
-
-    def _usable(self, term: RunTerm) -> bool:
-        """Whether a column is arithmetic of factors, which are known when the sensor is used."""
-        try:
-            names = parse_expression(term.term.name).names
-        except FitError:
-            return False
-        return bool(names) and set(names) <= set(self.traced.table.factors)
 
     @cached_property
     def _times_s(self) -> tuple[float, float]:
@@ -249,6 +327,47 @@ class GeneralConfirming(Confirming):
         then, now = (t - t.min() for t in (first.columns[TIME], columns[TIME]))
         others = {name: np.interp(now, then, v) for name, v in first.columns.items() if name not in columns}
         return Table("planned", {name: {**others, **columns}[name] for name in first.columns}, True, {})
+
+
+def usable_term(label: str, factors: Sequence[str]) -> str:
+    """A column of an effect as arithmetic of factors, which are known when a sensor is used; "" if it is none."""
+    try:
+        text = arithmetic(label)
+        names = parse_expression(text).names
+    except FitError:
+        return ""
+    return text if names and set(names) <= set(factors) else ""
+
+
+def _unit_keys(run_list: RunList) -> list[tuple[float, ...]]:
+    """Settings that identify the unit of each point: those of the hard factors, or without any the whole setting."""
+    hard = [at for at, factor in enumerate(run_list.factors) if factor.hard]
+    return [tuple(p.setpoints[at] for at in hard) if hard else tuple(p.setpoints) for p in run_list.points]
+
+
+def _from_the_ends(keys: Sequence[Any]) -> Iterator[Any]:
+    """The first, the last, the middle, and so on to the rest."""
+    yield from sorted(keys, key=lambda key: (min(keys.index(key), len(keys) - 1 - keys.index(key)), keys.index(key)))
+
+
+def _of_points(run: GeneralProcedure, rows: list[list[float]]) -> GeneralProcedure:
+    """The run with these settings in place of a grid."""
+    values = values_of(run)
+    factors = {name: {k: v for k, v in one.items() if k != "levels"} for name, one in values["factors"].items()}
+    for name, factor in run.factors.items():  # defaults that follow from the levels stay those of the first run
+        factors[name] |= {"band": factor.band, "tolerance": factor.tolerance}
+        factors[name] = {k: v for k, v in factors[name].items() if v is not None}
+    design = {"type": "file", "points": CHOSEN, "rows": rows}
+    return with_routine(GeneralProcedure.model_validate({**values, "factors": factors, "design": design}), run)
+
+
+def _determined(procedure: GeneralProcedure) -> bool:
+    """Whether the settings of a procedure determine the declared models."""
+    try:
+        check_declared(procedure, procedure.expand())
+    except FitError:
+        return False
+    return True
 
 
 @dataclass(frozen=True)

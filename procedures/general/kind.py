@@ -62,9 +62,18 @@ class GeneralKind(Kind):
             from procedures.general.of_runs import Asked, fit_run, reader_of  # noqa: PLC0415
 
             asked = Asked.of(source.table, options.response, options.formula)
-            if asked is not None and set(_given(options)) <= _OF_RUNS:
+            if asked is not None and set(_given(options)) <= {*_OF_RUNS, "traced"}:
+                if options.traced:
+                    from procedures.general.traced import fit_traced  # noqa: PLC0415
+
+                    return fit_traced(asked, leave_out, own)
                 return fit_run(asked, leave_out)
             read = reader_of(source.table)
+        if options.traced:
+            raise DataError(
+                "--traced is for the sensors of a run file, with no other options than --response and --formula; of a "
+                "table, add the terms that rig trace prints to --formula"
+            )
         from procedures.general.declared import Declared  # noqa: PLC0415
         from procedures.general.fit import GeneralFitted, fit_general  # noqa: PLC0415
         from procedures.general.series import series_of  # noqa: PLC0415
@@ -204,6 +213,12 @@ class GeneralKind(Kind):
 
         return GeneralConfirming(traced) if isinstance(traced, RunTraced) else None
 
+    def cannot_confirm(self, table: Table, options: TraceOptions) -> str:
+        """See `Kind`."""
+        from procedures.general.confirming import cannot_confirm  # noqa: PLC0415
+
+        return cannot_confirm(table, options)
+
     def further_runs(self, procedure: GeneralProcedure, limits: Limits, *, chamber: bool) -> Iterator[Variation]:
         """See `Kind`."""
         from procedures.general.further_runs import further_runs  # noqa: PLC0415
@@ -235,7 +250,7 @@ _NEEDS_RESPONSE = "{} needs --response, the column to be explained"
 
 def _given(options: Options) -> list[str]:
     """Names of the options that were given."""
-    return [name for name, value in options if value is not None]
+    return [name for name, value in options if value is not None and value is not False]
 
 
 def _names(given: Sequence[str] | None) -> tuple[str, ...]:

@@ -142,6 +142,18 @@ def results_of(result: Mapping[str, Any]) -> Mapping[str, Mapping[str, Any]]:
     return {result["response"]: result} if sensors is None else sensors
 
 
+def noted_of(fitted: RunFitted, notes: Mapping[str, Sequence[str]]) -> RunFitted:
+    """Fits with more notes, by output; every use of the calibrations has them too."""
+    found = {}
+    for output, one in results_of(fitted.result).items():
+        more = list(notes.get(output, ()))
+        kept = {**one["calibration"], "notes": [*one["calibration"]["notes"], *more]}
+        found[output] = _noted({**one, "calibration": kept}, more)
+    if "sensors" in fitted.result:
+        return RunFitted({**fitted.result, "sensors": found})
+    return RunFitted(next(iter(found.values())))
+
+
 def fit_run(asked: Asked, leave_out: Sequence[str] = ()) -> RunFitted:
     """Fit the declared model to every sensor.
 

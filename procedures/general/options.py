@@ -14,6 +14,7 @@ _FORMULA = "the declared model, such as '1 + x + x^2'"
 class FitOptions(Options):
     """Options of `rig fit`."""
 
+    traced: bool = Field(False, description="keep a calibration with the effects that a trace finds")
     response: str | None = Field(None, description="the column to be explained")
     formula: str | None = Field(None, description=_FORMULA)
     whole_plot: str | None = Field(None, description="column(s, comma between) of whole plots")

@@ -2,25 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import MappingProxyType
-from typing import Self
+from typing import Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fitter.arrays import FloatArray
-from fitter.confirm import Together
+from fitter.confirm import Question, Together
 from fitter.confirm.together import Candidates, Own
 from fitter.effects.hands import Done
 from fitter.errors import FitError
+from procedures.errors import DataError
 from procedures.general.column_roles import Roles, roles_of
-from procedures.general.effects import OF_CONSTANT, TableEffect, effects_of
+from procedures.general.effects import OF_CONSTANT, TableEffect
+from procedures.general.effects.literal import Rows, column
 from procedures.general.effects.of_time import WARM_UP
-from procedures.general.effects.scene import Profile, TableScene, TableTerm
-from procedures.general.effects.time_columns import previous
+from procedures.general.effects.scene import Profile, TableTerm
 from procedures.general.trace import TableData, TableTrace
 from procedures.general.trace.places import places_of
 from procedures.table import Table
@@ -28,8 +29,8 @@ from procedures.table import Table
 TIME = "elapsed_s"
 _NUMBERED = ("replicate", "order", "block", "whole_plot")
 """Columns of numbers that go on in a later run."""
-_PERIODIC = "periodic"
 _STEP = 1e-3
+One = TypeVar("One")
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,10 +100,9 @@ def columns_of(effect: TableEffect, block: TableTerm, sensor: str) -> Iterator[R
             yield RunTerm(effect, Label(f"{OF_CONSTANT}{block.labels[at]}"), sensor, block, at, slope=True)
 
 
-def _slopes(profile: Profile, value: float | None = None) -> FloatArray:
+def _slopes(profile: Profile) -> FloatArray:
     """(n, d) change of a term's columns with the logarithm of its searched constant."""
-    middle = profile.value if value is None else value
-    above, below = (profile.at(middle * (1.0 + step)).columns for step in (_STEP, -_STEP))
+    above, below = (profile.at(profile.value * (1.0 + step)).columns for step in (_STEP, -_STEP))
     return np.asarray((above - below) / (2.0 * _STEP))
 
 
@@ -139,51 +139,60 @@ class Whole:
     """Both runs, prepared for every sensor.
 
     Attributes:
+        table: all rows, those of the first run first, each run in order of time.
         data: of all rows, by output.
+        later: of the later run's rows alone, by output; without sensors whose model has too many columns for them.
         traces: findings in the first run, by output.
         count: number of rows of the first run.
         constants: time constants of explanations that remember earlier settings, by output.
     """
 
+    table: Table
     data: Mapping[str, TableData]
+    later: Mapping[str, TableData]
     traces: Mapping[str, TableTrace]
     count: int
     constants: Mapping[str, Sequence[float]]
-    _kept: dict[tuple[str, str, tuple[str, ...], bool], FloatArray] = field(default_factory=dict)
+    _kept: dict[tuple[str, bool, bool], FloatArray] = field(default_factory=dict)
+
+    def of(self, outputs: Collection[str]) -> Whole:
+        """The same for some of the sensors."""
+        return replace(
+            self,
+            data=_some(self.data, outputs),
+            later=_some(self.later, outputs),
+            traces=_some(self.traces, outputs),
+            constants=_some(self.constants, outputs),
+        )
 
     def columns(self, term: RunTerm) -> FloatArray:
-        """(n,) the column of a term in all rows."""
-        key = term.sensor, term.effect.name, term.block.labels, term.slope
+        """(n,) the column of a term in all rows, as its formula says."""
+        anew = term.effect.kind.name == WARM_UP.name
+        key = term.block.labels[term.at], term.slope, anew
         if key not in self._kept:
-            self._kept[key] = self._block(term)
-        return self._kept[key][:, term.at]
+            rows = self._since_begin if anew else self._rows
+            if term.slope:
+                assert term.block.profile is not None
+                above, below = (_labelled(term, 1.0 + step) for step in (_STEP, -_STEP))
+                self._kept[key] = (column(above, rows) - column(below, rows)) / (2.0 * _STEP)
+            else:
+                self._kept[key] = column(term.block.labels[term.at], rows)
+        return self._kept[key]
 
-    def _block(self, term: RunTerm) -> FloatArray:
-        """(n, d) the term of the first run in the rows of both."""
-        scene, profile = self.data[term.sensor].scene, term.block.profile
-        if term.effect.kind.name == WARM_UP.name:
-            scene = self._begun_anew(scene)
-        kinds = (e for e in effects_of(scene, term.sensor) if e.name == term.effect.name)
-        every = (one for effect in kinds for one in effect.terms(scene))
-        same = [
-            one
-            for one in every
-            if len(one.labels) == len(term.block.labels) and (one.profile is None) == (profile is None)
-        ]
-        if not same:
-            raise FitError(f"{term.effect.name} cannot be computed for both runs together")
-        if profile is None:
-            block = next((one for one in same if one.labels == term.block.labels), same[0]).columns.copy()
-            if term.effect.kind.terms is previous:
-                block[self.count :][:1] = 0.0  # at rest before the first row of a run
-            return block
-        assert same[0].profile is not None
-        value = profile.value * self._longer(term)
-        return _slopes(same[0].profile, value) if term.slope else same[0].profile.at(value).columns
+    @cached_property
+    def _rows(self) -> Rows:
+        return Rows(self.table.columns, self.table.columns[TIME], (0, self.count))
+
+    @cached_property
+    def _since_begin(self) -> Rows:
+        """The rows with a time that begins anew in the later run."""
+        t = self.table.columns[TIME]
+        since = np.concatenate([t[: self.count], t[self.count :] - t[self.count] + t[0]])
+        return Rows({**self.table.columns, TIME: since}, since, (0, self.count))
 
     def started(self, output: str) -> FloatArray:
         """(n, c) decays from the first row of the later run on: it is not known what stood before, and for how long."""
-        t = self.data[output].scene.of(TIME)
+        t = self.table.columns[TIME]
         since = t - t[self.count]
         columns = [np.where(since >= 0.0, np.exp(-np.maximum(since, 0.0) / tau), 0.0) for tau in self._taus(output)]
         return np.column_stack(columns) if columns else np.zeros((len(t), 0))
@@ -191,19 +200,24 @@ class Whole:
     def _taus(self, output: str) -> Sequence[float]:
         return self.constants.get(output, ())
 
-    def _longer(self, term: RunTerm) -> float:
-        """Span of both runs over that of the first, for constants that count periods in the span; otherwise one."""
-        if term.effect.family != _PERIODIC:
-            return 1.0
-        v = self.data[term.sensor].scene.of(term.effect.columns[0])
-        return float(np.ptp(v) / np.ptp(v[: self.count]))
 
-    def _begun_anew(self, scene: TableScene) -> TableScene:
-        """The scene with a time that begins anew in the later run."""
-        assert scene.time is not None
-        t = scene.time.values
-        since = np.concatenate([t[: self.count] - t[0], t[self.count :] - t[self.count]])
-        return replace(scene, time=replace(scene.time, values=since + t[0]))
+def _some(every: Mapping[str, One], outputs: Collection[str]) -> Mapping[str, One]:
+    return {name: one for name, one in every.items() if name in outputs}
+
+
+def _labelled(term: RunTerm, factor: float) -> str:
+    """The formula of a term's column with another searched constant."""
+    assert term.block.profile is not None
+    return term.block.profile.at(term.block.profile.value * factor).labels[term.at]
+
+
+def _those_that_can(table: Table, roles: Mapping[str, Roles]) -> Iterator[tuple[str, TableData]]:
+    """Sensors whose declared model a run's rows suffice for, with these rows."""
+    for output, own in roles.items():
+        try:
+            yield output, roles_of(table, own)[0]
+        except DataError:
+            continue
 
 
 @dataclass(frozen=True, eq=False)
@@ -247,13 +261,16 @@ class GeneralTogether(Together):
         """
         used = [name for one in roles.values() for name in (one.response, *one.named)]
         both = join(first, later, after_s, list(dict.fromkeys([*used, *first.factors])))
-        data = {}
-        for output, own in roles.items():
-            ignored = tuple(name for name in own.ignore if name in both.columns)
-            data[output] = roles_of(both, replace(own, ignore=ignored))[0]
+        every = {
+            output: replace(own, ignore=tuple(name for name in own.ignore if name in both.columns))
+            for output, own in roles.items()
+        }
+        data = {output: roles_of(both, own)[0] for output, own in every.items()}
+        alone = dict(_those_that_can(later, every))
         n, count = len(both), len(first)
         changes = tuple(one.after_first(count) for one in done)
-        return cls(np.arange(n) >= count, Whole(data, traces, count, constants), np.arange(n), done=changes)
+        whole = Whole(both, data, alone, traces, count, constants)
+        return cls(np.arange(n) >= count, whole, np.arange(n), done=changes)
 
     @property
     def data(self) -> Outputs:
@@ -334,15 +351,23 @@ class GeneralTogether(Together):
             raw[self.sensors.index(term.sensor), :, k] = self.whole.columns(term)[self.rows]
         return raw
 
+    def about(self, question: Question) -> tuple[Together, Question]:
+        """See `Together`: sensors are independent, so only those with a column of an explanation have a part in it."""
+        concerned = {term.sensor for member in question.members for term in member.terms}
+        if concerned >= set(self.sensors):
+            return self, question
+        rest = tuple(term for term in question.rest if term.sensor in concerned)
+        return replace(self, whole=self.whole.of(concerned)), replace(question, rest=rest)
+
     def shapes(self, *, lasting: bool) -> Iterator[FloatArray]:
         """See `Together`: the places where a trace looks for shapes without a name."""
-        for i, one in enumerate(self.whole.data.values()):
+        fresh = self.rows[self.fresh] - self.whole.count
+        for output, one in self.whole.later.items():
             for place in places_of(one.scene, one.shared):
                 if lasting and place.timed:
                     continue
-                columns = place.block.columns[self.rows] * self.fresh[:, None]
-                raw = np.zeros((len(self.sensors), *columns.shape))
-                raw[i] = columns
+                raw = np.zeros((len(self.sensors), len(self.rows), place.block.columns.shape[1]))
+                raw[self.sensors.index(output), self.fresh] = place.block.columns[fresh]
                 yield raw
 
     def only(self, rows: NDArray[np.bool_]) -> Self:

@@ -13,6 +13,7 @@ from functools import partial
 from pathlib import Path
 
 from proving.ledger import Result
+from proving.statistics.confirm_any import loops
 from proving.statistics.dry_runs import Truth, dry, one_sensor
 from proving.statistics.frame import Figures, Part, Results, Study
 from rig.closed_loop.confirm import consider, judge, open_traced, plan_for, propose
@@ -102,4 +103,4 @@ def _excluded(results: Results) -> Figures:
     return {"the other excluded without a further run": sum(one["excluded"] for one in results), "of": len(results)}
 
 
-PARTS = {"pairs": Part(pairs, 20, 1), "already": Part(already, 20, 1)}
+PARTS = {"pairs": Part(pairs, 20, 1), "already": Part(already, 20, 1), "laboratories": Part(loops, 5, 1)}

@@ -242,10 +242,20 @@ def conditions(run: RunBudget, stage: Stage) -> tuple[Condition, ...]:
     return tuple(found)
 
 
-def effects(run: RunBudget, outcomes: Iterable[Outcome], confirmed: Confirmed | None, stage: Stage) -> Iterator[Effect]:
-    """Effects that a trace found, and whether a further run confirmed them; remainders without a name, too."""
+def effects(
+    run: RunBudget, outcomes: Iterable[Outcome], confirmed: Confirmed | None, stage: Stage, head: str = ""
+) -> Iterator[Effect]:
+    """Effects that a trace found, and whether a further run confirmed them; remainders without a name, too.
+
+    Args:
+        run: with its budgets.
+        outcomes: of the trace.
+        confirmed: results of the further run; None if none was made.
+        stage: of the run.
+        head: head hash of the further run.
+    """
     answers = {} if confirmed is None else {one.effect: one.verdict for one in confirmed.answers}
-    by = "" if confirmed is None else f" by {confirmed.path.name}"
+    by = "" if confirmed is None else f" by {confirmed.path.name}, head {head[:16]}"
     for outcome in outcomes:
         sensor = sensor_of(outcome.sensor, run)
         for one in outcome.findings:

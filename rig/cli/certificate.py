@@ -102,11 +102,12 @@ def certificate(
     if not runs or out_folder is None:
         raise UsageError("a certificate needs a run file and --out FOLDER: rig certificate RUN --out certificates")
     from rig.atomic import check_files  # noqa: PLC0415
-    from rig.results.certificate import Asked, Issue, all_files, issue, make  # noqa: PLC0415
+    from rig.results.certificate import Asked, Issue, all_files, check_extras, issue, make  # noqa: PLC0415
 
     asked = Asked(tuple(runs), _date(issued), equipment, settings, confirmed_by, calibrated_by, approved_by, adjustment)
     how = Issue(out_folder, number or "", amends or "", because, template, paper, key, key_certificate, schema)
     check_files([], list(all_files(asked, how)))
+    check_extras(how)
     made = issue(make(asked), how)
     if as_json:
         print_json(made.to_json())

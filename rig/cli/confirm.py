@@ -29,6 +29,7 @@ SHOWN = 5
 """Number of proposals shown by default."""
 
 if TYPE_CHECKING:
+    from procedures.further_runs import Variation
     from rig.closed_loop.confirm.answers import Confirmed
     from rig.closed_loop.confirm.first import First
     from rig.closed_loop.confirm.proposal import Proposal
@@ -81,7 +82,8 @@ def confirm(
     Examples: `rig confirm RUN --dry`, `rig confirm RUN --list`, `rig confirm RUN --by LATER_RUN`
     """
     from rig.closed_loop.confirm.answers import judge  # noqa: PLC0415
-    from rig.closed_loop.confirm.plans import plan_for, procedure_text  # noqa: PLC0415
+    from rig.closed_loop.confirm.first import check_way  # noqa: PLC0415
+    from rig.closed_loop.confirm.plans import plan_for  # noqa: PLC0415
     from rig.closed_loop.confirm.proposals import consider, inseparable, propose  # noqa: PLC0415
 
     check_files([write, report], [run_file, *filter(None, (bench, world, by))])
@@ -89,6 +91,8 @@ def confirm(
         raise UsageError("--world describes a simulated bench; it requires --dry")
     _check_options(by, write, report, out_dir, only_list=only_list, take=take)
     texts = _texts({"bench": bench, "world": world})
+    if by is None:
+        check_way(run_file, dry=dry or only_list or write is not None, rehearsed=dry)
     first = _opened(run_file, given)
     if not as_json:
         headline(run_file.name, first.traced.table)
@@ -99,7 +103,6 @@ def confirm(
         return ExitCode.DONE
     if by is not None:
         return _show(judge(first, by), {"first": str(run_file), "proposals": []}, report, as_json=as_json)
-    _check_kind(first, dry=dry or only_list or write is not None, rehearsed=dry)
     considered = consider(first)
     proposals, never = propose(considered), inseparable(first, considered)
     if not as_json:
@@ -113,15 +116,7 @@ def confirm(
         _show_proposals(first, proposals, never, take, every=only_list)
     if only_list or write is not None:
         if write is not None:
-            lines = f"# {chosen.variation.what}: to confirm the effects found in {run_file.name}\n"
-            lines += "# Turn the package first.\n" if chosen.variation.turned else ""
-            lines += "".join(
-                f"# {step.words}: the run waits, and `rig done` continues it.\n" for step in chosen.variation.steps
-            )
-            write_whole(
-                write,
-                lambda file: file.write(lines + procedure_text(chosen.variation.procedure, chosen.variation.steps)),
-            )
+            _write_procedure(write, run_file, chosen.variation)
             err.print(f"procedure: {escape(str(write))}", soft_wrap=True)
         if as_json:
             print_json(_listed(first, proposals, never))
@@ -184,14 +179,15 @@ def _check_options(
         raise UsageError("--report shows a judgement; with --list or --write there is none")
 
 
-def _check_kind(first: First, *, dry: bool, rehearsed: bool) -> None:
-    if first.dry and not dry:
-        raise UsageError(f"{first.path} is a dry run; a run that confirms it must be a dry run too: add --dry")
-    if rehearsed and not first.simulated:
-        raise UsageError(
-            f"{first.path} was made on real instruments: simulated readings do not describe it. Omit --dry, or "
-            f"rehearse with --write FILE and `rig run FILE --dry`"
-        )
+def _write_procedure(write: Path, run_file: Path, run: Variation) -> None:
+    """The procedure file of a further run, with what a person has to do as comments."""
+    from rig.closed_loop.confirm.plans import procedure_text  # noqa: PLC0415
+
+    lines = f"# {run.what}: to confirm the effects found in {run_file.name}\n"
+    lines += "# Turn the package first.\n" if run.turned else ""
+    lines += "".join(f"# {step.words}: the run waits, and `rig done` continues it.\n" for step in run.steps)
+    text = lines + procedure_text(run.procedure, run.steps, routine=run.routine)
+    write_whole(write, lambda file: file.write(text))
 
 
 def _wait_for_mounting(chosen: Proposal, *, dry: bool, yes: bool) -> None:

@@ -24,12 +24,13 @@ from rig.certificate.files import (
 )
 from rig.certificate.settings import CertificateSettings, read_settings
 from rig.closed_loop.budget import RunBudget, budget_of, run_with_register
+from rig.dcc.extras import needed
 from rig.errors import RigError, RunFileError, UsageError
 from rig.register import DOCUMENT
 from rig.results.data import Data
 from rig.run_file.reader import RunReader
 from rig.run_file.state import RunState, read_state
-from rig.run_file.verification import verify_file
+from rig.run_file.verification import Verification, verify_file
 
 if TYPE_CHECKING:
     from fitter.trace.outcome import Outcome
@@ -102,6 +103,7 @@ class _Run:
     budget: RunBudget | None = None
     outcomes: Sequence[Outcome] = ()
     confirmed: Confirmed | None = None
+    later: Verification | None = None
 
 
 def make(asked: Asked) -> Made:
@@ -145,6 +147,10 @@ def _read(path: Path, stage: Stage, asked: Asked, settings: CertificateSettings,
         run.budget = budget_of(of, at=settings.at, same_meter=settings.same_meter, probability=settings.probability)
         reasons.extend(_of_budget(run.budget, settings))
         later = asked.confirmed_by if path == asked.runs[-1] else None
+        if later is not None:
+            run.later = verify_file(later)
+            if not run.later.whole:
+                reasons.append(f"{later} is not verified: {run.later.findings[0]}; see rig verify")
         run.outcomes, run.confirmed = _traced(path, later, quick="quick" in of.kind.trace_options.model_fields)
         reasons.extend(_doubts(run))
     except (RigError, DataError, FitError) as error:
@@ -225,7 +231,11 @@ def _document(
         budgets=tuple(x for one, b in with_budget for x in assembly.budgets(b, one.stage, settings.annex)),
         evidence=evidence,
         statements=tuple(statements),
-        effects=tuple(e for one, b in with_budget for e in assembly.effects(b, one.outcomes, one.confirmed, one.stage)),
+        effects=tuple(
+            e
+            for one, b in with_budget
+            for e in assembly.effects(b, one.outcomes, one.confirmed, one.stage, one.later.head if one.later else "")
+        ),
         adjustment=asked.adjustment.strip() if len(runs) > 1 else "",
         deviations=tuple(d for one, b in with_budget for d in about.deviations(b.of, one.state, one.stage)),
         notes=tuple(dict.fromkeys(n for _, b in with_budget for n in assembly.notes(b))),
@@ -300,6 +310,15 @@ class Issued:
     def to_json(self) -> dict[str, Any]:
         """JSON values: the document, and its files by form."""
         return {**self.document.to_json(), "files": {path.suffix[1:]: str(path) for path in self.files}}
+
+
+def check_extras(how: Issue) -> None:
+    """Refuse before the work what would fail after it: an extra that is not installed. Raises `UsageError`."""
+    needed("typst", "certificate")
+    if how.key is not None:
+        needed("signxml.xades", "dcc")
+    if how.schema is not None:
+        needed("lxml.etree", "dcc")
 
 
 def issue(made: Made, how: Issue) -> Issued:

@@ -45,6 +45,8 @@ def groups_of(first: First) -> list[list[Variation]]:
     """Possible runs that differ in size only, from the smallest to the largest."""
     groups: dict[str, list[Variation]] = {}
     for variation in possible(_further_runs(first), first.bench.limits):
+        if not first.confirming.suits(variation, first.questions):
+            continue
         groups.setdefault(variation.what, []).append(variation)
     return list(groups.values())
 

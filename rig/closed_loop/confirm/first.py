@@ -71,6 +71,29 @@ def check_run_file(path: Path) -> None:
         )
 
 
+def check_way(path: Path, *, dry: bool, rehearsed: bool) -> None:
+    """Refuse a further run on another sort of bench than that of the first run: it is known before the trace.
+
+    Args:
+        path: the first run.
+        dry: whether simulated instruments are permitted.
+        rehearsed: whether the further run is made on them.
+
+    Raises:
+        UsageError: it is no run file, or one is simulated and the other is not.
+    """
+    check_run_file(path)
+    with RunReader.open(path) as reader:
+        run = reader.about()
+    if run.runs_dry and not dry:
+        raise UsageError(f"{path} is a dry run; a run that confirms it must be a dry run too: add --dry")
+    if rehearsed and not run.simulated:
+        raise UsageError(
+            f"{path} was made on real instruments: simulated readings do not describe it. Omit --dry, or "
+            f"rehearse with --write FILE and `rig run FILE --dry`"
+        )
+
+
 def open_traced(path: Path, **options: Any) -> First:
     """Trace a run.
 
@@ -87,10 +110,14 @@ def open_traced(path: Path, **options: Any) -> First:
     with RunReader.open(path) as reader:
         documents, run, began_utc_s = reader.documents(), reader.about(), reader.genesis().utc_s
     plan = plan_of(documents, dry=run.runs_dry, stored=True)
-    traced, kind = trace_table(table, **options), kind_of(plan.procedure)
+    kind = kind_of(plan.procedure)
+    reason = kind.cannot_confirm(table, kind.trace_options(**options))
+    if reason:
+        raise UsageError(f"{path}: {reason}")
+    traced = trace_table(table, **options)
     confirming = kind.confirming(traced)
     if confirming is None:
-        raise UsageError(f"{path}: {kind.title} has no further runs")
+        raise UsageError(f"{path}: no further run is made of {kind.title}")
     return First(
         path=path,
         traced=traced,

@@ -13,14 +13,15 @@ from rig.plans import Plan, plan_of
 from rig.toml_text import toml_text
 
 
-def procedure_text(procedure: Procedure, steps: Sequence[Step] = ()) -> str:
-    """A procedure as the text of its file, with changes by a person."""
+def procedure_text(procedure: Procedure, steps: Sequence[Step] = (), *, routine: bool = False) -> str:
+    """A procedure as the text of its file, with changes by a person, and with its own steps by hand if `routine`."""
     values = procedure.model_dump(mode="json", exclude_none=True)
     design = procedure.design.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
     values |= {"design": design}  # a type of design refuses keys of another type
-    values.pop("by_hand", None)
-    if steps:
-        values |= {"by_hand": [step.table() for step in steps]}
+    own = values.pop("by_hand", None) or []
+    by_hand = [*(own if routine else []), *(step.table() for step in steps)]
+    if by_hand:
+        values |= {"by_hand": by_hand}
     return toml_text(values)
 
 
@@ -28,7 +29,7 @@ def plan_for(
     first: First, variation: Variation, *, dry: bool, bench: str | None = None, world: str | None = None
 ) -> Plan:
     """The plan of a further run on the first run's bench, or on another file of the same bench; texts of files."""
-    documents = dict(first.documents) | {"procedure.toml": procedure_text(variation.procedure, variation.steps)}
+    documents = dict(first.documents) | {"procedure.toml": _text_of(variation)}
     documents |= {name: text for name, text in (("bench.toml", bench), ("world.toml", world)) if text is not None}
     if not dry:
         documents.pop("world.toml", None)
@@ -36,6 +37,10 @@ def plan_for(
         truth = parse_toml(documents.get("world.toml", ""), "world.toml")
         documents["world.toml"] = toml_text(_warmer(truth, variation.warmer_degC))
     return plan_of(documents, dry=dry)
+
+
+def _text_of(variation: Variation) -> str:
+    return procedure_text(variation.procedure, variation.steps, routine=variation.routine)
 
 
 def _warmer(truth: Mapping[str, Any], by: float) -> dict[str, Any]:

@@ -1,0 +1,49 @@
+"""Columns of effects in the rows of another run: the printed formula of a term, computed again."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from test_trace_tables_printed import awkward
+
+from fitter.errors import FitError
+from procedures.general.column_roles import Roles, roles_of
+from procedures.general.effects import effects_of
+from procedures.general.effects.literal import Rows, column
+from procedures.table import Table
+
+
+def rows(columns, runs=(0,)):
+    return Rows(columns, columns["t_s"], runs)
+
+
+def test_every_formula_of_the_catalogue_gives_its_column_again():
+    columns, _ = awkward()
+    columns["unit"] = np.arange(60.0) % 3
+    table = Table("t.csv", columns, True, {})
+    data, _ = roles_of(table, Roles("y", "1 + log(x)", group=("unit",), time="t_s", direction="side"))
+    seen = set()
+    for effect in effects_of(data.scene, "y"):
+        for term in effect.terms(data.scene)[::5]:
+            for label, wanted in zip(term.labels, term.columns.T, strict=True):
+                scale = np.abs(wanted).max()
+                np.testing.assert_allclose(column(label, rows(columns)), wanted, atol=1e-6 * scale, err_msg=label)
+            seen.add(effect.kind.name)
+    assert {"setting-lag", "carry-over", "kink", "warm-up", "hysteresis", "group-gain", "harmonic"} <= seen
+
+
+def test_what_remembers_begins_anew_with_every_run():
+    one = {"t_s": np.array([0.0, 10.0, 20.0]), "x": np.array([1.0, 4.0, 9.0])}
+    two = {"t_s": np.array([0.0, 10.0]), "x": np.array([9.0, 3.0])}
+    both = {"t_s": np.concatenate([one["t_s"], two["t_s"] + 1e5]), "x": np.concatenate([one["x"], two["x"]])}
+    for label in ("previous(x) - x", "lag(x - 5, 12)", "rate(x)", "side(x) * (x - 5)"):
+        alone = [column(label, rows(run)) for run in (one, two)]
+        np.testing.assert_allclose(column(label, rows(both, (0, 3))), np.concatenate(alone), err_msg=label)
+    np.testing.assert_allclose(column("previous(x) - x", rows(both, (0, 3))), [0.0, -3.0, -5.0, 0.0, 6.0])
+
+
+def test_a_name_that_the_rows_do_not_have_is_said():
+    with pytest.raises(FitError, match="needs humidity, which these rows do not have"):
+        column("humidity - 40", rows({"t_s": np.arange(3.0)}))
+    with pytest.raises(FitError, match="levels of text"):
+        column("C(unit)[a]", rows({"t_s": np.arange(3.0), "unit": np.arange(3.0)}))
