@@ -20,6 +20,8 @@ GROSS = "gross"
 MANY = 0.05
 """Share of the rows above which the model is doubted instead of the rows."""
 SHOWN = 8
+FARTHEST = 3
+"""Number of rows shown where many are off: the list is not the point then."""
 _DIGITS = 18
 """Maximum length of a row number."""
 
@@ -224,15 +226,16 @@ def _sentence(
         f"row {row}{f' ({where})' if where else ''} is {abs(d):.3g} sd off ({f'{off:+.3g} {unit}'.strip()})"
         for row, where, d, off in zip(rows, result["where"], result["distance_sd"], result["off"], strict=True)
     ]
-    more = f", and {len(rows) - SHOWN} more" if len(rows) > SHOWN else ""
+    many = len(rows) > MANY * count
+    shown = FARTHEST if many else SHOWN
+    more = f", and {len(rows) - shown} more" if len(rows) > shown else ""
     p = f"p {result['p']:.1g}" if result["p"] > 0 else "p < 1e-300"
     state = "IN this calibration" if result["kept"] else "left out of this calibration"
-    text = f"{name}: gross errors {state}: {'; '.join(told[:SHOWN])}{more} ({p} that chance names any row)"
+    first = f"{len(rows)} rows; so many may mean that the model lacks something: see rig trace. " if many else ""
+    text = f"{name}: gross errors {state}: {first}{'; '.join(told[:shown])}{more} ({p} that chance names any row)"
     if fits is not None:
         text += f". {_compared(fits, result['moved_stderr'])}"
-    if len(rows) > MANY * count:
-        text += ". So many may mean that the model lacks something there: see rig trace"
-    elif result["kept"]:
+    if not many and result["kept"]:
         text += ". Look in the log, measure again, or fit without them: --leave-out gross"
     return text + unchecked
 

@@ -36,7 +36,8 @@ _ASK_AGAIN_S = (1.0, 3.0)
 
 def check_options(config: BenchConfig, where: str, *, strict: bool = True) -> dict[str, BaseModel]:
     """Options of every instrument, checked by its driver, by name. Raises `ConfigurationError`."""
-    checked = {}
+    checked: dict[str, BaseModel] = {}
+    taken: dict[str, str] = {}
     for name, instrument in config.instruments.items():
         try:
             cls = driver_class(instrument.driver)
@@ -48,8 +49,12 @@ def check_options(config: BenchConfig, where: str, *, strict: bool = True) -> di
                 raise ConfigurationError(f"{where}: instruments.{name}.address: a {instrument.driver} has no address")
         elif not instrument.address:
             raise ConfigurationError(f"{where}: instruments.{name}.address is missing: where is it connected?")
+        elif strict and cls.wire == "serial" and instrument.address in taken:
+            both = f"instruments.{taken[instrument.address]} and instruments.{name}"
+            raise ConfigurationError(f"{where}: {both} have one address, {instrument.address}: each needs its own")
         elif strict:  # otherwise the wires refuse it when they are opened: measured data can still be read
             _check_address(instrument.address, cls, f"{where}: instruments.{name}", simulated=config.simulated)
+        taken[instrument.address] = name
         checked[name] = validated(cls.Options, options, f"{where}: instruments.{name}", strict=strict)
         if strict and instrument.address:
             _check_wire(instrument.address, checked[name], f"{where}: instruments.{name}")

@@ -188,13 +188,22 @@ def parse_toml(text: str, where: str) -> dict[str, Any]:
     try:
         values = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise ConfigurationError(f"{where} is not valid TOML: {error}") from error
+        raise ConfigurationError(f"{where} is not valid TOML: {error}{_given_twice(text, str(error))}") from error
     except ValueError:  # Python refuses to convert a text of more than 4300 digits to an integer
         raise ConfigurationError(f"{where} has a whole number of thousands of digits; TOML permits 64 bits") from None
     except RecursionError:
         raise ConfigurationError(f"{where} is nested too deeply for a file of rig") from None
     _check_values(values, where)
     return values
+
+
+def _given_twice(text: str, error: str) -> str:
+    """The key that a file has twice, for the end of a message; "" for other defects."""
+    found = re.fullmatch(r"Cannot overwrite a value \(at line (\d+), column \d+\)", error)
+    if found is None:
+        return ""
+    key = text.splitlines()[int(found[1]) - 1].partition("=")[0].strip()
+    return f": {key:.60} has a value already; give it one"
 
 
 _DEEPEST = 50

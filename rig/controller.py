@@ -36,7 +36,7 @@ from rig.regular import real_path
 from rig.run_file.bodies import COUNT
 from rig.run_file.creation import Genesis, create
 from rig.run_file.elsewhere import goes_on_in
-from rig.run_file.live import live_path, read_json
+from rig.run_file.live import controller_alive, live_path, read_json
 from rig.run_file.reader import RunReader
 from rig.run_file.state import RunState, fold
 from rig.run_file.writer import RunWriter
@@ -212,6 +212,9 @@ def resume_run(
         reader.verify(state.add)
         if state.ended is not None:
             plan = stored_plan(reader, path, None)
+            if not controller_alive(path):  # which was killed after the end of the run, and before its last step
+                with contextlib.suppress(OSError):
+                    live_path(path).unlink(missing_ok=True)
             said = f"{path} is complete: nothing to resume"
             return Result(path, Outcome.COMPLETE, said, state, plan.procedure, head[1].hex())
         other = goes_on_in(reader, state)

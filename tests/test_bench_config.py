@@ -9,7 +9,7 @@ import tempfile
 
 import pytest
 
-from rig.config import InstrumentConfig, parse_bench
+from rig.config import InstrumentConfig, parse_bench, parse_toml
 from rig.errors import BusyError, ConfigurationError
 from rig.locks import locked_addresses
 
@@ -112,3 +112,9 @@ def test_a_link_that_somebody_left_in_the_temporary_folder_opens_nothing_to_ever
         pass
     assert private.stat().st_mode & 0o7777 == 0o700
     assert list(private.iterdir()) == []
+
+
+def test_a_factor_with_two_instruments_is_told_by_its_name():
+    text = 'name = "b"\n[factors]\nforce_kN = "one"\nforce_kN = "two"\n'
+    with pytest.raises(ConfigurationError, match="force_kN has a value already; give it one"):
+        parse_toml(text, "bench.toml")

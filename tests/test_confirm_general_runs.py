@@ -48,6 +48,17 @@ def test_a_step_before_every_whole_plot_is_one_before_every_one_of_the_further_r
         assert {step.value for step in again.by_hand} == {"line_kPa"}
 
 
+def test_all_points_to_choose_from_are_had_with_fewer_replications_and_their_steps():
+    first = parsed(
+        FLOW.replace("[15, 25, 35]", "[10, 15, 20, 25, 30]") + "".join(BLEED.format(n) for n in range(1, 11))
+    )
+    group = [run for run in further_runs(first) if run.what == "the same again"]
+    whole = GeneralConfirming(None).whole(group, 1)
+    assert whole is not None
+    assert [step.before_whole_plot for step in whole.procedure.by_hand] == [1, 2, 3, 4, 5]
+    assert whole.procedure.expand().whole_plots == 5
+
+
 def test_chosen_whole_plots_are_as_many_as_the_declared_model_needs():
     first = parsed(FLOW)
     whole = Variation("all", first)

@@ -600,6 +600,13 @@ def test_a_world_that_makes_no_sense_is_refused(tmp_path, world, says):
         run_dry(tmp_path, world=world)
 
 
+def test_two_instruments_have_two_addresses(tmp_path):
+    second = BENCH + "[instruments.other]\n" + lab.DVM.split("\n", 2)[2] + '[sensors.b]\nreader = "other"\n'
+    files = written(tmp_path, bench=second)
+    with pytest.raises(ConfigurationError, match=r"dvm and instruments\.other have one address, /dev/rig/dvm: each"):
+        load_plan(files[0], files[1])
+
+
 def test_arithmetic_of_worlds():
     formula = Formula.parse("-2*x^2 + max(x, 1)/4 - sqrt(abs(-9)) + 3", "f", {"x"})
     assert formula.value({"x": 0.5}) == pytest.approx(-0.5 + 0.25)

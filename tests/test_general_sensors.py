@@ -14,10 +14,13 @@ from fitter.arrays import FloatArray
 from fitter.formula import Formula
 from procedures.errors import DataError
 from procedures.general.charting import CHARTING
+from procedures.general.column_roles import Roles, roles_of
 from procedures.general.fit import fit_general
+from procedures.general.gross import of_table
 from procedures.general.infer import CurveCalibration
 from procedures.general.infer_table import infer_general
 from procedures.general.of_runs import reader_of
+from procedures.general.trace import search_table
 from procedures.general.trace.family import TableFamily
 from procedures.table import Table
 
@@ -216,3 +219,35 @@ def test_an_overdue_reference_standard_is_told_by_plan_and_doctor_and_stands_in_
     assert rig("trace", path, "--report", tmp_path / "r.html").returncode == 0
     page = (tmp_path / "r.html").read_text()
     assert "force_kN: asset MM-1, calibration due 2026-01-03, read by standard, force_kN = 4 * reading" in page
+
+
+# --- settings that a reference standard read ------------------------------------------------------------------
+
+
+LEVELS = np.tile(np.concatenate([np.arange(5.0, 51.0, 5.0), np.arange(50.0, 4.0, -5.0)]), 6)
+
+
+def read_by_a_standard(seed: int) -> tuple[FloatArray, FloatArray]:
+    """Flows as they are, and as a standard with noise reads them."""
+    true = 1.0003 * LEVELS + 0.01
+    return true, true + 0.003 * np.random.default_rng(seed).standard_normal(true.size)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_noise_of_a_reference_standard_is_no_wave_over_the_settings(seed):
+    true, read = read_by_a_standard(seed)
+    y = 2.0 + 11.0 * true + 0.002 * np.random.default_rng(seed + 100).standard_normal(true.size)
+    columns = {"flow_Lpm": read, "flow_set_Lpm": LEVELS, "elapsed_s": 60.0 * np.arange(true.size), "y_Hz": y}
+    table = Table("bench", columns, simulated=True, provenance={})
+    found = search_table(roles_of(table, Roles("y_Hz", "1 + flow_Lpm", time="elapsed_s"))[0])
+    assert "periodic:flow_Lpm" not in [found.judge.candidates[j].effect.name for j in found.chosen]
+
+
+def test_a_level_whose_repeats_agree_is_no_gross_error_and_a_single_row_is_one():
+    """The declared line lacks what is at the lowest flows; all rows of that level say the same."""
+    true, read = read_by_a_standard(7)
+    y = 2.0 + 11.0 * true - 80.0 / (true + 0.5) + 0.01 * np.random.default_rng(8).standard_normal(true.size)
+    columns = np.column_stack([np.ones_like(read), read, read**2])
+    assert not of_table(y, columns).rows.size
+    y[7] += 1.0
+    assert of_table(y, columns).rows.tolist() == [7]

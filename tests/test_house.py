@@ -25,6 +25,7 @@ EXCEPTIONS: dict[str, tuple[set[str], str]] = {
     "config.py": ({"sse"}, "a bench file's units of outputs and places of thermometers"),
     "engine/axes.py": ({"psia"}, _CONTROLLER),
     "engine/safe_state.py": ({"psia"}, _CONTROLLER),
+    "forecast.py": ({"sse"}, "places of thermometers of a bench file"),
     "guarded.py": ({"psia"}, _CONTROLLER),
     "plans.py": ({"psia"}, _CONTROLLER),
     "protection.py": ({"psia"}, _CONTROLLER),

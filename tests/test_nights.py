@@ -77,6 +77,20 @@ def test_a_disk_that_fails_at_the_very_end_leaves_a_run_that_can_be_finished(lab
     assert not one_night(seed, lab).violations
 
 
+@pytest.mark.parametrize(
+    ("lab", "seed"),
+    [
+        ("voltmeter", 601551),  # killed between the end of the run and its last step: the live state stayed
+        ("voltmeter", 600696),  # a meter that hung before a power cut, and was out of range once, was believed after it
+        ("voltmeter", 602109),  # the same, and its input was open before the restart
+        ("voltmeter", 600513),  # a digit doubled on its way
+        ("bath", 600210),  # the reference thermometer hung at 100 degC, and the bath was at 0
+    ],
+)
+def test_what_nights_of_the_example_laboratories_found_does_not_come_back(lab, seed):
+    assert not one_night(seed, lab).violations
+
+
 def test_an_identity_cut_short_is_no_other_instrument():
     """The run could not be resumed: the scanner was another instrument than before."""
     assert not one_night(213015, "attitude").violations

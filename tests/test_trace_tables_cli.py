@@ -124,3 +124,13 @@ def test_refusals_say_what_to_do(rig, table, options, words):
     code, _, complaint = rig("trace", table, *options)
     assert code == 2
     assert words in complaint
+
+
+def test_a_column_with_gaps_can_be_ignored(rig, tmp_path):
+    table = tmp_path / "gap.csv"
+    rows = [f"{x},{0.1 + x + 0.01 * (x % 2)},{'' if x == 1 else x}" for x in range(6)]
+    table.write_text("\n".join(["x_kN,y_V,note_a", *rows]))
+    code, _, complained = rig("trace", table, "--response", "y_V", "--formula", "1 + x_kN", "--ignore", "note_a")
+    assert code == 0, complained
+    _, _, complained = rig("trace", table, "--response", "y_V", "--formula", "1 + x_kN", "--ignore", "note")
+    assert "there is no column 'note'; the table has x_kN, y_V, note_a" in " ".join(complained.split())

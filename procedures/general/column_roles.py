@@ -100,12 +100,10 @@ def roles_of(table: Table, roles: Roles) -> tuple[TableData, tuple[str, ...]]:
 
 
 def _roles(table: Table, roles: Roles, formula: Formula, response: Formula) -> tuple[TableData, tuple[str, ...]]:
-    missing = [name for name in roles.ignore if name not in {**table.columns, **table.text}]
+    there = [*table.columns, *table.text, *table.gaps]
+    missing = [name for name in roles.ignore if name not in there]
     if missing:
-        raise FitError(
-            f"--ignore: there is no column {missing[0]!r} without gaps; the table has "
-            f"{', '.join([*table.columns, *table.text])}"
-        )
+        raise FitError(f"--ignore: there is no column {missing[0]!r}; the table has {', '.join(there)}")
     notes: list[str] = []
     free = _free(table, roles, (*formula.names, *response.names))
     given = _subtracted(response)

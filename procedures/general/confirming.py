@@ -204,7 +204,8 @@ class GeneralConfirming(Confirming):
     def whole(self, group: Sequence[Variation], times: int) -> Variation | None:
         """See `Confirming`: the largest grid, if it has enough points to choose from."""
         largest = max(group, key=lambda variation: len(variation.procedure.expand()))
-        whole = repeated(largest, times)
+        bare = GeneralProcedure.model_validate(values_of(largest.procedure))  # its steps have no places in fewer plots
+        whole = repeated(replace(largest, procedure=bare), times)
         whole = replace(whole, procedure=with_routine(whole.procedure, largest.procedure))
         count = int(self.units(whole.procedure.expand()).max()) + 1
         return whole if LEAST_CANDIDATES <= count <= MOST_CANDIDATES else None

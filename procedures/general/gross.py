@@ -12,6 +12,7 @@ import numpy as np
 from fitter.arrays import FloatArray, IntArray
 from fitter.gross import GrossErrors, gross_errors
 from fitter.resolution import resolution
+from procedures.general.read_settings import settings_of
 
 SETTINGS, OFTEN = 50, 4
 """Maximum number of settings with a level of their own, and minimum number of repeats of each."""
@@ -39,10 +40,9 @@ def of_table(
     if scale is not None:
         found = gross_errors(y, columns, group=whole_plot, step=step * float(np.median(scale)))
         return replace(found, off=found.off / scale[found.rows], sd=found.sd / scale)
-    settings = np.unique(columns, axis=0, return_inverse=True)[1].reshape(-1)
+    settings = settings_of(columns)
     visits = np.bincount(settings)
     if visits.size <= SETTINGS and visits.min() >= OFTEN:
-        levels = np.eye(visits.size)[settings]
-        columns = levels if whole_plot is None else np.column_stack([columns, levels])
+        columns = np.column_stack([columns, np.eye(visits.size)[settings]])
     drivers = {str(i): np.abs(column) for i, column in enumerate(columns.T)}
     return gross_errors(y, columns, group=whole_plot, step=step, drivers=drivers)

@@ -195,7 +195,8 @@ class Journal:
     def last_read(self) -> tuple[int, dict[str, Sequence[float]]] | None:
         """Point, and readings of outputs and references, that were read last in any session, accepted or not.
 
-        Readings that were refused because something hung come after those before them, as `Liveness` remembers them.
+        Readings that were refused because something hung, or was out of range, come after those before them, as
+        `Liveness` remembers them.
         """
         every: dict[str, Sequence[float]] = {}
         for record in self._run.latest((Observed.kind, Fault.kind), _LOOKED_BACK):
@@ -203,9 +204,21 @@ class Journal:
             if not read or record.run_index is None:
                 continue
             every = {name: (*read.get(name, ()), *every.get(name, ())) for name in {**read, **every}}
-            if not (isinstance(record.event, Fault) and record.event.fault == "frozen"):
+            if record.accepted or (isinstance(record.event, Fault) and record.event.fault != "frozen"):
                 return record.run_index, every
         return None
+
+    def hung(self) -> tuple[int, dict[str, float]]:
+        """Point at which outputs or references hung since the last accepted observation, and what they repeated."""
+        found: dict[str, float] = {}
+        at = -1
+        for record in self._run.latest((Observed.kind, Fault.kind), _LOOKED_BACK):
+            if record.accepted:
+                break
+            if isinstance(record.event, Fault) and record.event.fault == "frozen" and record.run_index is not None:
+                same = {name: r[0] for name, r in _readings(record.event).items() if len(set(r)) == 1}
+                found, at = {**same, **found}, record.run_index if at < 0 else at
+        return at, found
 
     def recent(self, observations: int) -> Iterator[Record]:
         """The last accepted observations of all sessions, the earliest first."""

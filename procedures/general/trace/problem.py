@@ -15,8 +15,13 @@ from fitter.resolution import resolution
 from fitter.trace.not_kept import NotKept, overflows
 from procedures.general.effects import TableEffect, effects_of
 from procedures.general.effects.scene import TableScene, TableTerm
+from procedures.general.read_settings import settings_of, share_within
 from procedures.general.trace.noise import Noise
 
+REPEATED = 2
+"""Readings of a setting, at least, on average, by which settings are levels."""
+SCATTER = 0.05
+"""Share of a term's variation within settings from which it is one of their scatter."""
 SPARED = 2
 """Minimum degrees of freedom beside a candidate."""
 
@@ -107,6 +112,18 @@ class Problem:
         return replace(self, candidates=tuple(candidates))
 
 
+def _of_scatter(scene: TableScene, effect: TableEffect, term: TableTerm) -> bool:
+    """Whether a term over settings differs mostly where a reference standard's readings of one setting scatter.
+
+    Such a term tells the noise of the standard: a wave whose period fits a whole number of times between the levels.
+    """
+    read = [name for name in effect.columns if name in scene.setpoints]
+    if effect.source != "setting" or effect.family != "periodic" or not read:
+        return False
+    group = settings_of(np.column_stack([scene.of(name) for name in read]))
+    return int(group.max()) + 1 <= scene.n // REPEATED and share_within(term.columns, group) > SCATTER
+
+
 def candidates_of(scene: TableScene, response: str, left: int) -> tuple[tuple[Candidate, ...], tuple[NotKept, ...]]:
     """All candidates in a table, cheapest first, then in catalogue order; and those with too large values.
 
@@ -116,7 +133,12 @@ def candidates_of(scene: TableScene, response: str, left: int) -> tuple[tuple[Ca
         left: number of rows minus columns of the declared model.
     """
     with np.errstate(over="ignore", invalid="ignore"):
-        every = [Candidate(effect, term) for effect in effects_of(scene, response) for term in effect.terms(scene)]
+        every = [
+            Candidate(effect, term)
+            for effect in effects_of(scene, response)
+            for term in effect.terms(scene)
+            if not _of_scatter(scene, effect, term)
+        ]
     large = [c for c in every if overflows(c.term.columns)]
     found = [c for c in every if c.term.columns.shape[1] + SPARED <= left and c not in large]
     cheapest: dict[str, int] = {}
