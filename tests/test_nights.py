@@ -82,6 +82,7 @@ def test_a_disk_that_fails_at_the_very_end_leaves_a_run_that_can_be_finished(lab
     [
         ("voltmeter", 601551),  # killed between the end of the run and its last step: the live state stayed
         ("voltmeter", 600696),  # a meter that hung before a power cut, and was out of range once, was believed after it
+        ("voltmeter", 602109),  # the same, and its input was open before the restart
         ("voltmeter", 600513),  # a digit doubled on its way
         ("bath", 600210),  # the reference thermometer hung at 100 degC, and the bath was at 0
     ],

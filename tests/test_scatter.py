@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from procedures.attitude.budget import AttitudeEvaluation
 from procedures.general.budget import GeneralEvaluation, general_evaluation
 from procedures.influences import explain
 from procedures.scatter import scatter
-from procedures.stated import Stated, Statements
+from procedures.stated import PlaceConstant, Stated, Statements
 from procedures.table import Table
+from proving.truth.attitude import D1, Bench, simulate
 
 FORCE = np.tile(np.linspace(0.0, 10.0, 9), 3)
 
@@ -78,3 +80,19 @@ def test_without_lack_of_fit_nothing_is_said_and_all_residuals_count():
 def test_without_repeats_or_without_points_to_spare_residuals_count(pure_ss, pure_df):
     found = scatter(10.0, 20.0, pure_ss, pure_df, 1e9)
     assert (found.variance, found.df, found.lacks_fit) == (0.5, 20.0, False)
+
+
+def test_errors_of_a_head_are_not_in_the_scatter_again():
+    """Local gravity among the constants must not have the run evaluated before errors are explained: it once had."""
+    true, says = np.random.default_rng(9).normal(0.0, 1.0, 2), 1e-3
+    bench = Bench(pitch_error_deg=(says * true[0], says * true[1], 0.0, 0.0), sigma_deg=1e-4)
+    data, _ = simulate(bench, D1(60.0, 7, 9, replications=2), 9)
+    evaluation = AttitudeEvaluation(data, [(0.0, 0.0)], temperature=False, gravity=9.8)
+    turn = Stated("turn", "c", {"pitch_deg": 1.0}, "turn", np.zeros_like, lambda x: np.full_like(x, says))
+    explain(evaluation, Statements([turn], {"gravity": PlaceConstant("gravity", 9.8, 1e-4)}))
+    every = {one.name: one.sigma_V for one in evaluation.calibration.sensors}
+    noise = np.radians(1e-4) * 5.1
+    assert every["y_V"] == pytest.approx(noise, rel=0.3)
+    assert any("as large as the register's errors" in note for note in evaluation.notes())
+    with pytest.raises(ValueError, match="before anything is evaluated"):
+        explain(evaluation, Statements([turn]))

@@ -11,6 +11,7 @@ from transitions import MachineError
 
 from drivers.errors import InstrumentError, NoReply
 from rig.engine.session import Outcome, Signals
+from rig.engine.states import TRANSITIONS, Moves, State, machine
 from rig.errors import StorageError
 from rig.run_file.reader import RunReader
 
@@ -420,6 +421,23 @@ def test_an_unforeseen_error_leaves_the_bench_safe_before_it_is_raised(tmp_path)
     with pytest.raises(ZeroDivisionError):
         run_session(path, on_progress=bug, spoil=lambda _bench, head, _reader: heads.append(head))
     assert heads[0].safe == 1
+
+
+def test_the_moves_are_those_of_the_machine_of_transitions():
+    names = [t.trigger for t in TRANSITIONS]
+    for state in State:
+        for name in names:
+            moves, other = Moves(), machine()
+            moves.state = state
+            other.set_state(str(state))
+            try:
+                other.trigger(name)
+            except MachineError:
+                with pytest.raises(MachineError):
+                    moves.trigger(name)
+            else:
+                moves.trigger(name)
+                assert moves.state == other.state
 
 
 def test_triggers_that_the_table_does_not_permit_are_refused(tmp_path, monkeypatch):

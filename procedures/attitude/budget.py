@@ -142,6 +142,8 @@ class AttitudeEvaluation(Evaluation):
 
     def explain(self, expected: Mapping[str, float]) -> None:
         """See `Evaluation`."""
+        if "_model" in vars(self):
+            raise ValueError("errors are to be explained before anything is evaluated")
         self._expected = expected
 
     @cached_property
@@ -321,8 +323,8 @@ class AttitudeEvaluation(Evaluation):
 
     def of_place(self, constant: PlaceConstant) -> Iterable[tuple[str, Shifts]]:
         """Levelling as two tilts of the head's base; local gravity as the scale of the sensitivity."""
-        if constant.name == "gravity" and self._model.gravity is not None:
-            g, u = self._model.gravity, constant.standard
+        if constant.name == "gravity" and self._gravity is not None:
+            g, u = self._gravity, constant.standard
             yield "", lambda times: Shift(constants={"gravity": g + times * u})
         if constant.name == "levelling":
             pitch, roll = self.columns[PITCH], self.columns[ROLL]

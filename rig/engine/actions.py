@@ -120,7 +120,8 @@ class BenchActions:
         readings = self._axes.read()
         self._guard.check_axes(readings)
         for axis, reading in readings.items():
-            reading.check(axis)
+            if reading.fault:
+                reading.check(axis)
         return readings
 
     def positions(self) -> dict[str, float]:
@@ -249,7 +250,8 @@ class BenchActions:
     def _check_control(readings: Mapping[str, AxisReading]) -> None:
         """Raise if an axis has lost control or its zero: it will never arrive."""
         for axis, reading in readings.items():
-            reading.check(axis, controlled=True, homed=True)
+            if reading.fault or not (reading.enabled and reading.homed):
+                reading.check(axis, controlled=True, homed=True)
 
     def settle(self, targets: Mapping[str, float], settings: Callable[[str], Settle], poll_s: float) -> dict[str, Any]:
         """Wait until every axis has settled at its target; returns the evidence. Raises `NotSettled`.

@@ -103,7 +103,7 @@ class AtPoint:
         last = journal.last_read()
         at, read = (None, {}) if last is None else (run_list.points[last[0]], last[1])
         places = {f.name: place for place, f in enumerate(run_list.factors) if f.name in bench.references}
-        self._liveness = Liveness(readers, at, read, places)
+        self._liveness = Liveness(readers, at, read, places, journal.hung())
         self.move_timeout_s = max(_MOVE_TIMEOUT_S, conduct.settle.timeout_s)
 
     def recovering(self) -> str:

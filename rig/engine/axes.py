@@ -7,9 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from math import isfinite
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from drivers.errors import DriverError, InstrumentError, NotReady
 from drivers.roles import Chamber, Head, Instrument, PressureController, Referenced, Source
@@ -25,8 +24,7 @@ _MARGIN = 0.01
 """The same for a source, as a fraction of its range."""
 
 
-@dataclass(frozen=True)
-class AxisReading:
+class AxisReading(NamedTuple):
     """One axis at one moment.
 
     Attributes:
@@ -125,7 +123,7 @@ class HeadMover:
     def read(self) -> Mapping[str, AxisReading]:
         """See `Mover`."""
         return {
-            axis: AxisReading(f"{axis}_deg", s.position_deg, s.moving, s.homed, s.enabled, s.fault)
+            axis: AxisReading(axis + "_deg", s.position_deg, s.moving, s.homed, s.enabled, s.fault)
             for axis, s in self._head.read().items()
         }
 
@@ -264,7 +262,10 @@ class Axes:
 
     def read(self) -> dict[str, AxisReading]:
         """Read every axis."""
-        return {axis: reading for mover in self._movers for axis, reading in mover.read().items()}
+        found: dict[str, AxisReading] = {}
+        for mover in self._movers:
+            found.update(mover.read())
+        return found
 
     def go(self, targets: Mapping[str, float]) -> None:
         """Start moving the named axes, together."""

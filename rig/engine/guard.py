@@ -22,6 +22,8 @@ from rig.quantities import PRESSURE
 _RATE_MARGIN = 1.25
 """A rate may exceed its limit by this factor: it is the difference of two readings, each with noise and delay."""
 
+_ANY = (float("-inf"), float("inf"))
+
 _RATE_OVER_S = {"psi_per_s": 4.0, "degC_per_min": 120.0}
 """Minimum time between the two readings of a rate, seconds."""
 
@@ -106,13 +108,14 @@ class Guard:
     def check_axes(self, axes: Mapping[str, AxisReading]) -> None:
         """Refuse readbacks that violate a limit or an interlock. Raises `LimitViolation`, `InterlockHold`."""
         for axis, reading in axes.items():
-            low, high = self._limits.get(reading.quantity, (float("-inf"), float("inf")))
+            low, high = self._limits.get(reading.quantity, _ANY)
             if not low - reading.margin <= reading.value <= high + reading.margin:
                 unit = reading.quantity.rpartition("_")[2]
                 raise LimitViolation(f"{axis} is at {reading.value:g} {unit}, outside {low:g} to {high:g}")
             if reading.quantity == PRESSURE:
                 self._check_rate(axis, "pressure_psi_per_s", reading.value)
-            self._interlocks.check(reading.quantity, reading.value)
+            if self._interlocks.watches(reading.quantity):
+                self._interlocks.check(reading.quantity, reading.value)
 
     def check_chamber(self, name: str, state: ChamberState) -> None:
         """Refuse alarms, and temperatures outside the limits. Raises `LimitViolation`, `InterlockHold`."""

@@ -85,7 +85,7 @@ class WatchedClock:
     def sleep(self, seconds: float) -> None:
         """See `Clock.sleep`."""
         self.now()
-        before, self._explained = self._explained, max(seconds, 0.0)
+        before, self._explained = self._explained, seconds if seconds > 0.0 else 0.0
         self._clock.sleep(seconds)
         self.now()
         self._explained = before

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from rig.engine import holes
 from rig.engine.by_hand import ByHand
 from rig.engine.holes import HoleInTime, WatchedClock
 from rig.engine.journal import Journal
@@ -62,7 +63,9 @@ class Interruptions:
             HoleInTime: see `check_time`.
 
         """
-        self.check_time()
+        hole = self._clock.take_hole()
+        if hole is not None:
+            self._record(hole)
         if self._signals.interrupt:
             raise Interrupted
         request = self._requests.poll()
@@ -79,8 +82,10 @@ class Interruptions:
     def check_time(self) -> None:
         """Record a hole in time. Raises `HoleInTime` if the present work must not go on after it."""
         hole = self._clock.take_hole()
-        if hole is None:
-            return
+        if hole is not None:
+            self._record(hole)
+
+    def _record(self, hole: holes.Hole) -> None:
         found, state = HoleInTime(hole), self._state()
         self._journal.write(Hole(hole_s=found.hole_s, where=str(state)))
         if state not in (State.HOLDING, State.PARKING):  # a hold checks the bench when it ends; parking ends the run

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -16,7 +14,7 @@ from rig.engine.pace import Pace
 from rig.engine.session import Progress, Session
 from rig.engine.settling import Settling
 from rig.engine.states import State
-from rig.engine.time_left import LAST_POINTS, by_hand_s, spent_s, typical_s
+from rig.engine.time_left import LAST_POINTS, LastPoints, by_hand_s, spent_s
 from rig.run_file.chain import Record, encode
 from rig.run_file.events.bench import Fault
 from rig.run_file.events.event import Event
@@ -112,11 +110,11 @@ class Journal:
         self._live = LiveState(run.path, clock.stopwatch)
         self._acknowledged = self._refused = ""
         self._taken_up_s = 0.0
-        self._pace: deque[float] = deque(maxlen=LAST_POINTS)
-        if pace is None:
-            self._pace.extend(spent_s(self.recent(LAST_POINTS)))
+        self._left_s: float | None = None  # these two hold until the next record
+        self._done: int | None = None
+        self._pace = LastPoints(() if pace is not None else spent_s(self.recent(LAST_POINTS)))
         self._first = True
-        self._point_s = typical_s(self._pace) if self._pace else None
+        self._point_s = self._pace.typical_s()
         if pace is not None:
             for record in run.records():
                 pace.add(record)
@@ -189,6 +187,7 @@ class Journal:
     def _append(self, record: Record, *, commit: bool) -> None:
         self._run.append(record, commit=commit)
         self.fold.add(record)
+        self._left_s = self._done = None
         if self._soaks is not None:
             self._soaks.add(record)
         self._session.observer.recorded(record)
@@ -209,6 +208,18 @@ class Journal:
                 return record.run_index, every
         return None
 
+    def hung(self) -> tuple[int, dict[str, float]]:
+        """Point at which outputs or references hung since the last accepted observation, and what they repeated."""
+        found: dict[str, float] = {}
+        at = -1
+        for record in self._run.latest((Observed.kind, Fault.kind), _LOOKED_BACK):
+            if record.accepted:
+                break
+            if isinstance(record.event, Fault) and record.event.fault == "frozen" and record.run_index is not None:
+                same = {name: r[0] for name, r in _readings(record.event).items() if len(set(r)) == 1}
+                found, at = {**same, **found}, record.run_index if at < 0 else at
+        return at, found
+
     def recent(self, observations: int) -> Iterator[Record]:
         """The last accepted observations of all sessions, the earliest first."""
         return self._run.recent(observations)
@@ -220,6 +231,7 @@ class Journal:
         self._mark_clock(record)
         self._run.finish(record)
         self.fold.add(record)
+        self._left_s = self._done = None
         self._session.observer.recorded(record)
 
     def _record(self, event: Event, whole_plot: int | None = None) -> Record:
@@ -259,8 +271,9 @@ class Journal:
         if self._first:  # its way was longer, because of a new start
             self._first = False
         else:
-            self._pace.append(self.elapsed() - self._taken_up_s)
-            self._point_s = typical_s(self._pace)
+            self._pace.add(self.elapsed() - self._taken_up_s)
+            self._point_s = self._pace.typical_s()
+            self._left_s = None
 
     def begin_whole_plot(self, event: WholePlotBegan) -> None:
         """End a soak: what follows belongs to a new whole plot. Raises `StorageError`."""
@@ -274,8 +287,10 @@ class Journal:
     def tell(self, *, now: bool = False) -> None:
         """Spread the news."""
         self._live.publish(self._live_content, now=now)
-        with contextlib.suppress(OSError):  # a log that cannot be written must not end a run
+        try:  # noqa: SIM105 - at every poll, and `suppress` takes as long as the rest
             self._on_progress(self._progress())
+        except OSError:  # a log that cannot be written must not end a run
+            pass
 
     def close(self) -> None:
         """Remove the live state at the end of the session."""
@@ -283,13 +298,19 @@ class Journal:
 
     def _progress(self) -> Progress:
         fold = self.fold
-        done = len(fold.accepted) + len(fold.skipped)
-        return Progress(self.state, done, fold.points, self.elapsed(), self._remaining_s(), self.message, self.detail)
+        if self._done is None:
+            self._done = len(fold.accepted) + len(fold.skipped)
+        elapsed_s = self.elapsed()
+        return Progress(
+            self.state, self._done, fold.points, elapsed_s, self._remaining_s(elapsed_s), self.message, self.detail
+        )
 
-    def _remaining_s(self) -> float | None:
+    def _remaining_s(self, elapsed_s: float) -> float | None:
         if self._soaks is not None:
-            return self._soaks.remaining_s(self.elapsed()) + by_hand_s(self.fold)
-        return None if self._point_s is None else self.fold.remaining * self._point_s + by_hand_s(self.fold)
+            return self._soaks.remaining_s(elapsed_s) + by_hand_s(self.fold)
+        if self._left_s is None and self._point_s is not None:
+            self._left_s = self.fold.remaining * self._point_s + by_hand_s(self.fold)
+        return self._left_s
 
     def _live_content(self) -> dict[str, Any]:
         p = self._progress()

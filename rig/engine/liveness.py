@@ -59,6 +59,7 @@ class Liveness:
         readers: by column of an output or a reference standard, the instrument that reads it.
         point: the last point of an earlier session; None if there was none.
         last: readings there, by column.
+        hung: index of the point at which columns hung in the session before, and what they repeated.
         standards: place in a point's setpoints of the factor that a reference standard reads, by its column.
 
     """
@@ -69,12 +70,12 @@ class Liveness:
         point: Point | None,
         last: Mapping[str, Sequence[float]],
         standards: Mapping[str, int] = MappingProxyType({}),
+        hung: tuple[int, Mapping[str, float]] = (-1, MappingProxyType({})),
     ) -> None:
         self._readers, self._standards = readers, standards
         self._point, self._last = point, last
         self._outputs = {name: _Output() for name in readers}
-        self._hung: Mapping[str, float] = {}
-        self._hung_at = -1
+        self._hung_at, self._hung = hung
 
     def hanging(self, point: Point, observation: Observation, passing: Mapping[str, Sequence[float]]) -> list[str]:
         """Columns that hang.

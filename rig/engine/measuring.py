@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 from drivers.roles import is_overload
@@ -12,7 +13,7 @@ from drivers.roles import is_overload
 
 @dataclass(frozen=True)
 class Channel:
-    """All readings of one quantity at one point.
+    """All readings of one quantity at one point; what follows from them is calculated once.
 
     Attributes:
         readings: as the instrument gave them, in its unit.
@@ -21,24 +22,24 @@ class Channel:
 
     readings: tuple[float, ...]
 
-    @property
+    @cached_property
     def overload(self) -> bool:
         """Whether any reading was out of the instrument's range."""
-        return any(is_overload(r) for r in self.readings)
+        return any(map(is_overload, self.readings))
 
-    @property
+    @cached_property
     def mean(self) -> float:
         """Mean of the readings."""
         return math.fsum(self.readings) / len(self.readings)
 
-    @property
+    @cached_property
     def sd(self) -> float:
         """Standard deviation of one reading; 0 if there is only one."""
         n = len(self.readings)
         if n < 2:
             return 0.0
         mean = self.mean
-        return math.sqrt(math.fsum((r - mean) ** 2 for r in self.readings) / (n - 1))
+        return math.sqrt(math.fsum([(r - mean) ** 2 for r in self.readings]) / (n - 1))
 
     def as_json(self) -> dict[str, Any]:
         """Values for the run file."""
@@ -78,9 +79,10 @@ class Observation:
 
     def as_json(self) -> dict[str, Any]:
         """Its fields for the run file. Overloads are written as null, so that nobody can average them."""
-        if self.overloaded():
+        overloaded = self.overloaded()
+        if overloaded:
             return {
-                "overload": self.overloaded(),
+                "overload": overloaded,
                 "readings": {
                     name: [None if is_overload(r) else r for r in c.readings]
                     for name, c in (*self.outputs.items(), *self.temperatures.items(), *self._overloaded_references)
@@ -115,7 +117,7 @@ def assemble(
     def pick(source: tuple[str, str], scale: float = 1.0) -> Channel:
         reader, channel = source
         # an overload is not scaled
-        return Channel(tuple(r if is_overload(r) else r * scale for r in fetched[reader][channel]))
+        return Channel(tuple([r if is_overload(r) else r * scale for r in fetched[reader][channel]]))
 
     return Observation(
         outputs={name: pick(source, scales[name]) for name, source in sensors.items()},

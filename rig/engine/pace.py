@@ -59,12 +59,17 @@ class Follower:
 
 @dataclass(frozen=True)
 class _Left:
-    """Remaining work: points, durations of their changes, whole plots to soak, and whether a soak comes first."""
+    """Remaining work: points, durations of their changes, whole plots to soak, and whether a soak comes first.
+
+    Also what follows from it until the next record: the seconds of each soak, and of everything else.
+    """
 
     travel_s: float
     points: int
     plots: tuple[int, ...]
     soak_next: bool
+    soaks: tuple[float, ...] = ()
+    without_soaks_s: float = 0.0
 
 
 class Pace:
@@ -158,16 +163,25 @@ class Pace:
         if self._left is None:
             self._left = self._what_is_left()
         left = self._left
-        soaks = [self._soaks[plot] * self.ratio for plot in left.plots]
+        soaks = list(left.soaks)
         if left.soak_next and self._soaking_s is not None:
             soaks[0] = max(soaks[0] - max(elapsed_s - self._soaking_s, 0.0), 0.0)
-        return left.travel_s + left.points * self.point_s + sum(soaks)
+        return left.without_soaks_s + sum(soaks)
 
     def _what_is_left(self) -> _Left:
         plots = dict.fromkeys(self._plot[self._open].tolist())
         soaks = tuple(plot for plot in plots if plot != self._planned)
         soak_next = bool(plots) and next(iter(plots)) != self._planned
-        return _Left(float(self._travel[self._open].sum()), int(self._open.sum()), soaks, soak_next)
+        travel_s, points = float(self._travel[self._open].sum()), int(self._open.sum())
+        ratio = self.ratio
+        return _Left(
+            travel_s,
+            points,
+            soaks,
+            soak_next,
+            tuple([self._soaks[plot] * ratio for plot in soaks]),
+            travel_s + points * self.point_s,
+        )
 
 
 def _travel_s(run_list: RunList, bench: BenchConfig) -> np.ndarray[tuple[int], np.dtype[np.float64]]:

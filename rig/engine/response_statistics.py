@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from math import hypot
+from math import hypot, sqrt
+from operator import mul
 
 import numpy as np
 
@@ -71,14 +72,16 @@ class _Model:
         weighted = np.vstack([columns / scale / self._error, np.diag(moves / (reach or 1.0))])
         u, size, vt = np.linalg.svd(weighted, full_matrices=False)
         inverse = np.divide(1.0, size, out=np.zeros_like(size), where=size > size[0] * _ZERO)
-        self._root = vt.T * inverse / scale[:, None]
-        self._solved = self._root @ (u.T @ np.concatenate([y / self._error, np.zeros(len(scale))]))
+        root = vt.T * inverse / scale[:, None]
+        solved = root @ (u.T @ np.concatenate([y / self._error, np.zeros(len(scale))]))
+        self._columns: list[list[float]] = root.T.tolist()
+        self._solved: list[float] = solved.tolist()
 
     def expects(self, row: Row) -> _Expected | None:
         """Predicted output at a setting; None where it is less certain than an observation."""
-        at = np.array(row)
-        sd = float(np.linalg.norm(at @ self._root))
-        return None if sd > self._error else _Expected(float(at @ self._solved), sd)
+        # a few columns: numpy would take longer to begin than this takes
+        sd = hypot(*[sum(map(mul, row, column)) for column in self._columns])
+        return None if sd > self._error else _Expected(sum(map(mul, row, self._solved)), sd)
 
 
 class ResponseTest:
@@ -221,9 +224,11 @@ def _certain(model: _Model, expected: Sequence[_Expected]) -> float:
 
 def _slope(expected: list[float], read: list[float]) -> tuple[float, float]:
     """Slope of the readings against the predictions, and the rms residual of this line."""
-    x, y = np.array(expected), np.array(read)
-    slope, offset = np.polyfit(x, y, 1)
-    return float(slope), float(np.sqrt(np.mean((y - slope * x - offset) ** 2)))
+    n = len(expected)
+    mean_x, mean_y = sum(expected) / n, sum(read) / n
+    x, y = [e - mean_x for e in expected], [r - mean_y for r in read]
+    slope = sum([a * b for a, b in zip(x, y, strict=True)]) / sum([a * a for a in x])
+    return slope, sqrt(sum([(b - slope * a) ** 2 for a, b in zip(x, y, strict=True)]) / n)
 
 
 def _at_rail(model: _Model, value: float) -> str:

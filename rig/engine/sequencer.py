@@ -39,7 +39,7 @@ from rig.engine.session import Outcome, Progress, Session, Signals
 from rig.engine.set_by_hand import SetByHand
 from rig.engine.soaking import Soaking
 from rig.engine.standing import Standing
-from rig.engine.states import AT_POINT, FINAL, State, machine
+from rig.engine.states import AT_POINT, FINAL, Moves, State
 from rig.errors import BenchFault, RigError, StorageError
 from rig.run_file.events.bench import AsFound, EnvironmentSettled, Fault, Homed, MadeSafe, Prepared, Preparing, Remark
 from rig.run_file.events.points import Skipped
@@ -153,7 +153,7 @@ class Sequencer:
         self._remarked: set[tuple[str, str]] = set()
         self._began_s = 0.0
         self._home_again = self._checked = False
-        self._machine = machine()
+        self._moves = Moves()
         self._handlers: dict[str, Callable[[], str]] = {
             State.READY: lambda: "check",
             State.CHECKING: self._checking,
@@ -172,7 +172,7 @@ class Sequencer:
     @property
     def state(self) -> State:
         """The present state."""
-        return State(self._machine.state)
+        return self._moves.state
 
     @property
     def message(self) -> str:
@@ -198,7 +198,7 @@ class Sequencer:
                 trigger = self._next_trigger()
                 if trigger is None:
                     break
-                self._machine.trigger(trigger)
+                self._moves.trigger(trigger)
                 self._journal.state = self.state
                 self._journal.tell()
             return self._outcome or Outcome.FAULT
@@ -249,10 +249,12 @@ class Sequencer:
 
     def _wait(self, seconds: float) -> None:
         """Wait in short slices; look for signals and requests between them."""
-        end = self._clock.now() + seconds
-        while (left := end - self._clock.now()) > 1e-9:
+        now = self._clock.now()
+        end = now + seconds
+        while (left := end - now) > 1e-9:
             self._clock.sleep(min(left, 5.0))
             self._look_up()
+            now = self._clock.now()
         self._interruptions.check_time()
         self._do.look_around()
 

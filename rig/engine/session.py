@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from rig.run_file.chain import Record
 from rig.run_file.events.event import Event
@@ -21,8 +21,7 @@ class Outcome(Enum):
     UNSAFE = "fault, and not everything is in its safe state"
 
 
-@dataclass(frozen=True)
-class Progress:
+class Progress(NamedTuple):
     """Progress, for observers.
 
     Attributes:

@@ -106,6 +106,34 @@ TRANSITIONS = (
 )
 
 
+class Moves:
+    """The present state, moved by triggers.
+
+    `transitions` knows what is permitted; it is asked once for all moves. A trigger of `transitions` itself takes as
+    long as all checks of a reading. One that is not permitted is given to it, and it raises.
+    """
+
+    def __init__(self) -> None:
+        self._machine = machine()
+        self._permitted = {
+            (source, name): State(t.dest)
+            for name, event in self._machine.events.items()
+            for source, found in event.transitions.items()
+            for t in found
+            if t.dest is not None
+        }
+        self.state = State(self._machine.state)
+
+    def trigger(self, name: str) -> None:
+        """Move on. Raises `transitions.MachineError` if the table does not permit this."""
+        target = self._permitted.get((self.state, name))
+        if target is None:
+            self._machine.set_state(str(self.state))
+            self._machine.trigger(name)  # raises
+            raise AssertionError(f"{name} from {self.state} is in no table")
+        self.state = target
+
+
 def machine() -> Machine:
     """A machine with the transitions of the table, in state "ready"."""
     transitions = [

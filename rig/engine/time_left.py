@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import itertools
+from bisect import bisect_left, insort
+from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 
 from procedures.by_hand import ALLOWANCE_H
@@ -24,10 +26,32 @@ def typical_s(spent_s: Sequence[float]) -> float:
     One point may be hours too long because the process was stopped or the machine slept. Moves that are long by design
     occur often, and count in full.
     """
-    ordered = sorted(spent_s)
+    return _typical_s(sorted(spent_s))
+
+
+def _typical_s(ordered: Sequence[float]) -> float:
     longest = max(1, len(ordered) // 50) if len(ordered) > 2 else 0
     kept = ordered[: len(ordered) - longest]
     return (sum(kept) + longest * kept[-1]) / len(ordered)
+
+
+class LastPoints:
+    """The durations of the last points, also in order of length: sorting them at every point takes too long."""
+
+    def __init__(self, spent_s: Iterable[float]) -> None:
+        self._spent = deque(spent_s, LAST_POINTS)
+        self._ordered = sorted(self._spent)
+
+    def add(self, seconds: float) -> None:
+        """Take the next one, and let go of the earliest."""
+        if len(self._spent) == LAST_POINTS:
+            del self._ordered[bisect_left(self._ordered, self._spent[0])]
+        self._spent.append(seconds)
+        insort(self._ordered, seconds)
+
+    def typical_s(self) -> float | None:
+        """See `typical_s`; None without points."""
+        return _typical_s(self._ordered) if self._ordered else None
 
 
 def spent_s(observations: Iterable[Record]) -> Iterator[float]:

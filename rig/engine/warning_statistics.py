@@ -66,7 +66,7 @@ class NoiseTest:
         self._p = threshold(points, outputs, len(self.WINDOWS))
         self._first: list[float] = []
         self._recent: deque[float] = deque(maxlen=max(self.WINDOWS))
-        self._df = 0.0
+        self._df = self._before = 0.0
 
     @property
     def sd(self) -> float:
@@ -82,13 +82,14 @@ class NoiseTest:
             self._df = _df_of(self._first, number.n - 1)
             return ""
         self._recent.append(number.variance)
-        before = sum(self._first) / len(self._first)
+        before = self._before = self._before or sum(self._first) / len(self._first)
         if before <= 0.0:
             return ""
+        recent = list(self._recent)
         for size in self.WINDOWS:
-            if len(self._recent) < size:
+            if len(recent) < size:
                 continue
-            now = sum(list(self._recent)[-size:]) / size
+            now = sum(recent[-size:]) / size
             ratio = now / before
             if ratio < self.LEAST**2:
                 continue

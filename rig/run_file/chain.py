@@ -86,7 +86,10 @@ class Record(_Columns):
 
 def encode(body: Mapping[str, Any]) -> str:
     """Body as compact JSON. Raises ValueError for NaN or infinity, which JSON cannot represent."""
-    return json.dumps(body, separators=(",", ":"), allow_nan=False)
+    return _COMPACT.encode(body)
+
+
+_COMPACT = json.JSONEncoder(separators=(",", ":"), allow_nan=False)
 
 
 def link(previous: bytes, seq: int, record: Record) -> bytes:
