@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import signal
+
+_ONE_THREAD = "OPENBLAS_NUM_THREADS"
+"""Read by the linear algebra of numpy and scipy when it is loaded. Our matrices are small: several threads mostly wait
+for one another, six times as long on a busy machine. And rounding does not depend on the number of cores.
+"""
 
 
 def main() -> None:
@@ -10,6 +16,7 @@ def main() -> None:
 
     An interrupt after its end changes nothing: the exit code is the command's.
     """
+    os.environ.setdefault(_ONE_THREAD, "1")
     before = signal.getsignal(signal.SIGINT)
     if before is signal.default_int_handler:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
