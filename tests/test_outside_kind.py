@@ -208,7 +208,7 @@ def test_what_hides_is_traced_and_reported(lagging, tmp_path):
 
 
 def test_what_it_does_not_do_is_said_in_a_line(plain):
-    for command, words in (("confirm", "level sensors has no further runs"), ("chart", "control charts are not")):
+    for command, words in (("confirm", "no further run is made of level sensors"), ("chart", "control charts are not")):
         done = rig(command, plain, "--list") if command == "confirm" else rig(command, plain, plain)
         assert done.returncode == 2
         assert words in done.stderr
@@ -221,7 +221,10 @@ def test_its_table_is_exported_and_read_again(plain, tmp_path):
     for term in ("offset", "slope"):
         first, second = (one["sensors"]["x_V"]["coefficients"][term]["estimate"] for one in (of_run, of_table))
         assert first == pytest.approx(second, rel=1e-9)
-    assert "--traced is for attitude sensors" in rig("fit", tmp_path / "level.csv", "--tilt", "--traced").stderr
+    assert (
+        "--traced is for any table and attitude sensors"
+        in rig("fit", tmp_path / "level.csv", "--tilt", "--traced").stderr
+    )
 
 
 def test_its_options_and_settings_stand_in_help_and_reference():
