@@ -95,7 +95,8 @@ def opened(plan: Plan, *, start: float = 0.0) -> Iterator[tuple[Bench, Clock, st
         bench = open_bench(dry.config, check_options(dry.config, "bench"), dry.clock, dry.wires)
         bench.person = dry.person
         try:
-            yield bench, dry.clock, _VIRTUAL
+            with dry.checked():
+                yield bench, dry.clock, _VIRTUAL
         finally:
             bench.close()
             dry.close()

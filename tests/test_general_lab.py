@@ -614,6 +614,11 @@ def test_arithmetic_of_worlds():
         Formula.parse("log(x)", "f", {"x"}).value({"x": -1.0})
 
 
+def test_a_world_without_a_value_at_a_setting_is_an_error_of_its_file(tmp_path):
+    with pytest.raises(ConfigurationError, match=r"world: 'log\(force_kN - 1\)' has no value at force_kN = "):
+        run_dry(tmp_path, world=WORLD.replace("0.1 + 0.5*force_kN", "log(force_kN - 1)"))
+
+
 def test_a_standard_model_is_declared_by_its_name_and_fitted_to_its_factor(tmp_path):
     procedure = PROCEDURE.replace('formula = "1 + force_kN"', 'standard = "load-cell-cubic"')
     path, result = run_dry(tmp_path, procedure)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from functools import cache
 from typing import Any
 
@@ -86,6 +87,7 @@ class DryBench:
         record_tape: bool = False,
         key: str = "",
     ) -> None:
+        self._where = where
         values = plain(config)
         key = key or f"dry{next(_keys)}"
         try:
@@ -101,6 +103,18 @@ class DryBench:
         self.clock = WatchedClock(self.world)
         self.person = SimulatedPerson(self.sim)
         self.wires = Wires(self.clock, simulated=self.sim.transports(), tap=tap)
+
+    @contextmanager
+    def checked(self) -> Iterator[None]:
+        """A context in which a formula of the world file that has no value is an error of that file.
+
+        Raises:
+            ConfigurationError: it has none at a setting of the run.
+        """
+        try:
+            yield
+        except WorldError as error:
+            raise ConfigurationError(f"{self._where}: {error}") from error
 
     def close(self) -> None:
         """Remove the simulated addresses."""

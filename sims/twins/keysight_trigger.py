@@ -177,9 +177,11 @@ class TriggeredTwin(ScpiTwin):
             self._timer = self.world.call_in(seconds, self._finish)
 
     def _finish(self) -> None:
-        self.taken()
         self._timer = None
-        self._began = None
+        try:
+            self.taken()
+        finally:  # a world without a value here ends the measurement, too: nobody waits for it for ever
+            self._began = None
 
     def taken(self) -> list[Reading]:
         """The memory: readings completed by now."""
