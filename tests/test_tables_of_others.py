@@ -394,3 +394,11 @@ def test_a_table_in_any_notation_is_read_right_or_asked_about_never_otherwise(tm
         return
     np.testing.assert_array_equal(np.column_stack([table.columns[name] for name in needed]), values[kept])
     assert table.text["side"].tolist() == text[kept].tolist()
+
+
+def test_an_empty_row_of_a_spreadsheet_is_no_row(tmp_path):
+    path = tmp_path / "bench.csv"
+    path.write_text("My lab,,\n,,\nflow_Lpm,f_Hz,remark\n5,50,a\n10,100,b\n,,\n15,151,c\n20,200,d\n,,\n")
+    said = rig("fit", path)
+    assert said.returncode == 2, "nothing was fitted: it says what it sees"
+    assert "--response f_Hz --formula '1 + flow_Lpm'" in said.stdout

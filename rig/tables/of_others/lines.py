@@ -37,7 +37,7 @@ class Line:
 
 
 def lines_of(text: str) -> Iterator[Line]:
-    """The lines of a text that are not blank."""
+    """The lines of a text that are not blank. An empty row of a spreadsheet is a line of separators alone."""
     pending, first, joined = "", 0, 0
     for row, piece in enumerate(_BREAK.split(text), start=1):
         if pending:
@@ -49,7 +49,7 @@ def lines_of(text: str) -> Iterator[Line]:
         elif piece.count('"') % 2 and re.search(r'(?:^|[,;\t|])\s*"[^"]*$', piece):
             pending, first, joined = piece, row, 0
             continue
-        if piece.strip():
+        if piece.strip(' \t,;|"'):
             yield _line(row, piece)
     if pending:
         yield _line(first, pending)
