@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from procedures.errors import DataError
-from procedures.general import page as general_page
+from procedures.general import report as general_report
 from procedures.general.column_roles import Roles, parts_played, roles_of
 from procedures.general.effects import effects_of
 from procedures.general.evaluate import GeneralTraced
@@ -171,7 +171,7 @@ def test_a_class_of_curves_is_led_by_its_simplest_order():
 
 def test_levels_are_drawn_by_name_with_means_and_both_panels_on_one_scale():
     level, left = np.array([0.0, 0.0, 1.0, 2.0]), np.array([1.0, 3.0, 5.0, -9.0])
-    figure = general_page.residuals_over("unit", level, (left, 0.1 * left), "y", ("a", "b", "c"))
+    figure = general_report.residuals_over("unit", level, (left, 0.1 * left), "y", ("a", "b", "c"))
     before, after = figure.axes
     assert [text.get_text() for text in before.get_xticklabels()] == ["a", "b", "c"]
     assert before.get_ylim() == after.get_ylim()

@@ -271,7 +271,7 @@ class AttitudeTraced:
 
     def page(self) -> Page:
         """Its report."""
-        from procedures.attitude.page import trace_page  # noqa: PLC0415 - plots take a second to import
+        from procedures.attitude.report import trace_page  # noqa: PLC0415 - plots take a second to import
 
         return trace_page(self)
 

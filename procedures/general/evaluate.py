@@ -68,7 +68,7 @@ class GeneralTraced:
 
     def page(self) -> Page:
         """Its report."""
-        from procedures.general.page import trace_page  # noqa: PLC0415 - plots take a second to import
+        from procedures.general.report import trace_page  # noqa: PLC0415 - plots take a second to import
 
         return trace_page((self,), self.to_json()["unused"])
 

@@ -219,7 +219,7 @@ class RunTraced:
 
     def page(self) -> Page:
         """The report of all sensors."""
-        from procedures.general.page import trace_page  # noqa: PLC0415 - plots take a second to import
+        from procedures.general.report import trace_page  # noqa: PLC0415 - plots take a second to import
 
         return trace_page(tuple(self.each.values()), self.to_json()["unused"], self.not_traced)
 

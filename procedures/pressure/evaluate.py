@@ -144,7 +144,7 @@ class WholePlotFitted:
 
     def page(self) -> Page:
         """Its report: the paper's methods side by side."""
-        from procedures.pressure.methods_page import fit_page  # noqa: PLC0415 - plots take a second to import
+        from procedures.pressure.methods_report import fit_page  # noqa: PLC0415 - plots take a second to import
 
         return fit_page(self)
 
@@ -340,7 +340,7 @@ class WholePlotTraced:
 
     def page(self) -> Page:
         """Its report."""
-        from procedures.pressure.page import trace_page  # noqa: PLC0415 - plots take a second to import
+        from procedures.pressure.report import trace_page  # noqa: PLC0415 - plots take a second to import
 
         return trace_page(self)
 

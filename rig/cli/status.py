@@ -1,4 +1,4 @@
-"""The command `rig status`: of a run, with the words of `rig.results.status`, and of a folder of runs."""
+"""The command `rig status`. Lines of one run: `Status.blocks` in `rig/results/status.py`; the list of a folder: here."""
 
 from __future__ import annotations
 

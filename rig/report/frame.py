@@ -1,6 +1,6 @@
 """The frame of every report: title, SIMULATED mark, provenance, and events of the run.
 
-The contents are those of each kind: `procedures/KIND/page.py` and `procedures/KIND/templates/page.html.j2`.
+The contents are those of each kind: `procedures/KIND/report.py` and `procedures/KIND/templates/report.html.j2`.
 """
 
 from __future__ import annotations

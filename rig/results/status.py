@@ -1,4 +1,4 @@
-"""State of a run, for `rig status` and `rig.run`; a list of runs in a folder: `rig.cli.status`."""
+"""State of a run: every line that `rig status RUN` prints, and its JSON. The list of a folder: `rig/cli/status.py`."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ from fitter.trace.search import search
 from fitter.trace.shares import shares
 from procedures.blocks import Block, Line, headline
 from procedures.certificate import Change, Errors, certified, with_words
-from procedures.effects_page import effects_part
+from procedures.effects_report import effects_part
 from procedures.effects_shown import show_certificate, show_effect
 from procedures.errors import DataError
 from procedures.results import Page
@@ -162,7 +162,7 @@ class TiltTraced:
         """Its report."""
         sensors = [{**found, "s": effects_part(found, {})} for found in self._sensors()]
         span_s = float(np.ptp(self.table.columns["elapsed_s"]))
-        return Page(__package__, "page.html.j2", self.table, span_s, unused(self.table).to_json(), {"sensors": sensors})
+        return Page(__package__, "report.html.j2", self.table, span_s, unused(self.table).to_json(), {"sensors": sensors})
 
     def _sensors(self) -> Iterator[Mapping[str, Any]]:
         return ({"name": one.sensor, **one.to_json()} for one in self.outcomes)

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from fitter.trace.outcome import Outcome
 from procedures.before_after import compared
 from procedures.effect_plots import drawn
-from procedures.effects_page import effects_part
+from procedures.effects_report import effects_part
 from procedures.numbers import number
 from procedures.pictures import BEFORE_AFTER, colour_scale, dress, side_by_side
 from procedures.pressure.data import WholePlotData
@@ -106,7 +106,7 @@ def trace_page(traced: WholePlotTraced) -> Page:
         "sensors": [_transducer(one, result["sensors"][one.sensor], traced) for one in traced.outcomes],
     }
     span_s = float(np.ptp(traced.data.elapsed_s))
-    return Page("procedures.pressure", "page.html.j2", traced.table, span_s, result["unused"], contents)
+    return Page("procedures.pressure", "report.html.j2", traced.table, span_s, result["unused"], contents)
 
 
 def _transducer(outcome: Outcome, result: dict[str, Any], traced: WholePlotTraced) -> dict[str, Any]:

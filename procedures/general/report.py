@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from procedures.before_after import compared
-from procedures.effects_page import effects_part
+from procedures.effects_report import effects_part
 from procedures.numbers import number
 from procedures.pictures import BEFORE_AFTER, dress, side_by_side
 from procedures.results import Page
@@ -90,7 +90,7 @@ def trace_page(every: Sequence[GeneralTraced], unused: Mapping[str, Any], not_tr
         not_traced: outputs of the run whose declared model no trace can use.
     """
     contents = {"sensors": [_sensor(one) for one in every], "not_traced": list(not_traced)}
-    return Page("procedures.general", "page.html.j2", every[0].table, 0.0, unused, contents)
+    return Page("procedures.general", "report.html.j2", every[0].table, 0.0, unused, contents)
 
 
 def _sensor(traced: GeneralTraced) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from procedures.attitude.parameters import NO_DIRECTION, SCALE, UNIT
 from procedures.attitude.words import little_help
 from procedures.before_after import compared
 from procedures.effect_plots import drawn
-from procedures.effects_page import effects_part
+from procedures.effects_report import effects_part
 from procedures.numbers import with_error
 from procedures.pictures import BEFORE_AFTER, colour_scale, dress, legend_below, side_by_side
 from procedures.results import Page
@@ -112,7 +112,7 @@ def trace_page(traced: AttitudeTraced) -> Page:
     result = traced.to_json()
     sensors = [_sensor(one, result["sensors"][one.sensor], traced) for one in traced.outcomes]
     span_s = float(np.ptp(traced.data.elapsed_s))
-    return Page("procedures.attitude", "page.html.j2", traced.table, span_s, result["unused"], {"sensors": sensors})
+    return Page("procedures.attitude", "report.html.j2", traced.table, span_s, result["unused"], {"sensors": sensors})
 
 
 def _sensor(outcome: Outcome, result: dict[str, Any], traced: AttitudeTraced) -> dict[str, Any]:
