@@ -1,4 +1,4 @@
-"""The command `rig status`. Lines of one run: `Status.blocks` in `rig/results/status.py`; the list of a folder: here."""
+"""The command `rig status`. Lines on a run: `Status.blocks` in `rig/results/status.py`. The list of a folder: here."""
 
 from __future__ import annotations
 

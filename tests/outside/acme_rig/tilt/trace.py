@@ -162,7 +162,9 @@ class TiltTraced:
         """Its report."""
         sensors = [{**found, "s": effects_part(found, {})} for found in self._sensors()]
         span_s = float(np.ptp(self.table.columns["elapsed_s"]))
-        return Page(__package__, "report.html.j2", self.table, span_s, unused(self.table).to_json(), {"sensors": sensors})
+        return Page(
+            __package__, "report.html.j2", self.table, span_s, unused(self.table).to_json(), {"sensors": sensors}
+        )
 
     def _sensors(self) -> Iterator[Mapping[str, Any]]:
         return ({"name": one.sensor, **one.to_json()} for one in self.outcomes)
