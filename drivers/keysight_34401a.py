@@ -1,7 +1,8 @@
 """HP/Agilent/Keysight 34401A voltmeter on its serial interface, DC volts.
 
 Commands from the 34401A user's guide (34401-90004). The factory setting of its serial interface is 9600 baud, seven
-bits, even parity, two stop bits.
+bits, even parity, two stop bits. What meters have in common: `drivers/scpi.py`; the twin:
+`sims/twins/keysight_34401a.py`; where both are registered: `drivers/__init__.py`.
 """
 
 from __future__ import annotations

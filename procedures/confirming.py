@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -12,8 +14,10 @@ from fitter.arrays import IntArray
 from fitter.confirm import Confirmation, Question, Together
 from fitter.effects.entry import Entry
 from fitter.effects.hands import Done
+from procedures.blocks import Block
+from procedures.effects_shown import show_confirmed
 from procedures.further_runs import Variation
-from procedures.results import Fitted
+from procedures.results import Fitted, Page
 from procedures.run_list import RunList
 from procedures.table import Table
 
@@ -141,3 +145,23 @@ class Confirming(ABC):
         Raises:
             DataError: an option is not permitted here.
         """
+
+
+@dataclass(frozen=True)
+class ConfirmedFit:
+    """A calibration with terms confirmed by a further run, and their source."""
+
+    fitted: Fitted
+    record: dict[str, Any]
+
+    def to_json(self) -> dict[str, Any]:
+        """JSON values for `rig fit --json`."""
+        return self.fitted.to_json() | {"confirmed_by": self.record}
+
+    def blocks(self) -> Iterator[Block]:
+        """Blocks for people."""
+        return chain(self.fitted.blocks(), show_confirmed(self.record))
+
+    def page(self) -> Page | None:
+        """Its report; None if it has none."""
+        return self.fitted.page()

@@ -4,8 +4,9 @@ Each class of fault has a policy: a sequence of steps, taken in order when the s
 place, e.g. `["retry 3", "re-home", "skip"]`. A text alone is the last step, after `retries` retries if the class has
 any: `"skip"` is `["retry 2", "skip"]`.
 
-Failures are counted in `rig.engine.failure_counts`. Repeats of noisy readings are `measure.repeats`, those of lost
-whole plots `recovery.whole_plot_repeats`.
+Failures are counted in `rig/engine/failure_counts.py`; steps are taken in `rig/engine/deciding.py`. Repeats of noisy
+readings are `measure.repeats`, those of lost whole plots `recovery.whole_plot_repeats` (`procedures/settings.py`,
+`procedures/conduct.py`).
 """
 
 from __future__ import annotations

@@ -13,6 +13,8 @@ from command import rig
 from dry import SHORT
 
 from fitter.confirm import NOTHING, Separation, confirm, confirm_all, separation
+from fitter.confirm.beside import Beside, beside
+from fitter.confirm.compare import Comparison
 from procedures.attitude.further_runs import further_runs
 from procedures.attitude.model import mounting_matrix
 from procedures.attitude.settings import MountingSettings
@@ -29,6 +31,7 @@ from rig.closed_loop.confirm import (
     plan_for,
     propose,
 )
+from rig.closed_loop.confirm.answers import may_be_beside
 from rig.config import parse_procedure, parse_toml
 from rig.controller import resume_run, start_run
 from rig.engine.session import Outcome, Signals
@@ -221,6 +224,25 @@ def test_a_reading_that_went_wrong_does_not_decide(opened) -> None:
         answer = confirm(both, first.questions[0])
         assert answer.verdict == "confirmed"
         assert answer.outliers == aside
+
+
+def test_what_the_two_runs_leave_room_for_beside_the_confirmed_cause_is_said(opened) -> None:
+    """Few later readings leave more room for an eccentric head beside the sag than many do."""
+    first, _, later = opened
+    question = first.questions[0]
+    data = attitude_data(run_table(later))
+    both = first.confirming.beside(data, first.later_s)
+    held = confirm(both, question)
+    limits = {}
+    for every in (1, 30):
+        kept = ~both.fresh
+        kept[np.flatnonzero(both.fresh)[::every]] = True
+        limits[every] = max((one.up_to for one in beside(Comparison(both.only(kept), question), 0)), default=0.0)
+    assert 1 / 3 < limits[30] <= 1.0
+    assert limits[1] < limits[30]
+    answer = replace(held, beside=(Beside("head-once-per-turn", limits[30]),))
+    assert f"head-once-per-turn up to {100 * limits[30]:.0f} %" in may_be_beside(answer)
+    assert may_be_beside(replace(held, beside=())) == ""
 
 
 def test_effects_are_judged_beside_what_holds_of_the_others(tmp_path: Path) -> None:

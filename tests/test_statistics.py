@@ -42,6 +42,14 @@ def test_every_module_is_a_campaign_that_can_be_asked_for():
 
 
 @pytest.mark.parametrize("name", NAMES)
+def test_help_of_every_campaign_names_its_options(name, capsys):
+    with pytest.raises(SystemExit) as end:
+        asked(name.replace("_", "-"), ["--help"])
+    assert end.value.code == 0
+    assert f"python -m proving.statistics {name.replace('_', '-')}" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("name", NAMES)
 def test_every_part_has_cases_that_workers_can_be_given_and_says_what_it_is(name, tmp_path):
     (tmp_path / "commands.toml").write_text("[one]\n")
     for part in parts_of(name).values():

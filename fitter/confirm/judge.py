@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitter.arrays import FloatArray
+from fitter.confirm.beside import Beside, beside
 from fitter.confirm.compare import Comparison, lasting, nuisance
 from fitter.confirm.question import Hypothesis, Question
 from fitter.confirm.structure import p_structured
@@ -112,12 +113,14 @@ class Confirmation:
         holder: terms of the explanation that holds, if another one replaces the named one; empty otherwise.
         outliers: readings of the later run that are outliers under every explanation and were left out, by their
             position in that run.
+        beside: causes of its class that may be there beside the explanation that holds.
     """
 
     effect: str
     members: tuple[Member, ...]
     outliers: tuple[int, ...] = ()
     holder: tuple[Any, ...] = ()
+    beside: tuple[Beside, ...] = ()
 
     @property
     def holding(self) -> tuple[str, ...]:
@@ -216,9 +219,11 @@ def confirm(both: Together, question: Question) -> Confirmation:
     ]
     members.sort(key=lambda member: (not member.holds, member.sigmas, len(member.terms)))
     answer = Confirmation(question.effect, tuple(members), aside)
-    if answer.verdict != "replaced":
+    if answer.verdict not in ("confirmed", "replaced"):
         return answer
-    return replace(answer, holder=next(m.terms for m in question.members if m.effect == answer.holding[0]))
+    holder = next(j for j, member in enumerate(question.members) if member.effect == answer.holding[0])
+    answer = replace(answer, beside=beside(comparison, holder))
+    return answer if answer.verdict == "confirmed" else replace(answer, holder=question.members[holder].terms)
 
 
 def _with_pair(both: Together, question: Question, best: int) -> Question | None:

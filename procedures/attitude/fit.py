@@ -1,4 +1,4 @@
-"""Fit one sensor of a pitch-roll calibration: the linear attitude model; Table 2 is from `fitter.replication`."""
+"""Fit one sensor of a pitch-roll calibration: the linear model; sigma_E and Table 2: `fitter/replication.py`."""
 
 from __future__ import annotations
 

@@ -11,9 +11,8 @@ import numpy as np
 
 from fitter import LinearFit
 from fitter.arrays import FloatArray, IntArray
-from fitter.budget import TypeA
 from fitter.errors import FitError
-from procedures.budgeting import SCATTER, Evaluation, Results, Shift, no_error, together
+from procedures.budget_by_sensor import EvaluationBySensor
 from procedures.errors import DataError
 from procedures.general.declared import Declared, Model, model_of
 from procedures.general.fit import calibration_of
@@ -93,6 +92,11 @@ class Sensor:
         return np.asarray(self._model(columns).rows.fitted().coefficients)
 
     @property
+    def fitted(self) -> FloatArray:
+        """(k,) coefficients of the calibration."""
+        return self.calibration.coefficients
+
+    @property
     def variable(self) -> str | None:
         """The variable that a reading determines; None if there are several."""
         try:
@@ -111,7 +115,9 @@ class Sensor:
 
     @cached_property
     def readings(self) -> FloatArray:
-        """(p,) outputs at the points."""
+        """(p,) outputs at the points; none if they have not every variable."""
+        if not self.has_points:
+            return np.zeros(0)
         return self.calibration.formula.value(self.calibration.coefficients, self._given)
 
     @cached_property
@@ -210,7 +216,7 @@ def _setting(table: Table, name: str) -> IntArray:
     return np.asarray(np.unique(np.round(given, 9), return_inverse=True)[1], np.int64)
 
 
-class GeneralEvaluation(Evaluation):
+class GeneralEvaluation(EvaluationBySensor):
     """All sensors of a run, each by its declared model."""
 
     def __init__(self, table: Table, at: Sequence[Mapping[str, float]]) -> None:
@@ -245,10 +251,10 @@ class GeneralEvaluation(Evaluation):
         every = ((one.name, one.readings_scatter) for one in self._each)
         return (words for name, one in every if one is not None and (words := one.sentence(name)))
 
-    def inferred(self, output: str, readings: FloatArray) -> FloatArray:
-        """(p,) values of the variable of readings of one output at the points."""
-        one = next(one for one in self._each if one.name == output)
-        return one.values(one.calibration.coefficients, readings)[-len(readings) :]
+    @property
+    def each(self) -> Sequence[Sensor]:
+        """See `EvaluationBySensor`."""
+        return self._each
 
     @cached_property
     def columns(self) -> Columns:
@@ -277,30 +283,6 @@ class GeneralEvaluation(Evaluation):
             mine = {n: self.columns[n] + moved for n, moved in columns.items() if n in uses}
             found[one.name] = one.coefficients(mine) if mine else one.calibration.coefficients
         return found
-
-    def evaluate(self, shift: Shift) -> FloatArray:
-        """See `Evaluation`."""
-        coefficients = self.coefficients(shift.columns)
-        found = []
-        for one in self._each:
-            readings = one.readings if one.has_points else np.zeros(0)
-            if one.has_points and shift.in_use is not no_error:
-                readings = readings + shift.in_use(one.name, readings)
-            found.append(one.values(coefficients[one.name], readings))
-        return np.concatenate(found)
-
-    @cached_property
-    def results(self) -> Results:
-        """See `Evaluation`."""
-        named = [(name, unit, one.name) for one in self._each for name, unit in one.named()]
-        values = self.evaluate(Shift())
-        if not np.isfinite(values).all():
-            lost = named[int(np.flatnonzero(~np.isfinite(values))[0])][0]
-            raise FitError(f"{lost}: it is not determined there; choose another point with --at")
-        names, units, sensors = zip(*named, strict=True)
-        parts = [one.scatter() for one in self._each]
-        type_a = TypeA(together([p[0] for p in parts]), np.concatenate([p[1] for p in parts]), *SCATTER)
-        return Results(names, units, values, type_a, sensors, np.concatenate([p[2] for p in parts]))
 
 
 def general_evaluation(table: Table, at: Sequence[Mapping[str, float]]) -> GeneralEvaluation:

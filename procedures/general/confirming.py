@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -19,9 +18,7 @@ from fitter.errors import FitError
 from fitter.trace.aliases import DELTA, Rival
 from fitter.trace.found import Explanation
 from fitter.trace.search import names_of
-from procedures.blocks import Block
-from procedures.confirming import SETTLED, Confirming
-from procedures.effects_shown import show_confirmed
+from procedures.confirming import SETTLED, ConfirmedFit, Confirming
 from procedures.errors import DataError
 from procedures.further_runs import Variation, repeated
 from procedures.general.effects.literal import arithmetic
@@ -29,7 +26,7 @@ from procedures.general.effects.of_others import HYSTERESIS
 from procedures.general.effects.time_columns import lag
 from procedures.general.factors import RANDOM
 from procedures.general.further_runs import values_of, with_routine
-from procedures.general.of_runs import Asked, RunFitted, RunTraced, fit_run
+from procedures.general.of_runs import Asked, RunTraced, fit_run
 from procedures.general.options import FitOptions, TraceOptions
 from procedures.general.planning import check_declared
 from procedures.general.settings import GeneralProcedure
@@ -368,22 +365,3 @@ def _determined(procedure: GeneralProcedure) -> bool:
     except FitError:
         return False
     return True
-
-
-@dataclass(frozen=True)
-class ConfirmedFit:
-    """A calibration with terms confirmed by a further run, and their source."""
-
-    fitted: RunFitted
-    record: dict[str, Any]
-
-    def to_json(self) -> dict[str, Any]:
-        """JSON values for `rig fit --json`."""
-        return self.fitted.to_json() | {"confirmed_by": self.record}
-
-    def blocks(self) -> Iterator[Block]:
-        """Blocks for people."""
-        return chain(self.fitted.blocks(), show_confirmed(self.record))
-
-    def page(self) -> None:
-        """It has none."""

@@ -12,9 +12,9 @@ from functools import cached_property
 import numpy as np
 
 from fitter.arrays import FloatArray, IntArray
-from fitter.budget import TypeA
 from fitter.errors import FitError
-from procedures.budgeting import SCATTER, Evaluation, Results, Shift, Shifts, no_error, together
+from procedures.budget_by_sensor import EvaluationBySensor
+from procedures.budgeting import Shift, Shifts
 from procedures.errors import DataError
 from procedures.pressure.data import WholePlotData
 from procedures.pressure.evaluate import METHOD, coefficient_unit
@@ -52,6 +52,11 @@ class Transducer:
     def _even(self) -> Errors:
         v = self.fit.reml.variances
         return Errors(v.subplot, 0.0, v.wholeplot, v.replicate, np.zeros((4, 4)), float("nan"))
+
+    @property
+    def fitted(self) -> FloatArray:
+        """(k,) coefficients of the calibration."""
+        return self.calibration.coefficients
 
     def coefficients(self, moved: Mapping[str, FloatArray]) -> FloatArray:
         """(k,) coefficients with additions to columns."""
@@ -114,7 +119,7 @@ class Transducer:
         return covariance, errors.df(np.diag(covariance), gradient), of_fit
 
 
-class PressureEvaluation(Evaluation):
+class PressureEvaluation(EvaluationBySensor):
     """All transducers of a run, by the declared model and GLS."""
 
     def __init__(self, data: WholePlotData, model: str, at: Sequence[Point]) -> None:
@@ -123,10 +128,10 @@ class PressureEvaluation(Evaluation):
         fits = fit_transducers(data, model)
         self._each = [Transducer(name, fit, fit.calibration(METHOD), points) for name, fit in fits.items()]
 
-    def inferred(self, output: str, readings: FloatArray) -> FloatArray:
-        """(p,) pressures of readings of one output at the points."""
-        one = next(one for one in self._each if one.name == output)
-        return one.values(one.calibration.coefficients, readings)[-len(readings) :]
+    @property
+    def each(self) -> Sequence[Transducer]:
+        """See `EvaluationBySensor`."""
+        return self._each
 
     @cached_property
     def columns(self) -> Columns:
@@ -162,30 +167,6 @@ class PressureEvaluation(Evaluation):
             mine = shared | ({one.name: columns[one.name]} if one.name in columns else {})
             found[one.name] = one.coefficients(mine) if mine else one.calibration.coefficients
         return found
-
-    def evaluate(self, shift: Shift) -> FloatArray:
-        """See `Evaluation`."""
-        coefficients = self.coefficients(shift.columns)
-        found = []
-        for one in self._each:
-            readings = one.readings
-            if shift.in_use is not no_error:
-                readings = readings + shift.in_use(one.name, readings)
-            found.append(one.values(coefficients[one.name], readings))
-        return np.concatenate(found)
-
-    @cached_property
-    def results(self) -> Results:
-        """See `Evaluation`."""
-        named = [(name, unit, one.name) for one in self._each for name, unit in one.named()]
-        values = self.evaluate(Shift())
-        if not np.isfinite(values).all():
-            lost = named[int(np.flatnonzero(~np.isfinite(values))[0])][0]
-            raise FitError(f"{lost}: it is not determined there; choose another point with --at")
-        names, units, sensors = zip(*named, strict=True)
-        parts = [one.scatter() for one in self._each]
-        type_a = TypeA(together([p[0] for p in parts]), np.concatenate([p[1] for p in parts]), *SCATTER)
-        return Results(names, units, values, type_a, sensors, np.concatenate([p[2] for p in parts]))
 
     def of_place(self, constant: PlaceConstant) -> Iterable[tuple[str, Shifts]]:
         """The height of the transducers as a share of the pressure."""

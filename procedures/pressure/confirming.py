@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -13,20 +12,17 @@ from fitter.arrays import IntArray
 from fitter.confirm import Confirmation, Question
 from fitter.effects.entry import Entry
 from fitter.effects.hands import Done
-from procedures.blocks import Block
-from procedures.confirming import SETTLED, Confirming
-from procedures.effects_shown import show_confirmed
+from procedures.confirming import SETTLED, ConfirmedFit, Confirming
 from procedures.further_runs import Variation, repeated
 from procedures.pressure.data import WholePlotData
 from procedures.pressure.effects import PRESSURE_CATALOGUE
 from procedures.pressure.effects.scene import PressureEffect
 from procedures.pressure.effects.separation import separate_pressure
-from procedures.pressure.evaluate import WholePlotFitted, WholePlotTraced, fit_whole_plots
+from procedures.pressure.evaluate import WholePlotTraced, fit_whole_plots
 from procedures.pressure.options import FitOptions
 from procedures.pressure.settings import WholePlotProcedure
 from procedures.pressure.table import whole_plot_data
 from procedures.pressure.together import WholePlotTogether
-from procedures.results import Page
 from procedures.run_list import RunList
 from procedures.table import Table
 
@@ -157,26 +153,6 @@ class WholePlotConfirming(Confirming):
             outputs={name: np.zeros(n) for name in self.data.transducers},
             replicate=np.array([p.replication for p in run_list.points]),
         )
-
-
-@dataclass(frozen=True)
-class ConfirmedFit:
-    """A calibration with terms confirmed by a further run, and their source."""
-
-    fitted: WholePlotFitted
-    record: dict[str, Any]
-
-    def to_json(self) -> dict[str, Any]:
-        """JSON values for `rig fit --json`."""
-        return self.fitted.to_json() | {"confirmed_by": self.record}
-
-    def blocks(self) -> Iterator[Block]:
-        """Blocks for people."""
-        return chain(self.fitted.blocks(), show_confirmed(self.record))
-
-    def page(self) -> Page:
-        """Its report."""
-        return self.fitted.page()
 
 
 def _terms(questions: Sequence[Question], answer: Confirmation) -> list[str]:

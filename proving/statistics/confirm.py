@@ -2,21 +2,21 @@
 
 Four pairs that one run cannot tell apart, each member hidden in turn: a dry run of the attitude bench, its trace, the
 cheapest further run that should part them, that run on the same simulated bench (turned if the proposal says so, in
-the world's next night), and the judgement. And one that needs no further run: 37 x 13 points over the whole turn.
+the world's next night), and the judgement. The same with two causes hidden, in one class and in two. And one that
+needs no further run: 37 x 13 points over the whole turn.
 """
 
 from __future__ import annotations
 
 import tempfile
-from collections import Counter
 from functools import partial
 from pathlib import Path
 
 from proving.ledger import Result
-from proving.statistics.confirm_any import loops
-from proving.statistics.dry_runs import Truth, dry, one_sensor
+from proving.statistics.confirm_any import confirmed, judged, loops
+from proving.statistics.dry_runs import Truth, one_sensor
 from proving.statistics.frame import Figures, Part, Results, Study
-from rig.closed_loop.confirm import consider, judge, open_traced, plan_for, propose
+from rig.closed_loop.confirm import open_traced
 
 PADS: Truth = {"isolation_pad": {"pitch_compliance_deg_per_g": 5e-4}}
 ONCE: Truth = {"head_error": [{"axis": "pitch", "amplitude_arcsec": 1.0, "periods_per_turn": 1.0, "phase_deg": 0.0}]}
@@ -42,6 +42,13 @@ PAIRS: dict[str, tuple[Hidden, Hidden, Truth]] = {
     "square or head once a turn": ((SQUARE, "sensor-second-order"), (ONCE_COSINE, "head-once-per-turn"), {}),
     "temperature or drift": ((WARM, "offset-temperature"), (DRIFT, "offset-drift"), NIGHT),
 }
+TWO: dict[str, tuple[Hidden, Hidden, Truth]] = {
+    "pads and an eccentric head": (*PAIRS["pads or an eccentric head"][:2], {}),
+    "cube and head twice a turn": (*PAIRS["cube or head twice a turn"][:2], {}),
+    "pads and cube": ((PADS, "isolation-pad-deflection"), (CUBE, "sensor-third-order"), {}),
+    "square and temperature": ((SQUARE, "sensor-second-order"), (WARM, "offset-temperature"), NIGHT),
+    "head twice a turn and drift": ((TWICE, "head-twice-per-turn"), (DRIFT, "offset-drift"), NIGHT),
+}
 ALREADY = (
     (PADS, "isolation-pad-deflection", "head-once-per-turn"),
     (ONCE, "head-once-per-turn", "isolation-pad-deflection"),
@@ -53,35 +60,27 @@ def pairs() -> Study:
     cases = {}
     for label, (*members, world) in PAIRS.items():
         for hidden, name in members:
-            cases[f"{label}, truly {name}"] = partial(_loop, hidden=hidden, name=name, world=world)
-    return Study(cases, _parted)
+            cases[f"{label}, truly {name}"] = partial(_loop, hidden=hidden, names=frozenset({name}), world=world)
+    return Study(cases, judged)
 
 
-def _loop(seed: int, hidden: Truth, name: str, world: Truth) -> Result:
+def two() -> Study:
+    """Two causes at once. Right: each has a question that ends with it alone. Wrong: another cause ends alone."""
+    cases = {}
+    for label, (*members, world) in TWO.items():
+        effects: Truth = {}
+        for hidden, _ in members:
+            effects |= hidden
+        names = frozenset(name for _, name in members)
+        cases[label] = partial(_loop, hidden=effects, names=names, world=world)
+    return Study(cases, judged)
+
+
+def _loop(seed: int, hidden: Truth, names: frozenset[str], world: Truth) -> Result:
     with tempfile.TemporaryDirectory() as made:
         folder = Path(made)
         first = open_traced(one_sensor(hidden, world, seed, folder, SMALL if world else NO_ROLL))
-        classes = [sorted({member.effect for member in question.members}) for question in first.questions]
-        result = {"seed": seed, "classes": classes, "with others": any(len(c) > 1 and name in c for c in classes)}
-        if not first.questions:
-            return {**result, "right": False, "held": [], "proposed": None}
-        proposal = propose(consider(first))[0]
-        later = dry(plan_for(first, proposal.variation, dry=True), folder, first.world_s + first.later_s)
-        held = sorted({answer.holding for answer in judge(first, later).answers})
-    proposed = {"what": proposal.variation.what, "hours": proposal.hours}
-    return {**result, "right": held == [(name,)], "held": held, "proposed": proposed}
-
-
-def _parted(results: Results) -> Figures:
-    proposed = [one["proposed"] for one in results if one["proposed"] is not None]
-    return {
-        "right alone": sum(one["right"] for one in results),
-        "with others before": sum(one["with others"] for one in results),
-        "of": len(results),
-        "proposed": dict(Counter(one["what"] for one in proposed)),
-        "hours": sum(one["hours"] for one in proposed) / max(len(proposed), 1),
-        "otherwise": {f"seed {one['seed']}": [one["classes"], one["held"]] for one in results if not one["right"]},
-    }
+        return {"seed": seed, **confirmed(first, folder, names)}
 
 
 def already() -> Study:
@@ -103,4 +102,9 @@ def _excluded(results: Results) -> Figures:
     return {"the other excluded without a further run": sum(one["excluded"] for one in results), "of": len(results)}
 
 
-PARTS = {"pairs": Part(pairs, 20, 1), "already": Part(already, 20, 1), "laboratories": Part(loops, 5, 1)}
+PARTS = {
+    "pairs": Part(pairs, 20, 1),
+    "two": Part(two, 8, 1),
+    "already": Part(already, 20, 1),
+    "laboratories": Part(loops, 5, 1),
+}

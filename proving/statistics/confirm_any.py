@@ -10,6 +10,7 @@ from __future__ import annotations
 import tempfile
 from collections import Counter
 from collections.abc import Mapping
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -17,7 +18,7 @@ from pathlib import Path
 from proving.ledger import Result
 from proving.statistics.dry_runs import dry, plan_from, read
 from proving.statistics.frame import Figures, Results, Study
-from rig.closed_loop.confirm import consider, judge, open_traced, plan_for, propose
+from rig.closed_loop.confirm import First, consider, judge, open_traced, plan_for, propose
 
 
 @dataclass(frozen=True)
@@ -64,28 +65,32 @@ def loop(seed: int, cause: Cause) -> Result:
     """What comes of one."""
     with tempfile.TemporaryDirectory() as made:
         folder = Path(made)
-        first = open_traced(cause.first(seed, folder))
-        classes = [[member.effect for member in question.members] for question in first.questions]
-        result: dict[str, object] = {"seed": seed, "classes": classes}
-        proposals = propose(consider(first)) if first.questions else ()
-        if not proposals:
-            return {**result, "outcome": "undecided", "held": [], "proposed": None}
-        proposal = proposals[0]
-        later = dry(plan_for(first, proposal.variation, dry=True), folder, first.world_s + first.later_s)
-        answers = judge(first, later).answers
+        return {"seed": seed, **confirmed(open_traced(cause.first(seed, folder)), folder, {cause.named})}
+
+
+def confirmed(first: First, folder: Path, hidden: AbstractSet[str]) -> dict[str, object]:
+    """What the best further run of a traced one says of the `hidden` causes."""
+    classes = [[member.effect for member in question.members] for question in first.questions]
+    proposals = propose(consider(first)) if first.questions else ()
+    if not proposals:
+        return {"classes": classes, "outcome": "undecided", "held": [], "proposed": None}
+    proposal = proposals[0]
+    later = dry(plan_for(first, proposal.variation, dry=True), folder, first.world_s + first.later_s)
+    answers = judge(first, later).answers
     held = [[answer.verdict, list(answer.holding)] for answer in answers]
     alone = {answer.holding[0].partition(":")[0] for answer in answers if answer.verdict in ("confirmed", "replaced")}
-    outcome = "right" if alone == {cause.named} else "wrong" if alone - {cause.named} else "undecided"
+    outcome = "right" if alone == hidden else "wrong" if alone - hidden else "undecided"
     proposed = {"what": proposal.variation.what, "size": proposal.size, "hours": proposal.hours}
-    return {**result, "outcome": outcome, "held": held, "proposed": proposed}
+    return {"classes": classes, "outcome": outcome, "held": held, "proposed": proposed}
 
 
 def loops() -> Study:
     """The right one alone after the further run; what was proposed, and how long it takes."""
-    return Study({name: partial(loop, cause=cause) for name, cause in CAUSES.items()}, _judged)
+    return Study({name: partial(loop, cause=cause) for name, cause in CAUSES.items()}, judged)
 
 
-def _judged(results: Results) -> Figures:
+def judged(results: Results) -> Figures:
+    """Outcomes, what was proposed, and what was not right."""
     counts = Counter(one["outcome"] for one in results)
     proposed = [one["proposed"] for one in results if one["proposed"] is not None]
     return {

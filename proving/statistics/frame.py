@@ -202,7 +202,7 @@ def asked(campaign: str, words: Sequence[str]) -> argparse.Namespace:
         return parser.parse_args(words)
     below = parser.add_subparsers(dest="part", required=True)
     for name, part in parts.items():
-        text = inspect.getdoc(part.study)
+        text = (inspect.getdoc(part.study) or "").replace("%", "%%")  # argparse takes it for a format
         _options(below.add_parser(name, help=text, description=text), part)
     return parser.parse_args(words)
 
@@ -210,7 +210,9 @@ def asked(campaign: str, words: Sequence[str]) -> argparse.Namespace:
 def _options(parser: argparse.ArgumentParser, part: Part) -> None:
     for name, parameter in inspect.signature(part.study).parameters.items():
         kind = type(parameter.default)
-        parser.add_argument(f"--{name}", type=kind, default=parameter.default, help=f"default: {parameter.default}")
+        parser.add_argument(
+            f"--{name}", type=kind, default=parameter.default, help=f"default: {parameter.default}".replace("%", "%%")
+        )
     parser.add_argument("--seeds", type=_from(1), default=part.seeds, help=f"of each case; default: {part.seeds}")
     parser.add_argument("--first", type=_from(0), default=part.first, help=f"the first seed; default: {part.first}")
     parser.add_argument("--only", default="", help="part of a case's name")

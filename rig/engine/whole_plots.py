@@ -4,7 +4,9 @@ A chamber that was changed or has drifted has a new draw of the whole-plot error
 interruption only if nothing indicates that its temperatures changed. Otherwise it is measured again, in full, under
 a new identity; earlier readings remain data of the whole plot in which they were made.
 
-`soaking` applies these rules while readings are taken, `standing` after a gap or a hold.
+`soaking` applies these rules while readings are taken, and has one of its own, for a bench without power
+(`Soaking.lost_now`); `standing` applies them after a gap or a hold. Their settings: the procedure's `[soak]`, and
+`continue_gap_s` of `[recovery]`.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""State of a run: every line that `rig status RUN` prints, and its JSON. The list of a folder: `rig/cli/status.py`."""
+"""State of a run: the lines that `rig status RUN` prints, and its JSON.
+
+Lines about acceptance: `rig/accepted.py`; the list of a folder: `rig/cli/status.py`.
+"""
 
 from __future__ import annotations
 

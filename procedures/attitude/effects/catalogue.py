@@ -4,6 +4,8 @@ An entry stands in the module of its cause (head, package, sensor, ...) and in t
 simulated truth (`proving/truth/attitude_hidden.py`). Its `source` says whether it stays in the calibration
 (`procedures/attitude/infer/calibrate.py`).
 
+A laboratory adds an effect of its own without code here: `RIG_EFFECTS`, CONTRIBUTING.md.
+
 The order is the order of preference among equally good explanations: simplest and most usual cause first.
 """
 

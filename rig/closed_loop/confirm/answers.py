@@ -63,7 +63,10 @@ class Confirmed:
 
     def to_json(self) -> dict[str, Any]:
         """Values for `--json`."""
-        told = [self._answer(a) | {"sentence": _sentence(a), "evidence": evidence(a)} for a in self.answers]
+        told = [
+            self._answer(a) | {"sentence": _sentence(a), "evidence": evidence(a), "caution": may_be_beside(a)}
+            for a in self.answers
+        ]
         errors = {name: self._error(e) for name, e in self.judged.errors.items()}
         about = {"run": str(self.path), "points": len(self.data), "taken_out": self.own}
         return about | {"error": errors, "effects": told}
@@ -74,6 +77,7 @@ class Confirmed:
             "verdict": answer.verdict,
             "holds": list(answer.holding),
             "outliers": list(answer.outliers),
+            "beside": [{"effect": one.effect, "up_to": one.up_to} for one in answer.beside],
             "members": [
                 {
                     "effect": m.effect,
@@ -121,7 +125,7 @@ def judge(first: First, later: Path) -> Confirmed:
 def sentences(confirmed: Confirmed) -> Iterator[str]:
     """Confirmed effects, in sentences for a certificate; the errors of both models last."""
     for answer in confirmed.answers:
-        yield " ".join(filter(None, (_sentence(answer), evidence(answer))))
+        yield " ".join(filter(None, (_sentence(answer), evidence(answer), may_be_beside(answer))))
     errors = confirmed.judged.errors
     name = max(errors, key=lambda sensor: errors[sensor].before / errors[sensor].sigma)
     if not np.isfinite(errors[name].before):
@@ -171,6 +175,17 @@ def evidence(answer: Confirmation) -> str:
             f"{_ends(best)}."
         )
     return text
+
+
+def may_be_beside(answer: Confirmation) -> str:
+    """Causes that the two runs do not exclude beside the confirmed one; "" if there are none of a notable size."""
+    if not answer.beside:
+        return ""
+    parts = [f"{one.effect} up to {100 * one.up_to:.0f} %" for one in answer.beside]
+    return (
+        f"Two causes at once are not excluded: of what was found, beside {answer.holding[0]} may be {_listed(parts)} "
+        "(95 %), and its size would be another by as much. A longer further run narrows this."
+    )
 
 
 def _against(member: Member) -> str:
