@@ -82,6 +82,11 @@ def several_causes(count: int) -> str:
     return f"{count} causes explain these data alike, and a cause that is not listed may do so too"
 
 
+def error_rises() -> str:
+    """Sentence about an effect with which the error of a sensor is larger."""
+    return "the error of all strata is larger with it than with the declared model alone: it is not taken out"
+
+
 def beside_a_wander() -> str:
     """Sentence about a slow effect beside neighbouring errors that are alike."""
     return "errors of neighbouring rows are alike: something wanders slowly, and this may be a part of it"

@@ -38,6 +38,7 @@ class Found:
         separate_by: the measurement that would separate it from its aliases, with the expected size.
         against: field of the data for a plot.
         doubtful: why its name should not be believed yet; None where nothing is against it.
+        left_in: whether the numbers after leave it in the output, because the error would be larger without it.
     """
 
     effect: str
@@ -56,6 +57,7 @@ class Found:
     separate_by: str
     against: str
     doubtful: str | None = field(default=None, kw_only=True)
+    left_in: bool = field(default=False, kw_only=True)
 
     @classmethod
     def of_noise(
@@ -102,7 +104,9 @@ class Found:
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Its coefficients as rows after those of the declared model."""
+        """Its coefficients as rows after those of the declared model, where it is taken out."""
+        if self.left_in:
+            return ()
         rows = zip(self.terms, self.coefficients, self.stderr, strict=True)
         named = ((f"{self.effect}: {term}", WithError(value, error)) for term, value, error in rows)
         return tuple(Parameter(name, estimate, unit=self.unit) for name, estimate in named)

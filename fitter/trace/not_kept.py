@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from fitter.arrays import FloatArray
+from fitter.trace.found import Unnamed
 
 DEPENDENT = 1e-6
 """Minimum share of a column's length outside the columns before it; less is a combination of them and rounding."""
@@ -15,10 +17,11 @@ LARGEST = 1e75
 """Values beyond this have squares and products beyond the range of a double."""
 
 
-Why = Literal["error", "dependent", "overflow"]
+Why = Literal["error", "rises", "dependent", "overflow"]
 
 _WHY: dict[Why, str] = {
     "error": "it is significant (p {p:.2g}), but {error} is not smaller with it",
+    "rises": "it is significant (p {p:.2g}), but the error of all strata is larger with it than without any effect",
     "dependent": "these data cannot distinguish it from effects in the model",
     "overflow": "its values are too large to be computed with",
 }
@@ -31,10 +34,11 @@ class NotKept:
     Attributes:
         effect: its name.
         sensor: its sensor; None for all.
-        why: "error" if the declared error is not smaller with it, "dependent" if its column is a combination of others,
-            "overflow" if its values are too large for a double.
+        why: "error" if the declared error is not smaller with it, "rises" if that of all strata is larger,
+            "dependent" if its column is a combination of others, "overflow" if its values are too large for a double.
         p: family-wise, beside the others; one if it was not judged.
         error: name of the error that is not smaller with it; "" if not relevant.
+        share: of the residual that it would explain, where it raises the error.
     """
 
     effect: str
@@ -42,11 +46,29 @@ class NotKept:
     why: Why
     p: float = 1.0
     error: str = ""
+    share: float = 0.0
 
     @property
     def sentence(self) -> str:
         """A sentence about it."""
         return f"{self.effect} was left out: {_WHY[self.why].format(p=self.p, error=self.error)}"
+
+
+def in_place_of(left_out: Iterable[NotKept], sensor: str | None = None) -> tuple[Unnamed, ...]:
+    """What stands in place of effects that raise the error: something is there, and it is not what they are."""
+    return tuple(
+        Unnamed(f"in the rows where {one.effect} would act, but with it the error rises", one.share)
+        for one in left_out
+        if one.why == "rises" and one.sensor in (None, sensor)
+    )
+
+
+def left_to_whole_plots(effect: str) -> str:
+    """A sentence about an effect within whole plots that happens to raise the error between them."""
+    return (
+        f"{effect}: the errors after have only its part within whole plots; its part between them happens to raise the "
+        "error between whole plots, and is left to it"
+    )
 
 
 def for_others(effect: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,6 +11,7 @@ from fitter import LinearFit, RankError, least_squares
 from fitter.arrays import FloatArray
 from fitter.replication import Replication, analyse
 from fitter.trace.aliases import NOTHING_LEFT
+from fitter.trace.keep import LeftIn, taken_out
 from fitter.trace.not_kept import independent
 from procedures.attitude.data import AttitudeData
 from procedures.attitude.model import attitude_columns
@@ -38,6 +40,7 @@ class Estimate:
         fits: of the declared model to the corrected outputs.
         temperatures: temperature terms of the declared model of each sensor; None without.
         tables: Table 2 of each sensor, with the effects removed.
+        left_in: of each sensor, candidates that its outputs keep; () where all are taken out of all.
     """
 
     chosen: tuple[int, ...]
@@ -49,10 +52,23 @@ class Estimate:
     fits: tuple[LinearFit, ...]
     temperatures: tuple[Temperature | None, ...]
     tables: tuple[Replication, ...]
+    left_in: tuple[LeftIn, ...] = ()
+
+    @property
+    def taken(self) -> FloatArray:
+        """(S, q) one where a candidate is taken out of a sensor's output, else zero."""
+        return taken_out(self.chosen, self.left_in, len(self.fits))
 
 
-def estimate(problem: Problem, chosen: tuple[int, ...]) -> Estimate:
-    """Fit the `chosen` candidates; a fit that was made before is used again."""
+def stated(fitted: Estimate) -> FloatArray:
+    """(S,) standard error of an observation of each sensor, V."""
+    return np.array([table.sigma_E for table in fitted.tables])
+
+
+def estimate(problem: Problem, chosen: tuple[int, ...], left_in: Sequence[LeftIn] = ()) -> Estimate:
+    """Fit the `chosen` candidates, some of which may be `left_in` a sensor's outputs; known fits are used again."""
+    if any(left_in):
+        return _estimate_at(problem, chosen, estimate(problem, chosen).level, left_in)
     known = problem.estimates
     if chosen not in known:
         known[chosen] = _estimate(problem, chosen)
@@ -118,12 +134,14 @@ def _left(problem: Problem, chosen: tuple[int, ...]) -> bool:
     return bool(np.all(left2 > NOTHING_LEFT**2 * np.sum(problem.length[:, list(chosen)] ** 2, axis=0)))
 
 
-def _estimate_at(problem: Problem, chosen: tuple[int, ...], level: Level) -> Estimate:
+def _estimate_at(problem: Problem, chosen: tuple[int, ...], level: Level, left_in: Sequence[LeftIn] = ()) -> Estimate:
     picked = list(chosen)
     gamma, covariance = coefficients(problem, chosen, level)
     data = problem.scene.data
     effects = raw_columns(problem.scene, [problem.candidates[j] for j in picked])
-    corrected = np.stack([data.outputs[s] for s in problem.sensors]) - effects @ gamma
+    corrected = np.stack([data.outputs[s] for s in problem.sensors])
+    taken = taken_out(chosen, left_in, len(problem.sensors))
+    corrected -= np.einsum("snq,sq->sn", effects, taken * gamma)
     h = attitude_columns(data.pitch_deg, data.roll_deg, roll=problem.scene.roll)
     fits, temperatures, tables = [], [], []
     for i, sensor in enumerate(problem.sensors):
@@ -131,7 +149,7 @@ def _estimate_at(problem: Problem, chosen: tuple[int, ...], level: Level) -> Est
         fit, temperature = declared.refitted(data, corrected[i])
         if temperature is not None:
             corrected[i] -= temperature.volts(h, data)
-        own = [k for k, j in enumerate(picked) if concerns(problem, j)[i] > 0.01]
+        own = [k for k, j in enumerate(picked) if concerns(problem, j)[i] > 0.01 and taken[i, k] > 0]
         extra = np.column_stack([declared.beside(data), effects[i][:, own]])
         tables.append(
             analyse(fit, h, corrected[i], data.point, data.replicate_index, extra, extra.shape[1], data.order)
@@ -139,4 +157,15 @@ def _estimate_at(problem: Problem, chosen: tuple[int, ...], level: Level) -> Est
         fits.append(_joint(fit, h, effects[i][:, own], covariance[np.ix_(own, own)]))
         temperatures.append(temperature)
     apart = tuple(j for j, error in zip(chosen, np.diag(covariance), strict=True) if error > 0)
-    return Estimate(chosen, apart, level, gamma, covariance, corrected, tuple(fits), tuple(temperatures), tuple(tables))
+    return Estimate(
+        chosen,
+        apart,
+        level,
+        gamma,
+        covariance,
+        corrected,
+        tuple(fits),
+        tuple(temperatures),
+        tuple(tables),
+        tuple(left_in),
+    )

@@ -11,6 +11,7 @@ from fitter.arrays import FloatArray, IntArray
 from fitter.linear import orthonormal
 from fitter.replication import Replication
 from fitter.trace.aliases import Rival, separation
+from fitter.trace.doubts import error_rises
 from fitter.trace.found import Found, Unnamed, verdict
 from fitter.trace.lines import CLEAR
 from fitter.trace.not_kept import NotKept, for_others
@@ -48,6 +49,7 @@ def sensor_trace(
     not_kept: tuple[NotKept, ...],
     before: Estimate,
     after: Estimate,
+    stated: Estimate,
     classes: dict[str, tuple[Rival, ...]],
     i: int,
     cv: FloatArray | None,
@@ -63,6 +65,7 @@ def sensor_trace(
         not_kept: candidates of any sensor that were not kept.
         before: the declared model.
         after: the same with the findings.
+        stated: the same with those that lower the sensor's error.
         classes: all explanations of each effect found, by its name.
         i: the sensor.
         cv: (2,) rms errors left out, before and after.
@@ -73,17 +76,23 @@ def sensor_trace(
     problem = judge.problem
     sensor = problem.sensors[i]
     declared: AttitudeFit = problem.fits[sensor]
+    inside = {problem.candidates[j].effect.name for j in (stated.left_in[i] if stated.left_in else ())}
     rest = _unnamed(problem, after, nameless, i)
     shown = [e for name in classes if (e := _found(judge, whole, after, classes[name], name, i)) is not None]
     divided = _shares(problem, after, [effect.effect for effect in shown], unnamed_part(rest), i)
     every = sorted(
         (
-            replace(effect, share=float(share), doubtful=doubts.get(effect.effect))
+            replace(
+                effect,
+                share=float(share),
+                doubtful=doubts.get(effect.effect) or (error_rises() if effect.effect in inside else None),
+                left_in=effect.effect in inside,
+            )
             for effect, share in zip(shown, divided, strict=True)
         ),
         key=lambda effect: -effect.share,
     )
-    fell = after.tables[i].sigma_E < before.tables[i].sigma_E
+    fell = not inside and stated.tables[i].sigma_E < before.tables[i].sigma_E
     smooth = tuple(effect for effect in every if effect.effect in NAMELESS)
     effects = tuple(effect for effect in every if effect.effect not in NAMELESS)
     unnamed = (*(_added(problem, after, one, i) for one in smooth), *of_rest(divided, rest))
@@ -92,19 +101,19 @@ def sensor_trace(
         declared=declared.declared,
         verdict=verdict(found=bool(effects), fell=fell, rest=unnamed, doubtful=any(e.doubtful for e in effects)),
         before=before.tables[i],
-        after=after.tables[i],
+        after=stated.tables[i],
         cv_rms_before=None if cv is None else float(cv[0]),
         cv_rms_after=None if cv is None else float(cv[1]),
         effects=effects,
         unnamed=unnamed,
         instead=drawn_instead(nameless, tuple(e.effect for e in effects if e.doubtful), i),
         shared_attitude_before=shared_attitude(problem, before.corrected[i]),
-        shared_attitude_after=shared_attitude(problem, after.corrected[i]),
-        fit=after.fits[i],
-        temperature=after.temperatures[i],
+        shared_attitude_after=shared_attitude(problem, stated.corrected[i]),
+        fit=stated.fits[i],
+        temperature=stated.temperatures[i],
         S_V=declared.parameters.S_V,
         residual_before_V=residual_of(problem, before, whole)[i],
-        residual_after_V=residual_of(problem, after, whole)[i],
+        residual_after_V=residual_of(problem, stated, whole)[i],
         temperature_recorded=problem.scene.temperature_degC is not None,
         smooth=smooth,
         keeping=(
@@ -291,5 +300,6 @@ def residual_of(problem: Problem, fitted: Estimate, data: AttitudeData) -> Float
     chosen = [problem.candidates[j] for j in fitted.chosen]
     h = attitude_columns(data.pitch_deg, data.roll_deg, roll=problem.scene.roll)
     model = [predict(h, data, *pair) for pair in zip(fitted.fits, fitted.temperatures, strict=True)]
-    effects = raw_columns(problem.scene.on(data), chosen) @ fitted.gamma
-    return np.stack([data.outputs[s] for s in data.sensors]) - effects - np.stack(model)
+    raw = raw_columns(problem.scene.on(data), chosen)
+    effects = np.einsum("snq,sq->sn", raw, fitted.taken * fitted.gamma)
+    return np.asarray(np.stack([data.outputs[s] for s in data.sensors]) - effects - np.stack(model))

@@ -207,6 +207,7 @@ class Trace:
         scene: references of the effects' columns.
         chosen: the terms in the model.
         gamma: (q,) their coefficients, in the terms' own units.
+        taken: (S, q) one where a term is taken out of a sensor's output, zero where it is left in.
         points: number of observations.
         outliers: outliers, left out of search and fit.
         explanations: all of them for each effect found, best first.
@@ -217,6 +218,7 @@ class Trace:
     scene: Scene
     chosen: tuple[Candidate, ...]
     gamma: FloatArray
+    taken: FloatArray
     points: int
     outliers: tuple[int, ...] = ()
     explanations: Mapping[str, tuple[Explanation, ...]] = field(default_factory=dict)
@@ -238,7 +240,7 @@ class Trace:
 
     def predict(self, data: AttitudeData) -> dict[str, FloatArray]:
         """(n,) outputs of each sensor for other observations, with effects, volts."""
-        extra = raw_columns(self.scene.on(data), self.chosen) @ self.gamma
+        extra = np.einsum("snq,sq->sn", raw_columns(self.scene.on(data), self.chosen), self.taken * self.gamma)
         h = attitude_columns(data.pitch_deg, data.roll_deg, roll=self.scene.roll)
         return {s: predict(h, data, t.fit, t.temperature) + extra[i] for i, (s, t) in enumerate(self.sensors.items())}
 

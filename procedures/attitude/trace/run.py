@@ -11,7 +11,7 @@ from fitter.arrays import FloatArray, IntArray
 from fitter.errors import FitError
 from fitter.trace.chance import Family
 from fitter.trace.found import explanations_of
-from fitter.trace.keep import groups_of, kept
+from fitter.trace.keep import groups_of, kept, left_in
 from fitter.trace.not_kept import NotKept
 from fitter.trace.refusals import refusals
 from fitter.trace.search import ROUNDS, names_of, prune, search_and_name
@@ -21,7 +21,7 @@ from procedures.attitude.effects.unnamed import UNNAMED
 from procedures.attitude.trace.agreement import supported
 from procedures.attitude.trace.alternatives import alternatives
 from procedures.attitude.trace.constant import doubts_of
-from procedures.attitude.trace.estimate import concerns, estimate
+from procedures.attitude.trace.estimate import concerns, estimate, stated
 from procedures.attitude.trace.family import family_of
 from procedures.attitude.trace.findings import residual_of, sensor_trace
 from procedures.attitude.trace.judge import AttitudeJudge
@@ -109,6 +109,8 @@ def trace(
     aside, judge, found, family, not_kept = _without_outliers(data, search, seed)
     problem = judge.problem
     before, after = estimate(problem, ()), estimate(problem, found)
+    inside = left_in(judge, found, problem.sensors, stated(before), lambda one: stated(estimate(problem, found, one)))
+    taken_out = estimate(problem, found, inside) if any(inside) else after
     classes = {name: judge.rivals(found, name) for name in names_of(problem.candidates, found)}
     cv = None
     if validate:
@@ -126,6 +128,7 @@ def trace(
                 not_kept,
                 before,
                 after,
+                taken_out,
                 classes,
                 i,
                 None if cv is None else cv[:, i],
@@ -140,7 +143,7 @@ def trace(
     explanations = explanations_of(classes, problem.candidates)
     others = alternatives(problem, after, classes, data)
     rows = tuple(aside.tolist())
-    return Trace(sensors, problem.scene, chosen, after.gamma, len(data), rows, explanations, others)
+    return Trace(sensors, problem.scene, chosen, after.gamma, taken_out.taken, len(data), rows, explanations, others)
 
 
 def stays(judge: AttitudeJudge, chosen: tuple[int, ...]) -> tuple[tuple[int, ...], tuple[NotKept, ...]]:

@@ -7,8 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitter import LinearFit, RankError, least_squares
-from fitter.arrays import FloatArray
+from fitter.arrays import FloatArray, IntArray
+from fitter.errors import FitError
 from fitter.linear import orthonormal
+from fitter.split_plot import fit_split_plot
 from procedures.general.trace.judge import TableJudge
 
 
@@ -66,6 +68,25 @@ def error_of(judge: TableJudge, chosen: tuple[int, ...]) -> float:
     """Standard error of one row beside the `chosen` candidates, as in `Estimate`."""
     left, df = _plain(judge, chosen)
     return _sigma(left, df)
+
+
+def strata_of(judge: TableJudge, chosen: tuple[int, ...], shared: IntArray | None) -> tuple[float, float] | None:
+    """Standard deviations within whole plots and between them by REML, if the declared model has them."""
+    if shared is None:
+        return None
+    basis = orthonormal(judge.problem.model(chosen))
+    try:
+        fit = fit_split_plot(basis, judge.problem.y, shared, [str(i) for i in range(basis.shape[1])])
+    except FitError:
+        return None
+    return fit.sigma_subplot, fit.sigma_wholeplot
+
+
+def stated(judge: TableJudge, chosen: tuple[int, ...], shared: IntArray | None) -> tuple[FloatArray, FloatArray]:
+    """(1,) error that a trace states, of a row and of all strata, and (1,) sum of squares of residuals."""
+    left, df = _plain(judge, chosen)
+    parts = (_sigma(left, df), *(strata_of(judge, chosen, shared) or ()))
+    return np.array([float(np.linalg.norm(parts))]), np.array([float(left @ left)])
 
 
 def _sigma(left: FloatArray, df: int) -> float:

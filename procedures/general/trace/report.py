@@ -9,12 +9,11 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.effects.noise import AUTOCORRELATION
-from fitter.errors import FitError
 from fitter.linear import orthonormal
-from fitter.split_plot import fit_split_plot
 from fitter.trace.aliases import DELTA
 from fitter.trace.doubts import MANY, beside_a_wander, several_causes
 from fitter.trace.found import verdict
+from fitter.trace.not_kept import in_place_of
 from fitter.trace.search import names_of
 from fitter.trace.shares import of_rest, shares, unnamed_part
 from procedures.general.effects import TableEffect
@@ -22,7 +21,7 @@ from procedures.general.effects.of_others import GROUP_GAIN, GROUP_OFFSET
 from procedures.general.trace.both import Both
 from procedures.general.trace.cross import left_out
 from procedures.general.trace.drawn import drawn_instead
-from procedures.general.trace.estimate import Estimate, estimate
+from procedures.general.trace.estimate import Estimate, estimate, strata_of
 from procedures.general.trace.findings import noise_findings
 from procedures.general.trace.judge import TableJudge
 from procedures.general.trace.nameless import Nameless
@@ -51,6 +50,8 @@ def trace_general(data: TableData) -> TableTrace:
     nameless = Nameless(judge, chosen, data)
     doubts = doubts_of(nameless)
     left = unnamed(nameless, _variables(data))
+    if all(one.stratum == "noise" for one in left):
+        left += in_place_of(found.not_kept)
     shown = [_effect(judge, after, name, data) for name in names_of(judge.candidates, chosen)]
     divided = _shares(judge, chosen, shown, unnamed_part(left))
     noise = noise_findings(judge, chosen, found.growth, data)
@@ -74,8 +75,8 @@ def trace_general(data: TableData) -> TableTrace:
             rest=rest,
             doubtful=any(effect.doubtful for effect in effects),
         ),
-        before=TableSide(before, cv[0], pure[0], _shared(data, judge, ())),
-        after=TableSide(after, cv[1], pure[1], _shared(data, judge, chosen)),
+        before=TableSide(before, cv[0], pure[0], strata_of(judge, (), data.shared)),
+        after=TableSide(after, cv[1], pure[1], strata_of(judge, chosen, data.shared)),
         effects=(*effects, *noise),
         unnamed=rest,
         instead=drawn_instead(nameless, tuple(effect.effect for effect in effects if effect.doubtful)),
@@ -207,18 +208,6 @@ def _shares(
     beyond = [part - view.basis @ (view.basis.T @ part) for part in parts]
     residual = white - view.basis @ (view.basis.T @ white)
     return shares(beyond, residual, df * variance * (1.0 - unnamed))
-
-
-def _shared(data: TableData, judge: TableJudge, chosen: tuple[int, ...]) -> tuple[float, float] | None:
-    """Standard deviations within whole plots and between them by REML, if the declared model has them."""
-    if data.shared is None:
-        return None
-    basis = orthonormal(judge.problem.model(chosen))
-    try:
-        fit = fit_split_plot(basis, data.y, data.shared, [str(i) for i in range(basis.shape[1])])
-    except FitError:
-        return None
-    return fit.sigma_subplot, fit.sigma_wholeplot
 
 
 def _remarks(found: Found) -> tuple[str, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -11,12 +12,12 @@ from fitter.linear import orthonormal
 from fitter.trace.aliases import DELTA
 from fitter.trace.chance import ALPHA
 from fitter.trace.growing_noise import Growth, growth_of
-from fitter.trace.keep import kept
+from fitter.trace.keep import kept, never_above
 from fitter.trace.not_kept import NotKept
 from fitter.trace.search import names_of, prune, search_and_name
 from procedures.general.effects.scene import TableScene
 from procedures.general.trace.both import Both
-from procedures.general.trace.estimate import error_of
+from procedures.general.trace.estimate import error_of, stated
 from procedures.general.trace.judge import TableJudge
 from procedures.general.trace.likelihood import Grid
 from procedures.general.trace.noise import Independent, Noise, Wandering
@@ -147,7 +148,9 @@ def look(judge: TableJudge, data: TableData, rows: IntArray | None = None) -> Fo
         chosen = again
     judge, chosen = _with_fewer_constants(judge, chosen)
     chosen, not_kept = stays(judge, chosen)
-    return Found(judge, _simplest_orders(judge, chosen), growth, not_kept)
+    shared = data.shared if data.shared is None or rows is None else data.shared[rows]
+    chosen, above = never_above(judge, _simplest_orders(judge, chosen), partial(stated, judge, shared=shared), (None,))
+    return Found(judge, chosen, growth, (*not_kept, *above))
 
 
 def _with_fewer_constants(judge: TableJudge, chosen: tuple[int, ...]) -> tuple[TableJudge, tuple[int, ...]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +10,8 @@ import numpy as np
 from fitter.arrays import FloatArray, IntArray
 from fitter.quantiles import t_limit
 from fitter.split_plot import SplitPlotDesign, SplitPlotFit
+from fitter.trace.keep import LeftIn, left_in, taken_out
+from procedures.pressure.trace.judge import WholePlotJudge
 from procedures.pressure.trace.problem import Problem
 from procedures.pressure.trace.score import score
 from procedures.pressure.trace.strata import Level
@@ -41,6 +43,9 @@ class Estimate:
             have other weights than in `fits`, and consistent values must come from one fit.
         fits: of the declared model and the effects together, by restricted maximum likelihood: errors and variances.
         residual: (S, n) outputs minus all of these, including whole-plot errors, mV.
+        left_in: of each transducer, candidates that its outputs keep; () where all are taken out of all.
+        within: of each transducer, candidates whose part between whole plots is left to the error of whole plots in
+            `fits`; () for none.
     """
 
     chosen: tuple[int, ...]
@@ -49,29 +54,46 @@ class Estimate:
     declared: FloatArray
     fits: tuple[SplitPlotFit, ...]
     residual: FloatArray
+    left_in: tuple[LeftIn, ...] = ()
+    within: tuple[LeftIn, ...] = ()
+
+    @property
+    def taken(self) -> FloatArray:
+        """(S, q) one where a candidate is taken out of a transducer's output, else zero."""
+        return taken_out(self.chosen, self.left_in, len(self.fits))
 
 
-def estimate(problem: Problem, chosen: tuple[int, ...]) -> Estimate:
-    """Fit the `chosen` candidates and the declared model."""
+def estimate(
+    problem: Problem, chosen: tuple[int, ...], outside: Sequence[LeftIn] = (), within: Sequence[LeftIn] = ()
+) -> Estimate:
+    """Fit the `chosen` candidates and the declared model; those `outside` are left in."""
     coefficients = coefficients_of(problem, chosen)
-    contribution = contributed(problem, coefficients)
+    contribution = contributed(problem, coefficients, taken=taken_out(chosen, outside, len(problem.sensors)))
     replicate = problem.replicate if problem.replicate.max() > 0 else None
     fits, residual = [], np.empty_like(problem.outputs)
     beside = SplitPlotDesign(problem.declared, problem.whole_plot, problem.names, replicate=replicate)
     declared = np.stack([beside.fit(left).coefficients for left in problem.outputs - contribution])
     for i, sensor in enumerate(problem.sensors):
-        own = [j for j in chosen if problem.candidates[j].sensor == sensor]
+        stays = outside[i] if outside else frozenset[int]()
+        own = [j for j in chosen if problem.candidates[j].sensor == sensor and j not in stays]
         names = [f"{problem.candidates[j].effect.name}: {problem.candidates[j].term.name}" for j in own]
-        of_line = contribution[i] - problem.raw[i][:, own] @ np.array([coefficients[j].value for j in own])
+        columns = problem.raw[i][:, own]
+        of_line = contribution[i] - columns @ np.array([coefficients[j].value for j in own])
+        if within and within[i]:
+            inside = [j for j in chosen if j in within[i] and j not in stays]
+            line = [j for j in inside if j not in own]
+            means = _whole_plot_means(problem, problem.raw[i])
+            of_line = of_line - means[:, line] @ np.array([coefficients[j].value for j in line])
+            columns = columns - np.where([j in inside for j in own], means[:, own], 0.0)
         design = SplitPlotDesign(
-            np.column_stack([problem.declared, problem.raw[i][:, own]]),
+            np.column_stack([problem.declared, columns]),
             problem.whole_plot,
             (*problem.names, *names),
             replicate=replicate,
         )
         fits.append(design.fit(problem.outputs[i] - of_line))
         residual[i] = fits[-1].marginal_residuals
-    return Estimate(chosen, coefficients, contribution, declared, tuple(fits), residual)
+    return Estimate(chosen, coefficients, contribution, declared, tuple(fits), residual, tuple(outside), tuple(within))
 
 
 def error_of(fitted: Estimate, level: Level, i: int) -> tuple[float, float]:
@@ -84,7 +106,7 @@ def error_of(fitted: Estimate, level: Level, i: int) -> tuple[float, float]:
 
 def residual_of(problem: Problem, fitted: Estimate) -> FloatArray:
     """(S, n) outputs minus the fit for any readings, including whole-plot errors, mV."""
-    left = problem.outputs - contributed(problem, fitted.coefficients)
+    left = problem.outputs - contributed(problem, fitted.coefficients, taken=fitted.taken)
     return np.asarray(left - fitted.declared @ problem.declared.T)
 
 
@@ -98,7 +120,52 @@ def coefficients_of(problem: Problem, chosen: tuple[int, ...]) -> dict[int, Coef
     return found
 
 
-def contributed(problem: Problem, coefficients: Mapping[int, Coefficient], rows: IntArray | None = None) -> FloatArray:
-    """(S, n) contribution of the candidates with `coefficients` to the outputs (of some `rows`), mV."""
-    raw = problem.raw if rows is None else problem.raw[:, rows]
-    return np.asarray(raw[:, :, list(coefficients)] @ np.array([c.value for c in coefficients.values()]))
+def _whole_plot_means(problem: Problem, columns: FloatArray) -> FloatArray:
+    """(n, m) mean of each column over the whole plot of each row."""
+    design = np.zeros((int(problem.whole_plot.max()) + 1, columns.shape[1]))
+    np.add.at(design, problem.whole_plot, columns)
+    rows = np.maximum(np.bincount(problem.whole_plot), 1)
+    return np.asarray((design / rows[:, None])[problem.whole_plot])
+
+
+def never_above(judge: WholePlotJudge, before: Estimate, after: Estimate) -> Estimate:
+    """The same effects, so that no transducer's error of all strata is above that before.
+
+    An effect within whole plots also moves their means, where it may meet errors that happen to be against it. If it
+    raises the error, its part between whole plots is left to that of whole plots; if this does not help, the whole
+    effect is left in the transducer's output.
+    """
+    problem, found = judge.problem, after.chosen
+    if np.all(stated(after) <= stated(before)):
+        return after
+    plots = tuple(j for j in found if problem.judged_at[j] == "subplot" and not problem.candidates[j].effect.of_noise)
+    error = stated(before)
+    within = left_in(judge, plots, problem.sensors, error, lambda one: stated(estimate(problem, found, within=one)))
+    inside = left_in(judge, found, problem.sensors, error, lambda one: stated(estimate(problem, found, one, within)))
+    return estimate(problem, found, inside, within)
+
+
+def stated(fitted: Estimate) -> FloatArray:
+    """(S,) error of all strata of each transducer, mV."""
+    return np.array([float(np.hypot(fit.sigma_subplot, fit.sigma_wholeplot)) for fit in fitted.fits])
+
+
+def contributed(
+    problem: Problem,
+    coefficients: Mapping[int, Coefficient],
+    rows: IntArray | None = None,
+    taken: FloatArray | None = None,
+) -> FloatArray:
+    """(S, n) contribution of the candidates with `coefficients` to the outputs (of some `rows`), mV.
+
+    Args:
+        problem: the run.
+        coefficients: of the q candidates.
+        rows: of the run; None for all.
+        taken: (S, q) zero where a candidate stays in a transducer's outputs; None for nowhere.
+    """
+    raw = (problem.raw if rows is None else problem.raw[:, rows])[:, :, list(coefficients)]
+    values = np.array([c.value for c in coefficients.values()])
+    if taken is None or np.all(taken == 1.0):
+        return np.asarray(raw @ values)
+    return np.asarray(np.einsum("snq,sq->sn", raw, taken * values))

@@ -14,10 +14,10 @@ from fitter.effects.entry import Entry
 from fitter.formula import Formula
 from fitter.linear import orthonormal
 from fitter.trace.aliases import Rival, separation
-from fitter.trace.doubts import MANY, another_law, several_causes, something_left
+from fitter.trace.doubts import MANY, another_law, error_rises, several_causes, something_left
 from fitter.trace.found import Unnamed, verdict
 from fitter.trace.lines import CLEAR
-from fitter.trace.not_kept import NotKept, for_others
+from fitter.trace.not_kept import NotKept, for_others, left_to_whole_plots
 from fitter.trace.shares import of_rest, shares, unnamed_part
 from procedures.pressure.data import WholePlotData
 from procedures.pressure.effects.scene import PressureEffect, PressureScene, PressureTerm
@@ -68,6 +68,7 @@ class Finding:
         judge: of the search, with its final weights.
         before: the declared model.
         after: the same with the effects.
+        stated: the same with those that lower the error of a transducer.
         every: the whole run, prepared.
         look: the noise with the effects.
         not_kept: candidates that were not kept, with reasons.
@@ -82,6 +83,7 @@ class Finding:
     judge: WholePlotJudge
     before: Estimate
     after: Estimate
+    stated: Estimate
     every: Problem
     look: Look
     not_kept: tuple[NotKept, ...]
@@ -116,7 +118,7 @@ def transducer(finding: Finding, i: int) -> TransducerTrace:
     shown = [e for name in finding.classes if (e := _found(finding, name, i)) is not None]
     divided = _shares(finding, [effect.effect for effect in shown], unnamed_part(left), i)
     effects = [
-        replace(effect, share=float(share), doubtful=_doubt(finding, effect, i))
+        replace(effect, share=float(share), doubtful=_doubt(finding, effect, i), left_in=_stays_in(finding, effect, i))
         for effect, share in zip(shown, divided, strict=True)
     ]
     effects.sort(key=lambda effect: -effect.share)
@@ -135,7 +137,7 @@ def transducer(finding: Finding, i: int) -> TransducerTrace:
             doubtful=any(effect.doubtful for effect in effects),
         ),
         before=_side(finding, finding.before, i, 0),
-        after=_side(finding, finding.after, i, 1),
+        after=_side(finding, finding.stated, i, 1),
         effects=tuple(effects),
         unnamed=rest,
         instead=drawn_instead(finding.nameless, tuple(effect.effect for effect in effects if effect.doubtful), i),
@@ -147,8 +149,21 @@ def transducer(finding: Finding, i: int) -> TransducerTrace:
         keeping=(
             *(one.sentence for one in finding.not_kept if one.sensor in (None, sensor)),
             *map(for_others, idle),
+            *(left_to_whole_plots(e.effect) for e in effects if _only_within(finding, e, i)),
         ),
     )
+
+
+def _only_within(finding: Finding, effect: FoundPressureEffect, i: int) -> bool:
+    """Whether the numbers after have only its part within the whole plots of transducer `i`."""
+    inside = finding.stated.within[i] if finding.stated.within else frozenset[int]()
+    return any(finding.judge.problem.candidates[j].effect.name == effect.effect for j in inside)
+
+
+def _stays_in(finding: Finding, effect: FoundPressureEffect, i: int) -> bool:
+    """Whether the effect is left in the output of transducer `i`, because its error would be larger without."""
+    inside = finding.stated.left_in[i] if finding.stated.left_in else frozenset[int]()
+    return any(finding.judge.problem.candidates[j].effect.name == effect.effect for j in inside)
 
 
 def _doubt(finding: Finding, effect: FoundPressureEffect, i: int) -> str | None:
@@ -157,7 +172,8 @@ def _doubt(finding: Finding, effect: FoundPressureEffect, i: int) -> str | None:
     A name that is doubtful in one transducer is so in all: it is one cause, and they are of one make and on one line.
     """
     every = (_doubt_in(finding, effect.effect, k) for k in (i, *range(len(finding.judge.problem.sensors))))
-    return next((text for text in every if text is not None), _alike_laws(finding, effect.effect))
+    said = next((text for text in every if text is not None), _alike_laws(finding, effect.effect))
+    return error_rises() if said is None and _stays_in(finding, effect, i) else said
 
 
 def _alike_laws(finding: Finding, name: str) -> str | None:
@@ -259,7 +275,7 @@ def _falls(finding: Finding, effect: FoundPressureEffect, i: int) -> bool:
     if effect.stratum == "noise":
         return True
     level: Level = "whole-plot" if effect.stratum == "whole-plot" else "subplot"
-    return error_of(finding.after, level, i) < error_of(finding.before, level, i)
+    return not _stays_in(finding, effect, i) and error_of(finding.after, level, i) < error_of(finding.before, level, i)
 
 
 def _shares(finding: Finding, names: list[str], unnamed: float, i: int) -> FloatArray:

@@ -49,7 +49,9 @@ class FoundPressureEffect(Found):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Its coefficients as rows after those of the declared model."""
+        """Its coefficients as rows after those of the declared model, where it is taken out."""
+        if self.left_in:
+            return ()
         rows = zip(self.terms, self.coefficients, self.stderr, self.df, self.units, strict=True)
         return tuple(
             Parameter(f"{self.effect}: {term}", WithError(value, error, df), unit=unit)
@@ -236,6 +238,7 @@ class WholePlotTrace:
         chosen: the terms in the model.
         gamma: (q,) their coefficients, in the terms' own units.
         points: number of readings.
+        taken: (S, q) one where a term is taken out of a transducer's output, zero where it is left in.
         explanations: all of them for each effect found, best first.
     """
 
@@ -245,6 +248,7 @@ class WholePlotTrace:
     chosen: tuple[Candidate, ...]
     gamma: FloatArray
     points: int
+    taken: FloatArray
     explanations: Mapping[str, tuple[Explanation, ...]] = field(default_factory=dict)
 
     @property
@@ -269,7 +273,8 @@ class WholePlotTrace:
         """(n,) outputs of each transducer for other readings, with effects, and with whole-plot errors zero, mV."""
         _, columns = self.formula.columns(data.table, self.formula.levels(self.scene.data.table))
         scene = replace(self.scene, data=data)
-        extra = raw_columns(scene, tuple(self.sensors), self.chosen) @ self.gamma
+        raw = raw_columns(scene, tuple(self.sensors), self.chosen)
+        extra = np.einsum("snq,sq->sn", raw, self.taken * self.gamma)
         return {s: columns @ t.after.declared + extra[i] for i, (s, t) in enumerate(self.sensors.items())}
 
     def to_json(self, file: str | None = None) -> dict[str, JsonValue]:

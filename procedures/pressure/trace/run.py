@@ -18,7 +18,7 @@ from procedures.pressure.effects.scene import PressureEffect, PressureScene
 from procedures.pressure.fit import HIERARCHICAL, named_formula
 from procedures.pressure.fit.models import check_determined
 from procedures.pressure.trace.agreement import named
-from procedures.pressure.trace.estimate import coefficients_of, contributed, estimate
+from procedures.pressure.trace.estimate import coefficients_of, contributed, estimate, never_above
 from procedures.pressure.trace.judge import WholePlotJudge
 from procedures.pressure.trace.null import Families
 from procedures.pressure.trace.problem import Problem, pose
@@ -62,15 +62,18 @@ def trace_whole_plots(
     settled = settle(data.pressure_psia, whole, seed)
     problem, found = settled.problem, settled.chosen
     before, after = estimate(replace(problem, weight=np.ones_like(problem.weight)), ()), estimate(problem, found)
+    judge = WholePlotJudge(problem, settled.families)
+    taken_out = never_above(judge, before, after)
     finding = Finding(
         data=data.take(settled.kept),
         whole=data,
         model=model if model != HIERARCHICAL else f"full (where {HIERARCHICAL} starts)",
         formula=formula,
         scene=scene,
-        judge=WholePlotJudge(problem, settled.families),
+        judge=judge,
         before=before,
         after=after,
+        stated=taken_out,
         every=whole,
         look=settled.look,
         not_kept=settled.not_kept,
@@ -83,9 +86,10 @@ def trace_whole_plots(
     }
     lasting = [j for j in found if not problem.candidates[j].effect.of_noise]
     chosen, gamma = tuple(problem.candidates[j] for j in lasting), [after.coefficients[j].value for j in lasting]
+    taken = taken_out.taken[:, [found.index(j) for j in lasting]]
     classes = {c.effect.name: finding.classes[c.effect.name] for c in chosen}
     explanations = explanations_of(classes, problem.candidates)
-    return WholePlotTrace(sensors, formula, scene, chosen, np.array(gamma), len(data), explanations)
+    return WholePlotTrace(sensors, formula, scene, chosen, np.array(gamma), len(data), taken, explanations)
 
 
 def scene_of(data: WholePlotData) -> PressureScene:
