@@ -62,7 +62,9 @@ class Person:
 
     def instruction(self, factor: str, value: float) -> str:
         """See `ByHand.instruction`."""
-        return self._say.format(factor=factor, value=f"{value:.12g}", unit=factor.rpartition("_")[2]).rstrip(". ")
+        words = factor.split("_")
+        unit = "/".join(words[-3::2]) if len(words) > 3 and words[-2] == "per" else words[-1]
+        return self._say.format(factor=factor, value=f"{value:.12g}", unit=unit).rstrip(". ")
 
     def prepare(self) -> None:
         """Nothing is to be prepared."""

@@ -17,6 +17,7 @@ from functools import cached_property
 from typing import Any, Generic, Self, TypeVar, overload
 
 from procedures.by_hand import HandStep
+from procedures.column_names import with_word
 
 Level = TypeVar("Level", bound=Hashable)
 
@@ -94,8 +95,7 @@ class Factor:
     @property
     def set_name(self) -> str:
         """Name of its setpoint if there is also a measured value ("pressure_set_psia")."""
-        stem, _, unit = self.name.rpartition("_")
-        return f"{stem}_set_{unit}"
+        return with_word(self.name, "set")
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from procedures.column_names import split_unit
 from procedures.errors import DataError
 from procedures.order_through import counts_through, through
 from procedures.table import UNITS, Table
@@ -64,7 +65,7 @@ def integers(table: Table, name: str) -> np.ndarray[Any, np.dtype[np.int64]]:
 def check_units(table: Table) -> None:
     """Refuse a known quantity with another unit. Raises `DataError`."""
     for name in table.columns:
-        stem, _, unit = name.rpartition("_")
+        stem, unit = split_unit(name)
         wanted = UNITS.get(stem)
         if stem in ("x", "y", "z"):
             wanted = "V"

@@ -6,6 +6,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from procedures.column_names import split_unit
 from procedures.file_rows import rows_in_words
 from procedures.table import Table
 
@@ -70,8 +71,8 @@ def unit_of(name: str) -> str:
 
 
 def _stem(name: str) -> str:
-    stem, _, unit = name.rpartition("_")
-    return stem if stem and unit in _UNITS else name
+    stem, unit = split_unit(name)
+    return stem if stem and (unit in _UNITS or "_per_" in unit) else name
 
 
 def why_unused(name: str, known: Collection[str], use: str = "calibrated as") -> str:
@@ -93,7 +94,7 @@ def unused_in_fit(table: Table, known: Collection[str], unit: str) -> Unused:
     for name in table.names:
         if name in named or name.endswith(f"_{unit}"):
             continue
-        stem, _, other = name.rpartition("_")
+        stem, other = split_unit(name)
         if other in ("V", "mV", "uV", "kV"):
             found[name] = f"outputs are read in {unit}: convert it and name it {stem}_{unit}"
         elif name in ("run_index", "accepted", "pressure_side") or stem.endswith("_readback"):

@@ -56,8 +56,9 @@ class SensorConfig(_Strict):
     )
     unit: str = Field(
         "V",
-        pattern=r"^[A-Za-z][A-Za-z0-9]*$",
-        description="unit of the recorded output: that of the reader's channel, volts for most, with any prefix",
+        pattern=r"^[A-Za-z][A-Za-z0-9]*(_per_[A-Za-z][A-Za-z0-9]*)?$",
+        description="unit of the recorded output, such as V or L_per_min: that of the reader's channel, mostly volts, "
+        "with any prefix",
     )
     reader: str = Field(description="instrument that reads it")
     channel: str = Field("input", description="channel of the reader")

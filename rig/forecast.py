@@ -16,6 +16,7 @@ from typing import Any
 
 from drivers.roles import Source
 from procedures.by_hand import ALLOWANCE_H, HandStep
+from procedures.column_names import unit_of
 from procedures.run_list import RunList
 from rig.bench import playing
 from rig.config import FOLLOWS_S
@@ -25,7 +26,7 @@ from rig.engine.session import Outcome, Progress, Signals
 from rig.errors import RigError
 from rig.plans import Plan
 from rig.plugins import driver_class
-from rig.quantities import TEMPERATURE_UNIT, unit_of
+from rig.quantities import TEMPERATURE_UNIT
 from rig.run_file.events.points import Observed, WholePlotBegan
 from rig.run_file.reader import RunReader
 

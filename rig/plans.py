@@ -15,6 +15,7 @@ from pydantic import BaseModel
 
 from drivers.roles import ByHand, Chamber, Head, PressureController, Source
 from fitter.errors import FitError
+from procedures.column_names import stem_of, unit_of
 from procedures.conduct import Conduct, WholePlotConduct
 from procedures.kind import Completed, Procedure, kind_of
 from procedures.run_list import RunList
@@ -24,7 +25,7 @@ from rig.contract_files import files_beside, read_bench, with_contracts, with_fi
 from rig.engine.guard import Guard
 from rig.engine.whole_plots import renewal
 from rig.errors import ConfigurationError, RigError, UsageError
-from rig.quantities import ATMOSPHERE_PSIA, HEAD, PRESSURE_UNIT, TEMPERATURE_UNIT, unit_of
+from rig.quantities import ATMOSPHERE_PSIA, HEAD, PRESSURE_UNIT, TEMPERATURE_UNIT
 from rig.register import DOCUMENT, check_register, parse_register, register_beside
 from rig.run_file.bodies import shown
 from rig.run_file.events.sessions import Identified
@@ -374,7 +375,7 @@ def _check_unit(factor: str, instrument: str, roles: Sequence[type[Any]], where:
     units = {PressureController: PRESSURE_UNIT, Chamber: TEMPERATURE_UNIT}
     unit = next((units[role] for role in roles if role in units), None)
     if unit is not None and unit_of(factor) != unit:
-        stem = factor.rpartition("_")[0]
+        stem = stem_of(factor)
         raise ConfigurationError(
             f"{where}: {instrument} sets {unit}, not {unit_of(factor)}: call the factor {stem}_{unit}, with levels in "
             f"{unit}"

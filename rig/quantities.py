@@ -20,11 +20,6 @@ _WHOLE = ("m", "min", "mol", "mmHg", "mHg", "kg", "Pa", "psi", "psia", "psig", "
 """Units that begin like a prefix, or that have none."""
 
 
-def unit_of(column: str) -> str:
-    """The unit at the end of the name of a factor or an output."""
-    return column.rpartition("_")[2]
-
-
 def scale(of: str, to: str) -> float | None:
     """Number of units `to` in one `of`, which differ by a prefix at most; None if they are different units."""
     if of == to:

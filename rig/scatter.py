@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from procedures.column_names import unit_of
 from procedures.conduct import Conduct
 from rig.config import BenchConfig
-from rig.quantities import VOLT, per_volt, unit_of
+from rig.quantities import VOLT, per_volt
 
 
 @dataclass(frozen=True)

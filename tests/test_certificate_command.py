@@ -77,6 +77,22 @@ def test_every_number_is_that_of_the_budget(run, made):
     assert set(shares) <= {line.share for one in found for line in one.contributions}
 
 
+def test_a_limit_that_dominates_has_its_own_coverage_factor_and_the_certificate_says_so(run, tmp_path):
+    register = tmp_path / "equipment.toml"
+    register.write_text(REGISTER.replace("standard = 0.1", "half_width = 50"))
+    asked_for = asked(run, settled(tmp_path), equipment=register)
+    document = make(asked_for).document
+    results = {one.name: one for table in document.tables for one in table.results}
+    assert {one.k for one in results.values()} > {"1.65"}
+    by_limit = [name for name, one in results.items() if one.k == "1.65"]
+    (note,) = (note for note in document.notes if "limits of error dominate" in note)
+    assert all(name in note for name in by_limit)
+    assert not any(name in note for name, one in results.items() if float(one.k) > 1.9)
+    rare = make(asked(run, settled(tmp_path, "probability = 0.99"), equipment=register)).document
+    assert not any("dominate" in note for note in rare.notes)
+    assert all(float(one.k) > 2.5 for table in rare.tables for one in table.results)
+
+
 def test_what_is_said_of_the_run_is_in_the_run_file(run, made):
     (evidence,) = made.document.evidence
     with RunReader.open(run) as reader:

@@ -54,6 +54,31 @@ def test_a_meter_that_hangs_at_a_number_it_never_read_before_is_told_by_its_othe
     assert alive.hanging(POINTS[10], still(7.0), {}) == list(THREE)
 
 
+def alone(rng, at):
+    return observed({"meter_V": [at + rng.gauss(0.0, 1e-4) for _ in range(3)]})
+
+
+def test_a_meter_that_returns_to_its_last_reading_of_another_setting_hangs_whatever_it_read_in_between():
+    """An open input over a hanging meter: its wandering readings are rejected, then the old reading is back."""
+    rng, alive = random.Random(3), Liveness({"meter_V": "dmm"}, None, {})
+    before = alone(rng, 1.0)
+    assert not alive.hanging(POINTS[0], before, {})
+    for _ in range(2):
+        assert not alive.hanging(POINTS[1], alone(rng, 0.0), {})
+    back = observed({"meter_V": [before.outputs["meter_V"].readings[-1]] * 3})
+    assert alive.hanging(POINTS[1], back, {}) == ["meter_V"]
+
+
+def test_a_meter_that_returns_to_a_rejected_reading_of_this_point_hangs():
+    rng, alive = random.Random(4), Liveness({"meter_V": "dmm"}, None, {})
+    assert not alive.hanging(POINTS[0], alone(rng, 1.0), {})
+    first = alone(rng, 0.0)
+    assert not alive.hanging(POINTS[1], first, {})
+    assert not alive.hanging(POINTS[1], alone(rng, 0.0), {})
+    back = observed({"meter_V": [first.outputs["meter_V"].readings[0]] * 3})
+    assert alive.hanging(POINTS[1], back, {}) == ["meter_V"]
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_a_meter_that_stands_still_now_and_then_is_left_alone(seed):
     """All three readings on a channel the same at one point in three, each channel for itself."""

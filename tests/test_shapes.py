@@ -33,6 +33,36 @@ def test_factors_of_ea_4_02():
     assert round(factor(one("a", 50.0, "rectangular"), one("b", 25.0, "rectangular")), 2) == 1.83
 
 
+def test_factors_by_shape_where_limits_dominate_alone():
+    """Of three results the first is S9's; in the second the rest is over 0.3 of the limit; the third is S10's."""
+    rest = np.array([0.29, 0.31, 0.1])
+    inputs = [
+        Influence("a", "c", "B", np.array([1.0, 1.0, 2.0]), inf, "rectangular"),
+        Influence("b", "c", "B", np.array([0.0, 0.0, 1.0]), inf, "rectangular"),
+        Influence("rest", "c", "B", rest),
+    ]
+    names, units = list("xyz"), ["V"] * 3
+    some = budgets(names, units, np.zeros(3), (), inputs, shapes="where limits dominate")
+    every = budgets(names, units, np.zeros(3), (), inputs, shapes=True)
+    none = budgets(names, units, np.zeros(3), (), inputs)
+    assert [one.by_shape for one in some] == [True, False, True]
+    assert [one.coverage_factor for one in some] == [
+        every[0].coverage_factor,
+        none[1].coverage_factor,
+        every[2].coverage_factor,
+    ]
+    assert round(some[2].coverage_factor, 2) == 1.83
+    at = some[0].expanded_uncertainty + sqrt(3.0) * np.linspace(-1.0, 1.0, 20_001)
+    exact = (
+        2.0 * np.trapezoid(special.ndtr(at / rest[0]), dx=1.0 / 20_000) - 1.0
+    )  # the rectangle convolved with a normal
+    assert 0.95 <= exact <= 0.959
+    r = Correlation("a", "c", 0.5)
+    (both,) = budgets(["x"], ["V"], np.zeros(1), (), [one("a", 1.0, "rectangular"), one("b", 1e-6), one("c", 0.1)],
+                      correlations=[r], shapes="where limits dominate")  # fmt: skip
+    assert not both.by_shape, "a correlated error counts as normal"
+
+
 def test_without_bounded_errors_it_is_welch_satterthwaite():
     inputs = [one("a", 1.0, df=4.0), one("b", 2.0, df=9.0), one("c", 1.5)]
     alone = budgets(["y"], ["V"], np.zeros(1), (), inputs)[0]

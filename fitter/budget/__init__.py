@@ -1,7 +1,7 @@
 """Uncertainty budgets after the GUM: JCGM 100, and JCGM 101 as a check."""
 
-from fitter.budget.budget import Budgeted, Contribution, budgets, covariance
-from fitter.budget.coverage import EXCESS, coverage_factor, shape_factor
+from fitter.budget.budget import Budgeted, Contribution, Shapes, budgets, covariance
+from fitter.budget.coverage import EXCESS, NEAR_95, coverage_factor, shape_factor
 from fitter.budget.influence import Correlation, Influence, TypeA
 from fitter.budget.mass import Combined, combine
 from fitter.budget.monte_carlo import Check, Interval, Simulated, check, monte_carlo, simulate
@@ -9,6 +9,7 @@ from fitter.budget.rounding import Rounded, rounded, rounded_df, rounded_factor,
 
 __all__ = [
     "EXCESS",
+    "NEAR_95",
     "Budgeted",
     "Check",
     "Combined",
@@ -17,6 +18,7 @@ __all__ = [
     "Influence",
     "Interval",
     "Rounded",
+    "Shapes",
     "Simulated",
     "TypeA",
     "budgets",

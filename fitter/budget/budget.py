@@ -13,6 +13,12 @@ from fitter.arrays import FloatArray
 from fitter.budget.coverage import EXCESS, coverage_factor, shape_factor
 from fitter.budget.influence import CANCELLED, Correlation, Influence, Inputs, TypeA, checked
 
+DOMINATED = 0.3
+"""Largest standard uncertainty of all other errors, beside that of one or two rectangular errors that dominate
+(EA-4/02, S9 and S10; the number is from memory)."""
+Shapes = bool | Literal["where limits dominate"]
+"""Of which results coverage factors are by the shapes of the distributions."""
+
 
 @dataclass(frozen=True)
 class Contribution:
@@ -48,9 +54,10 @@ class Budgeted:
         standard_uncertainty: combined.
         df: effective degrees of freedom (Welch-Satterthwaite); infinite if no finite one counts.
         coverage_probability: of the expanded uncertainty.
-        coverage_factor: of Student's t with the effective degrees of freedom.
+        coverage_factor: of Student's t with the effective degrees of freedom, or by the shapes of the distributions.
         expanded_uncertainty: coverage factor times standard uncertainty.
         contributions: the largest first.
+        by_shape: whether the coverage factor is by the shapes of the distributions.
 
     """
 
@@ -63,6 +70,7 @@ class Budgeted:
     coverage_factor: float
     expanded_uncertainty: float
     contributions: tuple[Contribution, ...]
+    by_shape: bool = False
 
 
 def budgets(
@@ -74,7 +82,7 @@ def budgets(
     *,
     probability: float = 0.95,
     correlations: Sequence[Correlation] | None = None,
-    shapes: bool = False,
+    shapes: Shapes = False,
 ) -> tuple[Budgeted, ...]:
     """A budget for each of m results (JCGM 100, 5.1, 5.2 and annex G).
 
@@ -90,7 +98,8 @@ def budgets(
         probability: coverage probability.
         correlations: between influences.
         shapes: coverage factors by the shapes of the distributions, as EA-4/02 has them in S9 and S10, instead of
-            Student's t: smaller where limits of error dominate. For about 95 %.
+            Student's t: smaller where limits of error dominate. For about 95 %. "where limits dominate": of those
+            results alone of which one or two rectangular errors dominate (`DOMINATED`).
 
     Raises:
         FitError: what `checked` refuses, or a probability that is not between 0 and 1.
@@ -101,12 +110,16 @@ def budgets(
         raise ValueError(f"{len(units)} units for {len(names)} results")
     found = []
     for j, (combined, df) in enumerate(_combined(inputs)):
+        by_shape = shapes is True or (bool(shapes) and dominated(inputs, j, combined))
         k = float(
-            shape_factor(probability, _index(inputs, j, combined, df)) if shapes else coverage_factor(probability, df)
+            shape_factor(probability, _index(inputs, j, combined, df)) if by_shape else coverage_factor(probability, df)
         )
         lines = sorted(_lines(inputs, j), key=lambda one: -one.standard_uncertainty)
         value = float(inputs.values[j])
-        found.append(Budgeted(names[j], units[j], value, combined, df, probability, k, k * combined, tuple(lines)))
+        expanded = k * combined
+        found.append(
+            Budgeted(names[j], units[j], value, combined, df, probability, k, expanded, tuple(lines), by_shape)
+        )
     return tuple(found)
 
 
@@ -151,6 +164,17 @@ def _combined(inputs: Inputs) -> list[tuple[float, float]]:
         u = float(core.uncertainty(result))
         found.append((u, float(core.dof(result)) if u else inf))
     return found
+
+
+def dominated(inputs: Inputs, j: int, combined: float) -> bool:
+    """Whether one or two independent rectangular errors dominate result j."""
+    alone = (group[0] for group in inputs.groups if len(group) == 1)
+    variances = sorted(
+        (float(inputs.sensitivities[i, j]) ** 2 for i in alone if inputs.influences[i].distribution == "rectangular"),
+        reverse=True,
+    )
+    largest = sum(variances[:2])
+    return largest > 0.0 and combined**2 - largest <= DOMINATED**2 * largest
 
 
 def _index(inputs: Inputs, j: int, combined: float, df: float) -> float:

@@ -13,6 +13,7 @@ from fitter import LinearFit
 from fitter.arrays import FloatArray, IntArray
 from fitter.errors import FitError
 from procedures.budget_by_sensor import EvaluationBySensor
+from procedures.column_names import split_unit, stem_of, unit_of, with_word
 from procedures.errors import DataError
 from procedures.general.declared import Declared, Model, model_of
 from procedures.general.fit import calibration_of
@@ -154,18 +155,18 @@ class Sensor:
 
     def named(self) -> Iterator[tuple[str, str]]:
         """Name and unit of every result."""
-        stem, _, unit = self.name.rpartition("_")
+        stem, unit = split_unit(self.name)
         yield from ((f"{stem} coefficient {one}", _unit(one, unit)) for one in self._names)
         if not self.has_points:
             return
         where = []
         for values in zip(*self._given.values(), strict=True):
-            parts = (f"{_plain(n)} {v:g} {n.rpartition('_')[2]}" for n, v in zip(self._given, values, strict=True))
+            parts = (f"{_plain(n)} {v:g} {unit_of(n)}" for n, v in zip(self._given, values, strict=True))
             where.append(f"at {', '.join(parts)}")
         yield from ((f"{stem} output {place}", unit) for place in where)
         if self.variable is not None:
             name = self.variable
-            yield from ((f"{stem} inferred {_plain(name)} {place}", name.rpartition("_")[2]) for place in where)
+            yield from ((f"{stem} inferred {_plain(name)} {place}", unit_of(name)) for place in where)
 
     @property
     def _names(self) -> tuple[str, ...]:
@@ -194,7 +195,7 @@ class Sensor:
 
 def _plain(name: str) -> str:
     """A factor's name without its unit."""
-    return name.rpartition("_")[0].replace("_", " ")
+    return stem_of(name).replace("_", " ")
 
 
 def _unit(term: str, unit: str) -> str:
@@ -211,8 +212,7 @@ def _points_of(table: Table) -> IntArray:
 
 def _setting(table: Table, name: str) -> IntArray:
     """(n,) number of the setting of a factor, from 0."""
-    stem, _, unit = name.rpartition("_")
-    given = table.columns.get(f"{stem}_set_{unit}", table.columns[name])
+    given = table.columns.get(with_word(name, "set"), table.columns[name])
     return np.asarray(np.unique(np.round(given, 9), return_inverse=True)[1], np.int64)
 
 

@@ -15,6 +15,7 @@ from fitter.effects.entry import Entry
 from fitter.errors import FitError
 from fitter.formula import Formula
 from procedures.catalogue import with_own
+from procedures.column_names import with_word
 from procedures.errors import DataError
 from procedures.file_rows import rows_of_file
 from procedures.general.clock_texts import is_clock
@@ -269,7 +270,7 @@ def _read_by_reference(settings: Sequence[str], table: Table) -> dict[str, str]:
 
 
 def _setpoint_of(name: str) -> str:
-    return "_set_".join(name.rpartition("_")[::2])
+    return with_word(name, "set")
 
 
 def _subtracted(response: Formula) -> tuple[str, ...]:

@@ -18,6 +18,7 @@ from fitter.errors import FitError
 from fitter.trace.aliases import DELTA, Rival
 from fitter.trace.found import Explanation
 from fitter.trace.search import names_of
+from procedures.column_names import unit_of
 from procedures.confirming import SETTLED, ConfirmedFit, Confirming
 from procedures.errors import DataError
 from procedures.further_runs import Variation, repeated
@@ -153,7 +154,7 @@ class GeneralConfirming(Confirming):
     @property
     def unit(self) -> str:  # type: ignore[override]
         """Unit of all outputs, if they have one."""
-        units = {output.rpartition("_")[2] for output in self.traced.each}
+        units = {unit_of(output) for output in self.traced.each}
         return units.pop() if len(units) == 1 else OWN_UNITS
 
     @property

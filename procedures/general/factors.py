@@ -8,6 +8,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
+from procedures.column_names import stem_of
 from procedures.run_list import Factor, Settle
 from procedures.settings import Positive, Strict
 
@@ -64,7 +65,7 @@ class FactorSettings(Strict):
         """The same for a run list that visits these settings. Its axis is the name without the unit."""
         steps = [b - a for a, b in itertools.pairwise(sorted(set(settings)))]
         beyond = self.overtravel or min(steps, default=0.0) / 2.0
-        return Factor(name, name.rpartition("_")[0], beyond, hard=self.hard)
+        return Factor(name, stem_of(name), beyond, hard=self.hard)
 
     def settle(self, span: float, dwell_s: float, timeout_s: float) -> Settle:
         """Criterion of its arrival; `span` is the range of its settings."""

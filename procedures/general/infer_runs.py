@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from procedures.column_names import stem_of
 from procedures.errors import DataError
 from procedures.general.infer import CurveCalibration
 from procedures.general.infer_table import infer_general
@@ -59,7 +60,7 @@ def infer_sensors(
     columns: dict[str, Any] = {**table.columns, **table.text}
     quantities, flagged = [], np.zeros(len(table), np.bool_)
     for output, one in found.items():
-        stem, (variable,) = output.rpartition("_")[0], one.quantities
+        stem, (variable,) = stem_of(output), one.quantities
         named = f"{stem}_{variable.removeprefix(INFERRED)}"
         columns |= {
             f"{named}{name.removeprefix(variable)}" if name.startswith(variable) else f"{stem}_{name}": one.columns[

@@ -12,6 +12,7 @@ from fitter.errors import FitError
 from fitter.formula import Formula
 from fitter.trace.outcome import Outcome
 from procedures.blocks import Block, Line
+from procedures.column_names import split_unit
 from procedures.errors import DataError
 from procedures.general.column_roles import Roles
 from procedures.general.declared import Declared
@@ -293,7 +294,7 @@ def _direction(table: Table, used: Collection[str]) -> str | None:
 
 def _ignored(name: str, table: Table) -> bool:
     """Whether a column says nothing beyond others: other outputs, setpoints and readbacks of measured factors."""
-    stem, _, unit = name.rpartition("_")
+    stem, unit = split_unit(name)
     doubled = any(stem.endswith(end) for end in ("_set", "_readback")) and f"{stem.rpartition('_')[0]}_{unit}" in (
         table.columns
     )

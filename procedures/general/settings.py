@@ -16,6 +16,7 @@ from typing import Any, ClassVar, Literal, Self
 from pydantic import ConfigDict, Field, field_validator, model_validator
 
 from procedures.by_hand import Steps, check_places, with_steps
+from procedures.column_names import stem_of
 from procedures.conduct import Conduct, EnvironmentSettings, SoakSettings, WholePlotConduct
 from procedures.fault_policies import (
     ABORT,
@@ -219,7 +220,7 @@ class GeneralProcedure(Strict):
                 raise ValueError(f"factors.{name}: the name is a column and must end in its unit, such as force_kN")
             if _TAKEN.fullmatch(name):
                 raise ValueError(f"factors.{name}: tables have a column of this name already; rename the factor")
-        axes = [name.rpartition("_")[0] for name in factors]
+        axes = [stem_of(name) for name in factors]
         for name, axis in zip(factors, axes, strict=True):
             if axes.count(axis) > 1:
                 raise ValueError(f"factors.{name}: two factors are called {axis}; rename one, whatever its unit")
@@ -309,7 +310,7 @@ class GeneralProcedure(Strict):
         """Criterion of arrival of each easy factor, by its axis."""
         settle = self.settle
         return {
-            name.rpartition("_")[0]: factor.settle(self._span(name), settle.dwell_s, settle.timeout_s)
+            stem_of(name): factor.settle(self._span(name), settle.dwell_s, settle.timeout_s)
             for name, factor in self.factors.items()
             if not factor.hard
         }

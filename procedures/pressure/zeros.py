@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from procedures.column_names import split_unit
 from procedures.errors import DataError
 from procedures.pressure.fit import PressureCalibration
 from procedures.pressure.infer import STOOD_DEGC, Departure, Zero
@@ -202,7 +203,7 @@ def _check_one(table: Table, sitting: NDArray[np.intp], pressure: Any, highest: 
 def _pressure(table: Table, rows: NDArray[np.bool_]) -> Any:
     """(n,) pressures of the rows; None if the table does not have them."""
     for name in table.names:
-        stem, _, unit = name.rpartition("_")
+        stem, unit = split_unit(name)
         if name != PRESSURE and (stem.casefold() == "pressure" or name.casefold() == "pressure"):
             raise DataError(
                 f"{table.source}, column {name}: the pressure of a zero is stated in psia, absolute; convert it "

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from math import sqrt
 from operator import attrgetter
 
+from procedures.column_names import unit_of
 from procedures.run_list import Factor, Point
 from proving.night.judged import Night
 from rig.bench import of_reading
@@ -210,7 +211,7 @@ def _truly(night: Night, factor: str, setpoint: float) -> float:
 
 def _near(night: Night, factor: Factor) -> float:
     """How far the truth may be from that: nothing where a person sets it; the band in which a source has settled."""
-    unit = factor.name.rpartition("_")[2]
+    unit = unit_of(factor.name)
     if unit in _THERE:
         return _THERE[unit]
     name = night.played.plan.bench.factors[factor.name]

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 
+from procedures.column_names import stem_of
 from procedures.general.column_roles import Roles, roles_of
 from procedures.general.of_runs import Asked, models_of, roles_of_run
 from procedures.general.trace import search_table
@@ -66,7 +67,7 @@ def hidden() -> Study:
 
 def _hidden(seed: int, lab: str) -> Result:
     found, has = names(lab, seed, hidden=True), affected(lab)
-    right = {column: [HIDDEN[lab]] if column.rpartition("_")[0] in has else [] for column in found}
+    right = {column: [HIDDEN[lab]] if stem_of(column) in has else [] for column in found}
     named = all(set(right[column]) <= set(what) for column, what in found.items())
     return {"named": named, "besides": any(set(what) - set(right[column]) for column, what in found.items())}
 

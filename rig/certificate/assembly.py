@@ -7,7 +7,7 @@ from decimal import Decimal
 
 import numpy as np
 
-from fitter.budget import Budgeted
+from fitter.budget import NEAR_95, Budgeted, Shapes
 from fitter.budget.rounding import rounded, rounded_df, rounded_factor, rounded_to, rounded_uncertainty
 from fitter.decision import decide
 from fitter.trace.outcome import Finding, Outcome
@@ -22,6 +22,11 @@ SMALL = 1e-3
 _SHARED = "Quantities inferred from all items together"
 _OF_TEMPERATURES = -2
 """Last printed place of recorded temperatures: that of meters of temperatures, and of tables."""
+
+
+def shapes(probability: float) -> Shapes:
+    """Results whose coverage factor is by the shapes of the distributions: where limits dominate, near 95 %."""
+    return "where limits dominate" if NEAR_95[0] <= probability <= NEAR_95[1] else False
 
 
 def sensor_of(name: str, run: RunBudget) -> str:

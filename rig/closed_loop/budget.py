@@ -8,7 +8,7 @@ from datetime import date
 from pathlib import Path
 from typing import Any
 
-from fitter.budget import Budgeted, Check, Influence, TypeA, budgets, monte_carlo
+from fitter.budget import Budgeted, Check, Influence, Shapes, TypeA, budgets, monte_carlo
 from fitter.errors import FitError
 from procedures.budgeting import Evaluation
 from procedures.errors import DataError
@@ -35,6 +35,10 @@ from rig.tables import is_run, run_table
 BY_SHAPE = (
     "coverage factors are by the shapes of the distributions: smaller than Student's t where limits of error dominate, "
     "and right only if these errors are rectangular, as stated"
+)
+DOMINATED = (
+    "one or two rectangular limits of error, as the register states them, dominate these results; their coverage "
+    "factor is by the shape of the distribution and smaller than Student's t (EA-4/02, S9 and S10)"
 )
 SIMULATED = (
     "simulation (JCGM 101): {trials} trials, seed {seed}; the budget's interval agrees for {agree} of {count} results "
@@ -201,7 +205,7 @@ def budget_of(
     trials: int | None = None,
     seed: int = 1,
     each: Callable[[], None] | None = None,
-    shapes: bool = False,
+    shapes: Shapes = False,
 ) -> RunBudget:
     """The same of a run that was read.
 
@@ -232,8 +236,10 @@ def budget_of(
         notes.insert(0, f"corrected by the certificates: {', '.join(of.corrected)}")
     if of.stated.example:
         notes.insert(0, f"the register {of.register.name!r} has example values: these uncertainties are examples, too")
-    if shapes:
+    if shapes is True:
         notes.append(BY_SHAPE)
+    elif by_shape := [one.name for one in made if one.by_shape]:
+        notes.append(f"{DOMINATED}: {', '.join(by_shape)}")
     checks: tuple[Check, ...] = ()
     if trials is not None:
         evaluate = whole(evaluation, found.shifts, each)

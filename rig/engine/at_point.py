@@ -11,6 +11,7 @@ from dataclasses import replace
 from statistics import median
 from typing import Any
 
+from procedures.column_names import unit_of
 from procedures.conduct import Conduct
 from procedures.run_list import Point, RunList
 from rig.bench import Bench
@@ -35,7 +36,6 @@ from rig.engine.motion import Leg, plan_legs, recovery_legs
 from rig.engine.queue import PointQueue
 from rig.engine.set_by_hand import SetByHand
 from rig.engine.soaking import Soaking
-from rig.quantities import unit_of
 from rig.run_file.events.event import EMPTY
 from rig.run_file.events.points import ACCEPTED, REJECTED, Observed
 from rig.run_file.events.sessions import Held

@@ -12,11 +12,12 @@ from typing import Any, NamedTuple, Protocol
 
 from drivers.errors import DriverError, InstrumentError, NotReady
 from drivers.roles import Chamber, Head, Instrument, PressureController, Referenced, Source
+from procedures.column_names import unit_of
 from procedures.run_list import Factor, RunList
 from rig.bench import Bench
 from rig.engine.fault_classes import DriveFault, NotHomed, SupplyFailure
 from rig.errors import ConfigurationError
-from rig.quantities import HEAD_AXES, PRESSURE_UNIT, TEMPERATURE_UNIT, unit_of
+from rig.quantities import HEAD_AXES, PRESSURE_UNIT, TEMPERATURE_UNIT
 
 CHAMBER_MARGIN_DEGC = 2.0
 """Difference by which a chamber may pass a limit, which overshoots a setpoint at it before it settles."""

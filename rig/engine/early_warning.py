@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from procedures.column_names import unit_of
 from procedures.conduct import Conduct
 from procedures.run_list import Point, RunList
 from rig.engine.response_statistics import ResponseTest, Row
@@ -143,7 +144,7 @@ class EarlyWarnings:
         self._told = {(warned.cause, warned.output) for _, warned in warnings_of(run)}
 
     def _new(self, name: str, outputs: int) -> _Output:
-        points, say = len(self._run_list), partial(in_unit, name.rpartition("_")[2])
+        points, say = len(self._run_list), partial(in_unit, unit_of(name))
         response = None if self._span is None else ResponseTest(self._span, self._conduct.least_jump, say)
         return _Output(
             NoiseTest(points, outputs, say),

@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
 from drivers.roles import ChamberState
+from procedures.column_names import unit_of
 from procedures.run_list import RunList
 from rig.engine.axes import CHAMBER_MARGIN_DEGC, AxisReading
 from rig.engine.fault_classes import LimitViolation
@@ -110,7 +111,7 @@ class Guard:
         for axis, reading in axes.items():
             low, high = self._limits.get(reading.quantity, _ANY)
             if not low - reading.margin <= reading.value <= high + reading.margin:
-                unit = reading.quantity.rpartition("_")[2]
+                unit = unit_of(reading.quantity)
                 raise LimitViolation(f"{axis} is at {reading.value:g} {unit}, outside {low:g} to {high:g}")
             if reading.quantity == PRESSURE:
                 self._check_rate(axis, "pressure_psi_per_s", reading.value)

@@ -76,6 +76,8 @@ class Liveness:
         self._point, self._last = point, last
         self._outputs = {name: _Output() for name in readers}
         self._hung_at, self._hung = hung
+        self._former: Mapping[str, Sequence[float]] = {}
+        self._here: dict[str, tuple[float, ...]] = {}
 
     def hanging(self, point: Point, observation: Observation, passing: Mapping[str, Sequence[float]]) -> list[str]:
         """Columns that hang.
@@ -89,6 +91,8 @@ class Liveness:
         read = {**observation.references, **observation.outputs}
         now = {name: read[name].readings for name in self._readers if name in read}
         last = {name: (*self._last.get(name, ()), *passing.get(name, ())) for name in now}
+        if self._point is not None and self._point.setpoints != point.setpoints:
+            self._former, self._here = self._last, {}
         found = [name for name, readings in now.items() if self._repeats(name, readings, last[name], point)]
         found = found or self._too_still(now)
         if found:
@@ -99,6 +103,7 @@ class Liveness:
             if self._hung_at != point.index:
                 self._hung = {}
             self._point, self._last = point, now
+        self._here = {name: (*self._here.get(name, ()), *readings) for name, readings in now.items()}
         return found
 
     def _repeats(self, name: str, now: Sequence[float], before: Sequence[float], point: Point) -> bool:
@@ -109,6 +114,8 @@ class Liveness:
         """
         if set(now) == {self._hung.get(name)}:
             return True  # it hung at this point, and read something else in between: an open input, a spike
+        if name not in self._standards and self._returned(name, now):
+            return True
         if not before or set(now) != {before[-1]}:
             return False
         then = self._point
@@ -117,6 +124,19 @@ class Liveness:
         at = self._standards[name]
         moved = then is None or then.setpoints[at] != point.setpoints[at]
         return moved or len(set(before)) == len(before) >= _FEWEST
+
+    def _returned(self, name: str, now: Sequence[float]) -> bool:
+        """Whether all readings are one that was there before others that were rejected.
+
+        It is the last one at the former setting, or one of this point if none of this point's came twice.
+        """
+        here = self._here.get(name, ())
+        if len(set(now)) > 1 or len(now) < 2 or not here:
+            return False
+        former = self._former.get(name, ())
+        if former and now[0] == former[-1]:
+            return True
+        return now[0] in here and len(set(here)) == len(here) >= _FEWEST
 
     def _too_still(self, now: Mapping[str, Sequence[float]]) -> list[str]:
         chances = {name: self._outputs[name].chance(readings) for name, readings in now.items()}

@@ -9,9 +9,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from procedures.column_names import unit_of
 from rig.dcc.reader import Number, Quantity, Read
 from rig.errors import UsageError
-from rig.quantities import unit_of
 from rig.register.units import factor
 from rig.toml_text import toml_text
 

@@ -11,9 +11,9 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
+from procedures.column_names import unit_of
 from procedures.settings import Name, Strict
 from procedures.stated import BEHAVIOURS, Behaviour, Distribution
-from rig.quantities import unit_of
 from rig.register.units import factor, relative
 
 Polynomial = Annotated[tuple[float, ...], Field(min_length=1, max_length=12)]

@@ -11,12 +11,13 @@ from scipy import special
 
 from drivers.roles import Head
 from fitter.arrays import FloatArray
+from procedures.column_names import unit_of
 from procedures.stated import Behaviour, Curve, Distribution, PlaceConstant, Stated, Statements
 from procedures.table import Columns
 from rig.bench import playing
 from rig.config import BenchConfig
 from rig.errors import ConfigurationError
-from rig.quantities import HEAD, unit_of
+from rig.quantities import HEAD
 from rig.register.check import entries
 from rig.register.schema import PLACE_UNITS, Equipment, Polynomial, Register, Statement, Uncertain
 from rig.register.units import factor, relative

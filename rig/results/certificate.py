@@ -144,7 +144,13 @@ def _read(path: Path, stage: Stage, asked: Asked, settings: CertificateSettings,
         of = run_with_register(path, asked.equipment)
         if of.register.example and not of.table.simulated:
             reasons.append(f"the register {of.register.name!r} has example values: state those of your equipment")
-        run.budget = budget_of(of, at=settings.at, same_meter=settings.same_meter, probability=settings.probability)
+        run.budget = budget_of(
+            of,
+            at=settings.at,
+            same_meter=settings.same_meter,
+            probability=settings.probability,
+            shapes=assembly.shapes(settings.probability),
+        )
         reasons.extend(_of_budget(run.budget, settings))
         later = asked.confirmed_by if path == asked.runs[-1] else None
         if later is not None:

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from procedures.by_hand import Made
+from procedures.column_names import split_unit, with_word
 from procedures.run_list import RunList
 from procedures.table import SENSOR_TEMPERATURE, Columns, Table
 from rig.errors import RunFileError
@@ -205,7 +206,7 @@ def _skipped(reader: RunReader, run_list: RunList) -> list[dict[str, Any]]:
 
 
 def _setting(name: str, value: float) -> str:
-    stem, _, unit = name.rpartition("_")
+    stem, unit = split_unit(name)
     return f"{stem.replace('_', ' ')} {value:g} {unit}"
 
 
@@ -256,8 +257,7 @@ def _fill_setpoints(rows: Iterable[dict[str, float]], run_list: RunList) -> None
 
 
 def _readback_name(quantity: str) -> str:
-    stem, _, unit = quantity.rpartition("_")
-    return f"{stem}_readback_{unit}"
+    return with_word(quantity, "readback")
 
 
 def _moment(record: Record, seen: Observed) -> float:

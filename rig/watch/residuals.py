@@ -9,6 +9,7 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.errors import FitError
+from procedures.column_names import unit_of
 from procedures.expected import Previous
 from rig.quantities import per_volt
 from rig.watch.against import columns_of, model_columns
@@ -79,7 +80,7 @@ def _fitted(
 
 
 def _sensor(name: str, values: FloatArray) -> dict[str, Any]:
-    unit = name.rpartition("_")[2]
+    unit = unit_of(name)
     scale = per_volt(unit)
     scaled = values if scale is None else values * 1e6 / scale
     finite = scaled[np.isfinite(scaled)]

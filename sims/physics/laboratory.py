@@ -141,7 +141,7 @@ class Laboratory:
 
     def _read_formulas(self, bench: Mapping[str, Any]) -> None:
         known = [*self._factors, *self._truth.lags, "elapsed_h", "lab_degC"]
-        stems = [factor.rpartition("_")[0] for factor in self._factors]
+        stems = [_stem(factor) for factor in self._factors]
         known += [f"{stem}{what}" for stem in stems for what in ("_side", "_for_s")]
         for name, sensor in self.sensors.items():
             formula = sensor.formula or f"{_FULL:g}*tanh(({' + '.join(self._factors) or '0'})/{_USUAL:g})"
@@ -240,7 +240,7 @@ class Laboratory:
     def _variables(self, t: float) -> dict[str, float]:
         found = self.factors(t)
         for factor in self._factors:
-            stem, steps = factor.rpartition("_")[0], self._steps(factor)
+            stem, steps = _stem(factor), self._steps(factor)
             found[f"{stem}_side"] = float(steps.direction(t))
             found[f"{stem}_for_s"] = max(0.0, t - steps.since(t))
         for name, lag in self._truth.lags.items():
@@ -270,3 +270,9 @@ class Laboratory:
         if not noisy or not sd:
             return value
         return value + sd / sqrt(t1 - t0) * normal(self._truth.seed, f"reference {factor}", event_at(t0))
+
+
+def _stem(name: str) -> str:
+    """A factor's name without its unit, which may have "per"."""
+    words = name.split("_")
+    return "_".join(words[: -3 if len(words) > 3 and words[-2] == "per" else -1])

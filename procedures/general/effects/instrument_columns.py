@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fitter.arrays import FloatArray
+from procedures.column_names import with_word
 from procedures.general.effects.columns import Terms, middle, rounded, searched, whole
 from procedures.general.effects.quantities import is_quantity
 from procedures.general.effects.scene import TableScene, TableTerm, is_temperature
@@ -81,8 +82,7 @@ def set_less_read(scene: TableScene, name: str) -> Terms:
     straight, curve = _left(difference, u, 1), _left(difference, u, 3)
     if float(straight @ straight) * (1.0 - SMOOTH) <= float(curve @ curve):
         return ()
-    stem, _, unit = name.rpartition("_")
-    return (TableTerm((f"{stem}_set_{unit} - {name}",), difference[:, None]),)
+    return (TableTerm((f"{with_word(name, 'set')} - {name}",), difference[:, None]),)
 
 
 def _left(y: FloatArray, u: FloatArray, order: int) -> FloatArray:

@@ -18,7 +18,7 @@ _WORDS = re.compile(
 )
 _BRACKETED = re.compile(r"[\[(]([^\[\]()]{0,20})[\])]")
 _IN_NAME = re.compile(
-    r".*?\s*[\[(]([^\[\]()]{1,15})[\])]\s*|.*?_([A-Za-z%µΩ]{1,6}(?:_per_[A-Za-z]{1,5}|/[A-Za-z]{1,5})?)"
+    r".*?\s*[\[(]([^\[\]()]{1,15})[\])]\s*|.*?_([A-Za-z%µΩ]{1,6}[23]?(?:(?:_per_|/)[A-Za-z]{1,5}[23]?)?)"
 )
 
 
@@ -41,5 +41,5 @@ def bare(cell: str) -> str:
 def unit_in(name: str) -> str:
     """The unit at the end of a name, in brackets or after an underscore; "" if there is none."""
     found = _IN_NAME.fullmatch(name) if len(name) <= 200 else None
-    unit = (found[1] or found[2] or "").strip() if found else ""
+    unit = (found[1] or found[2] or "").strip().replace("_per_", "/") if found else ""
     return unit if unit and (is_unit(unit) or (found and found[1])) else ""

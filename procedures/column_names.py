@@ -1,0 +1,26 @@
+"""Names of columns: a stem and a unit, such as `force_kN`. A unit may have "per": `flow_m3_per_h`, `out_mV_per_V`."""
+
+from __future__ import annotations
+
+
+def split_unit(name: str) -> tuple[str, str]:
+    """Stem and unit of a column's name; an empty stem if it has one word only."""
+    words = name.split("_")
+    taken = 3 if len(words) > 3 and words[-2] == "per" else 1
+    return "_".join(words[:-taken]), "_".join(words[-taken:])
+
+
+def stem_of(name: str) -> str:
+    """A column's name without its unit."""
+    return split_unit(name)[0]
+
+
+def unit_of(name: str) -> str:
+    """The unit at the end of a column's name."""
+    return split_unit(name)[1]
+
+
+def with_word(name: str, word: str) -> str:
+    """A column's name with a word before its unit: `pressure_set_psia`."""
+    stem, unit = split_unit(name)
+    return f"{stem}_{word}_{unit}"
