@@ -13,6 +13,7 @@ import pytest
 from dry import LAB, SHORT, dry
 from few_sensors import with_sensors
 
+from procedures.blocks import Line
 from rig.cli import app
 from rig.closed_loop import fit_table
 from rig.closed_loop.chart import chart_calibrations
@@ -20,6 +21,7 @@ from rig.closed_loop.chart_together import read_together
 from rig.errors import UsageError
 from rig.report.chart import chart_page
 from rig.report.frame import render
+from rig.results.charts import ControlChart
 from rig.tables import run_table, write_csv
 
 PROCEDURE = SHORT.replace("replications = 2", "replications = 4")
@@ -76,6 +78,13 @@ def test_the_drift_is_found_and_named(charted):
     )
     assert all(q["trend"]["p_adjusted"] > 0.01 for name, q in found["quantities"].items() if name != "S_V")
     assert [row["date"] for row in found["calibrations"]][:2] == ["2024-01-15", "2024-07-15"]
+
+
+def test_it_says_repeatability_only(charted):
+    shown = ControlChart(charted)
+    assert shown.to_json()["uncertainty"] == "repeatability only"
+    told = [one.text for one in shown.blocks() if isinstance(one, Line)]
+    assert any("standard errors, limits and due dates: repeatability only" in text for text in told)
 
 
 def test_the_due_date_follows_tolerance_and_today(charted):

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rig.inference import csv_reader, infer, read_calibration
 from tests.command import rig
 
 ROOT = Path(__file__).parent.parent
@@ -146,3 +147,23 @@ def test_causes_that_cannot_be_separated_have_a_line_and_a_calibration_keeps_inf
     assert done.returncode == 0, done.stderr
     assert ",total," in (tmp_path / "o.csv").read_text()
     assert kept["budget"]["influences"][0]["name"].startswith("HD-0417")
+
+
+def test_a_table_is_read_once_however_many_influences_there_are(kept, tmp_path):
+    file, told, outputs, beside, _ = kept
+    columns = {f"{name.split()[0]}{'' if '_V' in name else '_mV'}": told[False][name]["value"] for name in outputs}
+    columns |= beside
+    readings = tmp_path / "readings.csv"
+    readings.write_text(",".join(columns) + "\n" + ",".join(map(repr, columns.values())) + "\n")
+    read, asked = csv_reader(readings), []
+
+    def counted(needed):
+        asked.append(tuple(needed))
+        return read(needed)
+
+    calibration = read_calibration(file)
+    assert calibration.budget is not None
+    assert len(calibration.budget.influences) > 3
+    found = infer(calibration, counted, calibration.kind.infer_options())
+    assert set(found.columns["uncertainty"]) == {"total"}
+    assert len(asked) == 1

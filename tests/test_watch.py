@@ -197,7 +197,9 @@ def test_the_command_says_what_is_wrong(tmp_path):
 def test_a_single_run_is_where_the_address_leads(tmp_path):
     app = app_of(small_run(tmp_path))
     assert ask(app, "/").headers["location"] == "/run/a"
-    assert 'data-name="a"' in ask(app, "/run/a").text
+    page = ask(app, "/run/a").text
+    assert 'data-name="a"' in page
+    assert "Standard deviations and residuals on this page are repeatability only" in page
 
 
 @pytest.mark.parametrize("name", ["night#2", "a?b", "50%41", "a b&c=d", "\udcff", "é"])

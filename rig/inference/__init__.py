@@ -37,14 +37,20 @@ def infer(file: CalibrationFile, read: Reader, options: Options, *, same_meter: 
     if file.budget is None and same_meter:
         raise UsageError("--same-meter needs a calibration with influences: rig fit RUN --equipment FILE --out ...")
 
+    files: dict[Path, Reader] = {}
+
+    def kept(path: Path) -> Reader:
+        return files.setdefault(path, once(csv_reader(path)))
+
     def by(calibration: Any, table: Reader, other: Callable[[Path], Reader]) -> Inference:
         return file.kind.infer(calibration, table, options, other)
 
-    found = by(file.calibration, read, csv_reader)
+    read = once(read)
+    found = by(file.calibration, read, kept)
     if file.budget is None:
         found = replace(found, notes=(REPEATABILITY_ONLY, *found.notes))
     else:
-        found = with_total(found, file.budget, file.kind, file.calibration, by, read, csv_reader, same_meter=same_meter)
+        found = with_total(found, file.budget, file.kind, file.calibration, by, read, kept, same_meter=same_meter)
     if file.incomplete:
         found = replace(found, notes=(f"the calibration is of an incomplete run: {file.incomplete}", *found.notes))
     found = replace(found, notes=(*file.notes, *found.notes))
@@ -52,6 +58,19 @@ def infer(file: CalibrationFile, read: Reader, options: Options, *, same_meter: 
         rows = len(next(iter(found.columns.values())))
         found = replace(found, columns={**found.columns, "simulated": np.ones(rows)})
     return found
+
+
+def once(read: Reader) -> Reader:
+    """The same table for the same columns, read once: a calibration with influences infers from it many times."""
+    tables: dict[tuple[str, ...], Table] = {}
+
+    def kept(needed: Collection[str]) -> Table:
+        asked = tuple(needed)
+        if asked not in tables:
+            tables[asked] = read(needed)
+        return tables[asked]
+
+    return kept
 
 
 @dataclass

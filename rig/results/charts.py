@@ -18,6 +18,7 @@ from procedures.results import Page
 from rig.closed_loop.chart import ControlCharts, chart_calibrations
 from rig.closed_loop.chart_together import read_together
 from rig.closed_loop.chart_words import due_date
+from rig.closed_loop.kept import REPEATABILITY
 from rig.errors import UsageError
 from rig.results.data import Data
 from rig.results.frames import Frame, of_rows
@@ -36,7 +37,7 @@ class ControlChart(Reported):
 
     @cached_property
     def _told(self) -> dict[str, Any]:
-        return self.charted.to_json()
+        return {**self.charted.to_json(), "uncertainty": REPEATABILITY}
 
     def blocks(self) -> Iterable[Block]:
         """Lines for people."""
@@ -45,6 +46,7 @@ class ControlChart(Reported):
         yield Line(f"{mark}[bold]{len(given)} calibrations[/] from {given[0].date} to {given[-1].date}")
         for name, found in self._told["sensors"].items():
             yield from _sensor(name, self.charted.sensors[name].view, found)
+        yield Line(f"  [yellow]standard errors, limits and due dates: {REPEATABILITY}[/]")
         for note in self.charted.notes:
             yield Line(f"  [yellow]{escape(note)}[/]")
 
