@@ -146,7 +146,10 @@ def test_a_groups_size_is_the_difference_of_its_levels_and_text_is_not_passed_ov
     assert f"levels up to {apart:.3g} apart" in effect.size
     silent, _ = traced({"x": x, "y": y}, {"batch": batch}, response="y", formula="1 + x")
     found = silent.to_json()["sensors"]["y"]
-    assert any("batch holds text and was not looked at; --group batch" in note for note in found["notes"])
+    assert any(
+        "batch holds text: no effect of it was tested, only shapes without a name; --group batch" in note
+        for note in found["notes"]
+    )
     assert found["roles"]["settings"] == ["x"]
     assert found["roles"]["covariates"] == []
     assert "batch" not in " ".join(result.taken)

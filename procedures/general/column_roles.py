@@ -150,8 +150,10 @@ def _roles(table: Table, roles: Roles, formula: Formula, response: Formula) -> t
         speed=_speed(roles, parts.settings, columns),
         setpoints={name: np.asarray(columns[setpoint], np.float64) for name, setpoint in read.items()},
     )
-    scene = replace(scene, own=tuple(_testable(scene, roles.own, notes)))
-    notes.extend(_not_looked_at(table, roles, (*formula.names, *response.names)))
+    unused = _unused_text(table, roles, (*formula.names, *response.names))
+    labels = {name: _grouping(columns[name], declared=False) for name in _levels(table, unused)}
+    scene = replace(scene, own=tuple(_testable(scene, roles.own, notes)), labels=labels)
+    notes.extend(_not_looked_at(table, unused))
     shared = roles.whole_plot or ((roles.replicate,) if roles.replicate else ())
     hi, lo = exact.hi, exact.lo
     if roles.whole_plot and roles.replicate:
@@ -203,17 +205,29 @@ def _free(table: Table, roles: Roles, used: Sequence[str]) -> list[str]:
     return [name for name in table.columns if name not in taken]
 
 
-def _not_looked_at(table: Table, roles: Roles, used: Sequence[str]) -> list[str]:
-    """A sentence about each unused column of text that differs between rows."""
+def _unused_text(table: Table, roles: Roles, used: Sequence[str]) -> dict[str, int]:
+    """Columns of text without a role that differ between rows, with the number of their levels."""
     told = {*used, *roles.named, *roles.ignore}
+    names = () if roles.candidates is not None else table.text
+    counts = {name: len(np.unique(table.text[name])) for name in names if name not in told}
+    return {name: count for name, count in counts.items() if count > 1}
+
+
+def _levels(table: Table, unused: Mapping[str, int]) -> list[str]:
+    """Those whose levels repeat, and are no clock."""
+    return [n for n, count in unused.items() if 2 * count <= len(table) and not is_clock(table.text[n].tolist())]
+
+
+def _not_looked_at(table: Table, unused: Mapping[str, int]) -> list[str]:
+    """A sentence about each unused column of text that differs between rows."""
     found = []
-    for name in () if roles.candidates is not None else table.text:
-        count = len(np.unique(table.text[name]))
-        if name not in told and count > 1:
-            group = f"; --group {name}" if 2 * count <= len(table) else ", and hardly repeats"
-            if is_clock(table.text[name].tolist()):
-                group = f"; --time {name} if it is the time"
-            found.append(f"{name} holds text and was not looked at{group}")
+    for name in unused:
+        if is_clock(table.text[name].tolist()):
+            found.append(f"{name} holds text and was not looked at; --time {name} if it is the time")
+        elif name in _levels(table, unused):
+            found.append(f"{name} holds text: no effect of it was tested, only shapes without a name; --group {name}")
+        else:
+            found.append(f"{name} holds text and was not looked at, and hardly repeats")
     return found
 
 

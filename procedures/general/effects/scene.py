@@ -93,6 +93,8 @@ class TableScene:
         speed: name and (n,) velocity, if the direction is given by one.
         setpoints: (n,) what was asked for, of settings whose value a reference standard read.
         own: the laboratory's own effects that the table can be tested for.
+        labels: columns of text without a role, whose levels repeat; shapes without a name and coarse rounding are
+            looked for by them, but no effects.
     """
 
     settings: Mapping[str, FloatArray]
@@ -103,6 +105,7 @@ class TableScene:
     speed: tuple[str, FloatArray] | None = None
     setpoints: Mapping[str, FloatArray] = field(default_factory=dict)
     own: tuple[Entry, ...] = ()
+    labels: Mapping[str, Grouping] = field(default_factory=dict)
 
     @property
     def variables(self) -> dict[str, FloatArray]:

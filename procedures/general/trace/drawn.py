@@ -118,7 +118,7 @@ def axes_of(nameless: Nameless, place: Place) -> tuple[Axis, Axis | None] | None
     second = axes[1] if len(axes) > 1 else None
     if second is not None and scene.direction is not None and first.variable == scene.direction[0]:
         return second, first
-    if second is not None and first.variable in scene.groups:
+    if second is not None and first.variable in {**scene.groups, **scene.labels}:
         return second, first
     return first, second
 
@@ -133,6 +133,7 @@ def _values(scene: TableScene, name: str) -> FloatArray:
         return scene.time.values
     if scene.direction is not None and name == scene.direction[0]:
         return scene.direction[1]
-    if name in scene.groups:
-        return scene.groups[name].index.astype(np.float64)
+    groups = {**scene.groups, **scene.labels}
+    if name in groups:
+        return groups[name].index.astype(np.float64)
     return scene.of(name)

@@ -11,6 +11,7 @@ from fitter.arrays import FloatArray
 from fitter.effects.noise import AUTOCORRELATION, NOISE_GROWS, OUTLIERS, QUANTISATION
 from fitter.resolution import least_sd, resolution
 from fitter.trace.chance import ALPHA
+from fitter.trace.coarse import lattice
 from fitter.trace.growing_noise import Growth
 from procedures.general.trace.both import Both
 from procedures.general.trace.estimate import error_of
@@ -25,6 +26,8 @@ from procedures.general.trace.run import TableData
 SHOWN = 8
 """Maximum number of named outliers."""
 CLEAR = 0.01
+ON_LATTICE = 0.5
+"""Share of the rows of a level that are on a lattice, from which on they are said to be rounded to it."""
 COARSE = 0.5
 """Share of the standard error of a row from which the error of rounding alone, step / sqrt(12), is reported."""
 
@@ -45,6 +48,7 @@ def noise_findings(
         _growing(judge, chosen, growth, data),
         _alone(judge, chosen, data),
         _rounded(judge, chosen, data),
+        _by_hand(judge, chosen, data),
     )
     return tuple(finding for finding in every if finding is not None)
 
@@ -153,6 +157,37 @@ def _rounded(judge: TableJudge, chosen: tuple[int, ...], data: TableData) -> Fou
         f"a step of {step:.3g}, whose rounding error of {least_sd(step):.3g} (sd) compares with {error:.3g} of a row",
         0.0,
         "read with more digits, or in a lower range; or average readings with noise of more than half a step",
+        None,
+    )
+
+
+def _by_hand(judge: TableJudge, chosen: tuple[int, ...], data: TableData) -> FoundTableEffect | None:
+    """Coarse rounding of the rows of one level of a group: of one person, range or instrument."""
+    printed, error = resolution(data.y), error_of(judge, chosen)
+    parts = [
+        (name, level, g.index == k)
+        for name, g in {**data.scene.groups, **data.scene.labels}.items()
+        for k, level in enumerate(g.levels)
+    ]
+    found = [(name, level, int(rows.sum()), lattice(data.y[rows], printed, error)) for name, level, rows in parts]
+    seen = [(one.p, name, level, count, one) for name, level, count, one in found if one is not None]
+    if not seen:
+        return None
+    p, name, level, count, one = min(seen, key=lambda each: each[0])
+    p = min(of_all(p, data.sensors) * len(parts), 1.0)
+    if p > CLEAR or one.rows < ON_LATTICE * count or not least_sd(one.step) > COARSE * error:
+        return None
+    return _finding(
+        judge,
+        data,
+        QUANTISATION,
+        f"{data.response} is rounded to a coarse step where {name} is {level}: its values there are whole multiples",
+        {"step": one.step},
+        data.response,
+        f"a step of {one.step:.3g} in {one.rows} of {count} rows, whose rounding error of {least_sd(one.step):.3g} "
+        f"(sd) compares with {error:.3g} of a row",
+        p,
+        f"have readings where {name} is {level} taken again, to the digits of the others",
         None,
     )
 

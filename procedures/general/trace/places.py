@@ -111,7 +111,7 @@ def _of_sides(scene: TableScene) -> Iterator[Place]:
 
 
 def _of_groups(scene: TableScene) -> Iterator[Place]:
-    for name, g in scene.groups.items():
+    for name, g in {**scene.groups, **scene.labels}.items():
         if g.declared or not 1 < len(g.levels) <= len(g.index) // 3:
             continue
         own = g.indicators[:, 1:]
