@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy import special
 
 from proving.certificates.campaign import Check, by_schema, not_read_back, rules
 from rig.certificate import words
@@ -188,6 +189,14 @@ def numbers_of(told: Any) -> Iterator[float]:
         yield float(told)
 
 
+def conforming(result: dict[str, Any]) -> float:
+    """Probability in percent that a result is inside the tolerance of every stand."""
+    df = min(result["df"], 1e9) if result["df"] else 1e9
+    ends = [(end - result["value"]) / result["standard_uncertainty"] for end in (-0.4, 0.4)]
+    low, high = special.stdtr(df, ends)
+    return float(100.0 * (high - low))
+
+
 def sources(run: Path, stand: Stand, made: Made) -> tuple[list[float], str]:
     """Numbers that follow from the run file alone, and texts of the run file, of the settings, and fixed ones."""
     settings = made.settings
@@ -202,6 +211,7 @@ def sources(run: Path, stand: Stand, made: Made) -> tuple[list[float], str]:
         for result in told.to_json()["results"]:
             numbers += numbers_of(result)
             numbers += [100.0 * line["share"] for line in result["contributions"]]
+            numbers += [conforming(result), 99.9, 0.1]  # a probability beyond these is printed as one of them
     fixed = json.dumps({name: text for name, text in vars(words).items() if name.isupper()}, default=str)
     kept.append(settings.decision.words)
     return numbers, " ".join([*kept, (stand.folder / "certificate.toml").read_text(), fixed])
@@ -216,6 +226,11 @@ def not_in_run(page: str, numbers: list[float], texts: str, document: Document) 
     known = {*said, *counted, *_TOKEN.findall(number), *_TOKEN.findall(str(document.dates.issued))}
     known |= {token.lstrip("+-") for token in known}
     found = []
+    for one in document.evidence:
+        for fingerprint in (one.head, one.run_id):  # broken into lines anywhere
+            broken = re.compile(r"\s*".join(map(re.escape, fingerprint)))
+            found += [] if broken.search(page) else [f"page: {fingerprint} is not whole"]
+            page = broken.sub(" ", page)
     for token in dict.fromkeys(_TOKEN.findall(page)):
         if token in known or token.lstrip("+-") in known:
             continue
