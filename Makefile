@@ -1,7 +1,7 @@
 # The README's commands. Each makes or reuses .venv first: nothing to install by hand.
 STAMP := .venv/.made-for-these-requirements
 
-.PHONY: demo test test-all test-peers test-page check nights mutants clean
+.PHONY: demo test test-all test-peers test-page check nights mutants figures figure clean
 demo: $(STAMP)
 	@.venv/bin/rig demo
 
@@ -33,6 +33,20 @@ nights: $(STAMP)
 # Lines of the engine, the run file and the statistics changed one by one: do the tests notice? An hour.
 mutants: $(STAMP)
 	@tools/mutants
+
+# The figures of docs/figures.md that carry their commit: all of them (half an hour), or one: `make figure NAME`.
+figures: $(STAMP)
+	@.venv/bin/python -m benchmarks.figures
+
+figure: $(STAMP)
+	@.venv/bin/python -m benchmarks.figures $(NAMED)
+
+ifeq (figure,$(firstword $(MAKECMDGOALS)))
+NAMED := $(filter-out figure,$(MAKECMDGOALS))
+.PHONY: $(NAMED)
+$(NAMED):
+	@:
+endif
 
 # Static checks alone, for a quick look while editing.
 check: $(STAMP)

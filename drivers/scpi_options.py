@@ -72,8 +72,8 @@ Question = Annotated[str, AfterValidator(_question)]
 NumberForm = Annotated[str, AfterValidator(_number_form)]
 """An answer with {number} in place of its number; * is any text."""
 
-Unit = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9]*$")]
-"""A unit as at the end of column names."""
+Unit = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9]*(_per_[A-Za-z][A-Za-z0-9]*)?$")]
+"""A unit as at the end of column names: `V`, `m3_per_h`."""
 
 Answer = Annotated[str, Field(min_length=1)] | float
 """The answer that a setting has: a number, or a text to be equal to."""

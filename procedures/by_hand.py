@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from math import isfinite
-from typing import TYPE_CHECKING, Annotated, Any, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
@@ -18,11 +18,14 @@ from procedures.settings import Positive, Strict
 if TYPE_CHECKING:
     from procedures.run_list import Points, RunList
 
+_Finite = Annotated[float, Field(allow_inf_nan=False)]
+
 ALLOWANCE_H = 0.25
 """Time of a person for one step, hours, in forecasts."""
 MOST_STEPS = 10_000
 
-_PLACES = ("before", "before_replication", "before_whole_plot")
+_PLACES = ("before", "before_replication", "before_whole_plot", "before_every")
+REPLICATION, WHOLE_PLOT = "replication", "whole plot"
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +38,8 @@ class HandStep:
         change: a short word for the change, recorded in the run file.
         value: name with unit of the number that the person has to state; "" for none.
         timeout_h: hours after which the run is parked; None for the longest hold of the procedure.
+        low: smallest number that is accepted, in its unit; None for any.
+        high: the largest; None for any.
     """
 
     before: int
@@ -42,6 +47,8 @@ class HandStep:
     change: str
     value: str = ""
     timeout_h: float | None = None
+    low: float | None = None
+    high: float | None = None
 
     @property
     def instruction(self) -> str:
@@ -61,13 +68,20 @@ class HandStep:
         try:
             number = float(value.replace("_", " _"))  # Python's own digits_groups are no numbers of a person
         except ValueError:
-            return f"--value {value!r:.60} is not a number; {self.value} is asked for"
-        return "" if isfinite(number) else f"--value {value:.60} is not a finite number; {self.value} is asked for"
+            point = "; write the decimal sign as a point" if "," in value else ""
+            return f"--value {value!r:.60} is not a number; {self.value} is asked for{point}"
+        if not isfinite(number):
+            return f"--value {value:.60} is not a finite number; {self.value} is asked for"
+        low, high = self.low, self.high
+        if low is not None and high is not None and not low <= number <= high:
+            return f"--value {value:.60} is outside the range of {self.value}, {low:g} to {high:g}; look at it again"
+        return ""
 
     def as_json(self) -> dict[str, Any]:
         """Its values for the run file; those without meaning are left out."""
-        values = {"before": self.before, "say": self.say, "change": self.change, "value": self.value}
-        return {k: v for k, v in (*values.items(), ("timeout_h", self.timeout_h)) if v not in ("", None)}
+        values: dict[str, Any] = {"before": self.before, "say": self.say, "change": self.change, "value": self.value}
+        values |= {"timeout_h": self.timeout_h, "low": self.low, "high": self.high}
+        return {k: v for k, v in values.items() if v is not None and v != ""}
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,6 +123,9 @@ class HandSettings(Strict):
     before: int | None = Field(None, ge=1, description="ordinal of the point before which it is done; 1: the first")
     before_replication: int | None = Field(None, ge=1, description="instead: before the first point of a replication")
     before_whole_plot: int | None = Field(None, ge=1, description="instead: before a whole plot, and before its soak")
+    before_every: Literal["replication", "whole plot"] | None = Field(
+        None, description="instead: before every replication, or before every whole plot and its soak"
+    )
     say: str = Field(min_length=1, max_length=300, description="what the person has to do, one sentence")
     change: str = Field(
         min_length=1,
@@ -121,6 +138,9 @@ class HandSettings(Strict):
         max_length=63,
         pattern=r"^[A-Za-z][A-Za-z0-9_]*_[A-Za-z][A-Za-z0-9_]*$",
         description="name, with its unit, of a number that the person has to state: `force_kN`",
+    )
+    range: tuple[_Finite, _Finite] | None = Field(
+        None, description="smallest and largest number that is accepted for `value`, in its unit; left out: any"
     )
     timeout_h: Annotated[Positive | None, Field(le=1000)] = Field(
         None, description="hours after which the run is parked; left out: as a hold, `recovery.hold_max_s`"
@@ -141,6 +161,14 @@ class HandSettings(Strict):
             raise ValueError(f"a step has one place, {', '.join(_PLACES[:-1])} or {_PLACES[-1]}, {said}")
         return self
 
+    @model_validator(mode="after")
+    def _has_a_range_of_a_value(self) -> Self:
+        if self.range is not None and self.value is None:
+            raise ValueError("range is that of a number which the person states: give it a name, value")
+        if self.range is not None and not self.range[0] < self.range[1]:
+            raise ValueError(f"range = {list(self.range)}: the smaller number comes first")
+        return self
+
     def wrong_place(self, points: int, replications: int, whole_plots: int) -> str:
         """Why a run has no such place, as a sentence; "" if it has.
 
@@ -149,6 +177,10 @@ class HandSettings(Strict):
             replications: number of its replications.
             whole_plots: number of its whole plots.
         """
+        if self.before_every == WHOLE_PLOT:
+            return "" if whole_plots else 'before_every = "whole plot": the run has no whole plots'
+        if self.before_every is not None:
+            return ""
         there = {"before": points, "before_replication": replications, "before_whole_plot": whole_plots}
         name = next(name for name in _PLACES if getattr(self, name) is not None)
         if getattr(self, name) <= there[name]:
@@ -156,16 +188,23 @@ class HandSettings(Strict):
         what = {"before": "point", "before_replication": "replication", "before_whole_plot": "whole plot"}[name]
         return f"{name} = {getattr(self, name)}: the run has {there[name]} {what}{'' if there[name] == 1 else 's'}"
 
-    def index(self, points: Points) -> int:
-        """Index of the point before which it is done."""
+    def indices(self, points: Points) -> list[int]:
+        """Indices of the points before which it is done."""
         if self.before is not None:
-            return self.before - 1
-        places = enumerate(points.places.levels)
-        if self.before_replication is not None:
-            codes = [code for code, (replication, _) in places if replication == self.before_replication]
-        else:
-            codes = [code for code, (_, whole_plot) in places if whole_plot == self.before_whole_plot]
-        return min(points.places.first(code) for code in codes)
+            return [self.before - 1]
+        by_replication = self.before_replication is not None or self.before_every == REPLICATION
+        wanted = self.before_replication if by_replication else self.before_whole_plot
+        first: dict[int | None, int] = {}
+        for code, (replication, whole_plot) in enumerate(points.places.levels):
+            at, place = points.places.first(code), replication if by_replication else whole_plot
+            if wanted is None or place == wanted:
+                first[place] = min(at, first.get(place, at))
+        return sorted(first.values())
+
+    def step(self, index: int) -> HandStep:
+        """The step before a point of the run list."""
+        low, high = self.range or (None, None)
+        return HandStep(index, self.say, self.change, self.value or "", self.timeout_h, low, high)
 
 
 Steps = Annotated[tuple[HandSettings, ...], Field(max_length=MOST_STEPS)]
@@ -184,7 +223,5 @@ def with_steps(run_list: RunList, steps: Sequence[HandSettings]) -> RunList:
     """The run list with its steps by hand, in the order in which they are done."""
     if not steps:
         return run_list
-    placed = [
-        HandStep(step.index(run_list.points), step.say, step.change, step.value or "", step.timeout_h) for step in steps
-    ]
+    placed = [step.step(index) for step in steps for index in step.indices(run_list.points)]
     return run_list.with_steps(sorted(placed, key=lambda step: step.before))

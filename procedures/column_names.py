@@ -24,3 +24,8 @@ def with_word(name: str, word: str) -> str:
     """A column's name with a word before its unit: `pressure_set_psia`."""
     stem, unit = split_unit(name)
     return f"{stem}_{word}_{unit}"
+
+
+def spelled(unit: str) -> str:
+    """A unit as people write it: `m3_per_h` is `m3/h`."""
+    return unit.replace("_per_", "/")

@@ -1,5 +1,7 @@
 """Names of quantities set by instruments, by role, and units of outputs, for bench files and tables."""
 
+from math import prod
+
 HEAD_AXES = ("pitch", "roll")
 """Quantities of a dividing head (`drivers.roles.Head`)."""
 HEAD = tuple(f"{axis}_deg" for axis in HEAD_AXES)
@@ -24,6 +26,13 @@ def scale(of: str, to: str) -> float | None:
     """Number of units `to` in one `of`, which differ by a prefix at most; None if they are different units."""
     if of == to:
         return 1.0
+    parts = of.split("_per_"), to.split("_per_")
+    if len(parts[0]) > 1 and len(parts[0]) == len(parts[1]):
+        top, *below = (scale(one, other) for one, other in zip(*parts, strict=True))
+        known = [one for one in below if one is not None]
+        return None if top is None or len(known) < len(below) else top / prod(known)
+    if any(unit[-1:].isdigit() or "_per_" in unit for unit in (of, to)):  # mm2 is no thousandth of m2
+        return None
     found, wanted = _split(of), _split(to)
     if found[1] != wanted[1]:
         return None

@@ -100,6 +100,11 @@ class Answers:
         ({"before": 1, "say": " . "}, "one line"),
         ({"before": 1, "value": "force"}, "pattern"),
         ({"before": 1, "timeout_h": 0}, "greater than 0"),
+        ({"before_every": "whole plot"}, "the run has no whole plots"),
+        ({"before_every": "point"}, "'replication' or 'whole plot'"),
+        ({"before_every": "replication", "before": 1}, "one place"),
+        ({"before": 1, "range": [0, 1]}, "give it a name"),
+        ({"before": 1, "value": "force_kN", "range": [1, 1]}, "the smaller number comes first"),
     ],
 )
 def test_a_step_that_makes_no_sense_is_refused(step, says):
@@ -124,6 +129,35 @@ def test_places_are_found_in_replications_and_whole_plots():
     assert [step.before for step in plots.steps] == [2]
     with pytest.raises(ValidationError, match="the run has 2 whole plots"):
         whole_plot(((-60, 0), (-50, 10)), by_hand=[{"before_whole_plot": 3, **PADS}])
+
+
+def test_a_step_before_every_replication_or_whole_plot_is_one_entry():
+    twice = attitude(replications=3, by_hand=[{"before_every": "replication", **PADS}]).expand()
+    assert [step.before for step in twice.steps] == [0, 4, 8]
+    plots = whole_plot(((-60, 0), (-50, 10)), by_hand=[{"before_every": "whole plot", **PADS}]).expand()
+    each = whole_plot(
+        ((-60, 0), (-50, 10)), by_hand=[{"before_whole_plot": 1, **PADS}, {"before_whole_plot": 2, **PADS}]
+    ).expand()
+    assert plots.steps == each.steps
+    assert plots.sha256() == each.sha256()
+
+
+@pytest.mark.parametrize(
+    ("stated", "says"),
+    [
+        ("4.9", ""),
+        ("5.1", ""),
+        ("-5", "--value -5 is outside the range of force_kN, 4.9 to 5.1"),
+        ("1e9", "outside the range"),
+        ("5,0", "write the decimal sign as a point"),
+    ],
+)
+def test_a_stated_number_has_a_range_that_the_run_file_keeps(tmp_path, stated, says):
+    procedure = attitude(by_hand=[{"before": 1, **FORCE, "range": [4.9, 5.1]}])
+    with RunReader.open(new_run(tmp_path, procedure)) as run:
+        (step,) = run.run_list().steps
+    assert says in step.refuses(stated)
+    assert bool(says) == bool(step.refuses(stated))
 
 
 def test_the_run_file_holds_the_steps(tmp_path):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from procedures.acceptance import Verdict
-from procedures.column_names import unit_of
+from procedures.column_names import spelled, unit_of
 from procedures.errors import DataError
 from procedures.general.of_runs import Asked, fit_run, models_of, results_of
 from procedures.general.settings import GeneralProcedure
@@ -26,7 +26,7 @@ def judge(procedure: GeneralProcedure, table: Table) -> list[Verdict]:
     results, verdicts = results_of(fit_run(Asked(table, models_of(table))).result), []
     for sensor, limit in limits.items():
         column = columns[sensor]
-        result, unit = results[column], unit_of(column)
+        result, unit = results[column], spelled(unit_of(column))
         found = result.get("sigma_E") if "sigma_E" in result else result.get("sigma_subplot")
         if found is None:
             raise DataError(f"{column}: no error can be estimated, so acceptance.sigma_E cannot be judged")

@@ -13,7 +13,7 @@ from fitter import LinearFit
 from fitter.arrays import FloatArray, IntArray
 from fitter.errors import FitError
 from procedures.budget_by_sensor import EvaluationBySensor
-from procedures.column_names import split_unit, stem_of, unit_of, with_word
+from procedures.column_names import spelled, stem_of, unit_of, with_word
 from procedures.errors import DataError
 from procedures.general.declared import Declared, Model, model_of
 from procedures.general.fit import calibration_of
@@ -155,18 +155,18 @@ class Sensor:
 
     def named(self) -> Iterator[tuple[str, str]]:
         """Name and unit of every result."""
-        stem, unit = split_unit(self.name)
+        stem, unit = stem_of(self.name), spelled(unit_of(self.name))
         yield from ((f"{stem} coefficient {one}", _unit(one, unit)) for one in self._names)
         if not self.has_points:
             return
         where = []
         for values in zip(*self._given.values(), strict=True):
-            parts = (f"{_plain(n)} {v:g} {unit_of(n)}" for n, v in zip(self._given, values, strict=True))
+            parts = (f"{_plain(n)} {v:g} {spelled(unit_of(n))}" for n, v in zip(self._given, values, strict=True))
             where.append(f"at {', '.join(parts)}")
         yield from ((f"{stem} output {place}", unit) for place in where)
         if self.variable is not None:
             name = self.variable
-            yield from ((f"{stem} inferred {_plain(name)} {place}", unit_of(name)) for place in where)
+            yield from ((f"{stem} inferred {_plain(name)} {place}", spelled(unit_of(name))) for place in where)
 
     @property
     def _names(self) -> tuple[str, ...]:

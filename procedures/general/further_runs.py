@@ -51,6 +51,9 @@ def with_routine(run: GeneralProcedure, first: GeneralProcedure) -> GeneralProce
     kept: list[Values] = []
     told: set[tuple[str, str]] = set()
     for step in steps:
+        if "before_every" in step:
+            kept.append(step)
+            continue
         place = next(name for name in places if name in step)
         before, now = places[place]
         same = [one for one in steps if _but(one, place) == _but(step, place) and place in one]

@@ -10,6 +10,7 @@ import re
 from dataclasses import dataclass
 from decimal import Decimal
 
+from procedures.column_names import spelled, split_unit
 from rig.errors import UsageError
 
 _PREFIXES = {
@@ -93,14 +94,28 @@ def per_term(unit: str) -> str:
     The units of a term are the ends of its names. A unit of a term with functions is unchanged.
     """
     own, between, term = unit.partition(" per unit of ")
-    factors = [_FACTOR_OF_TERM.fullmatch(one.strip()) for one in re.split(r"[:*](?!\*)(?<!\*\*)", term)]
-    if not between or None in factors:
+    found = [_FACTOR_OF_TERM.fullmatch(one.strip()) for one in re.split(r"[:*](?!\*)(?<!\*\*)", term)]
+    factors = [(split_unit(one[1]), int(one[2] or 1)) for one in found if one is not None]
+    if not between or len(factors) < len(found) or not all(stem and _is_plain(unit) for (stem, unit), _ in factors):
         return unit
-    below = "".join(f"/{one[1]}" + (f"^{one[2]}" if one[2] else "") for one in factors if one is not None)
-    return (own or "1") + below
+    return (own or "1") + "".join(_over(unit, power) for (_, unit), power in factors)
 
 
-_FACTOR_OF_TERM = re.compile(r"[A-Za-z]\w*_([A-Za-z]+)(?:(?:\^|\*\*)(\d+))?")
+def _is_plain(unit: str) -> bool:
+    return all(_LETTERS.fullmatch(part) for part in unit.split("_per_"))
+
+
+def _over(unit: str, power: int) -> str:
+    """What divides by a power of a unit of a column: `/m^6*h^2` of the square of `m3_per_h`."""
+    raised = [_LETTERS.fullmatch(part) for part in unit.split("_per_")]
+    powers = [(one[1], int(one[2] or 1) * power) for one in raised if one is not None]
+    signs = ("/", *("*" for _ in powers[1:]))
+    parts = zip(signs, powers, strict=True)
+    return "".join(f"{sign}{name}" + (f"^{p}" if p != 1 else "") for sign, (name, p) in parts)
+
+
+_FACTOR_OF_TERM = re.compile(r"([A-Za-z]\w*_[A-Za-z]\w*?)(?:(?:\^|\*\*)(\d+))?")
+_LETTERS = re.compile(r"([A-Za-z]+)(\d*)")
 
 
 _PARTS = re.compile(r"(\\[a-zA-Z]+)(?:\\tothe\{(-?\d+)\})?")
@@ -109,7 +124,7 @@ _PARTS = re.compile(r"(\\[a-zA-Z]+)(?:\\tothe\{(-?\d+)\})?")
 def _factors(unit: str) -> list[tuple[str, int]]:
     """Name and power of each factor; what follows a slash, alone or in brackets, is inverse. Raises `UsageError`."""
     found: list[tuple[str, int]] = []
-    text, at, sign, inside, before = unit.strip() or "1", 0, 1, 0, "*"
+    text, at, sign, inside, before = spelled(unit.strip()) or "1", 0, 1, 0, "*"
     while at < len(text):
         token = _TOKEN.match(text, at)
         follows = token[1] or "unit" if token else ""

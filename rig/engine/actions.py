@@ -12,6 +12,7 @@ from typing import Any
 from drivers.clock import Clock
 from drivers.errors import BadReply, NoReply
 from drivers.roles import Remarking, Restartable, is_overload
+from procedures.column_names import spelled, unit_of
 from procedures.conduct import EnvironmentSettings
 from procedures.run_list import Factor, Settle
 from rig.bench import Bench
@@ -241,7 +242,7 @@ class BenchActions:
                 return
             if self._clock.now() - began > timeout_s:
                 late = ", ".join(
-                    f"{axis} at {r.value:g} {r.quantity.rpartition('_')[2]}" for axis, r in readings.items() if r.moving
+                    f"{axis} at {r.value:g} {spelled(unit_of(r.quantity))}" for axis, r in readings.items() if r.moving
                 )
                 self.stop_motion()
                 raise NotSettled(f"{what} took longer than {timeout_s:g} s ({late})", {})

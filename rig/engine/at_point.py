@@ -11,7 +11,7 @@ from dataclasses import replace
 from statistics import median
 from typing import Any
 
-from procedures.column_names import unit_of
+from procedures.column_names import spelled, unit_of
 from procedures.conduct import Conduct
 from procedures.run_list import Point, RunList
 from rig.bench import Bench
@@ -234,7 +234,7 @@ class AtPoint:
         setting = self._run_list.setting(self._at.point)
         for factor in self._standards:
             found, most = observation.references[factor.name].mean, self._conduct.tolerances.get(factor.name)
-            target, unit = setting[factor.name], unit_of(factor.name)
+            target, unit = setting[factor.name], spelled(unit_of(factor.name))
             if most is not None and not abs(found - target) <= most:
                 words = (
                     f"the reference of {factor.axis} reads {found:.6g} {unit}, and it was set to {target:g}: more than "

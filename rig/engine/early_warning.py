@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from procedures.column_names import unit_of
+from procedures.column_names import spelled, unit_of
 from procedures.conduct import Conduct
 from procedures.run_list import Point, RunList
 from rig.engine.response_statistics import ResponseTest, Row
@@ -192,7 +192,7 @@ def in_unit(unit: str, value: float) -> str:
     """A value with a readable unit: -3.4e-5 V becomes "-34 uV"."""
     scale = per_volt(unit)
     if scale is None:
-        return f"{value:.3g} {unit}"
+        return f"{value:.3g} {spelled(unit)}"
     volts = value / scale
     for name, of_one in PER_VOLT.items():
         if abs(volts) * of_one >= 0.5:

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
 from drivers.roles import ChamberState
-from procedures.column_names import unit_of
+from procedures.column_names import spelled, unit_of
 from procedures.run_list import RunList
 from rig.engine.axes import CHAMBER_MARGIN_DEGC, AxisReading
 from rig.engine.fault_classes import LimitViolation
@@ -111,7 +111,7 @@ class Guard:
         for axis, reading in axes.items():
             low, high = self._limits.get(reading.quantity, _ANY)
             if not low - reading.margin <= reading.value <= high + reading.margin:
-                unit = unit_of(reading.quantity)
+                unit = spelled(unit_of(reading.quantity))
                 raise LimitViolation(f"{axis} is at {reading.value:g} {unit}, outside {low:g} to {high:g}")
             if reading.quantity == PRESSURE:
                 self._check_rate(axis, "pressure_psi_per_s", reading.value)
@@ -153,7 +153,7 @@ class Guard:
         rate = (value - before) / seconds * (60.0 if unit.endswith("min") else 1.0)
         low, high = self._limits[limit]
         if not low * _RATE_MARGIN <= rate <= high * _RATE_MARGIN:
-            words = unit.replace("_per_", "/")
+            words = spelled(unit)
             raise LimitViolation(
                 f"{name} changes by {rate:.3g} {words}, faster than {low:g} to {high:g} (limits.{limit})"
             )

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from math import pi
 
+from procedures.column_names import spelled
 from rig.quantities import scale
 
 _FAMILIES: tuple[Mapping[str, float], ...] = (
@@ -52,6 +53,7 @@ def relative(unit: str) -> float | None:
 
 def factor(of: str, to: str) -> float | None:
     """Number of units `to` in a difference of one `of`; None if they do not convert."""
+    of, to = spelled(of), spelled(to)
     for family in _FAMILIES:
         if of in family and to in family:
             return family[of] / family[to]

@@ -78,9 +78,9 @@ def _chamber(value: Any) -> bool:
 def _is_step(value: Any) -> bool:
     if not isinstance(value, dict) or not all(_is_text(value.get(name, "")) for name in ("say", "change", "value")):
         return False
-    timeout_h = value.get("timeout_h")
+    numbers = (value.get(name) for name in ("timeout_h", "low", "high"))
     named = bool(value.get("say")) and bool(value.get("change"))
-    return named and COUNT.holds(value.get("before")) and (timeout_h is None or _finite(timeout_h))
+    return named and COUNT.holds(value.get("before")) and all(n is None or _finite(n) for n in numbers)
 
 
 def _arrival(value: Any) -> bool:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from procedures.by_hand import Made
-from procedures.column_names import split_unit, with_word
+from procedures.column_names import spelled, split_unit, with_word
 from procedures.run_list import RunList
 from procedures.table import SENSOR_TEMPERATURE, Columns, Table
 from rig.errors import RunFileError
@@ -207,7 +207,7 @@ def _skipped(reader: RunReader, run_list: RunList) -> list[dict[str, Any]]:
 
 def _setting(name: str, value: float) -> str:
     stem, unit = split_unit(name)
-    return f"{stem.replace('_', ' ')} {value:g} {unit}"
+    return f"{stem.replace('_', ' ')} {value:g} {spelled(unit)}"
 
 
 def _utc(seconds: float) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.errors import FitError
-from procedures.column_names import unit_of
+from procedures.column_names import spelled, unit_of
 from procedures.expected import Previous
 from rig.quantities import per_volt
 from rig.watch.against import columns_of, model_columns
@@ -87,7 +87,7 @@ def _sensor(name: str, values: FloatArray) -> dict[str, Any]:
     rms = float(np.sqrt(np.mean(finite**2))) if finite.size else None
     return {
         "name": name,
-        "unit": unit if scale is None else "uV",
+        "unit": spelled(unit) if scale is None else "uV",
         "rms": rms,
         "values": [float(f"{v:.4g}") if np.isfinite(v) else None for v in scaled],
     }

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from procedures.column_names import unit_of
+from procedures.column_names import spelled, unit_of
 from procedures.run_list import Factor
 from rig.run_file.bodies import NUMBER
 from rig.run_file.live import asked_by_hand, done_command
@@ -82,7 +82,7 @@ def number(value: object) -> float | None:
 def settling_now(live: Mapping[str, Any], factors: Sequence[Factor]) -> list[dict[str, Any]]:
     """The quantity that is settling: name, unit, target, band, outcome, samples as [seconds ago, value]."""
     given, found = live.get("settling"), []
-    units = {f.axis: unit_of(f.name) for f in factors if not f.hard}
+    units = {f.axis: spelled(unit_of(f.name)) for f in factors if not f.hard}
     for name, one in given.items() if isinstance(given, Mapping) else ():
         try:
             samples = [[float(t), float(value)] for t, value in one["samples"]]

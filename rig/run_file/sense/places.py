@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from procedures.column_names import unit_of
+from procedures.column_names import spelled, unit_of
 from procedures.conduct import EnvironmentSettings, SoakSettings
 from procedures.run_list import Factor, Point
 from rig.run_file.chain import Record
@@ -62,7 +62,7 @@ class Places:
             return
         settle, by_hand = self._conduct.settled(factor.axis), factor.name in self._case.by_hand
         most = self._conduct.tolerances.get(factor.name, settle.band) if by_hand else settle.band
-        band, name, unit = most + _ROUNDING, factor.name, unit_of(factor.name)
+        band, name, unit = most + _ROUNDING, factor.name, spelled(unit_of(factor.name))
         within = f"not within {most:g} of its setpoint {target:g} {unit}"
         back = event.readback.get(name)
         if back is None:

@@ -1,0 +1,77 @@
+"""Figures with their commit and date: written where they belong, and told when their code has changed since."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from benchmarks import figures
+
+ROOT = Path(__file__).parent.parent
+
+
+def row(name: str, commit: str, said: str = "1 s") -> figures.Row:
+    return figures.Row(name, "what", said, "rig --help", commit, "2026-11-24")
+
+
+def test_every_figure_speaks_of_code_that_is_there():
+    missing = [p for one in figures.figures().values() for p in one.paths if not (ROOT / p).exists()]
+    assert missing == []
+
+
+def test_the_document_has_the_place_for_the_rows_and_only_known_ones():
+    text = figures.DOCUMENT.read_text()
+    standing = figures.rows(text)
+    assert set(standing) <= set(figures.figures())
+    assert figures.written(text, standing) == text, "rows are written by their command, not by hand"
+
+
+def test_a_row_is_replaced_and_the_others_stay():
+    text = f"before\n{figures.BEGIN}\n{figures.END}\nafter\n"
+    once = figures.written(text, {"start-up": row("start-up", "aaaa"), "exchange": row("exchange", "bbbb")})
+    again = figures.written(once, figures.rows(once) | {"exchange": row("exchange", "cccc", "2 us | 3 us")})
+    assert figures.rows(again)["start-up"] == row("start-up", "aaaa")
+    assert figures.rows(again)["exchange"] == row("exchange", "cccc", "2 us / 3 us")
+    assert again.startswith("before\n")
+    assert again.endswith("after\n")
+
+
+def test_a_document_without_the_place_is_refused():
+    with pytest.raises(SystemExit, match="lacks the marks"):
+        figures.written("nothing here", {})
+
+
+def test_a_row_is_old_when_the_code_it_speaks_of_has_changed(tmp_path):
+    def git(*arguments: str) -> str:
+        told = ("-c", "user.name=t", "-c", "user.email=t@example.org")
+        done = subprocess.run(["git", *told, *arguments], cwd=tmp_path, check=True, capture_output=True, text=True)
+        return done.stdout.strip()
+
+    def commit(name: str) -> str:
+        (tmp_path / name).write_text((tmp_path / name).read_text() + "x" if (tmp_path / name).exists() else "x")
+        git("add", ".")
+        git("commit", "-q", "-m", name)
+        return git("rev-parse", "--short", "HEAD")
+
+    git("init", "-q")
+    figure = figures.Figure("one", "what", "rig --help", ("code.py",))
+    first = commit("code.py")
+    commit("other.py")
+    assert figures.stale(figure, row("one", first), tmp_path) == ""
+    last = commit("code.py")
+    assert f"changed in 1 commits since, last in {last}" in figures.stale(figure, row("one", first), tmp_path)
+    assert figures.stale(figure, row("one", last), tmp_path) == ""
+    assert "not in this clone" in figures.stale(figure, row("one", "0123456"), tmp_path)
+    assert "not committed" in figures.stale(figure, row("one", f"{last}+"), tmp_path)
+    assert "not measured yet" in figures.stale(figure, None, tmp_path)
+
+
+def test_what_a_command_says_is_quoted_and_another_answer_is_refused():
+    said = figures.Figure("one", "what", "python -c 'print(\"took   12 ms, all\")'", (), ("(took.*ms)",))
+    assert figures.measure(said) == "took 12 ms"
+    with pytest.raises(SystemExit, match="no longer says"):
+        figures.measure(figures.Figure("one", "what", "python -c 'print(1)'", (), ("(took)",)))
+    with pytest.raises(SystemExit, match="ended with 3"):
+        figures.measure(figures.Figure("one", "what", "python -c 'raise SystemExit(3)'", (), ("(took)",)))
