@@ -85,12 +85,40 @@ def test_a_limit_that_dominates_has_its_own_coverage_factor_and_the_certificate_
     results = {one.name: one for table in document.tables for one in table.results}
     assert {one.k for one in results.values()} > {"1.65"}
     by_limit = [name for name, one in results.items() if one.k == "1.65"]
-    (note,) = (note for note in document.notes if "limits of error dominate" in note)
+    (note,) = (note for note in document.notes if "dominate these results" in note)
     assert all(name in note for name in by_limit)
     assert not any(name in note for name, one in results.items() if float(one.k) > 1.9)
     rare = make(asked(run, settled(tmp_path, "probability = 0.99"), equipment=register)).document
     assert not any("dominate" in note for note in rare.notes)
     assert all(float(one.k) > 2.5 for table in rare.tables for one in table.results)
+
+
+def test_two_statements_of_one_sort_are_two_influences(run, tmp_path):
+    """Such as the uncertainty of the calibration, and that of a specification: both are gains."""
+    again = "[[equipment.W-1.says]]\nquantity = 'force_kN'\nbehaves = 'gain'\nunit = '%'\nhalf_width = 0.02\n"
+    register = tmp_path / "equipment.toml"
+    register.write_text(REGISTER.replace("[equipment.DVM-1]\n", f"{again}[equipment.DVM-1]\n", 1))
+    lines = {line.name for one in budget(run, equipment=register).found.budgets for line in one.contributions}
+    assert {"W-1 gain of force_kN", "W-1 gain of force_kN, no. 2"} <= lines
+
+
+@pytest.mark.parametrize("seed", [3])
+def test_every_number_of_the_page_of_a_random_run_is_in_its_run_file(seed, tmp_path):
+    """A share of `python -m proving.certificates.runs`; one digit changed is found."""
+    from proving.certificates import runs  # noqa: PLC0415
+
+    stand = runs.Stand(seed, tmp_path)
+    path = stand.run()
+    of = make(asked(path, tmp_path / "certificate.toml"))
+    issued = issue(of, Issue(tmp_path / "out"))
+    page = runs.page_text(next(one for one in issued.files if one.suffix == ".html").read_text())
+    told = runs.sources(path, stand, of)
+    assert runs.not_in_run(page, *told, issued.document) == []
+    assert list(runs.coefficients_again(path, stand, issued.document)) == []
+    value = issued.document.tables[0].results[0].value
+    other = f"{value[:-1]}{(int(value[-1]) + 5) % 10}"
+    assert value in page
+    assert runs.not_in_run(page.replace(value, other), *told, issued.document) != []
 
 
 def test_what_is_said_of_the_run_is_in_the_run_file(run, made):

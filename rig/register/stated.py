@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import inf, sqrt
@@ -88,7 +89,15 @@ def stated_of(register: Register, config: BenchConfig) -> Statements:
             else:
                 errors += _stated(asset, equipment, said, mine, ranges, place)
     place_constants: dict[str, PlaceConstant] = {name: _constant(name, register) for name in register.place}
-    return Statements(tuple(errors), place_constants, tuple(unused), register.example)
+    return Statements(tuple(_each_by_its_name(errors)), place_constants, tuple(unused), register.example)
+
+
+def _each_by_its_name(errors: Sequence[Stated]) -> Iterator[Stated]:
+    """Errors that have one name, such as two gains of one meter, with a number behind it from the second on."""
+    known: Counter[str] = Counter()
+    for one in errors:
+        known[one.name] += 1
+        yield one if known[one.name] == 1 else replace(one, name=f"{one.name}, no. {known[one.name]}")
 
 
 def given_by(config: BenchConfig) -> Mapping[str, Sequence[Given]]:
