@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rig.errors import UsageError
 from rig.inference import csv_reader, infer, read_calibration
 from tests.command import rig
 
@@ -89,6 +90,13 @@ def test_a_calibration_without_a_register_says_repeatability_only(tmp_path):
     done = rig("infer", file, readings, "--out", tmp_path / "o.csv", "--same-meter")
     assert done.returncode == 2
     assert "--same-meter needs a calibration with influences" in done.stderr
+
+
+def test_a_digital_certificate_is_refused_with_what_it_can_be_used_for(tmp_path):
+    certificate = tmp_path / "dcc.xml"
+    certificate.write_text("<digitalCalibrationCertificate/>")
+    with pytest.raises(UsageError, match=r"certificates are not used here.*rig certificate --read .* --as-equipment"):
+        read_calibration(certificate)
 
 
 def test_influences_are_those_of_the_declared_model_alone(tmp_path):

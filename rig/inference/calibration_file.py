@@ -42,6 +42,11 @@ def read_calibration(path: Path) -> CalibrationFile:
         raise UsageError(
             f"{path} is a run file; make a calibration from it first: rig fit {path} --out calibration.json"
         )
+    if path.suffix == ".xml":
+        raise UsageError(
+            f"{path} is no calibration file of `rig fit --out`. Coefficients of digital calibration certificates are "
+            f"not used here; numbers for the register are: rig certificate --read {path} --as-equipment ASSET"
+        )
     try:
         text = read_regular_text(path)
     except FileNotFoundError:
