@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fitter.trace.among_alike import Shape
 from fitter.trace.chance import ALPHA
 from procedures.pressure.effects import PRESSURE_CATALOGUE
 from procedures.pressure.fit import named_formula
 from procedures.pressure.trace import null, trace_whole_plots
-from procedures.pressure.trace.courses import courses
+from procedures.pressure.trace.courses import Course, courses
 from procedures.pressure.trace.null import family_of
 from procedures.pressure.trace.problem import pose
 from procedures.pressure.trace.run import scene_of
@@ -178,3 +179,9 @@ def test_noise_within_whole_plots_leaves_nothing(bench, run):
     """All were unexplained: repeats were compared as if independent, and so were slopes."""
     verdicts = [trace_whole_plots(simulate(bench, run, seed), validate=False).sensors[ONE].verdict for seed in SEEDS]
     assert verdicts.count("unexplained") <= 1
+
+
+def test_errors_of_neighbours_that_are_alike_may_have_a_cause_and_the_finding_says_where_it_is_seen():
+    found = Course("along the run", Shape(0, 0.5, 0.001, 0.4), common=False).unnamed()
+    assert found.stratum == "noise"
+    assert found.where.endswith("or follow something slow; it may be a cause seen along the run")

@@ -60,7 +60,7 @@ class Course:
         where = f"between whole plots, {self.where}"
         if self.slow:
             text = "between whole plots: errors of neighbours in time are alike, or follow something slow"
-            return Unnamed(text, self.shape.share, stratum="noise")
+            return Unnamed(f"{text}; it may be a cause seen {self.where}", self.shape.share, stratum="noise")
         return Unnamed(f"{where}{', in all transducers alike' if self.common else ''}", self.shape.share)
 
 
