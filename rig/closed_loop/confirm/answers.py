@@ -179,7 +179,7 @@ def evidence(answer: Confirmation) -> str:
 
 def may_be_beside(answer: Confirmation) -> str:
     """Causes that the two runs do not exclude beside the confirmed one; "" if there are none of a notable size."""
-    if not answer.beside:
+    if not answer.beside or answer.verdict not in ("confirmed", "replaced"):
         return ""
     parts = [f"{one.effect} up to {100 * one.up_to:.0f} %" for one in answer.beside]
     return (
