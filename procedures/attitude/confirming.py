@@ -163,7 +163,19 @@ class AttitudeConfirming(Confirming):
             raise DataError(
                 "--confirmed-by keeps a calibration at the run's mean temperature: leave --at-degC and --points away"
             )
-        allowed = {a.effect: a.holding for a in answers if a.verdict in (*SETTLED, "undecided")}
+        allowed = {
+            a.effect: [cause for member in a.members if member.holds for cause in member.causes]
+            for a in answers
+            if a.verdict in (*SETTLED, "undecided")
+        }
+        for answer, question, effect in zip(answers, questions, record["effects"], strict=True):
+            if answer.verdict in SETTLED and len(answer.members[0].causes) > 1:
+                effect["used"] = f"{effect['told']}; intervals cover {', '.join(allowed[answer.effect])}, each alone"
+            elif answer.verdict in SETTLED and any(m.near for m in question.members if m.effect in answer.holding):
+                effect["used"] = (
+                    f"{effect['told']}; the calibration does not have it, because the first run barely excludes it: "
+                    "intervals cover the causes that the first run leaves, and may be invalid"
+                )
         result = fit_attitude_table(
             self.traced.table, traced=True, temperature=self.traced.temperature, found=self.found, allowed=allowed
         )
