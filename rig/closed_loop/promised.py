@@ -67,8 +67,8 @@ class Promised:
     notes: tuple[str, ...]
 
 
-def promised(plan: Plan) -> Promised:
-    """Total uncertainties of inferred values that a plan promises.
+def promised(plan: Plan, on: date) -> Promised:
+    """Total uncertainties of inferred values that a plan promises, if its run ends on a date.
 
     Raises:
         ConfigurationError: a certificate does not cover the settings of the plan.
@@ -78,7 +78,7 @@ def promised(plan: Plan) -> Promised:
     if len(plan.run_list) > _MOST:
         return Promised((), (f"repeatability only: no total uncertainty is forecast of more than {_MOST} points",))
     register = parse_register(plan.documents[DOCUMENT], DOCUMENT)
-    stated, kind = stated_of(register, plan.bench), kind_of(plan.procedure)
+    stated, kind = stated_of(register, plan.bench, on), kind_of(plan.procedure)
     sensors = {f"{name}_{sensor.unit}": sensor.axis or "" for name, sensor in plan.bench.sensors.items()}
     set_to = {f.name: np.array(plan.run_list.column(f.name), np.float64) for f in plan.run_list.factors}
     check_covered(stated, set_to, DOCUMENT)
