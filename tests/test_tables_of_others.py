@@ -473,7 +473,7 @@ def test_a_footer_at_the_other_doors(tmp_path):
     assert "row 5 (Mean) left out" in json.dumps(json.loads(done.stdout)["understood"])
     assert len((tmp_path / "inferred.csv").read_text().splitlines()) == 4
     seen = rig("fit", readings, "--json")
-    assert json.loads(seen.stdout)["understood"]["rows_of_summaries"] == {"5": "Mean"}
+    assert json.loads(seen.stdout)["data"]["understood"]["rows_of_summaries"] == {"5": "Mean"}
     head = "replicate,order,elapsed_s,pitch_deg,roll_deg,sensor_temperature_degC,x_V\n"
     body = "".join(
         f"{1 + i // 4},{i + 1},{30 * i},{(-30, -10, 10, 30)[i % 4]},{90 * (i % 3)},23.1,{0.1 * i:.2f}\n"
