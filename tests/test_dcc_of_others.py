@@ -111,9 +111,7 @@ PRINTED = (100.0225, 0.0039155, -6.469e-7)
 def resistance(path: Path) -> Path:
     """A certificate with these values."""
     u = "0.0039 0.0041 0.0042 0.0044 0.0045 0.0047 0.0048 0.0044 0.0039"
-    known = (
-        "<quantity refType='{}'><s:realListXMLList><s:valueXMLList>{}</s:valueXMLList>"
-    )
+    known = "<quantity refType='{}'><s:realListXMLList><s:valueXMLList>{}</s:valueXMLList>"
     known += "<s:unitXMLList>{}</s:unitXMLList></s:realListXMLList></quantity>"
     given = known.format("basic_referenceValue", *PTB["basic_referenceValue"])
     values, unit = PTB["basic_measuredValue"]
