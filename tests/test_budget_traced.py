@@ -34,6 +34,7 @@ def run(tmp_path_factory):
 
 
 def test_a_general_budget_has_the_causes_that_look_alike(run):
+    """It takes a second, for a trace of the run."""
     told = budget(run, traced=True, at=[{"force_kN": 4.5}]).found
     by_name = {one.name: one for one in told.budgets}
     output = by_name["cell output at force 4.5 kN"]
@@ -96,11 +97,3 @@ def test_a_pressure_budget_has_the_causes_that_look_alike():
     sd = np.sqrt(np.diag(evaluation.results.type_a.covariance))[-4:-2]
     assert np.all(np.abs(own.readings - truth) < 3 * sd)
     assert np.all(np.abs(own.readings - truth) < np.abs(plain.readings - truth))
-0.953 tests/test_plan_total.py::test_a_general_run_keeps_what_its_plan_promised
-0.050 tests/test_plan_total.py::test_more_replications_of_a_general_run_approach_the_limit
-0.010 tests/test_plan_total.py::test_what_a_general_plan_cannot_promise_is_said[sigma = { cell = 2e-5 }\n-repeatability only: [expect] has no sensor's output and sigma: with them]
-0.010 tests/test_plan_total.py::test_what_a_general_plan_cannot_promise_is_said[sigma = { cell = 1 }\noutput = { cell = '1 + force' }\n-output.cell: force is not a factor (force_kN)]
-0.009 tests/test_plan_total.py::test_what_a_general_plan_cannot_promise_is_said[sigma = { cell = 1 }\noutput = { cell = '1/(force_kN - 5)' }\n-it has no value at a setting of the plan]
-0.010 tests/test_plan_total.py::test_what_a_general_plan_cannot_promise_is_said[sigma = { cell = 1 }\noutput = { cell = '1 +' }\n-expect.output.cell: ]
-0.081 tests/test_dcc_of_others.py::test_a_thermometer_of_ptbs_example_has_the_coefficients_of_its_certificate
-2.326 tests/test_control_chart.py::test_its_drift_goes_into_the_budget_of_the_last_calibration
