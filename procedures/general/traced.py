@@ -24,7 +24,7 @@ from procedures.general.trace import FoundTableEffect, TableTrace
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """What an effect is in a calibration.
+    """Part of an effect in a calibration.
 
     Attributes:
         terms: of the model, if it is a function of the factors; () otherwise.
