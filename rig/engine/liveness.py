@@ -41,9 +41,10 @@ class _Output:
         """Probability that these readings are all equal by chance, from earlier observations; 1 if they are not
         equal.
         """
-        if self.doubted is not None and set(readings) != {self.doubted}:
+        different = set(readings)
+        if self.doubted is not None and different != {self.doubted}:
             self.seen, self.still, self.doubted = self.seen + 1, self.still + 1, None
-        if len(set(readings)) > 1:
+        if len(different) > 1:
             self.seen += 1
             return 1.0
         if len(readings) < 2:
@@ -90,10 +91,11 @@ class Liveness:
         """
         read = {**observation.references, **observation.outputs}
         now = {name: read[name].readings for name in self._readers if name in read}
-        last = {name: (*self._last.get(name, ()), *passing.get(name, ())) for name in now}
+        last = {name: (*self._last.get(name, ()), *passing[name]) for name in passing if name in now}
+        last = {**{name: self._last.get(name, ()) for name in now}, **last}
         if self._point is not None and self._point.setpoints != point.setpoints:
             self._former, self._here = self._last, {}
-        found = [name for name, readings in now.items() if self._repeats(name, readings, last[name], point)]
+        found = [n for n, r in now.items() if len(set(r)) == 1 and self._repeats(n, r, last[n], point)]
         found = found or self._too_still(now)
         if found:
             self._hung = {**self._hung, **{name: now[name][-1] for name in found}}
