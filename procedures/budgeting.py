@@ -11,6 +11,7 @@ import numpy as np
 
 from fitter.arrays import FloatArray, IntArray
 from fitter.budget import TypeA
+from procedures.errors import DataError
 from procedures.stated import PlaceConstant
 from procedures.table import Columns, Table
 
@@ -140,6 +141,14 @@ class Evaluation(ABC):
         The first word distinguishes several errors of one constant.
         """
         return ()
+
+    def charted(self, sensor: str) -> tuple[str, FloatArray]:
+        """Unit of a sensor's errors in its control chart, and (p,) its output at the points per such a unit.
+
+        Raises:
+            DataError: this kind does not say.
+        """
+        raise DataError("--after-days: drift of sensors in use is not known for this kind of calibration")
 
     def model_errors(self) -> Iterable[TypeA]:
         """Differences between models that the run cannot separate, as covariances of the results."""

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import ideal_pressure_bench as pressure
 import pytest
 from few_points import (

@@ -102,19 +102,19 @@ def test_two_statements_of_one_sort_are_two_influences(run, tmp_path):
     assert {"W-1 gain of force_kN", "W-1 gain of force_kN, no. 2"} <= lines
 
 
-@pytest.mark.parametrize("seed", [3])
-def test_every_number_of_the_page_of_a_random_run_is_in_its_run_file(seed, tmp_path):
+@pytest.mark.parametrize(("kind", "seed"), [("general", 97), ("attitude", 1), ("pressure", 3)])
+def test_every_number_of_the_page_of_a_random_run_is_in_its_run_file(kind, seed, tmp_path):
     """A share of `python -m proving.certificates.runs`; one digit changed is found."""
     from proving.certificates import runs  # noqa: PLC0415
 
-    stand = runs.Stand(seed, tmp_path)
-    path = stand.run()
+    stand = runs.stand_of(kind, seed, tmp_path)
+    path = runs.run_of(stand)
     of = make(asked(path, tmp_path / "certificate.toml"))
     issued = issue(of, Issue(tmp_path / "out"))
     page = runs.page_text(next(one for one in issued.files if one.suffix == ".html").read_text())
     told = runs.sources(path, stand, of)
     assert runs.not_in_run(page, *told, issued.document) == []
-    assert list(runs.coefficients_again(path, stand, issued.document)) == []
+    assert list(runs.not_computed_again(path, stand, issued.document)) == []
     value = issued.document.tables[0].results[0].value
     other = f"{value[:-1]}{(int(value[-1]) + 5) % 10}"
     assert value in page

@@ -396,6 +396,94 @@ def test_a_table_in_any_notation_is_read_right_or_asked_about_never_otherwise(tm
     assert table.text["side"].tolist() == text[kept].tolist()
 
 
+FIVE = "run,x,y,who\n1,1,2.1,a\n2,2,4.0,a\n3,3,6.2,b\n4,4,8.1,b\n5,5,10.0,b\n"
+FOOTERS = {
+    "Mean,3,6.08,\n": {7: "Mean"},
+    "Mean,3,6.08,\nStd. dev.,1.58,3.13,\n": {7: "Mean", 8: "Std. dev."},
+    ",,,\nAverage (n=5),3,6.1,\n": {8: "Average (n=5)"},
+    "Mittelwert:,,6.08,\nStandardabweichung,,3.13,\n": {7: "Mittelwert:", 8: "Standardabweichung"},
+    ",15,30.4,Total\n": {7: "Total"},
+    ",,6.08,\n": {7: "a mean without a name"},
+    ",15,30.4,\n": {7: "a sum without a name"},
+    "Calibrated by,J. Smith,,\nDate,2024-01-05,,\n": {7: "Calibrated by", 8: "Date"},
+    "\nSlope,1.99,,\nIntercept,0.11,,\nR2,0.9998,,\n": {8: "Slope", 9: "Intercept", 10: "R2"},
+    "Total,15,30.4,\n,,,\nSigned:,____,,\n": {7: "Total", 9: "Signed:"},
+    "6,6,Total,a\n": None,  # an observation, without a value
+}
+
+
+@pytest.mark.parametrize("footer", FOOTERS)
+@pytest.mark.parametrize("german", [False, True])
+def test_rows_under_a_table_that_are_no_observations_are_left_out_and_named(tmp_path, footer, german):
+    text = FIVE + footer
+    if german:
+        text = text.replace(",", ";").replace(".", ",").replace("Std, dev,", "Std. dev.").replace("J, S", "J. S")
+    path = written(tmp_path, text)
+    if FOOTERS[footer] is None:
+        assert read_any_csv(path, ("x", "y")).text["y"].tolist()[-1] == "Total"
+        return
+    table = read_any_csv(path, ("x", "y"))
+    assert table.columns["x"].tolist() == [1, 2, 3, 4, 5]
+    assert table.understood["rows_of_summaries"] == FOOTERS[footer]
+    for row, cell in FOOTERS[footer].items():
+        assert f"row {row} ({cell})" in table.understood["sentence"]
+
+
+def test_rows_of_another_number_of_cells_under_a_table(tmp_path):
+    table = read_any_csv(written(tmp_path, FIVE + "\nSlope,1.99\nIntercept,0.11\n"), ("x", "y"))
+    assert table.columns["x"].tolist() == [1, 2, 3, 4, 5]
+    assert "what follows the table from row 8 on was not read" in table.understood["sentence"]
+
+
+def test_averages_within_a_table(tmp_path):
+    """Of each group: left out. A level of a category that has such a name: kept."""
+    groups = "g,x,y\na,1,2.1\na,2,4.0\na,3,6.2\nMean,2,4.1\nb,4,8.1\nb,5,10.0\nb,6,12\nMean,5,10.03\n"
+    table = read_any_csv(written(tmp_path, groups), ("x", "y"))
+    assert table.columns["x"].tolist() == [1, 2, 3, 4, 5, 6]
+    assert "row 5 (Mean), row 9 (Mean) left out" in table.understood["sentence"]
+    head = "head,x,y\nStatic,1,2.1\nDynamic,2,4.0\nTotal,3,6.2\nStatic,4,8.1\nDynamic,5,10.0\nTotal,6,11.9\n"
+    assert len(read_any_csv(written(tmp_path, head), ("x", "y", "head"))) == 6
+    stops = "stop,x,y\nMin,0,0.1\nHalf,5,5.2\nMax,10,9.9\n"
+    assert len(read_any_csv(written(tmp_path, stops), ("x", "y", "stop"))) == 3
+
+
+def test_a_row_that_is_called_an_average_and_is_none_is_asked_about(tmp_path):
+    path = written(tmp_path, "id,x,y\na,1,2.1\nb,2,4.0\nc,3,6.2\nd,4,8.1\nMean,3.3,7.08\n")
+    done = rig("fit", path, "--response", "y", "--formula", "1 + x")
+    assert done.returncode == 2
+    assert "row 6: it is called 'Mean', and its numbers are no such summary of the rows above" in done.stderr
+
+
+def test_a_footer_at_the_other_doors(tmp_path):
+    """A fit, a trace, inferred values, a description, and a table of attitude sensors."""
+    path = written(tmp_path, FIVE + "Mean,3,6.08,\n")
+    for door in ("fit", "trace"):
+        done = rig(door, path, "--response", "y", "--formula", "1 + x", "--json")
+        assert json.loads(done.stdout)["data"]["understood"]["rows_of_summaries"] == {"7": "Mean"}
+        assert "row 7 (Mean) left out" in done.stderr
+    done = rig("fit", written(tmp_path, FIVE + "6,6,Total,a\n"), "--response", "y", "--formula", "1 + x")
+    assert done.returncode == 2
+    assert "y is 'Total' in row 7, which is not a number" in done.stderr
+    line = written(tmp_path, "run,x,y\n" + "".join(f"{i},{i},{2 * i + 0.01 * (i % 3)}\n" for i in range(1, 9)), "c.csv")
+    out = tmp_path / "c.json"
+    assert rig("fit", line, "--response", "y", "--formula", "1 + x", "--out", out).returncode == 0
+    readings = written(tmp_path, "no,y\n1,2.5\n2,3.5\n3,4.5\nMean,3.5\n", "readings.csv")
+    done = rig("infer", out, readings, "--out", tmp_path / "inferred.csv", "--json")
+    assert done.returncode == 0, done.stderr
+    assert "row 5 (Mean) left out" in json.dumps(json.loads(done.stdout)["understood"])
+    assert len((tmp_path / "inferred.csv").read_text().splitlines()) == 4
+    seen = rig("fit", readings, "--json")
+    assert json.loads(seen.stdout)["data"]["understood"]["rows_of_summaries"] == {"5": "Mean"}
+    head = "replicate,order,elapsed_s,pitch_deg,roll_deg,sensor_temperature_degC,x_V\n"
+    body = "".join(
+        f"{1 + i // 4},{i + 1},{30 * i},{(-30, -10, 10, 30)[i % 4]},{90 * (i % 3)},23.1,{0.1 * i:.2f}\n"
+        for i in range(8)
+    )
+    table = read_table(written(tmp_path, head + body + "Mean,,,,,,0.35\n", "attitude.csv"))
+    assert len(table) == 8
+    assert "row 10 (Mean) left out" in table.understood["sentence"]
+
+
 def test_an_empty_row_of_a_spreadsheet_is_no_row(tmp_path):
     path = tmp_path / "bench.csv"
     path.write_text("My lab,,\n,,\nflow_Lpm,f_Hz,remark\n5,50,a\n10,100,b\n,,\n15,151,c\n20,200,d\n,,\n")

@@ -14,7 +14,7 @@ from typing import Protocol
 
 import numpy as np
 
-from fitter.arrays import FloatArray
+from fitter.arrays import FloatArray, IntArray
 from fitter.effects.entry import Entry
 from fitter.trace.signs import SURE, Impossible, impossible
 from fitter.trace.whitened import Whitened
@@ -161,9 +161,24 @@ class Products:
 
     @classmethod
     def of(cls, white: Whitened) -> Products:
-        """Products of outputs and columns over all sensors together."""
-        flat = white.columns.reshape(-1, white.columns.shape[2])
-        return cls(flat.T @ flat, flat.T @ white.outputs.reshape(-1))
+        """Products of outputs and columns over all sensors together.
+
+        Most candidates belong to one sensor and are zero on the others, so each sensor's own block is multiplied alone.
+        """
+        count = white.columns.shape[2]
+        products, outputs = np.zeros((count, count)), np.zeros(count)
+        for columns, y in zip(white.columns, white.outputs, strict=True):
+            mine = np.flatnonzero(columns.any(axis=0))
+            own = columns[:, mine]
+            products[np.ix_(mine, mine)] += own.T @ own
+            outputs[mine] += own.T @ y
+        return cls(products, outputs)
+
+    def among(self, mine: IntArray, count: int) -> Products:
+        """The same of candidates numbered otherwise: these are the `mine` of `count`, the others are zero."""
+        products, outputs = np.zeros((count, count)), np.zeros(count)
+        products[np.ix_(mine, mine)], outputs[mine] = self.columns, self.outputs
+        return replace(self, columns=products, outputs=outputs)
 
     def without(self, length2: FloatArray) -> Products:
         """The same, without columns of which next to nothing remains: that is rounding.

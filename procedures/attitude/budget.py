@@ -280,6 +280,11 @@ class AttitudeEvaluation(Evaluation):
         covariance = calibration.covariance * np.outer(ratios, ratios)
         return replace(calibration, sensors=tuple(sensors), covariance=covariance)
 
+    def charted(self, sensor: str) -> tuple[str, FloatArray]:
+        """See `Evaluation`: an angle is an output over the sensitivity, in degrees."""
+        m = self._base[self._plain.names.index(sensor), 1:]
+        return "deg", np.full(len(self._at), np.radians(np.linalg.norm(m)))
+
     def stored(self) -> Any:
         """See `Evaluation`."""
         return self._model.calibration.to_dict()

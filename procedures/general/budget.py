@@ -251,6 +251,11 @@ class GeneralEvaluation(EvaluationBySensor):
         every = ((one.name, one.readings_scatter) for one in self._each)
         return (words for name, one in every if one is not None and (words := one.sentence(name)))
 
+    def charted(self, sensor: str) -> tuple[str, FloatArray]:
+        """See `Evaluation`: errors of curves are in the output's unit."""
+        one = next(one for one in self._each if one.name == sensor)
+        return unit_of(sensor), np.ones_like(one.readings)
+
     @property
     def each(self) -> Sequence[Sensor]:
         """See `EvaluationBySensor`."""

@@ -133,6 +133,10 @@ class PressureEvaluation(EvaluationBySensor):
         """See `EvaluationBySensor`."""
         return self._each
 
+    def charted(self, sensor: str) -> tuple[str, FloatArray]:
+        """See `Evaluation`."""
+        return "psi", next(one.slope for one in self._each if one.name == sensor)
+
     @cached_property
     def columns(self) -> Columns:
         """See `Evaluation`."""

@@ -67,8 +67,8 @@ class Promised:
     notes: tuple[str, ...]
 
 
-def promised(plan: Plan) -> Promised:
-    """Total uncertainties of inferred values that a plan promises.
+def promised(plan: Plan, on: date) -> Promised:
+    """Total uncertainties of inferred values, or else outputs, that a plan promises, if its run ends on a date.
 
     Raises:
         ConfigurationError: a certificate does not cover the settings of the plan.
@@ -78,7 +78,7 @@ def promised(plan: Plan) -> Promised:
     if len(plan.run_list) > _MOST:
         return Promised((), (f"repeatability only: no total uncertainty is forecast of more than {_MOST} points",))
     register = parse_register(plan.documents[DOCUMENT], DOCUMENT)
-    stated, kind = stated_of(register, plan.bench), kind_of(plan.procedure)
+    stated, kind = stated_of(register, plan.bench, on), kind_of(plan.procedure)
     sensors = {f"{name}_{sensor.unit}": sensor.axis or "" for name, sensor in plan.bench.sensors.items()}
     set_to = {f.name: np.array(plan.run_list.column(f.name), np.float64) for f in plan.run_list.factors}
     check_covered(stated, set_to, DOCUMENT)
@@ -120,9 +120,13 @@ def _of(evaluation: Any, stated: Statements) -> tuple[Promise, ...]:
     type_a = (results.type_a, *found.grouped)
     made = budgets(results.names, results.units, results.values, type_a, found.influences)
     own = np.sqrt(np.diag(results.type_a.covariance))
+    inferred = [" inferred " in f" {one.name} " for one in made]
+    known = {sensor for sensor, inverse in zip(results.sensors, inferred, strict=True) if inverse}
     promises = []
-    for one, scatter, of_fit in zip(made, own.tolist(), results.of_fit.tolist(), strict=True):
-        if " inferred " not in f" {one.name} ":
+    numbers = zip(made, results.sensors, inferred, own.tolist(), results.of_fit.tolist(), strict=True)
+    for one, sensor, inverse, scatter, of_fit in numbers:
+        curve = " output " in f" {one.name} " and not known & {sensor, ""}
+        if not (inverse or curve):  # outputs only where no reading determines a quantity
             continue
         first = max(one.contributions, key=lambda line: line.share)
         k, u = one.coverage_factor, one.standard_uncertainty

@@ -256,7 +256,7 @@ class BenchActions:
             readings = self.axes()
             if what == "moving":
                 self._check_control(readings)
-            if not any([reading.moving for reading in readings.values()]):
+            if True not in [reading.moving for reading in readings.values()]:
                 return
             if self._clock.now() - began > timeout_s:
                 late = ", ".join(

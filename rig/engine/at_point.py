@@ -181,6 +181,7 @@ class AtPoint:
         """Read every channel. Overloads and excessive noise are rejected here."""
         at, settings = self._at, self._conduct
         began = self._journal.elapsed()
+        self._liveness.begin()
         observation = self._do.measure(settings.readings, self._poll_s, self._references)
         observation.references = {**self._settings.stated(), **observation.references}
         at.measured_s = (began, self._journal.elapsed())

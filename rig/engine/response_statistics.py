@@ -145,7 +145,7 @@ class ResponseTest:
         model = self._model
         if model is None or last[-1].still or len(last) < max(_WINDOWS):
             return False
-        if any([s.expected is None for s in last]):
+        if any(s.expected is None for s in last):
             return False
         values = [s.expected.value for s in last if s.expected is not None]
         means = [s.mean for s in last]
@@ -168,7 +168,7 @@ class ResponseTest:
     def _frozen(self, last: list[_Seen]) -> str:
         """Test for a frozen output: all readings equal at different settings, although the sensor had noise before."""
         last = last[-_FROZEN:]
-        if not self._noisy or len(last) < _FROZEN or not (last[0].still and all([s.still for s in last])):
+        if not self._noisy or len(last) < _FROZEN or not (last[0].still and all(s.still for s in last)):
             return ""
         if len({s.mean for s in last}) > 1 or len({s.row for s in last}) == 1:
             return ""
@@ -237,7 +237,7 @@ class ResponseTest:
         if model is None or len(off) < _JUMPED:
             return ""
         least = self._least_jump * (model.high - model.low)
-        if not all([abs(by) > max(_BEYOND_SCATTER * hypot(model.scatter, sd), least) for by, sd in off]):
+        if not all(abs(by) > max(_BEYOND_SCATTER * hypot(model.scatter, sd), least) for by, sd in off):
             return ""
         rail = _at_rail(model, some[-1].mean)
         return f"reads {self._say(off[-1][0])} away from what its settings gave before, {_JUMPED} points in a row{rail}"

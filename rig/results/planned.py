@@ -268,7 +268,8 @@ def plan(
     folder = Path(out)
     existing = next(p for p in (folder, *folder.absolute().parents) if p.exists())
     disk = shutil.disk_usage(existing).free, needed_bytes(len(checked.run_list))
-    return Plan(checked, precise, advice, forecast, now, disk, promised(checked))
+    ends = now + timedelta(seconds=forecast.latest_s)
+    return Plan(checked, precise, advice, forecast, now, disk, promised(checked, ends.date()))
 
 
 def _advice(checked: Checked, usage_deg: float | None) -> Sequence[Advice]:

@@ -8,12 +8,12 @@ files must be the same as after the last commit.
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 
 import apsw
 
 from rig.run_file.schema import Stored
-
 
 MOVED = "it was moved, deleted or replaced"
 _Seen = tuple[int, int, int, int]
@@ -100,7 +100,7 @@ class Mirror:
         with self.db.backup("main", db, "main") as backup:
             backup.step()
 
-    def add(self, rows: list[tuple[Stored, ...]]) -> None:
+    def add(self, rows: Sequence[tuple[Stored, ...]]) -> None:
         """Add the records that were just committed."""
         if self.db is None:
             return

@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Self
@@ -156,7 +157,7 @@ class RunWriter(RunReader):
             raise _not_durable(self.path, error) from error
         self._committed(rows)
 
-    def _committed(self, rows: list[tuple[Stored, ...]]) -> None:
+    def _committed(self, rows: Sequence[tuple[Stored, ...]]) -> None:
         self._mirror.add(rows)
         self._seq, _, _, self._hash = self._pending[-1]
         self._pending.clear()

@@ -21,8 +21,9 @@ from rig.errors import UsageError
 from rig.regular import open_regular
 from rig.tables.of_others.asked import NOTHING, Asked
 from rig.tables.of_others.cells import Cells
+from rig.tables.of_others.footers import footers
 from rig.tables.of_others.layout import NoTable
-from rig.tables.of_others.numbers import is_missing, looks_like_number
+from rig.tables.of_others.numbers import Notation, is_missing, looks_like_number
 
 _MOST_COLUMNS = 2000
 _BLANK = frozenset(("\n", "\r\n", "\r"))
@@ -288,7 +289,17 @@ def _cells_of(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
     for number, row in body:
         if len(row) != len(names):
             raise UsageError(f"{path}, row {number}: {len(row)} values for {len(names)} columns; correct the row")
+    _no_footers(path, body)
     return names, body
+
+
+def _no_footers(path: Path, body: Sequence[tuple[int, list[str]]]) -> None:
+    """Refuse rows that are no observations: then the table is read as one of others, which says what it leaves out."""
+    apart = [i > 0 and number > body[i - 1][0] + 1 for i, (number, _) in enumerate(body)]
+    cells = [[cell.strip() for cell in row] for _, row in body]
+    found = footers(cells, apart, Notation(), lambda i: f"{path}, row {body[i][0]}")
+    for i, cell in found.items():
+        raise UsageError(f"{path}, row {body[i][0]}: {cell[:40]!r} shows that it is no observation; remove the row")
 
 
 def _is_number(cell: str) -> bool:

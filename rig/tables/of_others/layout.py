@@ -163,6 +163,8 @@ def _block(lines: Sequence[Line], separator: str, asked: Asked) -> _Block | None
     tail = range(max(run if end - run > 1 else 0, end - _TAIL), end)
     usual = max((raw[i] for i in tail), key=[raw[i] for i in tail].count, default=0)
     most = max((every[i] for i in tail if raw[i] == usual), default=0)
+    while end and raw[end - 1] != usual and every[end - 1] < most and not is_value(cells[end - 1][0]):
+        end -= 1  # words in a line of its own form, under the table
     begin = end
     while begin and (
         raw[begin - 1] == usual or every[begin - 1] == most or (every[begin - 1] < most and _data(cells[begin - 1]))
