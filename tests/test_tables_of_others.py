@@ -12,10 +12,12 @@ import numpy as np
 import pytest
 from command import rig
 
+from fitter.errors import FitError
 from procedures.attitude.table import attitude_data
 from procedures.errors import DataError
+from procedures.general.clock_texts import seconds_of
 from rig.errors import UsageError
-from rig.tables import Asked, read_any_csv, read_table
+from rig.tables import Asked, read_any_csv, read_gappy_csv, read_table
 
 X = np.array([0.0, 1.0, 2.0, 5.0, 10.0, 5.0, 2.0, 1.0])
 Y = 0.125 + 2.0 * X + np.array([0.01, -0.02, 0.03, -0.01, 0.02, 0.01, -0.03, -0.01])
@@ -304,12 +306,51 @@ def test_a_date_and_a_time_of_day_across_midnight(tmp_path):
 
 
 def test_a_date_that_can_be_read_in_two_ways_is_asked_about(tmp_path):
-    path = written(tmp_path, trace_lines(lambda i: f"03/04/2026 09:{i:02d}"))
+    path = written(tmp_path, trace_lines(lambda i: f"03/0{4 + i // 24}/2026 09:{i % 24:02d}"))
     done, _ = roles_of(path, "--time", "t")
     assert done.returncode == 2
     assert "--date-order dmy or --date-order mdy" in done.stderr
     done, _ = roles_of(path, "--time", "t", "--date-order", "dmy")
     assert done.returncode == 0, done.stderr
+
+
+def test_dates_that_need_no_question():
+    """With dots the day is first; within one day the order does not matter."""
+    dots = [f"0{1 + i}.11.2026 09:00" for i in range(3)]
+    assert seconds_of("t", dots).tolist() == [0, 86400, 172800]
+    assert seconds_of("t", [f"02/11/2026 09:{i:02d}" for i in range(3)]).tolist() == [0, 60, 120]
+    assert seconds_of("t", ["09:00", "10:00"], ["02/11/2026"] * 2).tolist() == [0, 3600]
+    assert seconds_of("t", ["02/13/2026 09:00", "02/13/2026 09:01"]).tolist() == [0, 60]
+    with pytest.raises(FitError, match="--date-order"):
+        seconds_of("t", [text.replace(".", "/") for text in dots])
+
+
+def test_an_ambiguous_date_does_not_hide_the_proposal(tmp_path):
+    path = written(tmp_path, trace_lines(lambda i: f"03/0{1 + i // 6}/2026"))
+    told = rig("trace", path)
+    assert "--response y --formula '1 + x' --direction side" in told.stdout
+    assert "say --date-order dmy" in " ".join(told.stdout.split())
+
+
+@pytest.mark.parametrize(
+    ("text", "more", "expected"),
+    [
+        ('y\n"1,234.5"\n"2,345.0"\n', (), [1234.5, 2345]),
+        ("y\n1'234.5\nn/a\n2'345.0\n", (), [1234.5, np.nan, 2345]),
+        ("y\n1,234\n2,345\n", ("point",), [1234, 2345]),
+        ("y\n1,234\n2,345\n", ("comma",), [1.234, 2.345]),
+        ("y\n1,5\n2,5\n", (), "row 2: 1,5 may be one value, or 2 columns; say --decimal"),
+        ('y\n"1,234"\n"2,345"\n', (), "1,234 may be 1.234 or 1234; say --decimal"),
+    ],
+)
+def test_a_file_of_one_column(tmp_path, text, more, expected):
+    path = written(tmp_path, text)
+    asked = Asked.of(None, *(more or (None,)), None, None)
+    if isinstance(expected, str):
+        with pytest.raises(UsageError, match=expected):
+            read_gappy_csv(path, ("y",), asked)
+        return
+    np.testing.assert_array_equal(read_gappy_csv(path, ("y",), asked).columns["y"], expected)
 
 
 def test_an_order_that_begins_anew_in_a_trace(tmp_path):

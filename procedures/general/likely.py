@@ -53,14 +53,31 @@ def likely(source: Source, table: Table) -> Seen:
         trace = {**fit, "response": _quoted(response), **_options(table, roles)}
         try:
             fit_general(source.read, response, formula)
-            read_roles(source.read, _roles(trace))
+            trace, without = _readable(source, trace)
         except (DataError, FitError) as error:
             tried = tried or str(error)
             continue
         found = roles | dict.fromkeys(free, "covariate") | dict.fromkeys(settings, "setting") | {response: "response"}
-        return Seen(_columns(table, found), fit, trace)
+        return Seen(_columns(table, found), fit, trace, without)
     why = tried or "it takes two columns of numbers that vary: a response and a setting"
     return Seen(_columns(table, roles | dict.fromkeys(free, "covariate")), {}, {}, why)
+
+
+def _readable(source: Source, trace: dict[str, str]) -> tuple[dict[str, str], str]:
+    """Options of a trace whose roles can be read: without the time if that is why they cannot, and why.
+
+    Raises:
+        DataError, FitError: they cannot be read without the time either.
+    """
+    try:
+        read_roles(source.read, _roles(trace))
+    except (DataError, FitError) as error:
+        timeless = {name: value for name, value in trace.items() if name not in ("time", "date")}
+        if timeless == trace:
+            raise
+        read_roles(source.read, _roles(timeless))
+        return timeless, str(error)
+    return trace, ""
 
 
 def _fixed(table: Table) -> Iterator[tuple[str, str]]:
@@ -149,6 +166,8 @@ def _options(table: Table, roles: Mapping[str, str]) -> dict[str, str]:
         )
         if "date" in by_role and of_day:
             found["date"] = by_role["date"][0]
+    elif "date" in by_role:
+        found["time"] = by_role["date"][0]
     elif "order" in by_role:
         found["time"] = by_role["order"][0]
     for role in ("direction", "replicate", "group"):
