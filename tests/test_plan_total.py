@@ -5,16 +5,22 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from datetime import date
+from pathlib import Path
 
 import pytest
 
 from rig.closed_loop.promised import expired, promised
+from rig.controller import start_run
+from rig.engine.session import Signals
 from rig.errors import ConfigurationError
 from rig.plans import Plan, load_plan
 from rig.register import DOCUMENT
+from rig.results.budget import budget
+from tests.certificate_lab import REGISTER
 from tests.dry import LAB, SHORT, write_short
 from tests.dry_pressure import LAB as PRESSURE_LAB
 from tests.dry_pressure import SHORT as SHORT_PRESSURE
+from tests.general_lab import BENCH, PROCEDURE, written
 
 TODAY = date(2026, 11, 24)
 
@@ -59,6 +65,58 @@ def test_pressures_are_promised_by_their_standard(tmp_path):
     found = promised(load_plan(path, PRESSURE_LAB / "bench.toml", dry=True), TODAY)
     assert {one.unit for one in found.results} == {"psi"}
     assert all(one.expanded > one.limit > 0.0 for one in found.results)
+
+
+def general(folder, expect: str, procedure: str = PROCEDURE, bench: str = BENCH) -> Plan:
+    bench = bench.replace('driver = "person"', 'driver = "person"\nasset = "W-1"')
+    (folder / "equipment.toml").write_text(REGISTER)
+    files = written(folder, f"{procedure}[expect]\n{expect}", bench.replace("nplc = 1", 'nplc = 1\nasset = "DVM-1"'))
+    return load_plan(files[0], files[1], dry=True, world=files[2])
+
+
+def test_a_general_run_keeps_what_its_plan_promised(tmp_path):
+    """The world of the stand is 0.1 V + 0.5 V/kN; the voltmeter has noise of 4e-5 V."""
+    plan = general(tmp_path, "sigma = { cell = 4e-5 }\noutput = { cell = '0.1 + 0.5*force_kN' }\n")
+    told = promised(plan, TODAY)
+    paths: list[Path] = []
+    start_run(plan, tmp_path, signals=Signals(), announce=paths.append, on_progress=lambda _: None)
+    found = {one.name: one for one in budget(paths[0]).found.budgets}
+    assert len(told.results) == 3
+    for one in told.results:
+        assert one.expanded == pytest.approx(found[one.name].expanded_uncertainty, rel=0.03)
+        assert one.dominant == found[one.name].contributions[0].name
+        assert one.repeatability < one.limit <= one.expanded
+    assert told.notes[0].endswith("cell = 0.1 + 0.5*force_kN with sd 4e-05 ([expect])")
+
+
+def test_more_replications_of_a_general_run_approach_the_limit(tmp_path):
+    expect = "sigma = { cell = 0.01 }\noutput = { cell = '0.1 + 0.5*force_kN' }\n"
+    few, many = (
+        promised(general(tmp_path, expect, PROCEDURE.replace("replications = 2", f"replications = {n}")), TODAY)
+        for n in (2, 40)
+    )
+    assert all(b.expanded < a.expanded for a, b in zip(few.results, many.results, strict=True))
+    assert all(b.expanded < 1.02 * a.limit for a, b in zip(few.results, many.results, strict=True))
+
+
+@pytest.mark.parametrize(
+    ("expect", "says"),
+    [
+        ("sigma = { cell = 2e-5 }\n", "repeatability only: [expect] has no sensor's output and sigma: with them"),
+        ("sigma = { cell = 1 }\noutput = { cell = '1 + force' }\n", "output.cell: force is not a factor (force_kN)"),
+        ("sigma = { cell = 1 }\noutput = { cell = '1/(force_kN - 5)' }\n", "it has no value at a setting of the plan"),
+        ("sigma = { cell = 1 }\noutput = { cell = '1 +' }\n", "expect.output.cell: "),
+    ],
+)
+def test_what_a_general_plan_cannot_promise_is_said(tmp_path, expect, says):
+    told = promised(general(tmp_path, expect), TODAY)
+    assert told.results == ()
+    assert says in told.notes[0]
+
+
+def test_an_expected_output_of_no_sensor_is_refused(tmp_path):
+    with pytest.raises(ConfigurationError, match="sell"):
+        general(tmp_path, "output = { sell = '1 + force_kN' }\n")
 
 
 def test_a_certificate_that_does_not_cover_the_plan_is_refused_before_the_night(tmp_path):

@@ -13,7 +13,7 @@ from fitter.effects.own import Grammar
 from fitter.errors import FitError
 from procedures.acceptance import Verdict
 from procedures.advice import Advice
-from procedures.budgeting import Evaluation
+from procedures.budgeting import Evaluation, Expected
 from procedures.charting import Charting
 from procedures.confirming import Confirming
 from procedures.errors import DataError
@@ -192,6 +192,12 @@ class GeneralKind(Kind):
         from procedures.general.planning import precision  # noqa: PLC0415
 
         return precision(procedure, run_list)
+
+    def expected(self, procedure: GeneralProcedure, run_list: RunList, sensors: Mapping[str, str]) -> Expected:
+        """See `Kind`."""
+        from procedures.general.planned import expected_run  # noqa: PLC0415
+
+        return expected_run(procedure, run_list, sensors)
 
     def advice(self, procedure: GeneralProcedure, axes: Sequence[str], usage_deg: float | None) -> Sequence[Advice]:
         """Confounded terms and effects, and errors without degrees of freedom."""

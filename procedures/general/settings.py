@@ -139,6 +139,11 @@ class ExpectSettings(Strict):
     sigma: dict[str, Positive] = Field(
         default_factory=dict, description="standard deviation of one observation, by sensor, in the unit of its output"
     )
+    output: dict[str, str] = Field(
+        default_factory=dict,
+        description="output of a sensor by the factors, as arithmetic; with `sigma` and a register of equipment "
+        "`rig plan` promises total uncertainties",
+    )
     whole_plot_ratio: Positive = Field(
         1.0, description="standard deviation between whole plots, relative to that of one observation"
     )
@@ -334,7 +339,9 @@ class GeneralProcedure(Strict):
             repeats=self.measure.repeats,
             max_sd_V=self.measure.max_sd_V,
             max_sd=self.measure.max_sd,
-            models_of=dict.fromkeys([*self.model.own, *self.expect.sigma, *(self.acceptance.sigma_E or ())]),
+            models_of=dict.fromkeys(
+                [*self.model.own, *self.expect.sigma, *self.expect.output, *(self.acceptance.sigma_E or ())]
+            ),
             faults=self.faults.for_run(whole_plots=self._whole_plots),
             warnings=self.warnings,
             hold_max_s=recovery.hold_max_s,

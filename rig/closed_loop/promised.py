@@ -68,7 +68,7 @@ class Promised:
 
 
 def promised(plan: Plan, on: date) -> Promised:
-    """Total uncertainties of inferred values that a plan promises, if its run ends on a date.
+    """Total uncertainties of inferred values, or else outputs, that a plan promises, if its run ends on a date.
 
     Raises:
         ConfigurationError: a certificate does not cover the settings of the plan.
@@ -120,9 +120,13 @@ def _of(evaluation: Any, stated: Statements) -> tuple[Promise, ...]:
     type_a = (results.type_a, *found.grouped)
     made = budgets(results.names, results.units, results.values, type_a, found.influences)
     own = np.sqrt(np.diag(results.type_a.covariance))
+    inferred = [" inferred " in f" {one.name} " for one in made]
+    known = {sensor for sensor, inverse in zip(results.sensors, inferred, strict=True) if inverse}
     promises = []
-    for one, scatter, of_fit in zip(made, own.tolist(), results.of_fit.tolist(), strict=True):
-        if " inferred " not in f" {one.name} ":
+    numbers = zip(made, results.sensors, inferred, own.tolist(), results.of_fit.tolist(), strict=True)
+    for one, sensor, inverse, scatter, of_fit in numbers:
+        curve = " output " in f" {one.name} " and not known & {sensor, ""}
+        if not (inverse or curve):  # outputs only where no reading determines a quantity
             continue
         first = max(one.contributions, key=lambda line: line.share)
         k, u = one.coverage_factor, one.standard_uncertainty
