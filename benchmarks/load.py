@@ -15,6 +15,7 @@ cut): processor time and memory are the same, and a busy disk does not take hour
 from __future__ import annotations
 
 import argparse
+import contextlib
 import itertools
 import json
 import os
@@ -29,7 +30,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarks.load_bench import BODY, Head, UnsyncedVFS, ideal, planned
+from benchmarks.load_bench import BODY, Head, ideal, planned
 from benchmarks.load_journal import JournalTimes, Turns, compared
 from benchmarks.scratch import RUNS
 from procedures.run_list import Factor, Point, RunList
@@ -38,6 +39,7 @@ from rig.engine.session import Outcome, Progress, Signals
 from rig.plans import Plan
 from rig.run_file.chain import Record
 from rig.run_file.creation import Genesis, create
+from rig.run_file.unsynced import unsynced
 from rig.run_file.writer import RunWriter
 
 ROOT = Path(__file__).parent.parent
@@ -197,9 +199,9 @@ def main() -> None:
     parser.add_argument("--no-sync", action="store_true", help="do not wait for the disk")
     parser.add_argument("--folder", type=Path, default=RUNS, help="where the run files go meanwhile")
     given = parser.parse_args()
-    unsynced = UnsyncedVFS() if given.no_sync else None
-    vfs, options = ("unsynced", ["--no-sync"]) if unsynced else ("", [])
-    with tempfile.TemporaryDirectory(dir=given.folder) as name:
+    options = ["--no-sync"] if given.no_sync else []
+    waiting = unsynced() if given.no_sync else contextlib.nullcontext("")
+    with tempfile.TemporaryDirectory(dir=given.folder) as name, waiting as vfs:
         folder = Path(name)
         match given.what:
             case "all":
