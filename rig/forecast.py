@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from drivers.roles import Source
+from drivers.roles import Chamber, Source
 from procedures.by_hand import ALLOWANCE_H, HandStep
 from procedures.column_names import unit_of
 from procedures.run_list import RunList
@@ -102,7 +102,7 @@ def _ordinary(plan: Plan) -> dict[str, Any]:
 
 def _assumed(plan: Plan) -> Iterator[str]:
     """Assumptions about soaks if the bench file has no values."""
-    bench, sources = plan.bench, playing(plan.bench, Source)
+    bench, sources, chambers = plan.bench, playing(plan.bench, Source), playing(plan.bench, Chamber)
     for factor in plan.run_list.factors:
         name, setter = factor.name, bench.factors.get(factor.name, "")
         thermometer = bench.temperatures.get(name)
@@ -112,7 +112,7 @@ def _assumed(plan: Plan) -> Iterator[str]:
                 known = "time_constant_s" in driver_class(bench.instruments[setter].driver).Options.model_fields
                 better = f"; instruments.{setter}.time_constant_s in the bench file says better" if known else ""
                 yield f"assumed: {setter} approaches its setting with a time constant of {FOLLOWS_S:g} s{better}"
-        elif factor.hard and not follows:
+        elif factor.hard and unit_of(name) == TEMPERATURE_UNIT and setter in chambers and not follows:
             yield (
                 f"assumed: what is in the chamber of {name} follows it with {FOLLOWS_S:g} s; "
                 f"temperatures.{name}.follows_s in the bench file says better"

@@ -69,6 +69,7 @@ class BenchActions:
         self._axes_read = self._chambers_seen = _LONG_AGO
         self._chambers_read: float | None = None
         self._unwatched_s = 0.0
+        self._commanded: set[str] = set()
         self.arrivals: dict[str, Arrival] = {}
         self.chambers_seen: dict[str, dict[str, Any]] = {}
         self.judges: dict[str, Settling] = {}
@@ -246,6 +247,7 @@ class BenchActions:
                 self.arrivals.pop(axis, None)
             self._axes_seen = None
             self._axes.go(leg)
+            self._commanded.update(leg)
             self._until_still(poll_s, timeout_s, "moving")
             arrived(leg, start, self.arrivals)
 
@@ -265,11 +267,11 @@ class BenchActions:
                 self.stop_motion()
                 raise NotSettled(f"{what} took longer than {timeout_s:g} s ({late})", {})
 
-    @staticmethod
-    def _check_control(readings: Mapping[str, AxisReading]) -> None:
-        """Raise if an axis has lost control or its zero: it will never arrive."""
+    def _check_control(self, readings: Mapping[str, AxisReading]) -> None:
+        """Raise if an axis has lost control or its zero: it will never arrive. A source that was not set yet is off."""
         for axis, reading in readings.items():
-            if reading.fault or not (reading.enabled and reading.homed):
+            known = reading.drive or axis in self._commanded
+            if reading.fault or (known and not (reading.enabled and reading.homed)):
                 reading.check(axis, controlled=True, homed=True)
 
     def settle(self, targets: Mapping[str, float], settings: Callable[[str], Settle], poll_s: float) -> dict[str, Any]:
