@@ -89,7 +89,7 @@ def one_resume(points: int, folder: Path, options: Sequence[str]) -> dict[str, A
 
 
 def one_late(points: int, folder: Path, vfs: str) -> dict[str, Any]:
-    """The journal in the last points of a long run, recorded beforehand up to there, beside that of a short run."""
+    """The last points of a long run, recorded beforehand up to there, beside those of a short run: journal and all."""
     last = min(WINDOW, points // 4)
     plan, short = planned(points), planned(last)
     path = folder / "late.sqlite"
@@ -107,7 +107,8 @@ def one_late(points: int, folder: Path, vfs: str) -> dict[str, Any]:
         lambda: _complete(resume_run(path, signals=Signals(), on_progress=lambda _: None, site=Site(ideal, vfs))),
         lambda: _complete(_run(short, folder / "early", vfs)),
     )
-    return {"points": points, "window": last, "peak_mb": round(peak_mb(), 1), **compared(*times.of.values())}
+    journal, whole = compared(*times.of.values(), "journal"), compared(*times.points.values(), "point")
+    return {"points": points, "window": last, "peak_mb": round(peak_mb(), 1), **journal, **whole}
 
 
 def _complete(result: Result) -> Result:
