@@ -31,6 +31,8 @@ _BEARS = 2
 Watch = Callable[[Mapping[str, float]], None]
 """Called with the values of every poll."""
 
+_JUST_NOW_S = 0.05
+"""Age up to which a reading of the axes is the present one."""
 _READ_THE_SAME = 3
 _STOOD_S = 60.0
 _LONG_AGO = -1e18
@@ -63,7 +65,8 @@ class BenchActions:
         self._readers = bench.readers
         # Looked up once: an isinstance check against a protocol takes longer than most replies.
         self._restartable = {n: i for n, i in bench.instruments.items() if isinstance(i, Restartable)}
-        self._chambers_seen = _LONG_AGO
+        self._axes_seen: Mapping[str, AxisReading] | None = None
+        self._axes_read = self._chambers_seen = _LONG_AGO
         self._chambers_read: float | None = None
         self._unwatched_s = 0.0
         self._commanded: set[str] = set()
@@ -100,6 +103,7 @@ class BenchActions:
 
     def stop_motion(self) -> None:
         """Stop all axes. Their direction of arrival is unknown from now on."""
+        self._axes_seen = None
         self._axes.stop()
         self.arrivals.clear()
 
@@ -124,7 +128,14 @@ class BenchActions:
         for axis, reading in readings.items():
             if reading.fault:
                 reading.check(axis)
+        self._axes_seen, self._axes_read = readings, self._clock.now()
         return readings
+
+    def axes_now(self) -> Mapping[str, AxisReading]:
+        """All axes as just read, if nothing was commanded since; one reading serves all who look at one moment."""
+        if self._axes_seen is not None and self._clock.now() - self._axes_read <= _JUST_NOW_S:
+            return self._axes_seen
+        return self.axes()
 
     def positions(self) -> dict[str, float]:
         """Readback of every axis."""
@@ -170,9 +181,14 @@ class BenchActions:
             return {}
         return {"stood_ago_s": round(now - began, 3), "stood_s": round(seen - began, 3)}
 
-    def look_around(self) -> None:
-        """Between polls: read the chambers again if their interlocks have not been checked lately."""
-        if self._chambers and self._clock.now() - self._chambers_seen > _INTERLOCK_S:
+    def look_around(self, now: float) -> None:
+        """Between polls: read the chambers again if their interlocks have not been checked lately.
+
+        Args:
+            now: clock time.
+
+        """
+        if self._chambers and now - self._chambers_seen > _INTERLOCK_S:
             self.environment()
 
     def readback(self) -> dict[str, Any]:
@@ -206,6 +222,7 @@ class BenchActions:
         """
         if not again and all(reading.homed for reading in self.axes().values()):
             return False
+        self._axes_seen = None
         self._axes.home(again=again)
         self.arrivals.clear()
         try:
@@ -220,7 +237,7 @@ class BenchActions:
     def go(self, legs: Sequence[Leg], poll_s: float, timeout_s: float) -> None:
         """Drive through the legs. All axes of a leg move together; the side each axis arrives from is noted."""
         for leg in legs:
-            readings = self.axes()
+            readings = self.axes_now()
             for axis, target in leg.items():
                 reading = readings[axis]
                 reading.check(axis, controlled=reading.drive, homed=True)
@@ -228,6 +245,7 @@ class BenchActions:
             start = {axis: reading.value for axis, reading in readings.items()}
             for axis in leg:
                 self.arrivals.pop(axis, None)
+            self._axes_seen = None
             self._axes.go(leg)
             self._commanded.update(leg)
             self._until_still(poll_s, timeout_s, "moving")
@@ -240,7 +258,7 @@ class BenchActions:
             readings = self.axes()
             if what == "moving":
                 self._check_control(readings)
-            if not any(reading.moving for reading in readings.values()):
+            if True not in [reading.moving for reading in readings.values()]:
                 return
             if self._clock.now() - began > timeout_s:
                 late = ", ".join(
@@ -272,7 +290,7 @@ class BenchActions:
         }
 
         def read() -> dict[str, float]:
-            readings = self.axes()
+            readings = self.axes_now()
             self._check_control(readings)
             return {axis: reading.value for axis, reading in readings.items()}
 

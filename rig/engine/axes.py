@@ -266,8 +266,10 @@ class Axes:
         """The instruments' own (low, high) by axis."""
         return {axis: limits for mover in self._movers for axis, limits in mover.span().items()}
 
-    def read(self) -> dict[str, AxisReading]:
+    def read(self) -> Mapping[str, AxisReading]:
         """Read every axis."""
+        if len(self._movers) == 1:
+            return self._movers[0].read()
         found: dict[str, AxisReading] = {}
         for mover in self._movers:
             found.update(mover.read())

@@ -260,8 +260,9 @@ class Sequencer:
             self._clock.sleep(min(left, 5.0))
             self._look_up()
             now = self._clock.now()
-        self._interruptions.check_time()
-        self._do.look_around()
+        if self._clock.noted:
+            self._interruptions.check_time()
+        self._do.look_around(now)
 
     # --- handlers, one a state ------------------------------------------------------------------------------
 
