@@ -78,6 +78,18 @@ def together(parts: Sequence[FloatArray]) -> FloatArray:
     return found
 
 
+def alike(named: str, members: Sequence[tuple[str, FloatArray]]) -> TypeA:
+    """Model error of causes that data cannot separate: all equally likely, so the rms difference from the named one.
+
+    Args:
+        named: the cause by which the results are.
+        members: the other causes, and (m,) how far the results by each are from these.
+    """
+    covariance = np.sum([np.outer(moved, moved) for _, moved in members], axis=0) / (len(members) + 1)
+    names = " or ".join(member for member, _ in members)
+    return TypeA(covariance, np.inf, f"model: {named}, or {names}", "trace of the run", "B")
+
+
 @dataclass(frozen=True)
 class Expected:
     """A run as it is planned, with outputs of sensors as they are expected.
@@ -156,4 +168,8 @@ class Evaluation(ABC):
 
     def notes(self) -> Iterable[str]:
         """Sentences about the scatter."""
+        return ()
+
+    def not_kept(self) -> Iterable[str]:
+        """Sentences about lines of the budget that a calibration file cannot keep for its use."""
         return ()

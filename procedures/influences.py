@@ -179,7 +179,7 @@ def kept(evaluation: Evaluation, stated: Statements) -> tuple[list[Kept], list[s
     for constant in stated.place.values():
         for part, shifts in evaluation.of_place(constant):
             add(f"{constant.name.replace('_', ' ')}{part}", constant.source, constant.df, shifts, {})
-    return found, notes
+    return found, [*notes, *evaluation.not_kept()]
 
 
 def _lines_in_use(one: Stated, columns: Columns) -> dict[str, tuple[float, float]] | None:

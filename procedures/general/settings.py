@@ -235,7 +235,8 @@ class GeneralProcedure(Strict):
     def _can_be_run(self) -> Self:
         if self.environment is not None and self._whole_plots:
             raise ValueError(
-                "environment sets every chamber, and a hard factor sets one: give the temperatures as factors only"
+                "environment goes with no hard factor: its temperatures are settled before the first point only; give "
+                "them as a hard factor"
             )
         if not self.design.known:
             return self  # a file is read, or a design is searched, when a run is planned
@@ -312,12 +313,11 @@ class GeneralProcedure(Strict):
 
     @property
     def settled(self) -> Mapping[str, Settle]:
-        """Criterion of arrival of each easy factor, by its axis."""
+        """Criterion of arrival of each factor, by its axis, those that are easy to change first."""
         settle = self.settle
         return {
             stem_of(name): factor.settle(self._span(name), settle.dwell_s, settle.timeout_s)
-            for name, factor in self.factors.items()
-            if not factor.hard
+            for name, factor in sorted(self.factors.items(), key=lambda one: one[1].hard)
         }
 
     @property

@@ -29,6 +29,7 @@ from rig.certificate import words
 from rig.certificate.assembly import SMALL
 from rig.certificate.document import Document
 from rig.certificate.numbers import plain
+from rig.closed_loop.budget import DOMINATED
 from rig.controller import start_run
 from rig.engine.session import Signals
 from rig.plans import load_plan
@@ -251,7 +252,7 @@ def sources(run: Path, stand: AnyStand, made: Made) -> tuple[list[float], str]:
     numbers += [scale * number for number in numbers_of(traced.to_json()["sensors"]) for scale in (1.0, 100.0)]
     kept += [f"{one.size} {one.size_95}" for outcome in traced.traced.outcomes for one in outcome.findings]
     fixed = json.dumps({name: text for name, text in vars(words).items() if name.isupper()}, default=str)
-    kept.append(settings.decision.words)
+    kept += [settings.decision.words, DOMINATED]
     return numbers, " ".join([*kept, (stand.folder / "certificate.toml").read_text(), fixed])
 
 

@@ -126,26 +126,6 @@ def read_dcc(path: Path) -> Read:
     return parsed(bytes_of(path), str(path))
 
 
-def number_in(path: Path, where: str, row: int | None = None) -> Number:
-    """One number of a certificate, for a register of equipment.
-
-    Args:
-        path: the XML file.
-        where: path of names, name or refType, as for `Read.find`.
-        row: which value of a list, from 1; None if there is only one.
-
-    Raises:
-        UsageError: it is not there, there are several, or the row does not exist.
-    """
-    found = read_dcc(path).find(where)
-    count = len(found.numbers)
-    if row is None and count > 1:
-        raise UsageError(f"{path}: {found.name} has {count} values; say which row, 1 to {count}")
-    if row is not None and not 1 <= row <= count:
-        raise UsageError(f"{path}: {found.name} has no row {row}, but 1 to {count}")
-    return found.numbers[(row or 1) - 1]
-
-
 def bytes_of(path: Path) -> bytes:
     """Contents of the file of a certificate. Raises `UsageError`."""
     try:

@@ -278,7 +278,7 @@ class AtPoint:
             self._journal.write(replace(observed, verdict=REJECTED, hole_s=hole.hole_s))
             raise
         if self._soaking is not None:
-            why = self._soaking.lost_now(at.point, chambers, at.observation.temperatures)
+            why = self._soaking.lost_now(at.point, chambers, at.observation.temperatures, after)
             if why:  # one commit: after a kill between the two records the whole plot would go on
                 self._journal.write(replace(observed, verdict=REJECTED, lost=why), commit=False)
                 self._soaking.lose(why)

@@ -42,9 +42,10 @@ class _Output:
         """Probability that these readings are all equal by chance, from earlier observations; 1 if they are not
         equal.
         """
-        if self.doubted is not None and set(readings) != {self.doubted}:
+        different = set(readings)
+        if self.doubted is not None and different != {self.doubted}:
             self.seen, self.still, self.doubted = self.seen + 1, self.still + 1, None
-        if len(set(readings)) > 1:
+        if len(different) > 1:
             self.seen += 1
             return 1.0
         if len(readings) < 2:
@@ -99,7 +100,7 @@ class Liveness:
         last = {name: (*self._last.get(name, ()), *passing.get(name, ())) for name in now}
         if self._point is not None and self._point.setpoints != point.setpoints:
             self._former, self._here = self._last, {}
-        found = [name for name, readings in now.items() if self._repeats(name, readings, last[name], point)]
+        found = [n for n, r in now.items() if len(set(r)) == 1 and self._repeats(n, r, last[n], point)]
         found = found or self._too_still(now) or self._unknown(now, last)
         self._new, self._begun = False, 0
         if found:

@@ -140,7 +140,7 @@ class Laboratory:
             self._read_formulas(bench)
 
     def _read_formulas(self, bench: Mapping[str, Any]) -> None:
-        known = [*self._factors, *self._truth.lags, "elapsed_h", "lab_degC"]
+        known = [*self._factors, *self._truth.lags, *self._truth.draws, "elapsed_h", "lab_degC"]
         stems = [_stem(factor) for factor in self._factors]
         known += [f"{stem}{what}" for stem in stems for what in ("_side", "_for_s")]
         for name, sensor in self.sensors.items():
@@ -151,9 +151,10 @@ class Laboratory:
             )
         for where, given in (("sources", self._truth.sources), ("references", self._truth.references)):
             known_keys(given, list(self._factors), where, "factors of this bench")
-        for name, lag in self._truth.lags.items():
-            if lag.of not in self._factors:
-                raise WorldError(f"lags.{name}.of = {lag.of!r} is not a factor of this bench")
+        for key, tables in (("lags", self._truth.lags), ("draws", self._truth.draws)):
+            for name, table in tables.items():
+                if table.of not in self._factors:
+                    raise WorldError(f"{key}.{name}.of = {table.of!r} is not a factor of this bench")
         for factor, table in bench.get("references", {}).items():
             text, of_bench = self._truth.references.get(factor, StandardTruth()).formula, table.get("formula")
             where = f"references.{factor}.formula"
@@ -228,14 +229,15 @@ class Laboratory:
         return {factor: self._steps(factor).direction(t) for factor in self._factors}
 
     def stay(self, t: float) -> int:
-        """A number for the stay at the present temperatures of chambers and baths."""
+        """A number for the stay at the present temperatures of chambers and baths, and settings with a draw."""
         baths = (
             self._sources[instrument].settings.changed(t, _NEW_STAY_DEGC)
             for factor, instrument in self._factors.items()
             if factor.endswith("_degC") and instrument in self._sources
         )
+        draws = (self._steps(draw.of).since(t) for draw in self._truth.draws.values())
         chambers = (c.temperatures.since(t) for c in self._chambers.values())
-        return event_at(max((*chambers, *baths), default=self._start))
+        return event_at(max((*chambers, *baths, *draws), default=self._start))
 
     def _variables(self, t: float) -> dict[str, float]:
         found = self.factors(t)
@@ -245,6 +247,8 @@ class Laboratory:
             found[f"{stem}_for_s"] = max(0.0, t - steps.since(t))
         for name, lag in self._truth.lags.items():
             found[name] = self._steps(lag.of).behind(t, lag.time_constant_s)
+        for name, draw in self._truth.draws.items():
+            found[name] = draw.sd * normal(self._truth.seed, f"draw {name}", event_at(self._steps(draw.of).since(t)))
         return found | {"elapsed_h": (t - self._start) / 3600.0, "lab_degC": self._lab.degC(t)}
 
     def clean(self, sensor: str, t0: float, t1: float) -> float:
