@@ -22,6 +22,9 @@ from fitter.trace.whitened import Whitened
 DELTA = 9.0
 """Units of the error's variance; three standard errors. Calibrated: in 120 runs of 13 x 13 points the true cause lost
 its place to a luckier one with more columns 4 times at 6 and once at 9: python -m proving.statistics attitude width."""
+NEARLY = 16.0
+"""The same for a cause that the data exclude, but not so clearly that chance and the choice of the best of many could
+not have done it: the true cause was 3.1 standard errors behind in one of 24 runs of `confirm pairs`."""
 PER_COLUMN = 2.0
 """Price of a column in the same units, so that more columns are no advantage of a cause. A searched constant has the
 price of a column.
@@ -68,6 +71,11 @@ class Rival:
     def alias(self) -> bool:
         """Whether the data cannot distinguish it from the best, and it is physically possible."""
         return not self.refused and self.sigmas**2 <= DELTA
+
+    @property
+    def near(self) -> bool:
+        """Whether the data exclude it, but barely."""
+        return not self.refused and DELTA < self.sigmas**2 <= NEARLY
 
 
 def rivals(

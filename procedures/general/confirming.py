@@ -11,11 +11,11 @@ import numpy as np
 
 from fitter.arithmetic_text import parse_expression
 from fitter.arrays import FloatArray, IntArray
-from fitter.confirm import Confirmation, Question
+from fitter.confirm import Confirmation, Later, Question
 from fitter.effects.entry import Entry
 from fitter.effects.hands import Done
 from fitter.errors import FitError
-from fitter.trace.aliases import DELTA, Rival
+from fitter.trace.aliases import DELTA, NEARLY, Rival
 from fitter.trace.found import Explanation
 from fitter.trace.search import names_of
 from procedures.column_names import unit_of
@@ -116,6 +116,7 @@ class FoundInRun:
                 tuple(term for output, own in by_output.items() for term in self._columns(output, own[name].terms)),
                 float(np.sqrt(cost - least)),
                 alias=cost - least <= DELTA,
+                near=DELTA < cost - least <= NEARLY and not any(own[name].refused for own in by_output.values()),
             )
             for name, cost in costs.items()
         ]
@@ -137,6 +138,7 @@ class GeneralConfirming(Confirming):
     """See `procedures.confirming.Confirming`. Errors are those of the outputs, in their own units."""
 
     traced: RunTraced
+    earlier: tuple[Later, ...] = ()
 
     per_slope = 1.0
     passes = 1, 2, 4
@@ -178,8 +180,8 @@ class GeneralConfirming(Confirming):
     def beside(self, later: Observations, after_s: float, done: Sequence[Done] = ()) -> GeneralTogether:
         """See `Confirming`."""
         roles = {output: one.roles for output, one in self.traced.each.items()}
-        found = self.found
-        return GeneralTogether.of(found.sensors, roles, self.data.table, later.table, after_s, done, found.constants)
+        every = [*self.earlier, Later(later, after_s, done)]
+        return GeneralTogether.of(self.found.sensors, roles, self.data.table, every, self.found.constants)
 
     @cached_property
     def catalogue(self) -> Sequence[Entry]:

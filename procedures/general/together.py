@@ -1,7 +1,8 @@
-"""Two runs of any laboratory as one problem: the declared model of every sensor, and the effects found in any."""
+"""Runs of any laboratory as one problem: the declared model of every sensor, and the effects found in any."""
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -13,8 +14,8 @@ from numpy.typing import NDArray
 
 from fitter.arrays import FloatArray
 from fitter.confirm import Question, Together
+from fitter.confirm.runs import Later, changes, numbers
 from fitter.confirm.together import Candidates, Own
-from fitter.effects.hands import Done
 from fitter.errors import FitError
 from procedures.errors import DataError
 from procedures.general.column_roles import Roles, roles_of
@@ -136,14 +137,14 @@ def join(first: Table, later: Table, after_s: float, needed: Sequence[str]) -> T
 
 @dataclass(frozen=True, eq=False)
 class Whole:
-    """Both runs, prepared for every sensor.
+    """All runs, prepared for every sensor.
 
     Attributes:
         table: all rows, those of the first run first, each run in order of time.
         data: of all rows, by output.
-        later: of the later run's rows alone, by output; without sensors whose model has too many columns for them.
+        later: of the later runs' rows alone, by output; without sensors whose model has too many columns for them.
         traces: findings in the first run, by output.
-        count: number of rows of the first run.
+        begins: first row of each run.
         constants: time constants of explanations that remember earlier settings, by output.
     """
 
@@ -151,7 +152,7 @@ class Whole:
     data: Mapping[str, TableData]
     later: Mapping[str, TableData]
     traces: Mapping[str, TableTrace]
-    count: int
+    begins: tuple[int, ...]
     constants: Mapping[str, Sequence[float]]
     _kept: dict[tuple[str, bool, bool], FloatArray] = field(default_factory=dict)
 
@@ -181,24 +182,23 @@ class Whole:
 
     @cached_property
     def _rows(self) -> Rows:
-        return Rows(self.table.columns, self.table.columns[TIME], (0, self.count))
+        return Rows(self.table.columns, self.table.columns[TIME], self.begins)
 
     @cached_property
     def _since_begin(self) -> Rows:
-        """The rows with a time that begins anew in the later run."""
+        """The rows with a time that begins anew in every run."""
         t = self.table.columns[TIME]
-        since = np.concatenate([t[: self.count], t[self.count :] - t[self.count] + t[0]])
-        return Rows({**self.table.columns, TIME: since}, since, (0, self.count))
+        since = np.concatenate([run - run[0] + t[0] for run in np.split(t, self.begins[1:])])
+        return Rows({**self.table.columns, TIME: since}, since, self.begins)
 
     def started(self, output: str) -> FloatArray:
-        """(n, c) decays from the first row of the later run on: it is not known what stood before, and for how long."""
+        """(n, c) decays from the first row of every later run on: it is not known what stood before, for how long."""
         t = self.table.columns[TIME]
-        since = t - t[self.count]
-        columns = [np.where(since >= 0.0, np.exp(-np.maximum(since, 0.0) / tau), 0.0) for tau in self._taus(output)]
-        return np.column_stack(columns) if columns else np.zeros((len(t), 0))
-
-    def _taus(self, output: str) -> Sequence[float]:
-        return self.constants.get(output, ())
+        run = np.searchsorted(self.begins, np.arange(len(t)), side="right") - 1
+        since = t - t[list(self.begins)][run]
+        every = itertools.product(range(1, len(self.begins)), self.constants.get(output, ()))
+        columns = [np.where(run == k, np.exp(-since / tau), 0.0) for k, tau in every]
+        return np.column_stack([np.zeros((len(t), 0)), *columns])
 
 
 def _some(every: Mapping[str, One], outputs: Collection[str]) -> Mapping[str, One]:
@@ -249,28 +249,29 @@ class GeneralTogether(Together):
         traces: Mapping[str, TableTrace],
         roles: Mapping[str, Roles],
         first: Table,
-        later: Table,
-        after_s: float,
-        done: Sequence[Done] = (),
+        later: Sequence[Later],
         constants: Mapping[str, Sequence[float]] = MappingProxyType({}),
     ) -> Self:
-        """A run, its traces, and a later run; both in order of time. `constants` as in `Whole`.
+        """A run, its traces, and later runs; all in order of time. `constants` as in `Whole`.
 
         Raises:
-            FitError: the later run lacks a column of the first, or too few rows.
+            FitError: a later run lacks a column of the first, or too few rows.
         """
         used = [name for one in roles.values() for name in (one.response, *one.named)]
-        both = join(first, later, after_s, list(dict.fromkeys([*used, *first.factors])))
+        needed = list(dict.fromkeys([*used, *first.factors]))
+        both = first
+        for one in later:
+            both = join(both, one.data.table, one.after_s, needed)
         every = {
             output: replace(own, ignore=tuple(name for name in own.ignore if name in both.columns))
             for output, own in roles.items()
         }
         data = {output: roles_of(both, own)[0] for output, own in every.items()}
-        alone = dict(_those_that_can(later, every))
-        n, count = len(both), len(first)
-        changes = tuple(one.after_first(count) for one in done)
-        whole = Whole(both, data, alone, traces, count, constants)
-        return cls(np.arange(n) >= count, whole, np.arange(n), done=changes)
+        run = numbers(len(first), later)
+        begins = tuple(np.searchsorted(run, np.arange(1 + len(later))).tolist())
+        fresh = replace(both, columns={name: v[len(first) :] for name, v in both.columns.items()}, rows=())
+        whole = Whole(both, data, dict(_those_that_can(fresh, every)), traces, begins, constants)
+        return cls(run, whole, np.arange(len(both)), done=changes(len(first), later))
 
     @property
     def data(self) -> Outputs:
@@ -361,7 +362,7 @@ class GeneralTogether(Together):
 
     def shapes(self, *, lasting: bool) -> Iterator[FloatArray]:
         """See `Together`: the places where a trace looks for shapes without a name."""
-        fresh = self.rows[self.fresh] - self.whole.count
+        fresh = self.rows[self.fresh] - self.whole.begins[1]
         for output, one in self.whole.later.items():
             for place in places_of(one.scene, one.shared):
                 if lasting and place.timed:
@@ -374,4 +375,4 @@ class GeneralTogether(Together):
         """See `Together`."""
         kept = np.asarray(rows, np.bool_)
         done = tuple(one.at(kept) for one in self.done)
-        return replace(self, fresh=self.fresh[kept], rows=self.rows[kept], done=done)
+        return replace(self, run=self.run[kept], rows=self.rows[kept], done=done)
