@@ -107,7 +107,7 @@ class FoundInRun:
 
     @property
     def remembered(self) -> Mapping[str, Remembered]:
-        """What an explanation remembers of earlier settings, by output."""
+        """Memory of earlier settings in the explanations, by output."""
         outputs = {**self.constants, **self.sides}
         return {name: Remembered(self.constants.get(name, ()), self.sides.get(name, ())) for name in outputs}
 

@@ -48,7 +48,7 @@ class RunTerm:
     slope: tuple[float, ...] = ()
 
     def column(self, rows: Rows) -> FloatArray:
-        """(n,) what it is in some rows."""
+        """(n,) its values in some rows."""
         if not self.slope:
             return column(self.block.labels[self.at], rows)
         assert self.block.profile is not None

@@ -87,7 +87,7 @@ def join(first: Table, later: Table, after_s: float, needed: Sequence[str]) -> T
 
 @dataclass(frozen=True)
 class Remembered:
-    """What explanations in a sensor remember of earlier settings.
+    """Memory of earlier settings in the explanations of a sensor.
 
     Attributes:
         constants: their time constants.
