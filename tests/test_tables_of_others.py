@@ -526,6 +526,25 @@ def test_rows_of_another_number_of_cells_under_a_table(tmp_path):
     assert "what follows the table from row 8 on was not read" in table.understood["sentence"]
 
 
+@pytest.mark.parametrize("separator", [",", ";"])
+def test_names_that_are_written_again(tmp_path, separator):
+    """Loggers that are started again append to their file."""
+    text = "x,y\n1,2.5\n2,3.5\nx,y\n3,4.5\n".replace(",", separator)
+    table = read_any_csv(written(tmp_path, text), ("x", "y"))
+    assert table.columns["x"].tolist() == [1, 2, 3]
+    assert "row 4 (the names again) left out" in table.understood["sentence"]
+    twice = read_any_csv(written(tmp_path, f"x{separator}y\n" + text), ("x", "y"))
+    assert twice.columns["y"].tolist() == [2.5, 3.5, 4.5]
+
+
+def test_a_column_without_a_name_has_the_same_name_everywhere(tmp_path):
+    path = written(tmp_path, ",x,y\n0,1,2.5\n1,2,3.5\n2,3,4.75\n")
+    table = read_any_csv(path, ("x", "y"))
+    assert "column_1" in table.columns
+    assert "without a name: column_1" in table.understood["sentence"]
+    assert read_any_csv(path, ("column_1",)).columns["column_1"].tolist() == [0, 1, 2]
+
+
 def test_averages_within_a_table(tmp_path):
     """Of each group: left out. A level of a category that has such a name: kept."""
     groups = "g,x,y\na,1,2.1\na,2,4.0\na,3,6.2\nMean,2,4.1\nb,4,8.1\nb,5,10.0\nb,6,12\nMean,5,10.03\n"

@@ -289,15 +289,17 @@ def _cells_of(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
     for number, row in body:
         if len(row) != len(names):
             raise UsageError(f"{path}, row {number}: {len(row)} values for {len(names)} columns; correct the row")
-    _no_footers(path, body)
+    if not all(names) and any(row[names.index("")].strip() for _, row in body):
+        raise UsageError(f"{path}, row 1: a column has no name; give it one")
+    _no_footers(path, names, body)
     return names, body
 
 
-def _no_footers(path: Path, body: Sequence[tuple[int, list[str]]]) -> None:
+def _no_footers(path: Path, names: Sequence[str], body: Sequence[tuple[int, list[str]]]) -> None:
     """Refuse rows that are no observations: then the table is read as one of others, which says what it leaves out."""
     apart = [i > 0 and number > body[i - 1][0] + 1 for i, (number, _) in enumerate(body)]
     cells = [[cell.strip() for cell in row] for _, row in body]
-    found = footers(cells, apart, Notation(), lambda i: f"{path}, row {body[i][0]}")
+    found = footers(names, cells, apart, Notation(), lambda i: f"{path}, row {body[i][0]}")
     for i, cell in found.items():
         raise UsageError(f"{path}, row {body[i][0]}: {cell[:40]!r} shows that it is no observation; remove the row")
 
