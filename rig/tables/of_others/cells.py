@@ -18,7 +18,7 @@ from rig.tables.of_others.encoding import text_of
 from rig.tables.of_others.footers import footers, labelled_rows
 from rig.tables.of_others.layout import NO_SEPARATOR, Layout, NoTable, is_time, layout_of
 from rig.tables.of_others.lines import lines_of
-from rig.tables.of_others.numbers import Notation, finite, is_missing, looks_like_number, notation_of
+from rig.tables.of_others.numbers import Notation, finite, is_missing, is_overload, looks_like_number, notation_of
 
 _SHOWN, _FEW, _LONG = 8, 3, 40
 _SAID = {";": "semicolons", "\t": "tabs", "|": "pipes", " ": "blanks"}
@@ -91,6 +91,7 @@ class Cells:
         """Whether the file is written as our own tables are."""
         ordinary = self.encoding in ("utf-8", "utf-8-sig") and self.layout.separator == "," and not self.layout.units
         ordinary = ordinary and not self.footers and all(self.layout.names)
+        ordinary = ordinary and not any(is_overload(cell) for cells in self.columns.values() for cell in cells)
         return ordinary and self.layout.header == 1 and self.notation == Notation()
 
     def any(self, needed: Collection[str]) -> Table:
@@ -248,6 +249,9 @@ class Cells:
         nameless = [name for name in self.columns if name not in layout.names and name.startswith("column_")]
         if nameless and layout.header:
             yield f"without a name: {', '.join(nameless[:_SHOWN])}"
+        overloaded = sum(is_overload(cell) for cells in self.columns.values() for cell in cells)
+        if overloaded:
+            yield f"{overloaded} cell{'s' * (overloaded > 1)} with 9.9E37, the overload of a meter: no value"
         if self.remarks:
             yield f"{rows_in_words(self.remarks)} left out as {'remarks' if len(self.remarks) > 1 else 'a remark'}"
         if self.footers:
