@@ -41,8 +41,9 @@ BY_SHAPE = (
     "and right only if these errors are rectangular, as stated"
 )
 DOMINATED = (
-    "one or two rectangular limits of error, as the register states them, dominate these results; their coverage "
-    "factor is by the shape of the distribution and smaller than Student's t (EA-4/02, S9 and S10)"
+    "one or two rectangular limits of error, as the register states them, dominate these results (half of the variance "
+    "or more); their coverage factor is by the shape of the distribution and smaller than Student's t (EA-4/02, S9 and "
+    "S10)"
 )
 UNSTATED = "the register states no errors of {names}: none are in these uncertainties"
 IN_USE = (
