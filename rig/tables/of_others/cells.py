@@ -16,7 +16,7 @@ from rig.errors import UsageError
 from rig.tables.of_others.asked import Asked
 from rig.tables.of_others.encoding import text_of
 from rig.tables.of_others.footers import footers, labelled_rows
-from rig.tables.of_others.layout import Layout, NoTable, is_time, layout_of
+from rig.tables.of_others.layout import NO_SEPARATOR, Layout, NoTable, is_time, layout_of
 from rig.tables.of_others.lines import lines_of
 from rig.tables.of_others.numbers import Notation, finite, is_missing, looks_like_number, notation_of
 
@@ -57,7 +57,7 @@ class Cells:
         lines = list(lines_of(text))
         layout = layout_of(lines, str(path), asked)
         rows = [line.cells(layout.separator) for line in layout.body]
-        if len(layout.names) < 2:
+        if len(layout.names) < 2 and layout.separator != NO_SEPARATOR:
             raise NoTable(f"{path} holds no table that is recognised")
         for line, row in zip(layout.body, rows, strict=True):
             if any(row[len(layout.names) :]):
@@ -224,7 +224,9 @@ class Cells:
 
     def _parts(self) -> Iterator[str]:
         layout = self.layout
-        if layout.separator != ",":
+        if layout.separator == NO_SEPARATOR:
+            yield "one column"
+        elif layout.separator != ",":
             yield f"cells separated by {_SAID[layout.separator]}"
         if self.notation.decimal == ",":
             yield "decimal comma"
