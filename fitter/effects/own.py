@@ -92,7 +92,7 @@ def _effect(table: Any, grammars: Sequence[Grammar]) -> Entry:
 
 
 def _by_hand(name: str, told: Any) -> ByHand:
-    """What a change by a person does to it. Raises `FitError`."""
+    """Influence of a change by a person on it. Raises `FitError`."""
     words = told if isinstance(told, Mapping) else {}
     texts = all(isinstance(value, str) and value for value in words.values())
     if set(words) != set(_CHANGE) or not texts or words["does"] not in _DOES:
