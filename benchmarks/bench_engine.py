@@ -9,13 +9,17 @@ too), and how many syncs a commit really makes, counted by a recording VFS.
 
 from __future__ import annotations
 
+import contextlib
 import importlib.util
+import itertools
 import os
 import statistics
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
 from pathlib import Path
+from unittest.mock import patch
 
 import apsw
 
@@ -27,12 +31,17 @@ import ideal_bench
 from benchmarks.load import commits
 from benchmarks.scratch import RUNS
 from procedures.attitude.settings import PitchRollProcedure
+from rig.engine.at_point import AtPoint
+from rig.engine.early_warning import EarlyWarnings
+from rig.engine.guard import Guard
+from rig.engine.journal import Journal
+from rig.engine.liveness import Liveness
 from rig.run_file.chain import Record, encode
 from rig.run_file.writer import RunWriter
 
 MEMORY = Path("/dev/shm") if Path("/dev/shm").is_dir() else None
 POINTS = 2886
-ROUNDS = 5
+ROUNDS = 3
 
 
 def procedure() -> PitchRollProcedure:
@@ -60,6 +69,33 @@ def ours(folder: Path) -> tuple[float, float]:
     assert len(state.accepted) == POINTS
     path.unlink()
     return seconds / POINTS, processor / POINTS
+
+
+@contextlib.contextmanager
+def nobody_watches() -> Iterator[None]:
+    """For as long as it lasts, runs have no early warnings, limits, interlocks, liveness, live state and progress."""
+    with (
+        patch.object(EarlyWarnings, "add", return_value=[]),
+        patch.object(Liveness, "hanging", return_value=[]),
+        patch.object(Guard, "check_axes", return_value=None),
+        patch.object(Guard, "check_temperatures", return_value=None),
+        patch.object(Journal, "tell", return_value=None),
+    ):
+        yield
+
+
+def point_s(folder: Path) -> float:
+    """Median wall seconds between two records of a run: what else the machine does interrupts few points."""
+    moments: list[float] = []
+    recording = AtPoint.recording
+
+    def timed(self: AtPoint) -> str:
+        moments.append(time.perf_counter())
+        return recording(self)
+
+    with patch.object(AtPoint, "recording", timed):
+        ours(folder)
+    return statistics.median(b - a for a, b in itertools.pairwise(moments))
 
 
 def bluesky() -> tuple[float, float]:
@@ -145,12 +181,15 @@ def main() -> None:
     if not peer:
         print("bluesky is not installed: pip install -e '.[bench]'")
     with tempfile.TemporaryDirectory(dir=RUNS) as name, tempfile.TemporaryDirectory(dir=MEMORY) as memory:
-        folder, mine, bare, unsynced, theirs = Path(name), [], [], [], []
+        folder, mine, bare, unsynced, theirs, watched, unwatched = Path(name), [], [], [], [], [], []
         ours(folder)
         for _ in range(ROUNDS):  # in turns: a shared machine changes its speed within minutes
             mine.append(ours(folder))
             bare.append(bare_sync(folder))
             unsynced.append(ours(Path(memory)))
+            watched.append(point_s(Path(memory)))
+            with nobody_watches():
+                unwatched.append(point_s(Path(memory)))
             if peer:
                 theirs.append(bluesky())
         (wall, processor), sync, (_, alone) = middle(mine), statistics.median(bare), middle(unsynced)
@@ -159,6 +198,12 @@ def main() -> None:
         )
         print(f"bare fdatasync of 2 kB:           {sync * 1e6:7.0f} us; a point is {wall / sync:.1f} of them")
         print(f"run file in memory:               {alone * 1e6:7.0f} us of processor time a point")
+        all_of_it, bare_of_it = statistics.median(watched), statistics.median(unwatched)
+        print(
+            f"a point in memory, median of its points: {all_of_it * 1e6:.0f} us, without warnings, interlocks, "
+            f"liveness and progress {bare_of_it * 1e6:.0f}: they cost {(all_of_it - bare_of_it) * 1e6:.0f} us, "
+            f"{100 * (all_of_it - bare_of_it) / (all_of_it + sync):.0f} % of a point with its fdatasync"
+        )
         beside = commits(folder)
         low, median = beside["ratio"]
         print(f"a commit over a bare fdatasync:   {median:7.2f} (medians; lowest tenths {low:.2f})")
