@@ -170,6 +170,10 @@ class Evaluation(ABC):
         """Sentences about the scatter."""
         return ()
 
+    def described(self, sensor: str) -> str:
+        """How a sensor's output follows from its coefficients, a sentence; "" if it is not said."""
+        return ""
+
     def not_kept(self) -> Iterable[str]:
         """Sentences about lines of the budget that a calibration file cannot keep for its use."""
         return ()

@@ -93,6 +93,21 @@ def test_a_limit_that_dominates_has_its_own_coverage_factor_and_the_certificate_
     assert all(float(one.k) > 2.5 for table in rare.tables for one in table.results)
 
 
+def test_the_page_says_how_the_output_follows_from_the_coefficients(made):
+    (table,) = made.document.tables
+    assert table.notes == ("Output in V: the sum of all coefficients, each times its term, by the model 1 + force_kN.",)
+
+
+@pytest.mark.parametrize(("asset", "column"), [("W-1", "force_kN"), ("DVM-1", "cell_V")])
+def test_what_is_read_or_set_without_a_stated_error_is_refused(run, tmp_path, asset, column):
+    register = tmp_path / "equipment.toml"
+    said = rf"(?s)\[\[equipment\.{asset}\.says\]\].*?(?=\[equipment\.DVM-1\]|\[sensors)"
+    register.write_text(re.sub(said, "", REGISTER))
+    assert any(one.startswith(f"{column}: the register states") for one in reasons(run, tmp_path, equipment=register))
+    told = f"the register states no errors of {column}: none are in these uncertainties"
+    assert told in budget(run, equipment=register).notes()
+
+
 def test_two_statements_of_one_sort_are_two_influences(run, tmp_path):
     """Such as the uncertainty of the calibration, and that of a specification: both are gains."""
     again = "[[equipment.W-1.says]]\nquantity = 'force_kN'\nbehaves = 'gain'\nunit = '%'\nhalf_width = 0.02\n"

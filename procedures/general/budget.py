@@ -12,6 +12,7 @@ import numpy as np
 from fitter import LinearFit
 from fitter.arrays import FloatArray, IntArray
 from fitter.errors import FitError
+from fitter.formula import Formula
 from procedures.budget_by_sensor import EvaluationBySensor
 from procedures.column_names import spelled, stem_of, unit_of, with_word
 from procedures.errors import DataError
@@ -255,6 +256,14 @@ class GeneralEvaluation(EvaluationBySensor):
         """See `Evaluation`."""
         every = ((one.name, one.readings_scatter) for one in self._each)
         return (words for name, one in every if one is not None and (words := one.sentence(name)))
+
+    def described(self, sensor: str) -> str:
+        """See `Evaluation`."""
+        formula = next(one for one in self._each if one.name == sensor).calibration.formula
+        unit = spelled(unit_of(sensor))
+        if isinstance(formula, Formula):
+            return f"Output in {unit}: the sum of all coefficients, each times its term, by the model {formula}"
+        return f"Output in {unit}: {formula}"
 
     def charted(self, sensor: str) -> tuple[str, FloatArray]:
         """See `Evaluation`: errors of curves are in the output's unit."""

@@ -138,6 +138,13 @@ class PressureEvaluation(EvaluationBySensor):
         """See `EvaluationBySensor`."""
         return self._each
 
+    def described(self, sensor: str) -> str:
+        """See `Evaluation`."""
+        return (
+            "Output in mV: the sum of all coefficients, each times its term, with the pressure P in psia and the "
+            "temperatures T_sensor and T_SSE in degC"
+        )
+
     def charted(self, sensor: str) -> tuple[str, FloatArray]:
         """See `Evaluation`."""
         return "psi", next(one.slope for one in self._each if one.name == sensor)

@@ -41,9 +41,11 @@ BY_SHAPE = (
     "and right only if these errors are rectangular, as stated"
 )
 DOMINATED = (
-    "one or two rectangular limits of error, as the register states them, dominate these results; their coverage "
-    "factor is by the shape of the distribution and smaller than Student's t (EA-4/02, S9 and S10)"
+    "one or two rectangular limits of error, as the register states them, dominate these results (half of the variance "
+    "or more); their coverage factor is by the shape of the distribution and smaller than Student's t (EA-4/02, S9 and "
+    "S10)"
 )
+UNSTATED = "the register states no errors of {names}: none are in these uncertainties"
 IN_USE = (
     "inferred values are for a use {days:g} days after the run, with the drift of the sensors by their history; "
     "coefficients and outputs are those of the run"
@@ -92,6 +94,7 @@ class RunBudget:
         influences: on the results.
         notes: sentences for readers.
         checks: of each result by simulation; empty if none was asked for.
+        unstated: columns whose errors the register does not state.
     """
 
     of: OfRun
@@ -102,6 +105,7 @@ class RunBudget:
     influences: tuple[Influence, ...]
     notes: tuple[str, ...]
     checks: tuple[Check, ...] = ()
+    unstated: tuple[str, ...] = ()
 
 
 def run_with_register(path: Path, equipment: Path | None = None) -> OfRun:
@@ -244,6 +248,8 @@ def budget_of(
     except FitError as error:
         raise DataError(f"{of.table.source}: {error}") from error
     notes = [SAME_METER if same_meter else OTHER_METER, *found.notes, *of.stated.unused]
+    unstated = unstated_of(evaluation, of.stated)
+    notes += [UNSTATED.format(names=", ".join(unstated))] if unstated else []
     if of.corrected:
         notes.insert(0, f"corrected by the certificates: {', '.join(of.corrected)}")
     if of.stated.example:
@@ -262,7 +268,7 @@ def budget_of(
         except FitError as error:
             raise DataError(f"simulation of the budgets: {error}") from error
         notes += simulated_notes(made, checks, seed)
-    return RunBudget(of, evaluation, made, results.sensors, type_a, found.influences, tuple(notes), checks)
+    return RunBudget(of, evaluation, made, results.sensors, type_a, found.influences, tuple(notes), checks, unstated)
 
 
 def of_drift(of: OfRun, evaluation: Evaluation, days: float) -> Iterator[tuple[str, str, Shifts]]:
@@ -283,6 +289,11 @@ def of_drift(of: OfRun, evaluation: Evaluation, days: float) -> Iterator[tuple[s
             return Shift(in_use=lambda read, values: times * moved if read == column else np.zeros_like(values))
 
         yield f"{name} drift in {days:g} days, by its history", f"sensors.{name}.drift, control chart", shifts
+
+
+def unstated_of(evaluation: Evaluation, stated: Statements) -> tuple[str, ...]:
+    """Columns of an evaluation whose errors the register does not state."""
+    return tuple(name for name in evaluation.columns if not any(name in one.columns for one in stated.errors))
 
 
 def simulated_notes(made: Sequence[Budgeted], checks: Sequence[Check], seed: int) -> list[str]:
