@@ -320,6 +320,7 @@ def test_dates_that_need_no_question():
     dots = [f"0{1 + i}.11.2026 09:00" for i in range(3)]
     assert seconds_of("t", dots).tolist() == [0, 86400, 172800]
     assert seconds_of("t", [f"02/11/2026 09:{i:02d}" for i in range(3)]).tolist() == [0, 60, 120]
+    assert seconds_of("t", ["05/13/2026 10:11:12:500", "05/13/2026 10:11:13:000"]).tolist() == [0, 0.5]
     assert seconds_of("t", ["09:00", "10:00"], ["02/11/2026"] * 2).tolist() == [0, 3600]
     assert seconds_of("t", ["02/13/2026 09:00", "02/13/2026 09:01"]).tolist() == [0, 60]
     with pytest.raises(FitError, match="--date-order"):
@@ -524,6 +525,39 @@ def test_rows_of_another_number_of_cells_under_a_table(tmp_path):
     table = read_any_csv(written(tmp_path, FIVE + "\nSlope,1.99\nIntercept,0.11\n"), ("x", "y"))
     assert table.columns["x"].tolist() == [1, 2, 3, 4, 5]
     assert "what follows the table from row 8 on was not read" in table.understood["sentence"]
+
+
+@pytest.mark.parametrize("separator", [",", ";"])
+def test_names_that_are_written_again(tmp_path, separator):
+    """Loggers that are started again append to their file."""
+    text = "x,y\n1,2.5\n2,3.5\nx,y\n3,4.5\n".replace(",", separator)
+    table = read_any_csv(written(tmp_path, text), ("x", "y"))
+    assert table.columns["x"].tolist() == [1, 2, 3]
+    assert "row 4 (the names again) left out" in table.understood["sentence"]
+    twice = read_any_csv(written(tmp_path, f"x{separator}y\n" + text), ("x", "y"))
+    assert twice.columns["y"].tolist() == [2.5, 3.5, 4.5]
+
+
+@pytest.mark.parametrize("word", ["9.90000000E+37", "-9.9e37", "+9.91000000E+37"])
+@pytest.mark.parametrize("note", ["", ",a"])
+def test_the_overload_of_a_meter_is_no_reading(tmp_path, word, note):
+    """SCPI-99: 9.9E37 for a reading beyond the range, 9.91E37 for none. It was fitted as a number."""
+    path = written(tmp_path, f"x,y{note}\n1,2.5{note}\n2,3.5{note}\n3,{word}{note}\n4,5.5{note}\n")
+    table = read_any_csv(path, ("x", "y"))
+    assert table.columns["y"].tolist() == [2.5, 3.5, 5.5]
+    assert "1 cell with 9.9E37, the overload of a meter: no value" in table.understood["sentence"]
+    assert "1 row left out without a value in y (row 4)" in table.understood["sentence"]
+    assert np.isnan(read_gappy_csv(path, ("y",)).columns["y"][2])
+    with pytest.raises(UsageError, match="row 4"):
+        read_table(path)
+
+
+def test_a_column_without_a_name_has_the_same_name_everywhere(tmp_path):
+    path = written(tmp_path, ",x,y\n0,1,2.5\n1,2,3.5\n2,3,4.75\n")
+    table = read_any_csv(path, ("x", "y"))
+    assert "column_1" in table.columns
+    assert "without a name: column_1" in table.understood["sentence"]
+    assert read_any_csv(path, ("column_1",)).columns["column_1"].tolist() == [0, 1, 2]
 
 
 def test_averages_within_a_table(tmp_path):

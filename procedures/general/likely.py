@@ -30,7 +30,11 @@ _ORDER = re.compile(
     re.IGNORECASE,
 )
 _REPLICATE = re.compile(r"repl|^rep(eat)?s?$|cycle|series|trial|^run$|^pass$", re.IGNORECASE)
-_GROUP = re.compile(r"whole_?plot|batch|block|group|operator|serial|sensor|channel|^day$|shape|type", re.IGNORECASE)
+_GROUP = re.compile(
+    r"whole_?plot|batch|block|group|operator|serial|sensor|channel|^day$|shape|type|"
+    r"instrument|treatment|subject|worker|machine|specimen|device|^lot$|^lab(oratory)?$",
+    re.IGNORECASE,
+)
 _UNCERTAINTY = re.compile(
     r"(?:err(?:or)?|unc(?:ertainty)?|sd|std|stdev|sigma|se|u|d|delta)[_ .](?P<of>.+)|"
     r"(?P<by>.+?)[_ .](?:err(?:or)?|unc(?:ertainty)?|sd|std|stdev|sigma|se)",

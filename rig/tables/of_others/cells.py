@@ -18,7 +18,7 @@ from rig.tables.of_others.encoding import text_of
 from rig.tables.of_others.footers import footers, labelled_rows
 from rig.tables.of_others.layout import NO_SEPARATOR, Layout, NoTable, is_time, layout_of
 from rig.tables.of_others.lines import lines_of
-from rig.tables.of_others.numbers import Notation, finite, is_missing, looks_like_number, notation_of
+from rig.tables.of_others.numbers import Notation, finite, is_missing, is_overload, looks_like_number, notation_of
 
 _SHOWN, _FEW, _LONG = 8, 3, 40
 _SAID = {";": "semicolons", "\t": "tabs", "|": "pipes", " ": "blanks"}
@@ -90,7 +90,8 @@ class Cells:
     def plain(self) -> bool:
         """Whether the file is written as our own tables are."""
         ordinary = self.encoding in ("utf-8", "utf-8-sig") and self.layout.separator == "," and not self.layout.units
-        ordinary = ordinary and not self.footers
+        ordinary = ordinary and not self.footers and all(self.layout.names)
+        ordinary = ordinary and not any(is_overload(cell) for cells in self.columns.values() for cell in cells)
         return ordinary and self.layout.header == 1 and self.notation == Notation()
 
     def any(self, needed: Collection[str]) -> Table:
@@ -245,6 +246,12 @@ class Cells:
             yield "units " + ", ".join(f"{name} {unit}" for name, unit in self.units.items())
         for name in self.renamed:
             yield f"{name} names several columns, which are {name} (column N)"
+        nameless = [name for name in self.columns if name not in layout.names and name.startswith("column_")]
+        if nameless and layout.header:
+            yield f"without a name: {', '.join(nameless[:_SHOWN])}"
+        overloaded = sum(is_overload(cell) for cells in self.columns.values() for cell in cells)
+        if overloaded:
+            yield f"{overloaded} cell{'s' * (overloaded > 1)} with 9.9E37, the overload of a meter: no value"
         if self.remarks:
             yield f"{rows_in_words(self.remarks)} left out as {'remarks' if len(self.remarks) > 1 else 'a remark'}"
         if self.footers:
@@ -276,7 +283,7 @@ def _notation(path: Path, layout: Layout, rows: Sequence[Sequence[str]], asked: 
     numbers = _numbers(columns, [layout.body[i].row for i in kept])
     notation = notation_of(numbers, layout.separator, str(path), asked)
     apart = [line.apart for line in layout.body]
-    return notation, footers(rows, apart, notation, lambda i: f"{path}, row {layout.body[i].row}")
+    return notation, footers(layout.names, rows, apart, notation, lambda i: f"{path}, row {layout.body[i].row}")
 
 
 def _numbers(columns: Sequence[Sequence[str]], rows: Sequence[int]) -> Iterator[tuple[int, str]]:

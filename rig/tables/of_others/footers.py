@@ -89,11 +89,13 @@ def labelled_rows(rows: Sequence[Sequence[str]]) -> dict[int, int]:
 
 
 def footers(
-    rows: Sequence[Sequence[str]], apart: Sequence[bool], notation: Notation, where: Callable[[int], str]
+    names: Sequence[str], rows: Sequence[Sequence[str]], apart: Sequence[bool], notation: Notation,
+    where: Callable[[int], str],
 ) -> dict[int, str]:  # fmt: skip
     """Rows that are no observations: a cell that shows it, by index of the row.
 
     Args:
+        names: of the columns.
         rows: cells of the table under its names, and under its row of units.
         apart: whether a blank line or an empty row stands before each row.
         notation: of the numbers of the file.
@@ -104,6 +106,8 @@ def footers(
     """
     labelled = labelled_rows(rows)
     table = _Rows(rows, apart, notation, labelled)
+    if len(names) > 1 and not all(map(is_value, names)):
+        table.found |= {i: "the names again" for i, row in enumerate(rows) if list(row) == list(names)}
     _remarks(table)
     if labelled and len(labelled) < len(rows) and len(labelled) <= _MOST:
         _summaries(table, where)

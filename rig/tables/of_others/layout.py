@@ -243,6 +243,8 @@ def _with_names(lines: Sequence[Line], block: _Block, name: str, asked: Asked) -
     if asked.header:
         heads = max(heads, 1)
     rows = [_full(line.cells(block.separator), block.count) for line in block.lines[:heads]]
+    while len(rows) > 1 and rows[-1] == rows[-2]:  # the names twice, as of a logger that was started again
+        del rows[-1]
     first = block.lines[0].row if heads else 0
     units: tuple[str, ...] = ()
     before = sum(1 for line in lines[: block.start] if not line.remark)
