@@ -389,6 +389,7 @@ def test_page_and_message_say_what_to_do_and_the_command(tmp_path):
         shown = state_now(read_state(reader), answers.live[-1], True, path)
     assert shown["doing"] == "waits for a person: hang the 5 kN weight"
     assert shown["todo"] == f"rig done {path} --value V"
+    assert shown["said"] == "(V: force_kN)", "what is to be done and the command are not said twice"
     assert shown["tone"] == "hold"
 
     record = next(iter(records(path, "by-hand", "asked")))

@@ -153,6 +153,16 @@ def test_a_sensor_that_lost_half_its_response_is_told():
     assert "response" in {w.cause for _, w in told(130, lambda _: lambda readings: [r / 2 for r in readings])}
 
 
+def test_amperes_beside_the_cube_of_a_temperature_are_followed():
+    """Small columns fell out of the fit: the voltage of a working thermometer was said to follow nothing."""
+    settings = [(amperes, degC) for degC in (75.0, 0.0, 100.0, 25.0, 50.0) for amperes in (5e-5, 1e-4, 1.4e-4, 2e-4)]
+    rows = [(a, t, a * t, t**2, a * t**2, t**3) for a, t in settings] * 2
+    test = ResponseTest([max(column) - min(column) for column in zip(*rows, strict=True)], 0.03, say)
+    said = [test.add(row, 1e6 * row[0] + 3900.0 * row[2], 1e-8, new_whole_plot=False) for row in rows]
+    assert test._model is not None
+    assert set(said) == {""}
+
+
 @pytest.mark.parametrize("seed", range(40))
 def test_the_short_look_finds_nothing_only_where_the_tests_of_response_find_nothing(seed):
     rng = random.Random(seed)

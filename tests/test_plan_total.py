@@ -114,6 +114,15 @@ def test_what_a_general_plan_cannot_promise_is_said(tmp_path, expect, says):
     assert says in told.notes[0]
 
 
+def test_a_plan_names_what_the_register_says_nothing_of(tmp_path):
+    expect = "sigma = { cell = 4e-5 }\noutput = { cell = '0.1 + 0.5*force_kN' }\n"
+    plan = general(tmp_path, expect)
+    without = plan.documents[DOCUMENT].replace('"force_kN"', '"torque_Nm"')
+    told = promised(replace(plan, documents={**plan.documents, DOCUMENT: without}), TODAY)
+    assert "the register states no errors of force_kN: none are in these uncertainties" in told.notes
+    assert not any("states no errors" in note for note in promised(plan, TODAY).notes)
+
+
 def test_an_expected_output_of_no_sensor_is_refused(tmp_path):
     with pytest.raises(ConfigurationError, match="sell"):
         general(tmp_path, "output = { sell = '1 + force_kN' }\n")

@@ -85,7 +85,7 @@ class Rows:
     def _norms(self) -> FloatArray:
         """(groups,) sum of squared weights of each group."""
         inside = self.group >= 0
-        return np.bincount(self.group[inside], self.weight[inside] ** 2, minlength=self.groups)
+        return np.asarray(np.bincount(self.group[inside], self.weight[inside] ** 2, minlength=self.groups), np.float64)
 
     def block(self, out: IntArray) -> FloatArray:
         """(k, k) rows and columns `out` of the residual maker M."""

@@ -19,10 +19,9 @@ from fitter.confirm.together import Candidates, Own
 from fitter.errors import FitError
 from procedures.errors import DataError
 from procedures.general.column_roles import Roles, roles_of
-from procedures.general.effects import OF_CONSTANT, TableEffect
-from procedures.general.effects.literal import Rows, column
+from procedures.general.effects.literal import Rows
 from procedures.general.effects.of_time import WARM_UP
-from procedures.general.effects.scene import Profile, TableTerm
+from procedures.general.run_terms import RunTerm
 from procedures.general.trace import TableData, TableTrace
 from procedures.general.trace.places import places_of
 from procedures.table import Table
@@ -30,7 +29,6 @@ from procedures.table import Table
 TIME = "elapsed_s"
 _NUMBERED = ("replicate", "order", "block", "whole_plot")
 """Columns of numbers that go on in a later run."""
-_STEP = 1e-3
 One = TypeVar("One")
 
 
@@ -57,54 +55,6 @@ class Observations:
 
     def __len__(self) -> int:
         return len(self.table)
-
-
-@dataclass(frozen=True)
-class Label:
-    """One column of a term.
-
-    Attributes:
-        name: its formula.
-    """
-
-    name: str
-
-
-@dataclass(frozen=True, eq=False)
-class RunTerm:
-    """One column of an effect in one sensor.
-
-    Attributes:
-        effect: the effect.
-        term: the column.
-        sensor: its output.
-        block: the term of the first run.
-        at: number of the column in it.
-        slope: whether it is the change of that column with the logarithm of its searched constant.
-    """
-
-    effect: TableEffect
-    term: Label
-    sensor: str
-    block: TableTerm
-    at: int
-    slope: bool = False
-
-
-def columns_of(effect: TableEffect, block: TableTerm, sensor: str) -> Iterator[RunTerm]:
-    """The columns of a term in a sensor, and their slopes over its searched constant: a search knows it about only."""
-    slopes = np.zeros(0) if block.profile is None else np.linalg.norm(_slopes(block.profile), axis=0)
-    for at, label in enumerate(block.labels):
-        yield RunTerm(effect, Label(label), sensor, block, at)
-    for at, length in enumerate(slopes.tolist()):
-        if length > 0.0:
-            yield RunTerm(effect, Label(f"{OF_CONSTANT}{block.labels[at]}"), sensor, block, at, slope=True)
-
-
-def _slopes(profile: Profile) -> FloatArray:
-    """(n, d) change of a term's columns with the logarithm of its searched constant."""
-    above, below = (profile.at(profile.value * (1.0 + step)).columns for step in (_STEP, -_STEP))
-    return np.asarray((above - below) / (2.0 * _STEP))
 
 
 def join(first: Table, later: Table, after_s: float, needed: Sequence[str]) -> Table:
@@ -135,6 +85,19 @@ def join(first: Table, later: Table, after_s: float, needed: Sequence[str]) -> T
     return replace(first, columns=columns, rows=())
 
 
+@dataclass(frozen=True)
+class Remembered:
+    """Memory of earlier settings in the explanations of a sensor.
+
+    Attributes:
+        constants: their time constants.
+        sides: columns with a direction of approach.
+    """
+
+    constants: tuple[float, ...] = ()
+    sides: tuple[str, ...] = ()
+
+
 @dataclass(frozen=True, eq=False)
 class Whole:
     """All runs, prepared for every sensor.
@@ -145,7 +108,7 @@ class Whole:
         later: of the later runs' rows alone, by output; without sensors whose model has too many columns for them.
         traces: findings in the first run, by output.
         begins: first row of each run.
-        constants: time constants of explanations that remember earlier settings, by output.
+        remembered: what explanations remember of earlier settings, by output.
     """
 
     table: Table
@@ -153,8 +116,8 @@ class Whole:
     later: Mapping[str, TableData]
     traces: Mapping[str, TableTrace]
     begins: tuple[int, ...]
-    constants: Mapping[str, Sequence[float]]
-    _kept: dict[tuple[str, bool, bool], FloatArray] = field(default_factory=dict)
+    remembered: Mapping[str, Remembered]
+    _kept: dict[tuple[str, tuple[float, ...], bool], FloatArray] = field(default_factory=dict)
 
     def of(self, outputs: Collection[str]) -> Whole:
         """The same for some of the sensors."""
@@ -163,7 +126,7 @@ class Whole:
             data=_some(self.data, outputs),
             later=_some(self.later, outputs),
             traces=_some(self.traces, outputs),
-            constants=_some(self.constants, outputs),
+            remembered=_some(self.remembered, outputs),
         )
 
     def columns(self, term: RunTerm) -> FloatArray:
@@ -172,12 +135,7 @@ class Whole:
         key = term.block.labels[term.at], term.slope, anew
         if key not in self._kept:
             rows = self._since_begin if anew else self._rows
-            if term.slope:
-                assert term.block.profile is not None
-                above, below = (_labelled(term, 1.0 + step) for step in (_STEP, -_STEP))
-                self._kept[key] = (column(above, rows) - column(below, rows)) / (2.0 * _STEP)
-            else:
-                self._kept[key] = column(term.block.labels[term.at], rows)
+            self._kept[key] = term.column(rows)
         return self._kept[key]
 
     @cached_property
@@ -192,23 +150,23 @@ class Whole:
         return Rows({**self.table.columns, TIME: since}, since, self.begins)
 
     def started(self, output: str) -> FloatArray:
-        """(n, c) decays from the first row of every later run on: it is not known what stood before, for how long."""
-        t = self.table.columns[TIME]
+        """(n, c) decays from the first row of every later run on: it is not known what stood before, for how long.
+
+        And the first row itself, if the direction of its approach is unknown and an explanation needs it.
+        """
+        t, known = self.table.columns[TIME], self.remembered.get(output, Remembered())
         run = np.searchsorted(self.begins, np.arange(len(t)), side="right") - 1
         since = t - t[list(self.begins)][run]
-        every = itertools.product(range(1, len(self.begins)), self.constants.get(output, ()))
+        every = itertools.product(range(1, len(self.begins)), known.constants)
         columns = [np.where(run == k, np.exp(-since / tau), 0.0) for k, tau in every]
+        sides = [self.table.columns[name] for name in known.sides if name in self.table.columns]
+        unknown = [begin for begin in self.begins[1:] if any(side[begin] == 0.0 for side in sides)]
+        columns += [(np.arange(len(t)) == begin).astype(np.float64) for begin in unknown]
         return np.column_stack([np.zeros((len(t), 0)), *columns])
 
 
 def _some(every: Mapping[str, One], outputs: Collection[str]) -> Mapping[str, One]:
     return {name: one for name, one in every.items() if name in outputs}
-
-
-def _labelled(term: RunTerm, factor: float) -> str:
-    """The formula of a term's column with another searched constant."""
-    assert term.block.profile is not None
-    return term.block.profile.at(term.block.profile.value * factor).labels[term.at]
 
 
 def _those_that_can(table: Table, roles: Mapping[str, Roles]) -> Iterator[tuple[str, TableData]]:
@@ -250,9 +208,9 @@ class GeneralTogether(Together):
         roles: Mapping[str, Roles],
         first: Table,
         later: Sequence[Later],
-        constants: Mapping[str, Sequence[float]] = MappingProxyType({}),
+        remembered: Mapping[str, Remembered] = MappingProxyType({}),
     ) -> Self:
-        """A run, its traces, and later runs; all in order of time. `constants` as in `Whole`.
+        """A run, its traces, and later runs; all in order of time. `remembered` as in `Whole`.
 
         Raises:
             FitError: a later run lacks a column of the first, or too few rows.
@@ -270,7 +228,7 @@ class GeneralTogether(Together):
         run = numbers(len(first), later)
         begins = tuple(np.searchsorted(run, np.arange(1 + len(later))).tolist())
         fresh = replace(both, columns={name: v[len(first) :] for name, v in both.columns.items()}, rows=())
-        whole = Whole(both, data, dict(_those_that_can(fresh, every)), traces, begins, constants)
+        whole = Whole(both, data, dict(_those_that_can(fresh, every)), traces, begins, remembered)
         return cls(run, whole, np.arange(len(both)), done=changes(len(first), later))
 
     @property
@@ -296,7 +254,7 @@ class GeneralTogether(Together):
     @property
     def loose(self) -> FloatArray:
         """(n, l) what is remembered at the start of the later run; nothing else, as the sensors will be used."""
-        every = [self.whole.started(output)[self.rows] for output in self.whole.constants]
+        every = [self.whole.started(output)[self.rows] for output in self.whole.remembered]
         return np.column_stack(every) if every else np.zeros((len(self.rows), 0))
 
     @cached_property

@@ -18,6 +18,7 @@ UNCERTAINTY = (
     "quantity lies within it with the stated coverage probability. It was evaluated after JCGM 100:2008 (GUM) from the "
     "scatter of the run and the certificates of the equipment; it does not include the behaviour of the item after the "
     "calibration.",
+    "Coefficients of one item are correlated: the uncertainty of an output does not follow from theirs alone. "
     "A result that is called inferred is the quantity for one reading in use at the point: its value is the point, and "
     "its uncertainty that of the quantity that the reading gives.",
 )

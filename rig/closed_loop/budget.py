@@ -41,8 +41,9 @@ BY_SHAPE = (
     "and right only if these errors are rectangular, as stated"
 )
 DOMINATED = (
-    "one or two rectangular limits of error, as the register states them, dominate these results; their coverage "
-    "factor is by the shape of the distribution and smaller than Student's t (EA-4/02, S9 and S10)"
+    "one or two rectangular limits of error, as the register states them, dominate these results (half of the variance "
+    "or more); their coverage factor is by the shape of the distribution and smaller than Student's t (EA-4/02, S9 and "
+    "S10)"
 )
 UNSTATED = "the register states no errors of {names}: none are in these uncertainties"
 IN_USE = (
@@ -247,7 +248,7 @@ def budget_of(
     except FitError as error:
         raise DataError(f"{of.table.source}: {error}") from error
     notes = [SAME_METER if same_meter else OTHER_METER, *found.notes, *of.stated.unused]
-    unstated = tuple(name for name in evaluation.columns if not any(name in one.columns for one in of.stated.errors))
+    unstated = unstated_of(evaluation, of.stated)
     notes += [UNSTATED.format(names=", ".join(unstated))] if unstated else []
     if of.corrected:
         notes.insert(0, f"corrected by the certificates: {', '.join(of.corrected)}")
@@ -288,6 +289,11 @@ def of_drift(of: OfRun, evaluation: Evaluation, days: float) -> Iterator[tuple[s
             return Shift(in_use=lambda read, values: times * moved if read == column else np.zeros_like(values))
 
         yield f"{name} drift in {days:g} days, by its history", f"sensors.{name}.drift, control chart", shifts
+
+
+def unstated_of(evaluation: Evaluation, stated: Statements) -> tuple[str, ...]:
+    """Columns of an evaluation whose errors the register does not state."""
+    return tuple(name for name in evaluation.columns if not any(name in one.columns for one in stated.errors))
 
 
 def simulated_notes(made: Sequence[Budgeted], checks: Sequence[Check], seed: int) -> list[str]:

@@ -15,7 +15,7 @@ from procedures.errors import DataError
 from procedures.influences import explain, influences
 from procedures.kind import kind_of
 from procedures.stated import Statements
-from rig.closed_loop.budget import constants_of
+from rig.closed_loop.budget import UNSTATED, constants_of, unstated_of
 from rig.errors import ConfigurationError
 from rig.plans import Plan
 from rig.register import DOCUMENT, check_covered, check_validity, entries, parse_register, stated_of
@@ -86,11 +86,13 @@ def promised(plan: Plan, on: date) -> Promised:
         expected = kind.expected(plan.procedure, plan.run_list, sensors)
         if not expected.meter:
             stated = replace(stated, errors=[one for one in stated.errors if not one.reads])
-        options = kind.budget_options()
-        found = _of(kind.evaluation(expected.table, options, (), constants_of(stated)), stated)
+        evaluation = kind.evaluation(expected.table, kind.budget_options(), (), constants_of(stated))
+        found = _of(evaluation, stated)
     except (DataError, FitError) as error:
         return Promised((), (f"repeatability only: {error}",))
     notes = [f"total uncertainties by the register {register.name!r}, for {expected.assuming}"]
+    unstated = [one for one in unstated_of(evaluation, stated) if expected.meter or one not in sensors]
+    notes += [UNSTATED.format(names=", ".join(unstated))] if unstated else []
     notes += [] if expected.meter else [NO_METER]
     notes += ["the register has example values"] if register.example else []
     return Promised(found, tuple(notes))

@@ -60,17 +60,19 @@ class _Model:
 
     def __init__(self, rows: Sequence[Row], outputs: Sequence[float], span: Sequence[float]) -> None:
         columns, y = np.array(rows), np.array(outputs)
-        left = y - columns @ np.linalg.lstsq(columns, y, rcond=1e-9)[0]
+        largest = np.abs(columns).max(axis=0)
+        alike = columns / np.where(largest > 0.0, largest, 1.0)  # amperes beside the cube of a temperature
+        left = y - alike @ np.linalg.lstsq(alike, y, rcond=1e-9)[0]
         total = float(np.sum((y - y.mean()) ** 2))
         self.explained = 1.0 - float(left @ left) / total if total > 0.0 else None
-        rank = int(np.linalg.matrix_rank(columns, rtol=1e-9))
+        rank = int(np.linalg.matrix_rank(alike, rtol=1e-9))
         self.scatter = float(np.sqrt(left @ left / max(1, len(y) - rank)))
         self.low, self.high = float(y.min()), float(y.max())
         reach = self.high - self.low
         self.certain = max(_BEYOND_SCATTER * self.scatter, 0.01 * reach)  # at least; see `_certain`
         self._error = max(self.scatter, _EXACT * reach) or 1.0
         moves = np.array(span) > 0.0
-        scale = np.where(moves, span, np.maximum(np.abs(columns).max(axis=0), 1e-300))
+        scale = np.where(moves, span, np.maximum(largest, 1e-300))
         weighted = np.vstack([columns / scale / self._error, np.diag(moves / (reach or 1.0))])
         u, size, vt = np.linalg.svd(weighted, full_matrices=False)
         inverse = np.divide(1.0, size, out=np.zeros_like(size), where=size > size[0] * _ZERO)
