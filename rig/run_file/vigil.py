@@ -92,7 +92,7 @@ class Mirror:
     """
 
     def __init__(self, db: apsw.Connection, insert: str) -> None:
-        self._insert, self._commits = insert, 0
+        self._insert, self._unlooked = insert, 0
         self.db: apsw.Connection | None = None
         if _bytes(db) > MOST_BYTES:
             return
@@ -105,9 +105,11 @@ class Mirror:
         if self.db is None:
             return
         self.db.executemany(self._insert, rows)
-        self._commits += 1
-        if self._commits % _LOOK_EVERY == 0 and _bytes(self.db) > MOST_BYTES:
-            self.close()
+        self._unlooked += len(rows)
+        if self._unlooked >= _LOOK_EVERY:
+            self._unlooked = 0
+            if _bytes(self.db) > MOST_BYTES:
+                self.close()
 
     def close(self) -> None:
         """Let it go."""
