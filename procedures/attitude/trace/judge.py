@@ -62,7 +62,12 @@ class AttitudeJudge:
     def refined(self, chosen: tuple[int, ...]) -> AttitudeJudge:
         """With refined values of the searched constants of `chosen`."""
         problem = refined(self.problem, chosen)
-        return self if problem is self.problem else replace(self, problem=problem)
+        if problem is self.problem:
+            return self
+        placed = replace(self, problem=problem)
+        # placed by what is seen within replications, which must not cost what is seen between them
+        lost = any(placed.p_adjusted(chosen, j) > ALPHA >= self.p_adjusted(chosen, j) for j in chosen)
+        return self if lost else placed
 
     @cached_property
     def signs(self) -> FloatArray:
@@ -246,8 +251,9 @@ class AttitudeJudge:
     def _price(self) -> FloatArray:
         """(U,) number of tests of a unit's kind over their share of the family."""
         given, sought = (count / share for count, share in zip(self.family.between, BETWEEN, strict=True))
-        effects = [self.candidates[unit[0]].effect for unit in self.problem.units]
-        return np.array([sought if e.searched and e.stratum != "replication" else given for e in effects])
+        first = [self.candidates[unit[0]] for unit in self.problem.units]
+        any_value = [c.effect.name in self.problem.any_value and c.effect.stratum != "replication" for c in first]
+        return np.where(any_value, sought, given)
 
 
 def _together(between: Between, u: int, within: float, sign: float) -> tuple[float, float]:

@@ -19,9 +19,10 @@ from numpy.typing import NDArray
 from fitter.arrays import FloatArray, IntArray
 from fitter.linear import orthonormal
 from fitter.quantiles import f_tail
-from procedures.attitude.trace.offsets import slopes
+from procedures.attitude.trace.offsets import VARIANCES, slopes, wandering
 from procedures.attitude.trace.problem import Problem
-from procedures.attitude.trace.score import errors
+from procedures.attitude.trace.score import errors, whiten
+from procedures.attitude.trace.walks import STEPS
 
 FEWEST = 4
 """Minimum number of replications for tests at this level."""
@@ -31,6 +32,10 @@ test gains nothing.
 """
 REACHES = 0.05
 """Minimum share of a column's influence on a sensor for that sensor to be included."""
+IS_OFFSET = 0.5
+"""Minimum share of the offset in a direction for it to walk as the offset does within replications."""
+SLOWEST = 20.0
+"""Ratio of the smallest tried step of a walk within replications to one that cannot be seen there."""
 MOVES = 1e-4
 """Minimum share of a column's square that is a change of replications' own parameters."""
 
@@ -41,7 +46,7 @@ class Slow:
 
     Attributes:
         columns: (Q,) the candidates.
-        searched: (Q,) whether they have a searched constant.
+        searched: (Q,) whether they have a searched constant of any value; few boundaries are counted as known moments.
         x: (S, n, Q) size of the change along the direction of a column's largest influence on a sensor's parameters,
             centred; for sensors that a column does not concern, that of the same term on them.
         direction: (S, L, Q) these directions.
@@ -116,7 +121,7 @@ def slow_of(problem: Problem) -> Slow:
     columns = np.array(picked, np.int64)[kept]
     return Slow(
         columns=columns,
-        searched=np.array([problem.candidates[j].effect.searched for j in columns], np.bool_),
+        searched=np.array([problem.candidates[j].effect.name in problem.any_value for j in columns], np.bool_),
         x=x[..., kept],
         direction=np.moveaxis(direction, 1, 2)[..., kept],
         tested=tested[:, kept],
@@ -141,10 +146,18 @@ def between_replications(problem: Problem, slow: Slow, chosen: tuple[int, ...], 
     in_model = {problem.unit_of[j] for j in chosen}
     known = errors(problem, ())
     scale = (known / sigma)[:, None, None]
-    values = np.einsum("nsl,slq->snq", own, slow.direction)
-    # only the offset walks, the first parameter; a row's step, in squares of a replication's own error
-    walk = slow.direction[:, 0] ** 2 * problem.wander[:, None] * (len(problem.scene.data) / len(own)) ** 2
-    p, sign = slopes(slow.x * scale, values, slow.tested, slow.others, walk)
+    share, direction = slow.direction[:, 0] ** 2, slow.direction.copy()
+    # an offset that wanders, the first parameter, would show by its share in every other direction
+    wanders = np.where(share < IS_OFFSET, wandering(own[:, :, 0].T)[:, None], 0.0)
+    without = wanders > 0.0
+    direction[:, 0][without] = 0.0
+    size = np.where(without, np.sqrt(1.0 - share), 1.0)[:, None]
+    values = np.einsum("nsl,slq->snq", own, direction / size)
+    # only the offset walks; a row's step, in squares of a replication's own error
+    walk = np.where(without, 0.0, share) * problem.wander[:, None] * (len(problem.scene.data) / len(own)) ** 2
+    within = _walks_within(problem, chosen, sigma, share)
+    wanders = np.max(np.where(slow.tested, wanders, 0.0), axis=0)
+    p, sign = slopes(slow.x * scale * size, values, slow.tested, slow.others, walk, within, wanders)
     for q, j in enumerate(slow.columns.tolist()):
         u = problem.unit_of[j]
         columns = len(problem.units[u])
@@ -157,6 +170,23 @@ def between_replications(problem: Problem, slow: Slow, chosen: tuple[int, ...], 
             out.p[u] = _p_turn(moves.reshape(len(own), -1, moves.shape[3]), own.reshape(len(own), -1))
             out.share[u] = 1.0
     return out
+
+
+def _walks_within(problem: Problem, chosen: tuple[int, ...], sigma: FloatArray, share: FloatArray) -> FloatArray:
+    """(T, S, Q) evidence for each t of a walk of the offset, from within replications, for directions that are offsets.
+
+    Evidence against a walk is not used: offsets may change while the run pauses between replications.
+    """
+    out = np.zeros((VARIANCES.size, *share.shape))
+    if not share.shape[1] or problem.levels.df("points") <= 0:
+        return out
+    walks, each = problem.levels.walks("points"), len(problem.scene.data) / len(problem.own)
+    step = np.log(VARIANCES[1:, None] / np.maximum(share, IS_OFFSET)[:, None] / each**2)
+    known = np.log([STEPS[1] / SLOWEST, *STEPS[1:]])
+    for s, left in enumerate(whiten(problem, "points", chosen, sigma).outputs):
+        likelihood = walks.log_likelihood(walks.products(left[:, None])[:, 0, 0])
+        out[1:, s] = np.where(share[s] >= IS_OFFSET, np.interp(step[s], known, likelihood - likelihood[0]), 0.0)
+    return np.maximum(out, 0.0)
 
 
 def _p_turn(moves: FloatArray, y: FloatArray) -> float:
