@@ -226,9 +226,13 @@ class AttitudeJudge:
         p, sign = between.p.copy(), between.sign.copy()
         for u in both:
             p[u], sign[u] = _together(between, u, scores.p[u], scores.sign[u])
-            if p[u] * price[u] <= ALPHA:
-                again = second_thoughts(self.problem, chosen, u, scores, 1.0)
-                p[u], sign[u] = _together(between, u, again, scores.sign[u])
+        near = tuple(np.flatnonzero(p * price <= ALPHA).tolist())
+        again = between_replications(self.problem, self._slow, chosen, gamma, near) if near else between
+        for u in near:
+            p[u] = again.p[u]
+            if self.problem.judged_at[self.problem.units[u][0]] == "points":
+                within = second_thoughts(self.problem, chosen, u, scores, 1.0)
+                p[u], sign[u] = _together(again, u, within, scores.sign[u])
         p = np.where(sign * self._unit_signs < 0, 1.0, p)
         return np.asarray(np.minimum(p * price, 1.0))
 

@@ -11,6 +11,7 @@ sensors, give the error for its test.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -64,6 +65,20 @@ class Slow:
     others: NDArray[np.bool_]
     share: FloatArray
     slips: tuple[int, ...]
+
+    def of(self, picked: Sequence[int]) -> Slow:
+        """The same for some of the columns."""
+        at = np.array(picked, np.int64)
+        return Slow(
+            self.columns[at],
+            self.searched[at],
+            self.x[..., at],
+            self.direction[..., at],
+            self.tested[:, at],
+            self.others[:, at],
+            self.share[at],
+            self.slips,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +146,9 @@ def slow_of(problem: Problem) -> Slow:
     )
 
 
-def between_replications(problem: Problem, slow: Slow, chosen: tuple[int, ...], gamma: FloatArray) -> Between:
+def between_replications(
+    problem: Problem, slow: Slow, chosen: tuple[int, ...], gamma: FloatArray, only: tuple[int, ...] | None = None
+) -> Between:
     """Tests between replications of every unit beside the `chosen` candidates.
 
     Args:
@@ -139,7 +156,10 @@ def between_replications(problem: Problem, slow: Slow, chosen: tuple[int, ...], 
         slow: the tested candidates.
         chosen: candidates already in the model.
         gamma: their coefficients.
+        only: tested units, against the walk of the offset too that remains within replications beside each; None for all
+            units, without it, which is faster and seldom less strict.
     """
+    slow = slow if only is None else slow.of([q for q, j in enumerate(slow.columns) if problem.unit_of[j] in only])
     out = Between(*(np.full(len(problem.units), value) for value in (1.0, 0.0, 0.0)))
     sigma = errors(problem, chosen)
     own = (problem.own_outputs - problem.own[..., list(chosen)] @ gamma) / sigma[:, None]
@@ -155,7 +175,7 @@ def between_replications(problem: Problem, slow: Slow, chosen: tuple[int, ...], 
     values = np.einsum("nsl,slq->snq", own, direction / size)
     # only the offset walks; a row's step, in squares of a replication's own error
     walk = np.where(without, 0.0, share) * problem.wander[:, None] * (len(problem.scene.data) / len(own)) ** 2
-    within = _walks_within(problem, chosen, sigma, share)
+    within = None if only is None else _walks_within(problem, chosen, slow.columns, share)
     wanders = np.max(np.where(slow.tested, wanders, 0.0), axis=0)
     p, sign = slopes(slow.x * scale * size, values, slow.tested, slow.others, walk, within, wanders)
     for q, j in enumerate(slow.columns.tolist()):
@@ -165,27 +185,32 @@ def between_replications(problem: Problem, slow: Slow, chosen: tuple[int, ...], 
             out.p[u], out.share[u] = min(columns * p[q], 1.0), slow.share[q]
             out.sign[u] = sign[q] if columns == 1 else 0.0
     for u in slow.slips:
-        if u not in in_model:
+        if u not in in_model and (only is None or u in only):
             moves = problem.own[..., problem.units[u]] / sigma[:, None, None]
             out.p[u] = _p_turn(moves.reshape(len(own), -1, moves.shape[3]), own.reshape(len(own), -1))
             out.share[u] = 1.0
     return out
 
 
-def _walks_within(problem: Problem, chosen: tuple[int, ...], sigma: FloatArray, share: FloatArray) -> FloatArray:
-    """(T, S, Q) evidence for each t of a walk of the offset, from within replications, for directions that are offsets.
+def _walks_within(problem: Problem, chosen: tuple[int, ...], tested: IntArray, share: FloatArray) -> FloatArray:
+    """(T, S, Q) evidence for each t of a walk of the offset, within replications and beside each of Q `tested` columns.
 
-    Evidence against a walk is not used: offsets may change while the run pauses between replications.
+    Only directions that are offsets, by their `share` (S, Q), have it. Evidence against a walk is not used: offsets may
+    change while the run pauses between replications.
     """
     out = np.zeros((VARIANCES.size, *share.shape))
-    if not share.shape[1] or problem.levels.df("points") <= 0:
+    if not tested.size or problem.levels.df("points") <= 0:
         return out
     walks, each = problem.levels.walks("points"), len(problem.scene.data) / len(problem.own)
     step = np.log(VARIANCES[1:, None] / np.maximum(share, IS_OFFSET)[:, None] / each**2)
     known = np.log([STEPS[1] / SLOWEST, *STEPS[1:]])
-    for s, left in enumerate(whiten(problem, "points", chosen, sigma).outputs):
-        likelihood = walks.log_likelihood(walks.products(left[:, None])[:, 0, 0])
-        out[1:, s] = np.where(share[s] >= IS_OFFSET, np.interp(step[s], known, likelihood - likelihood[0]), 0.0)
+    white = whiten(problem, "points", chosen, errors(problem, chosen), tested.tolist())
+    length2 = np.maximum(np.sum(white.columns**2, axis=(0, 1)), np.finfo(float).tiny)
+    fitted = np.einsum("snq,sn->q", white.columns, white.outputs) / length2
+    for s, left in enumerate(white.outputs[:, :, None] - white.columns * fitted):
+        for q in np.flatnonzero(share[s] >= IS_OFFSET):
+            likelihood = walks.log_likelihood(walks.products(left[:, [q]])[:, 0, 0])
+            out[1:, s, q] = np.interp(step[s, :, q], known, likelihood - likelihood[0])
     return np.maximum(out, 0.0)
 
 
