@@ -1,7 +1,7 @@
 # The README's commands. Each makes or reuses .venv first: nothing to install by hand.
 STAMP := .venv/.made-for-these-requirements
 
-.PHONY: demo test test-all test-peers test-page check nights mutants figures figure clean
+.PHONY: demo test test-all test-peers test-page check nights mutants figures figure bench clean
 demo: $(STAMP)
 	@.venv/bin/rig demo
 
@@ -47,6 +47,10 @@ NAMED := $(filter-out figure,$(MAKECMDGOALS))
 $(NAMED):
 	@:
 endif
+
+# Ratios against peers and physical limits beside the last ones on this kind of machine, and what made a loss.
+bench: $(STAMP)
+	@.venv/bin/python -m benchmarks.ledger
 
 # Static checks alone, for a quick look while editing.
 check: $(STAMP)

@@ -9,12 +9,17 @@ too), and how many syncs a commit really makes, counted by a recording VFS.
 
 from __future__ import annotations
 
+import contextlib
+import importlib.util
+import itertools
 import os
 import statistics
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
 from pathlib import Path
+from unittest.mock import patch
 
 import apsw
 
@@ -26,11 +31,17 @@ import ideal_bench
 from benchmarks.load import commits
 from benchmarks.scratch import RUNS
 from procedures.attitude.settings import PitchRollProcedure
+from rig.engine.at_point import AtPoint
+from rig.engine.early_warning import EarlyWarnings
+from rig.engine.guard import Guard
+from rig.engine.journal import Journal
+from rig.engine.liveness import Liveness
 from rig.run_file.chain import Record, encode
 from rig.run_file.writer import RunWriter
 
+MEMORY = Path("/dev/shm") if Path("/dev/shm").is_dir() else None
 POINTS = 2886
-ROUNDS = 5
+ROUNDS = 3
 
 
 def procedure() -> PitchRollProcedure:
@@ -49,19 +60,46 @@ def noisy(_, __, reader: ideal_bench.IdealReader) -> None:
     reader.noise_V = 1e-6
 
 
-def ours(folder: Path) -> float:
-    """Seconds a point, ideal instruments' arithmetic included."""
+def ours(folder: Path) -> tuple[float, float]:
+    """Wall and processor seconds a point, ideal instruments' arithmetic included."""
     path = ideal_bench.new_run(folder, procedure())
-    began = time.perf_counter()
+    began, before = time.perf_counter(), time.process_time()
     _, state, *_ = ideal_bench.run_session(path, procedure=procedure(), spoil=noisy)
-    seconds = time.perf_counter() - began
+    seconds, processor = time.perf_counter() - began, time.process_time() - before
     assert len(state.accepted) == POINTS
     path.unlink()
-    return seconds / POINTS
+    return seconds / POINTS, processor / POINTS
 
 
-def bluesky() -> float:
-    """Seconds a point of a two-motor, one-detector scan that nobody listens to."""
+@contextlib.contextmanager
+def nobody_watches() -> Iterator[None]:
+    """For as long as it lasts, runs have no early warnings, limits, interlocks, liveness, live state and progress."""
+    with (
+        patch.object(EarlyWarnings, "add", return_value=[]),
+        patch.object(Liveness, "hanging", return_value=[]),
+        patch.object(Guard, "check_axes", return_value=None),
+        patch.object(Guard, "check_temperatures", return_value=None),
+        patch.object(Journal, "tell", return_value=None),
+    ):
+        yield
+
+
+def point_s(folder: Path) -> float:
+    """Median wall seconds between two records of a run: what else the machine does interrupts few points."""
+    moments: list[float] = []
+    recording = AtPoint.recording
+
+    def timed(self: AtPoint) -> str:
+        moments.append(time.perf_counter())
+        return recording(self)
+
+    with patch.object(AtPoint, "recording", timed):
+        ours(folder)
+    return statistics.median(b - a for a, b in itertools.pairwise(moments))
+
+
+def bluesky() -> tuple[float, float]:
+    """Wall and processor seconds a point of a two-motor, one-detector scan that nobody listens to."""
     from bluesky import RunEngine
     from bluesky.plan_stubs import close_run, mv, open_run, trigger_and_read
     from ophyd.sim import SynAxis, det
@@ -76,9 +114,9 @@ def bluesky() -> float:
             yield from trigger_and_read([det, pitch, roll])
         yield from close_run()
 
-    began = time.perf_counter()
+    began, before = time.perf_counter(), time.process_time()
     engine(scan())
-    return (time.perf_counter() - began) / POINTS
+    return (time.perf_counter() - began) / POINTS, (time.process_time() - before) / POINTS
 
 
 def bare_sync(folder: Path, size: int = 2000, count: int = 500) -> float:
@@ -132,28 +170,52 @@ def syncs(folder: Path) -> dict[str, float]:
     return {key: value / 1000 for key, value in counts.items()}
 
 
+def middle(times: list[tuple[float, float]]) -> tuple[float, float]:
+    """Medians of wall and processor time."""
+    wall, processor = (statistics.median(column) for column in zip(*times, strict=True))
+    return wall, processor
+
+
 def main() -> None:
-    with tempfile.TemporaryDirectory(dir=RUNS) as name:
-        folder = Path(name)
+    peer = importlib.util.find_spec("bluesky") is not None
+    if not peer:
+        print("bluesky is not installed: pip install -e '.[bench]'")
+    with tempfile.TemporaryDirectory(dir=RUNS) as name, tempfile.TemporaryDirectory(dir=MEMORY) as memory:
+        folder, mine, bare, unsynced, theirs, watched, unwatched = Path(name), [], [], [], [], [], []
         ours(folder)
-        mine = [ours(folder) for _ in range(ROUNDS)]
-        bare = bare_sync(folder)
-        print(f"ours, one durable commit a point: {statistics.median(mine) * 1e6:7.0f} us a point")
-        print(f"bare fdatasync of 2 kB:           {bare * 1e6:7.0f} us")
+        for _ in range(ROUNDS):  # in turns: a shared machine changes its speed within minutes
+            mine.append(ours(folder))
+            bare.append(bare_sync(folder))
+            unsynced.append(ours(Path(memory)))
+            watched.append(point_s(Path(memory)))
+            with nobody_watches():
+                unwatched.append(point_s(Path(memory)))
+            if peer:
+                theirs.append(bluesky())
+        (wall, processor), sync, (_, alone) = middle(mine), statistics.median(bare), middle(unsynced)
+        print(
+            f"ours, one durable commit a point: {wall * 1e6:7.0f} us a point, {processor * 1e6:.0f} of processor time"
+        )
+        print(f"bare fdatasync of 2 kB:           {sync * 1e6:7.0f} us; a point is {wall / sync:.1f} of them")
+        print(f"run file in memory:               {alone * 1e6:7.0f} us of processor time a point")
+        all_of_it, bare_of_it = statistics.median(watched), statistics.median(unwatched)
+        print(
+            f"a point in memory, median of its points: {all_of_it * 1e6:.0f} us, without warnings, interlocks, "
+            f"liveness and progress {bare_of_it * 1e6:.0f}: they cost {(all_of_it - bare_of_it) * 1e6:.0f} us, "
+            f"{100 * (all_of_it - bare_of_it) / (all_of_it + sync):.0f} % of a point with its fdatasync"
+        )
         beside = commits(folder)
-        low, middle = beside["ratio"]
-        print(f"a commit over a bare fdatasync:   {middle:7.2f} (medians; lowest tenths {low:.2f})")
+        low, median = beside["ratio"]
+        print(f"a commit over a bare fdatasync:   {median:7.2f} (medians; lowest tenths {low:.2f})")
         for key, value in syncs(folder).items():
             print(f"syncs of the {key} file a commit:   {value:7.3f}")
-    try:
-        theirs = [bluesky() for _ in range(ROUNDS)]
-    except ImportError as missing:
-        print(f"bluesky is not installed ({missing}): pip install -e '.[bench]'")
-        return
-    ratio = statistics.median(theirs) / statistics.median(mine)
-    print(
-        f"bluesky RunEngine, nothing stored:{statistics.median(theirs) * 1e6:7.0f} us a point, {ratio:.1f} times ours"
-    )
+    if peer:
+        seconds, took = middle(theirs)
+        print(
+            f"bluesky RunEngine, nothing stored:{seconds * 1e6:7.0f} us a point, {took * 1e6:.0f} of processor time: "
+            f"{seconds / wall:.1f} times ours, by processor time {took / processor:.1f}, without the disk "
+            f"{took / alone:.1f}"
+        )
 
 
 if __name__ == "__main__":

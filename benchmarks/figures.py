@@ -3,9 +3,12 @@
     make figures                                    measure all of them (half an hour)
     make figure NAME                                measure one
     .venv/bin/python -m benchmarks.figures --stale  which are older than the last change of the code they speak of
+    .venv/bin/python -m benchmarks.figures --stamp "short nights, attitude"  a campaign's row has been measured now
 
-What is measured stands in benchmarks/figures.toml. A row is written by the command that measured it,
-and by nothing else. Code that is not committed is marked with a + after the commit.
+What is measured stands in benchmarks/figures.toml. A row between the marks is written by the command that measured it,
+and by nothing else. Campaigns take hours and are told in words: a person writes their figure, and --stamp writes the
+commit and the date. Code that is not committed is marked with a + after the commit; before commits were written, a row
+got that of its text, marked with <=: it was measured then or earlier.
 """
 
 from __future__ import annotations
@@ -19,14 +22,21 @@ import subprocess
 import sys
 import time
 import tomllib
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 HERE = Path(__file__).parent.parent
 DOCUMENT = HERE / "docs" / "figures.md"
 BEGIN, END = "<!-- written by `make figures`: begin -->", "<!-- written by `make figures`: end -->"
 HEAD = ("| name | what | figure | command | commit | date |", "| --- | --- | --- | --- | --- | --- |")
+CAMPAIGNS = ("| what | figure | command | commit | date |", "| --- | --- | --- | --- | --- |")
+BEFORE = "<= "
+"""Mark of a commit at or before which a row was measured."""
+SECTIONS = "sections"
+"""Table of benchmarks/figures.toml with the paths of each section's campaigns."""
 TIMES = 3
 LIMIT_S = 1800.0
 
@@ -60,11 +70,79 @@ class Row:
 
 def figures() -> dict[str, Figure]:
     """Every figure by name."""
-    told = tomllib.loads((HERE / "benchmarks" / "figures.toml").read_text())
     return {
         name: Figure(name, one["what"], one["command"], tuple(one["paths"]), tuple(one.get("says", ())))
-        for name, one in told.items()
+        for name, one in _told().items()
+        if name != SECTIONS
     }
+
+
+def sections() -> dict[str, tuple[str, ...]]:
+    """The paths that the campaigns of each section of the document speak of."""
+    return {name: tuple(paths) for name, paths in _told()[SECTIONS].items()}
+
+
+def _told() -> dict[str, Any]:
+    return tomllib.loads((HERE / "benchmarks" / "figures.toml").read_text())
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """A row that a person wrote: where it stands, and what it speaks of.
+
+    Attributes:
+        section: its heading.
+        line: its line in the document, from 0.
+        row: name (what is measured), figure, command, commit and date.
+
+    """
+
+    section: str
+    line: int
+    row: Row
+
+
+def campaigns(text: str) -> list[Campaign]:
+    """Rows of all tables of campaigns, in their order."""
+    found, section, inside = [], "", False
+    for number, line in enumerate(text.splitlines()):
+        if line.startswith("#"):
+            section = line.lstrip("# ")
+        inside = line.startswith("|") and (inside or line == CAMPAIGNS[0])
+        if inside and line not in CAMPAIGNS:
+            what, figure, command, commit, date = (cell.strip() for cell in line.strip().strip("|").split("|"))
+            found.append(Campaign(section, number, Row(what, what, figure, command, commit, date)))
+    return found
+
+
+def campaign(text: str, begins: str) -> Campaign:
+    """The row that begins so. Raises `SystemExit` if it is not one."""
+    every = campaigns(text)
+    mine = [one for one in every if one.row.what.startswith(begins)]
+    if len(mine) != 1:
+        known = "\n  ".join(one.row.what for one in mine or every)
+        raise SystemExit(f"{len(mine)} rows begin with {begins!r}; name one of\n  {known}")
+    return mine[0]
+
+
+def stamped(text: str, one: Campaign, commit: str, date: str) -> str:
+    """The document with this commit and date in a campaign's row."""
+    lines = text.splitlines(keepends=True)
+    kept = lines[one.line].rstrip().removesuffix("|").rsplit("|", 2)[0]
+    lines[one.line] = f"{kept}| {commit} | {date} |\n"
+    return "".join(lines)
+
+
+def old_campaigns(text: str, cwd: Path = HERE) -> list[str]:
+    """What to say of campaigns that are older than their code."""
+    paths = sections()
+    said = []
+    for one in campaigns(text):
+        figure = Figure(one.row.what, one.row.what, one.row.command, paths[one.section])
+        row = replace(one.row, commit=one.row.commit.removeprefix(BEFORE))
+        if why := stale(figure, row, cwd).partition("; `make figure")[0]:
+            said.append(why.replace("measured on", "measured on or before") if row != one.row else why)
+    return said
 
 
 def rows(text: str) -> dict[str, Row]:
@@ -117,13 +195,17 @@ def measure(figure: Figure) -> str:
     return "; ".join(re.sub(r"\s+", " ", one) for one in said)
 
 
+def today(paths: Sequence[str]) -> tuple[str, str]:
+    """The commit, with a + if these paths have changes that are not committed, and the date."""
+    changed = "+" if git("status", "--porcelain", "--", *paths) else ""
+    return git("rev-parse", "--short=8", "HEAD") + changed, datetime.now(UTC).date().isoformat()
+
+
 def measured(figure: Figure) -> Row:
-    changed = "+" if git("status", "--porcelain", "--", *figure.paths) else ""
+    commit, date = today(figure.paths)
     said = measure(figure)
     load, cores = os.getloadavg()[0], os.cpu_count() or 1
     busy = f" (load {load:.1f} on {cores} cores)" if load > cores else ""
-    date = datetime.now(UTC).date().isoformat()
-    commit = git("rev-parse", "--short=8", "HEAD") + changed
     return Row(figure.name, figure.what, said + busy, figure.command, commit, date)
 
 
@@ -149,15 +231,26 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("names", nargs="*", help="figures to measure; all if none is named")
     parser.add_argument("--stale", action="store_true", help="say which rows are older than their code")
+    parser.add_argument("--all", action="store_true", help="with --stale: campaigns one by one")
+    parser.add_argument("--stamp", metavar="TEXT", help="write commit and date of now to the campaign that begins so")
     asked = parser.parse_args()
     known = figures()
     if asked.stale:
         if not (HERE / ".git").exists():
             print("figures: no git here, so their age is not known")
             return
-        standing = rows(DOCUMENT.read_text())
+        text = DOCUMENT.read_text()
+        standing, older = rows(text), old_campaigns(text)
         said = [one for figure in known.values() if (one := stale(figure, standing.get(figure.name)))]
+        if older and not asked.all:
+            older = [f"{len(older)} of {len(campaigns(text))} campaigns: python -m benchmarks.figures --stale --all"]
+        said += older
         print("\n".join(("docs/figures.md, rows older than their code (a notice):", *said)) if said else "", end="\n")
+        return
+    if asked.stamp:
+        text = DOCUMENT.read_text()
+        mine = campaign(text, asked.stamp)
+        DOCUMENT.write_text(stamped(text, mine, *today(sections()[mine.section])))
         return
     strange = [name for name in asked.names if name not in known]
     if strange:

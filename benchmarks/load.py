@@ -15,6 +15,7 @@ cut): processor time and memory are the same, and a busy disk does not take hour
 from __future__ import annotations
 
 import argparse
+import contextlib
 import itertools
 import json
 import os
@@ -29,7 +30,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarks.load_bench import BODY, Head, UnsyncedVFS, ideal, planned
+from benchmarks.load_bench import BODY, Head, ideal, planned
 from benchmarks.load_journal import JournalTimes, Turns, compared
 from benchmarks.scratch import RUNS
 from procedures.run_list import Factor, Point, RunList
@@ -38,6 +39,7 @@ from rig.engine.session import Outcome, Progress, Signals
 from rig.plans import Plan
 from rig.run_file.chain import Record
 from rig.run_file.creation import Genesis, create
+from rig.run_file.unsynced import unsynced
 from rig.run_file.writer import RunWriter
 
 ROOT = Path(__file__).parent.parent
@@ -87,7 +89,7 @@ def one_resume(points: int, folder: Path, options: Sequence[str]) -> dict[str, A
 
 
 def one_late(points: int, folder: Path, vfs: str) -> dict[str, Any]:
-    """The journal in the last points of a long run, recorded beforehand up to there, beside that of a short run."""
+    """The last points of a long run, recorded beforehand up to there, beside those of a short run: journal and all."""
     last = min(WINDOW, points // 4)
     plan, short = planned(points), planned(last)
     path = folder / "late.sqlite"
@@ -105,7 +107,8 @@ def one_late(points: int, folder: Path, vfs: str) -> dict[str, Any]:
         lambda: _complete(resume_run(path, signals=Signals(), on_progress=lambda _: None, site=Site(ideal, vfs))),
         lambda: _complete(_run(short, folder / "early", vfs)),
     )
-    return {"points": points, "window": last, "peak_mb": round(peak_mb(), 1), **compared(*times.of.values())}
+    journal, whole = compared(*times.of.values(), "journal"), compared(*times.points.values(), "point")
+    return {"points": points, "window": last, "peak_mb": round(peak_mb(), 1), **journal, **whole}
 
 
 def _complete(result: Result) -> Result:
@@ -197,9 +200,9 @@ def main() -> None:
     parser.add_argument("--no-sync", action="store_true", help="do not wait for the disk")
     parser.add_argument("--folder", type=Path, default=RUNS, help="where the run files go meanwhile")
     given = parser.parse_args()
-    unsynced = UnsyncedVFS() if given.no_sync else None
-    vfs, options = ("unsynced", ["--no-sync"]) if unsynced else ("", [])
-    with tempfile.TemporaryDirectory(dir=given.folder) as name:
+    options = ["--no-sync"] if given.no_sync else []
+    waiting = unsynced() if given.no_sync else contextlib.nullcontext("")
+    with tempfile.TemporaryDirectory(dir=given.folder) as name, waiting as vfs:
         folder = Path(name)
         match given.what:
             case "all":

@@ -8,9 +8,6 @@ import time
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
-
-import apsw
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 
@@ -125,21 +122,3 @@ def ideal(plan: Plan, *, start: float = 0.0) -> Iterator[tuple[Bench, World, str
     head = Head(world)
     instruments = {"head": head, "scanner": Scanner(world, head)}
     yield Bench(plan.bench, instruments, world, ideal_bench.NoWires()), world, "virtual"  # type: ignore[arg-type]
-
-
-class _UnsyncedFile(apsw.VFSFile):
-    def __init__(self, name: Any, flags: list[int]) -> None:
-        super().__init__("", name, flags)
-
-    def xSync(self, flags: int) -> None:  # noqa: N802 - apsw's name
-        """Leave it to the system."""
-
-
-class UnsyncedVFS(apsw.VFS):
-    """A disk that says it is done at once."""
-
-    def __init__(self) -> None:
-        super().__init__("unsynced", "")
-
-    def xOpen(self, name: Any, flags: list[int]) -> apsw.VFSFile:  # noqa: N802 - apsw's name
-        return _UnsyncedFile(name, flags)

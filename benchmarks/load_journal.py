@@ -27,11 +27,14 @@ class JournalTimes:
 
     Attributes:
         of: seconds of every point, by journal, in the order in which they observed their first.
+        points: processor seconds of every whole point, all of it and the ideal instruments, in the same order.
 
     """
 
     def __init__(self, point_done: Callable[[], None]) -> None:
         self.of: dict[Journal, array[float]] = {}
+        self.points: dict[Journal, array[float]] = {}
+        self._before: dict[Journal, float] = {}
         self._point_done = point_done
         self._depth = 0
         self._seconds = 0.0
@@ -51,6 +54,9 @@ class JournalTimes:
                 if method.__name__ == "point_observed":
                     self.of.setdefault(journal, array("d")).append(self._seconds)
                     self._seconds = 0.0
+                    now = time.thread_time()  # of this run's thread: waiting for the other's turn costs nothing
+                    self.points.setdefault(journal, array("d")).append(now - self._before.get(journal, now))
+                    self._before[journal] = now
                     self._point_done()
 
         return timed
@@ -89,15 +95,22 @@ class Turns:
             self._may_go_on[1 - runner].release()
 
 
-def compared(late: array[float], early: array[float]) -> dict[str, Any]:
-    """Medians of both, microseconds, and the ratio of the medians of each pair of blocks: quartiles over all pairs."""
+def compared(late: array[float], early: array[float], what: str) -> dict[str, Any]:
+    """Medians of both, microseconds, and the ratio of the medians of each pair of blocks: quartiles over all pairs.
+
+    Args:
+        late: seconds of every point at the end of the long run.
+        early: those of the short one.
+        what: is timed.
+
+    """
     blocks = [
         (statistics.median(late[at : at + BLOCK]), statistics.median(early[at : at + BLOCK]))
         for at in range(BLOCK, min(len(late), len(early)) - BLOCK + 1, BLOCK)  # the first blocks fill caches
     ]
     return {
         "blocks": len(blocks),
-        "late_us": round(statistics.median(a for a, _ in blocks) * 1e6, 1),
-        "early_us": round(statistics.median(b for _, b in blocks) * 1e6, 1),
-        "journal_ratio": [round(q, 3) for q in statistics.quantiles([a / b for a, b in blocks], n=4)],
+        f"late_{what}_us": round(statistics.median(a for a, _ in blocks) * 1e6, 1),
+        f"early_{what}_us": round(statistics.median(b for _, b in blocks) * 1e6, 1),
+        f"{what}_ratio": [round(q, 3) for q in statistics.quantiles([a / b for a, b in blocks], n=4)],
     }

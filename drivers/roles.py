@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, runtime_checkable
 
 OVERLOAD = 9.9e37
 """The reading that means "outside the range" for SCPI instruments (34401A manual: +9.90000000E+37)."""
@@ -19,6 +19,11 @@ OVERLOAD = 9.9e37
 def is_overload(reading: float) -> bool:
     """Whether a reading means an overload or no reading."""
     return not abs(reading) < 1e37
+
+
+def any_overload(readings: Sequence[float]) -> bool:
+    """Whether any of these readings means an overload or no reading."""
+    return bool([r for r in readings if not -1e37 < r < 1e37])
 
 
 @dataclass(frozen=True)
@@ -43,8 +48,7 @@ class Identity:
         return self.serial not in ("", "0")
 
 
-@dataclass(frozen=True)
-class AxisState:
+class AxisState(NamedTuple):
     """State of one axis of a head.
 
     Attributes:

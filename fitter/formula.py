@@ -20,6 +20,7 @@ Everywhere `**` is `^`. docs/formulas.md has all of it with examples.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -42,6 +43,9 @@ Levels = Mapping[str, Sequence[Any]]
 
 _STEP = 1e-30
 """Imaginary step of a derivative, in the unit of the variable; the derivative's relative error is its square."""
+
+
+_NUMBER = re.compile(r"[-+]?\d[\d.,']*(?:[eE][-+]?\d+)?")
 
 
 class RowError(FitError):
@@ -255,11 +259,20 @@ def _count(names: Sequence[str], table: Table) -> int:
     return len(_given(names[0] if names else next(iter(table)), table))
 
 
+def check_numbers(name: str, column: NDArray[Any]) -> None:
+    """Refuse a column (n,) of text of which most are numbers: the error names the first row that is not."""
+    words = [i for i, cell in enumerate(column.tolist()) if not _NUMBER.fullmatch(str(cell))]
+    if column.dtype.kind == "U" and words and 2 * len(words) < len(column):
+        cell = str(column[words[0]])[:40]
+        raise RowError(f"{name} is {cell!r} in", words[0], ", which is not a number; correct or remove the row")
+
+
 def _numbers(factor: Numeric, table: Table) -> FloatArray:
     given = {}
     for name in factor.names:
         column = _given(name, table)
         if column.dtype.kind not in "fiub":
+            check_numbers(name, column)
             raise FitError(f"{name} is text; as a category it is C({name})")
         given[name] = column.astype(np.float64)
     value = np.asarray(factor.expression.value(given), np.float64)

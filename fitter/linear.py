@@ -208,7 +208,9 @@ def least_squares(
     return replace(fit, coefficients=coefficients, root=root, rss=rss)
 
 
-def orthonormal(columns: FloatArray, length: FloatArray | None = None, tolerance: float = 1e-7) -> FloatArray:
+def orthonormal(
+    columns: FloatArray, length: FloatArray | None = None, tolerance: float = 1e-7, *, overwrite: bool = False
+) -> FloatArray:
     """(n, rank) orthonormal basis of the span of the columns; dependent columns are dropped.
 
     Args:
@@ -216,10 +218,13 @@ def orthonormal(columns: FloatArray, length: FloatArray | None = None, tolerance
         length: (k,) reference length of each column; by default its own. For columns that are remainders of longer
             ones, give the original lengths; otherwise rounding errors count as columns.
         tolerance: a column whose part outside the others is shorter than this, relative to `length`, is dependent.
+        overwrite: whether `columns` may be changed: of a million rows, a copy is as much memory as all else here.
     """
     length = np.linalg.norm(columns, axis=0) if length is None else length
-    used = columns[:, length > 0] / length[length > 0]
+    used = columns if np.all(length > 0) else columns[:, length > 0]
     if used.shape[1] == 0:
         return used
-    q, r, _ = pivoted_qr(used, mode="economic", pivoting=True, check_finite=False)
+    used = np.array(used, np.float64, order="F", copy=None if overwrite else True)
+    used /= length[length > 0]
+    q, r, _ = pivoted_qr(used, mode="economic", pivoting=True, check_finite=False, overwrite_a=True)
     return np.asarray(q[:, : int(np.sum(np.abs(np.diag(r)) > tolerance))])

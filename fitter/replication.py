@@ -31,6 +31,8 @@ _DRIFTS = 0.05
 _WANDERS = 1e-3
 _INFLATED = 1.1
 """Inflation below which drift hides no more than scatter does."""
+AT_ONCE = 500_000
+"""Numbers of a matrix of columns that are worked on at once, so that a million rows need little memory."""
 
 
 @dataclass(frozen=True)
@@ -107,7 +109,7 @@ def blind(
         return None
     bias = FTest(NAN, 0, drift.df_below)
     if drifts:
-        every = orthonormal(np.column_stack([extra, own_parameters(columns, replicate)]))
+        every = orthonormal(_beside(extra, columns, replicate))
         beyond = float(np.sum(off(output, every) ** 2))
         bias = ratio(beyond - rest, len(output) - every.shape[1] - drift.df_below, rest, drift.df_below)
     return Blind(inflation if drifts else 1.0, bias, wander if p < _WANDERS else 0.0)
@@ -126,11 +128,16 @@ def _wander(left: FloatArray, within: FloatArray, point: IntArray, replicate: In
     lag = sparse.csr_array((np.tile(joined, 2), pairs), shape=(n, n))
     # A row is at one point, so most of the projection is sparse: n numbers, not n times the number of points.
     points = sparse.csr_array((1.0 / np.sqrt(size[point]), point, np.arange(n + 1)), shape=(n, len(size)))
-    lagged_points, lagged_within = lag @ points, lag @ within
-    of_points, of_both, of_within = points.T @ lagged_points, points.T @ lagged_within, within.T @ lagged_within
-    trace = -float(of_points.trace() + np.trace(of_within))
-    lagged = _squares(lagged_points.data) + _squares(lagged_within)
-    inner = _squares(of_points.data) + 2.0 * _squares(of_both) + _squares(of_within)
+    lagged_points = lag @ points
+    of_points = points.T @ lagged_points
+    trace, lagged, inner = -float(of_points.trace()), _squares(lagged_points.data), _squares(of_points.data)
+    step = max(AT_ONCE // n, 1)
+    for first in range(0, within.shape[1], step):
+        lagged_within = lag @ within[:, first : first + step]
+        of_within = within.T @ lagged_within
+        trace -= float(np.trace(of_within[first : first + step]))
+        lagged += _squares(lagged_within)
+        inner += 2.0 * _squares(points.T @ lagged_within) + _squares(of_within)
     square = 2.0 * _squares(joined) - 2.0 * lagged + inner
     variance = 2.0 * (df * square - trace**2) / (df**2 * (df + 2.0))
     if variance <= 0.0:
@@ -221,9 +228,11 @@ def analyse(
     bias = ratio(lof, df_lof, pe, df_pe)
     hidden = None
     if df_pe > 0 and bias.value <= bias.limit_95:
-        time = np.argsort(np.arange(n) if order is None else order)
-        volts = output[time], extra[time], columns[time], both[time]
-        hidden = blind(*volts, point[time], replicate[time], drift, pe / df_pe)
+        rows = output, extra, columns, both, point, replicate
+        if order is not None and np.any(np.diff(order) < 0):
+            time = np.argsort(order)
+            rows = output[time], extra[time], columns[time], both[time], point[time], replicate[time]
+        hidden = blind(*rows, drift, pe / df_pe)
     return Replication(
         sigma_E=sigma_E,
         sigma_bias=sigma_E * float(np.sqrt(1.0 - min(split, 1.0))) if df_pe > 0 else NAN,
@@ -306,13 +315,19 @@ def _drift(alone: list[LinearFit], direction: FloatArray, ss_w: float, df_w: int
     return float(np.sqrt(ss_b / df_b)), ratio(ss_b, df_b, ss_w, df_w)
 
 
+def _beside(extra: FloatArray, columns: FloatArray, replicate: IntArray) -> FloatArray:
+    """(n, q + n_rep L) effects and replications' own parameters."""
+    own = own_parameters(columns, replicate)
+    return np.column_stack([extra, own]) if extra.shape[1] else own
+
+
 def _joint_drift(
     columns: FloatArray, output: FloatArray, point: IntArray, replicate: IntArray, extra: FloatArray
 ) -> tuple[float, FTest, FloatArray]:
     """Scatter beyond the replications' own parameters, its test, and the span of these and `extra` within points."""
     y = centred(output[:, None], point)
     before = within_points(extra, point)
-    both = within_points(np.column_stack([extra, own_parameters(columns, replicate)]), point)
+    both = within_points(_beside(extra, columns, replicate), point)
     ss_0, ss_1 = float(np.sum(off(y, before) ** 2)), float(np.sum(off(y, both) ** 2))
     df_drift = both.shape[1] - before.shape[1]
     df_pr = len(y) - int(point.max()) - 1 - both.shape[1]

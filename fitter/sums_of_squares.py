@@ -38,7 +38,7 @@ class FTest:
 def centred(columns: FloatArray, group: IntArray) -> FloatArray:
     """(n, q) `columns` minus their mean over each group; `group` (n,) numbers from 0."""
     size = np.bincount(group)
-    out = np.empty_like(columns)
+    out = np.empty(columns.shape, order="F")
     for j in range(columns.shape[1]):
         mean = np.bincount(group, columns[:, j]) / np.maximum(size, 1)
         out[:, j] = columns[:, j] - mean[group]
@@ -56,7 +56,8 @@ def own_parameters(columns: FloatArray, replicate: IntArray) -> FloatArray:
 
 def within_points(columns: FloatArray, point: IntArray) -> FloatArray:
     """(n, rank) orthonormal basis of the variation of (n, q) `columns` within points."""
-    return orthonormal(centred(columns, point), np.linalg.norm(columns, axis=0))
+    length = np.linalg.norm(columns, axis=0)
+    return orthonormal(centred(columns, point), length, overwrite=True)
 
 
 def off(columns: FloatArray, basis: FloatArray) -> FloatArray:

@@ -11,6 +11,7 @@ import numpy as np
 
 from fitter.arrays import FloatArray, IntArray
 from fitter.budget import TypeA
+from procedures.errors import DataError
 from procedures.stated import PlaceConstant
 from procedures.table import Columns, Table
 
@@ -77,6 +78,18 @@ def together(parts: Sequence[FloatArray]) -> FloatArray:
     return found
 
 
+def alike(named: str, members: Sequence[tuple[str, FloatArray]]) -> TypeA:
+    """Model error of causes that data cannot separate: all equally likely, so the rms difference from the named one.
+
+    Args:
+        named: the cause by which the results are.
+        members: the other causes, and (m,) how far the results by each are from these.
+    """
+    covariance = np.sum([np.outer(moved, moved) for _, moved in members], axis=0) / (len(members) + 1)
+    names = " or ".join(member for member, _ in members)
+    return TypeA(covariance, np.inf, f"model: {named}, or {names}", "trace of the run", "B")
+
+
 @dataclass(frozen=True)
 class Expected:
     """A run as it is planned, with outputs of sensors as they are expected.
@@ -141,10 +154,26 @@ class Evaluation(ABC):
         """
         return ()
 
+    def charted(self, sensor: str) -> tuple[str, FloatArray]:
+        """Unit of a sensor's errors in its control chart, and (p,) its output at the points per such a unit.
+
+        Raises:
+            DataError: this kind does not say.
+        """
+        raise DataError("--after-days: drift of sensors in use is not known for this kind of calibration")
+
     def model_errors(self) -> Iterable[TypeA]:
         """Differences between models that the run cannot separate, as covariances of the results."""
         return ()
 
     def notes(self) -> Iterable[str]:
         """Sentences about the scatter."""
+        return ()
+
+    def described(self, sensor: str) -> str:
+        """How a sensor's output follows from its coefficients, a sentence; "" if it is not said."""
+        return ""
+
+    def not_kept(self) -> Iterable[str]:
+        """Sentences about lines of the budget that a calibration file cannot keep for its use."""
         return ()

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
 from fitter.arrays import IntArray
-from fitter.confirm import Confirmation, Question, Together
+from fitter.confirm import Confirmation, Later, Question, Together
 from fitter.effects.entry import Entry
 from fitter.effects.hands import Done
 from procedures.blocks import Block
@@ -30,6 +30,7 @@ class Confirming(ABC):
 
     Attributes:
         traced: the run.
+        earlier: further runs that were already made.
         unit: of what is inferred: errors are said in it.
         output_unit: of the outputs.
         per_slope: conversion of an error of the output over the slope to `unit`.
@@ -38,11 +39,18 @@ class Confirming(ABC):
     """
 
     traced: Any
+    earlier: tuple[Later, ...]
     unit: str
     output_unit: str
     per_slope: float
     drawn: tuple[str, float]
     caution = ""
+
+    def after(self, earlier: Sequence[Later]) -> Self:
+        """The same run after further ones."""
+        this: Any = self
+        after: Self = replace(this, earlier=tuple(earlier))
+        return after
 
     @property
     def found(self) -> Any:
@@ -64,7 +72,7 @@ class Confirming(ABC):
 
     @abstractmethod
     def beside(self, later: Any, after_s: float, done: Sequence[Done] = ()) -> Together:
-        """This run and a later one with changes by a person. Raises `FitError`.
+        """This run, the earlier further ones, and a later one with changes by a person. Raises `FitError`.
 
         Args:
             later: its observations.
@@ -86,6 +94,10 @@ class Confirming(ABC):
     def catalogue(self) -> Sequence[Entry]:
         """Effects that the trace looked for."""
         return ()
+
+    def standing(self, variation: Variation) -> Variation:
+        """A possible run as a person finds the bench after the earlier ones: whether something has to be turned."""
+        return variation
 
     def suits(self, variation: Variation, questions: Sequence[Question]) -> bool:
         """Whether all explanations say what they are in a run; a run of which one does not is not proposed."""

@@ -6,8 +6,8 @@ that several results share keeps its sign in each, and one that cancels cancels.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -126,6 +126,14 @@ def influences(evaluation: Evaluation, stated: Statements, *, same_meter: bool) 
     return Found(tuple(single), tuple(changes), tuple(grouped), (*notes, *evaluation.notes()))
 
 
+def with_more(found: Found, evaluation: Evaluation, more: Iterable[tuple[str, str, Shifts]]) -> Found:
+    """Influences with further normal ones: name, source, and the change by one standard uncertainty."""
+    given = list(more)
+    own = [Influence(name, source, "B", sensitivity(evaluation, shifts)) for name, source, shifts in given]
+    changes = (*found.shifts, *(shifts for _, _, shifts in given))
+    return replace(found, influences=(*found.influences, *own), shifts=changes)
+
+
 @dataclass(frozen=True, eq=False)
 class Kept:
     """One influence on the coefficients of a calibration, for its use.
@@ -171,7 +179,7 @@ def kept(evaluation: Evaluation, stated: Statements) -> tuple[list[Kept], list[s
     for constant in stated.place.values():
         for part, shifts in evaluation.of_place(constant):
             add(f"{constant.name.replace('_', ' ')}{part}", constant.source, constant.df, shifts, {})
-    return found, notes
+    return found, [*notes, *evaluation.not_kept()]
 
 
 def _lines_in_use(one: Stated, columns: Columns) -> dict[str, tuple[float, float]] | None:

@@ -32,7 +32,7 @@ class Seen:
         columns: in the order of the file.
         fit: options of `rig fit`, by name; {} if nothing can be fitted.
         trace: options of `rig trace`, by name.
-        why_not: why there are no options; "" if there are.
+        why_not: why there are no options, or why those of a trace have no time; "" if there is no reason to tell.
     """
 
     columns: tuple[SeenColumn, ...]

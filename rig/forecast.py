@@ -14,13 +14,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from drivers.roles import Source
+from drivers.roles import Chamber, Source
 from procedures.by_hand import ALLOWANCE_H, HandStep
 from procedures.column_names import unit_of
 from procedures.run_list import RunList
 from rig.bench import playing
 from rig.config import FOLLOWS_S
-from rig.controller import start_run
+from rig.controller import Site, start_run
 from rig.engine.pace import Pace, follows_s
 from rig.engine.session import Outcome, Progress, Signals
 from rig.errors import RigError
@@ -29,6 +29,7 @@ from rig.plugins import driver_class
 from rig.quantities import TEMPERATURE_UNIT
 from rig.run_file.events.points import Observed, WholePlotBegan
 from rig.run_file.reader import RunReader
+from rig.run_file.unsynced import unsynced
 
 ALLOWANCE = 0.05
 """Relative allowance for repeats, retries and one short interruption."""
@@ -101,7 +102,7 @@ def _ordinary(plan: Plan) -> dict[str, Any]:
 
 def _assumed(plan: Plan) -> Iterator[str]:
     """Assumptions about soaks if the bench file has no values."""
-    bench, sources = plan.bench, playing(plan.bench, Source)
+    bench, sources, chambers = plan.bench, playing(plan.bench, Source), playing(plan.bench, Chamber)
     for factor in plan.run_list.factors:
         name, setter = factor.name, bench.factors.get(factor.name, "")
         thermometer = bench.temperatures.get(name)
@@ -111,7 +112,7 @@ def _assumed(plan: Plan) -> Iterator[str]:
                 known = "time_constant_s" in driver_class(bench.instruments[setter].driver).Options.model_fields
                 better = f"; instruments.{setter}.time_constant_s in the bench file says better" if known else ""
                 yield f"assumed: {setter} approaches its setting with a time constant of {FOLLOWS_S:g} s{better}"
-        elif factor.hard and not follows:
+        elif factor.hard and unit_of(name) == TEMPERATURE_UNIT and setter in chambers and not follows:
             yield (
                 f"assumed: what is in the chamber of {name} follows it with {FOLLOWS_S:g} s; "
                 f"temperatures.{name}.follows_s in the bench file says better"
@@ -135,10 +136,13 @@ def rehearse(plan: Plan, on_progress: Callable[[Progress], None], *, points: int
     pace = None
     if soaks_between:
         pace = Pace(plan.run_list, plan.procedure.conduct, plan.bench)
-    with tempfile.TemporaryDirectory(prefix="rig-rehearsal-") as folder:
+    with tempfile.TemporaryDirectory(prefix="rig-rehearsal-") as folder, unsynced() as vfs:
         paths: list[Path] = []
         dry = replace(plan, run_list=head, dry=True, truth=_ordinary(plan))
-        result = start_run(dry, Path(folder), signals=Signals(), announce=paths.append, on_progress=on_progress)
+        site = Site(vfs=vfs)  # nobody keeps this run file
+        result = start_run(
+            dry, Path(folder), signals=Signals(), announce=paths.append, on_progress=on_progress, site=site
+        )
         if result.outcome is not Outcome.COMPLETE:
             raise RigError(f"a rehearsal on simulated instruments failed: {result.message}")
         with RunReader.open(paths[0]) as reader:

@@ -282,7 +282,7 @@ def check_match(config: BenchConfig, procedure: Procedure, run_list: RunList, wh
     elif conduct.whole_plots is not None:
         _check_factors(config, run_list, guard, where)
     if conduct.whole_plots is not None:
-        _check_renewal(conduct.whole_plots, run_list, guard, where)
+        _check_renewal(conduct.whole_plots, config, run_list, guard, where)
 
 
 def _check_sensors(config: BenchConfig, where: str, conduct: Conduct) -> None:
@@ -338,7 +338,7 @@ def _check_setters(config: BenchConfig, run_list: RunList, guard: Guard, where: 
     taken: dict[str, str] = {}
     for factor in run_list.factors:
         name = config.factors.get(factor.name)
-        if name is None and factor.name in HEAD:
+        if name is None and factor.name in HEAD and not factor.hard:
             continue  # the head's own axes need no entry
         if name is None:
             setting = [n for n in config.instruments if any(n in playing(config, role) for role in _SETS)]
@@ -359,11 +359,9 @@ def _check_setters(config: BenchConfig, run_list: RunList, guard: Guard, where: 
                 f"{where}: factors.{factor.name} = {name!r}: {name} sets nothing "
                 f"(driver {config.instruments[name].driver})"
             )
-        bath = Source in roles and unit_of(factor.name) == TEMPERATURE_UNIT
-        if factor.hard and not bath and Chamber not in roles:
+        if factor.hard and Head in roles:
             raise ConfigurationError(
-                f"{where}: {factor.name} is hard to change, and {name} is no chamber or bath: whole plots are settled "
-                f"by temperatures; leave out hard = true"
+                f"{where}: {factor.name} is an angle of a head, which cannot be hard to change: leave out hard = true"
             )
         _check_unit(factor.name, name, roles, where)
         if PressureController in roles:
@@ -404,9 +402,13 @@ def _check_atmosphere(factor: str, guard: Guard, where: str) -> None:
         )
 
 
-def _check_renewal(whole_plots: WholePlotConduct, run_list: RunList, guard: Guard, where: str) -> None:
+def _check_renewal(
+    whole_plots: WholePlotConduct, config: BenchConfig, run_list: RunList, guard: Guard, where: str
+) -> None:
     """Check the limits for a renewed setpoint: the chamber leaves its temperature before it is set again."""
     for factor in run_list.hard:
+        if unit_of(factor.name) != TEMPERATURE_UNIT or config.factors.get(factor.name) in playing(config, ByHand):
+            continue  # no temperature soaks for it
         low, high = guard.limits.get(factor.name, (float("-inf"), float("inf")))
         for target in run_list.levels(factor):
             away = renewal(target, whole_plots.soak.renew_degC)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import ideal_pressure_bench as pressure
 import pytest
 from few_points import (
@@ -150,7 +148,7 @@ def test_a_move_may_take_as_long_as_settling_and_ten_minutes_at_least(tmp_path, 
 
         def never_still():
             moving = len(head.sent) == 3 and True not in stopped
-            return {axis: replace(state, moving=state.moving or moving) for axis, state in read().items()}
+            return {axis: state._replace(moving=state.moving or moving) for axis, state in read().items()}
 
         def stop_it():
             stopped.append(len(head.sent) == 3)

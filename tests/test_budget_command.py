@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from datetime import date
 
 import pytest
 
@@ -131,3 +132,37 @@ def test_a_register_that_contradicts_the_bench_of_the_run_is_refused(run, tmp_pa
     path.write_text(REGISTER.replace("W-1", "W-9"))
     with pytest.raises(ConfigurationError, match=r"equipment\.W-1 is missing, and bench\.toml names it"):
         budget(run, equipment=path)
+
+
+def test_drift_of_a_standard_is_by_its_history_and_its_age(run, tmp_path):
+    path = tmp_path / "history.toml"
+    rows = "drift = [[0, 0], [10000, 1.96]]\n"
+    path.write_text(REGISTER.replace("probability = 0.9545\n", f"probability = 0.9545\n{rows}"))
+    told = budget(run, equipment=path, at=[{"force_kN": 4.0}]).to_json()
+    days = (date.fromisoformat(told["data"]["last_observation_utc"][:10]) - date(2020, 1, 1)).days
+    name = f"W-1 gain of force_kN, drift since 2020-01-01 ({days} days, by its history)"
+    # 1.96 % in 10,000 days, with 95 %: a standard uncertainty of 1e-6 of the force a day
+    found = contribution(told["results"][-1], name)["standard_uncertainty"]
+    assert found == pytest.approx(4e-6 * days, rel=1e-3)
+    path.write_text(path.read_text().replace("10000", "100"))
+    with pytest.raises(ConfigurationError, match=rf"says\.0\.drift: its rows end 100 days .* and {days} are asked for"):
+        budget(run, equipment=path)
+
+
+def test_drift_of_a_sensor_in_use_is_by_its_own_history(run, tmp_path):
+    done = rig("budget", run, "--after-days", "50")
+    assert done.returncode == 2
+    assert "the register has no sensors.cell.drift: chart three or more calibrations" in done.stderr
+    path = tmp_path / "history.toml"
+    path.write_text(f"{REGISTER}[sensors.cell]\ndrift = [[0, 0], [100, 3.92]]\ndrift_unit = 'mV'\n")
+    told = budget(run, equipment=path, at=[{"force_kN": 4.0}], after_days=50).to_json()
+    by_name = {one["name"]: one for one in told["results"]}
+    drift = "cell drift in 50 days, by its history"
+    # half of 3.92 mV is 1.96 mV, and 1 mV for one standard uncertainty: 2 N of a cell with 0.5 V/kN
+    found = contribution(by_name["cell inferred force at force 4 kN"], drift)["standard_uncertainty"]
+    assert found == pytest.approx(1e-3 / 0.5, rel=1e-3)
+    assert contribution(by_name["cell output at force 4 kN"], drift)["standard_uncertainty"] == 0.0
+    assert any("are for a use 50 days after the run" in note for note in told["notes"])
+    path.write_text(path.read_text().replace("'mV'", "'kN'"))
+    with pytest.raises(ConfigurationError, match=r"drift_unit = 'kN' does not convert to 'V'"):
+        budget(run, equipment=path, after_days=50)

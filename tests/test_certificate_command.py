@@ -19,7 +19,9 @@ from fitter.budget.rounding import rounded
 from fitter.trace.outcome import Finding
 from rig.certificate.assembly import conditions, decimal_text, doubtful, effects
 from rig.certificate.files import write_once
+from rig.certificate.layout import sections
 from rig.certificate.numbers import plain
+from rig.certificate.words import UNTRACED
 from rig.dcc.reader import read_dcc
 from rig.dcc.si_units import per_term
 from rig.errors import ConfigurationError, UsageError
@@ -93,6 +95,32 @@ def test_a_limit_that_dominates_has_its_own_coverage_factor_and_the_certificate_
     assert all(float(one.k) > 2.5 for table in rare.tables for one in table.results)
 
 
+def test_the_page_says_how_the_output_follows_from_the_coefficients(made):
+    (table,) = made.document.tables
+    assert table.notes == ("Output in V: the sum of all coefficients, each times its term, by the model 1 + force_kN.",)
+
+
+@pytest.mark.parametrize(("asset", "column"), [("W-1", "force_kN"), ("DVM-1", "cell_V")])
+def test_what_is_read_or_set_without_a_stated_error_is_refused(run, tmp_path, asset, column):
+    register = tmp_path / "equipment.toml"
+    said = rf"(?s)\[\[equipment\.{asset}\.says\]\].*?(?=\[equipment\.DVM-1\]|\[sensors)"
+    register.write_text(re.sub(said, "", REGISTER))
+    assert any(one.startswith(f"{column}: the register states") for one in reasons(run, tmp_path, equipment=register))
+    told = f"the register states no errors of {column}: none are in these uncertainties"
+    assert told in budget(run, equipment=register).notes()
+
+
+def test_the_page_says_what_an_instrument_without_a_certificate_is_for(run, tmp_path, made):
+    def page(of: Made) -> str:
+        return "".join(str(block) for section in sections(of.document) for block in section.blocks)
+
+    assert UNTRACED[0] not in page(made)
+    document = replace(
+        made.document, equipment=(*made.document.equipment, replace(made.document.equipment[0], laboratory=""))
+    )
+    assert UNTRACED[0] in page(replace(made, document=document))
+
+
 def test_two_statements_of_one_sort_are_two_influences(run, tmp_path):
     """Such as the uncertainty of the calibration, and that of a specification: both are gains."""
     again = "[[equipment.W-1.says]]\nquantity = 'force_kN'\nbehaves = 'gain'\nunit = '%'\nhalf_width = 0.02\n"
@@ -102,19 +130,19 @@ def test_two_statements_of_one_sort_are_two_influences(run, tmp_path):
     assert {"W-1 gain of force_kN", "W-1 gain of force_kN, no. 2"} <= lines
 
 
-@pytest.mark.parametrize("seed", [3])
-def test_every_number_of_the_page_of_a_random_run_is_in_its_run_file(seed, tmp_path):
+@pytest.mark.parametrize(("kind", "seed"), [("general", 97), ("attitude", 1), ("pressure", 3)])
+def test_every_number_of_the_page_of_a_random_run_is_in_its_run_file(kind, seed, tmp_path):
     """A share of `python -m proving.certificates.runs`; one digit changed is found."""
     from proving.certificates import runs  # noqa: PLC0415
 
-    stand = runs.Stand(seed, tmp_path)
-    path = stand.run()
+    stand = runs.stand_of(kind, seed, tmp_path)
+    path = runs.run_of(stand)
     of = make(asked(path, tmp_path / "certificate.toml"))
     issued = issue(of, Issue(tmp_path / "out"))
     page = runs.page_text(next(one for one in issued.files if one.suffix == ".html").read_text())
     told = runs.sources(path, stand, of)
     assert runs.not_in_run(page, *told, issued.document) == []
-    assert list(runs.coefficients_again(path, stand, issued.document)) == []
+    assert list(runs.not_computed_again(path, stand, issued.document)) == []
     value = issued.document.tables[0].results[0].value
     other = f"{value[:-1]}{(int(value[-1]) + 5) % 10}"
     assert value in page

@@ -11,7 +11,7 @@ import pytest
 from command import rig
 from test_confirm_forecast import traced_run
 
-from fitter.confirm import confirm, questions_of, separation
+from fitter.confirm import Later, confirm, questions_of, separation
 from fitter.confirm.runs import join
 from fitter.effects.hands import Done
 from procedures.attitude.effects import CATALOGUE
@@ -110,7 +110,7 @@ def judged(traced, true: str, after: attitude.Bench):
     first, found = traced[true]
     before = SAGS if true == PADS else CROSSED
     later, done = further(before, after)
-    both = AttitudeTogether.of(found, first, later, DAY_S, [done])
+    both = AttitudeTogether.of(found, first, [Later(later, DAY_S, [done])])
     (question,) = questions_of(found)
     assert {m.effect for m in question.members} >= {PADS, CROSS}, "confounded before"
     return confirm(both, question)
@@ -143,7 +143,7 @@ def test_what_was_not_there_before_the_change_either_is_not_confirmed_by_its_abs
     gone = replace(SAGS, compliance={})
     later, done = further(gone, moved(gone))
     (question,) = questions_of(found)
-    answer = confirm(AttitudeTogether.of(found, first, later, DAY_S, [done]), question)
+    answer = confirm(AttitudeTogether.of(found, first, [Later(later, DAY_S, [done])]), question)
     assert answer.verdict in ("none holds", "not shown")
 
 
@@ -154,7 +154,7 @@ def test_the_forecast_knows_what_a_change_separates(traced) -> None:
     names = [m.effect for m in questions[0].members]
     pair = next(p for p in ((PADS, CROSS), (CROSS, PADS)) if names.index(p[0]) < names.index(p[1]))
     chances = [
-        separation(AttitudeTogether.of(found, first, later, DAY_S, steps), questions)[0].chances[pair]
+        separation(AttitudeTogether.of(found, first, [Later(later, DAY_S, steps)]), questions)[0].chances[pair]
         for steps in ((), (done,))
     ]
     assert chances[0] < 0.2
@@ -193,7 +193,7 @@ def test_a_cause_that_should_have_another_size_and_has_not_is_less_likely(traced
     sigmas = {}
     for name, after in (("same", SAGS), ("other", replace(SAGS, compliance={("y", "x"): -3e-4}))):
         later, done = further(SAGS, after)
-        both = AttitudeTogether.of(found, first, later, DAY_S, [replace(done, word="voltmeter-swapped")])
+        both = AttitudeTogether.of(found, first, [Later(later, DAY_S, [replace(done, word="voltmeter-swapped")])])
         answer = confirm(both, asked)
         sigmas[name] = {m.effect: m.sigmas for m in answer.members}
     assert 1.0 < sigmas["same"][question.members[0].effect] < 5.0
@@ -207,6 +207,6 @@ def test_a_cause_is_not_confirmed_by_a_run_that_it_does_not_fit(traced, twice_de
     before = replace(SAGS, pitch_error_deg=(0.0, 0.0, twice_deg, 0.0))
     later, done = further(before, replace(before, compliance={}))
     (question,) = questions_of(found)
-    answer = confirm(AttitudeTogether.of(found, first, later, DAY_S, [done]), question)
+    answer = confirm(AttitudeTogether.of(found, first, [Later(later, DAY_S, [done])]), question)
     held = (PADS,) if twice_deg == 0.0 else ()
     assert answer.holding == held

@@ -14,7 +14,7 @@ import pytest
 from command import rig
 from test_confirm import LAB, run
 
-from fitter.confirm import NOTHING, Confirmation, Separation, confirm, questions_of, separation
+from fitter.confirm import NOTHING, Confirmation, Later, Separation, confirm, questions_of, separation
 from procedures.attitude.together import AttitudeTogether
 from procedures.attitude.trace import trace
 from procedures.pressure.together import WholePlotTogether
@@ -57,7 +57,7 @@ def of_pressure(seed: int) -> Told:
     first = pressure.simulate(bench, seed=seed)
     found = trace_whole_plots(first)
     later = pressure.simulate(bench, FEWER if seed % 2 else pressure.Run(), seed=seed + 1000)
-    both = WholePlotTogether.of(found, first, later, 2 * DAY_S)
+    both = WholePlotTogether.of(found, first, [Later(later, 2 * DAY_S)])
     return [
         told
         for question in questions_of(found)
@@ -77,7 +77,7 @@ def of_attitude(seed: int) -> Told:
     first, _ = attitude.simulate(bench, attitude.Plan(pitch, np.zeros(1), replications=4), seed)
     found = trace(first)
     later, _ = attitude.simulate(bench, attitude.Plan(pitch, np.array([0.0, 180.0]), replications=1), seed + 1000)
-    both = AttitudeTogether.of(found, first, later, DAY_S)
+    both = AttitudeTogether.of(found, first, [Later(later, DAY_S)])
     return [
         told
         for question in questions_of(found)

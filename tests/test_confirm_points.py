@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fitter.confirm import Points, questions_of
+from fitter.confirm import Later, Points, questions_of
 from fitter.confirm.compare import Comparison
 from fitter.confirm.reduced import Reduced
 from procedures.attitude.confirming import short_path
@@ -53,7 +53,7 @@ def planned(points_deg) -> AttitudeData:
 
 def candidates(opened, points_deg) -> Points:
     first, found, question = opened
-    both = AttitudeTogether.of(found, first, planned(points_deg), DAY_S)
+    both = AttitudeTogether.of(found, first, [Later(planned(points_deg), DAY_S)])
     return Points.of([both], [question], np.arange(len(points_deg)), len(points_deg))
 
 
@@ -61,7 +61,7 @@ def test_the_distance_is_that_of_the_rivals_best_refit(opened) -> None:
     """Computed once more from whole columns by least squares: both runs, the declared model of each mounting apart."""
     first, found, question = opened
     at = [(p, r) for p in (-150.0, -60.0, 30.0, 120.0) for r in (0.0, 90.0, 180.0)]
-    both = AttitudeTogether.of(found, first, planned(at), DAY_S)
+    both = AttitudeTogether.of(found, first, [Later(planned(at), DAY_S)])
     told = candidates(opened, at)
     pads, head = (next(m for m in question.members if m.effect == name) for name in (PADS, HEAD))
     only = both.only(~both.fresh)
@@ -80,7 +80,7 @@ def test_a_triangular_factor_in_place_of_the_first_run_changes_no_statistic(open
     first, found, question = opened
     at = [(p, r) for p in (-150.0, -60.0, 30.0, 120.0) for r in (0.0, 90.0, 180.0)]
     later = replace(planned(at), outputs={"x_V": np.random.default_rng(5).normal(0.0, 1e-3, len(at))})
-    both = AttitudeTogether.of(found, first, later, DAY_S)
+    both = AttitudeTogether.of(found, first, [Later(later, DAY_S)])
     short = Reduced.of(both, [question])
     assert short.fresh.size < both.fresh.size / 2
     whole, told = (Comparison(one, question).apart(one.outputs[:, None]) for one in (both, short))

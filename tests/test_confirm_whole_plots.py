@@ -13,7 +13,7 @@ from command import rig
 from dry_pressure import LAB, dry
 from few_sensors import with_sensors
 
-from fitter.confirm import NOTHING, confirm, confirm_all, questions_of, separation
+from fitter.confirm import NOTHING, Later, confirm, confirm_all, questions_of, separation
 from procedures.pressure.confirming import WholePlotConfirming
 from procedures.pressure.options import FitOptions
 from procedures.pressure.together import WholePlotTogether
@@ -33,7 +33,7 @@ def together(first_bench: Bench, later_bench: Bench) -> tuple[WholePlotTogether,
     first = simulate(first_bench, seed=4)
     found = trace_whole_plots(first)
     later = simulate(later_bench, FEWER, seed=5)
-    return WholePlotTogether.of(found, first, later, DAY_S * 2), questions_of(found)
+    return WholePlotTogether.of(found, first, [Later(later, DAY_S * 2)]), questions_of(found)
 
 
 def test_a_cubic_that_is_there_is_confirmed_with_its_size() -> None:
@@ -74,7 +74,7 @@ def test_the_forecast_is_the_judges_figure_which_counts_both_runs() -> None:
     seen = []
     for times in (1, 4):
         later = simulate(bench, Run(pairs=times * FEWER.pairs), seed=5)
-        (told,) = separation(WholePlotTogether.of(found, first, later, 2 * DAY_S), questions_of(found))
+        (told,) = separation(WholePlotTogether.of(found, first, [Later(later, 2 * DAY_S)]), questions_of(found))
         seen.append(told.sigmas[QUESTION])
     n = len(first)
     few, many = (times * len(FEWER.pairs) * 11 for times in (1, 4))

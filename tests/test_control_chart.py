@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from datetime import UTC, datetime, timedelta
 from html import escape
@@ -21,6 +22,7 @@ from rig.closed_loop.chart_together import read_together
 from rig.errors import UsageError
 from rig.report.chart import chart_page
 from rig.report.frame import render
+from rig.results.budget import budget
 from rig.results.charts import ControlChart
 from rig.tables import run_table, write_csv
 
@@ -116,6 +118,24 @@ def test_the_tolerance_that_nobody_gave_is_the_interval_of_one_reading(charted):
     sigma = charted.given[-1].sensors["x_V"].sigma_V / 5.02 * 57.3
     assert 1.9 * sigma < sensor.tolerance < 2.3 * sigma
     assert not sensor.told
+
+
+def test_its_drift_goes_into_the_budget_of_the_last_calibration(charted, runs, tmp_path):
+    lines = ControlChart(charted).as_drift()
+    rows = charted.sensors["x_V"].drift()
+    bound = charted.sensors["x_V"].chart.bound
+    worst = max(values[-1] for values in bound.bounds.values()), max(values[0] for values in bound.bounds.values())
+    assert rows[0] == (0.0, 0.0)
+    assert rows[-1][1] == pytest.approx(math.sqrt(worst[0] ** 2 - worst[1] ** 2), rel=1e-2)
+    # 20 ppm a year of the sensitivity are 5.7e-4 deg at +-30 deg of pitch
+    assert rows[-1][1] > math.degrees(20e-6 * math.sin(math.radians(30))) * rows[-1][0] / 365.25
+    register = tmp_path / "equipment.toml"
+    known = (LAB / "equipment.toml").read_text()
+    register.write_text(re.sub(r"(\[sensors\.[xyz]\]\n)", lambda head: f"{head[1]}{lines}", known))
+    told = budget(runs[-1], equipment=register, at=[{"pitch_deg": 0.0}], after_days=rows[-1][0]).to_json()
+    angle = next(one for one in told["results"] if one["name"].startswith("inferred pitch"))
+    drift = next(one for one in angle["contributions"] if one["name"].startswith("x drift in"))
+    assert drift["standard_uncertainty"] == pytest.approx(rows[-1][1] / 1.96, rel=1e-3)
 
 
 def test_two_calibrations_are_compared_and_no_more(runs):

@@ -12,14 +12,12 @@ from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import pytest
-from command import rig
 from sample_certificate import amended, document
 
 from rig.certificate.as_dcc import dcc
-from rig.dcc.reader import number_in, parsed, read_dcc
+from rig.dcc.reader import parsed, read_dcc
 from rig.dcc.si_units import plain_unit, si_unit
 from rig.errors import UsageError
-from rig.register import parse_register
 
 NOW = datetime(2026, 11, 24, tzinfo=UTC)
 KINDS = {
@@ -175,18 +173,6 @@ LIST = (
 )
 
 
-def test_a_row_of_a_list(tmp_path):
-    file = tmp_path / "x.xml"
-    file.write_bytes(others(LIST.format(values="1 2 3", units="\\\\kelvin", u="0.1 0.2 0.3")))
-    assert number_in(file, "error", 2).expanded == 0.2
-    assert number_in(file, "c_d", 3).value == 3.0
-    for row, words in ((None, "say which row, 1 to 3"), (4, "has no row 4"), (0, "has no row 0")):
-        with pytest.raises(UsageError, match=words):
-            number_in(file, "error", row)
-    with pytest.raises(UsageError, match=r"no value 'nothing'\. It has: R / error"):
-        number_in(file, "nothing")
-
-
 @pytest.mark.parametrize(
     ("data", "words"),
     [
@@ -309,86 +295,6 @@ def test_a_missing_extra_is_named(monkeypatch):
     monkeypatch.setattr(extras, "import_module", lambda name: (_ for _ in ()).throw(ImportError(name)))
     with pytest.raises(UsageError, match=r"pip install 'calibration-rig\[dcc\]'"):
         extras.needed("signxml.xades", "dcc")
-
-
-THERMOMETER = (
-    '<quantity refType="b_reading"><name><content>reading</content></name><s:realListXMLList>'
-    "<s:valueXMLList>373.15 273.15</s:valueXMLList><s:unitXMLList>\\\\kelvin</s:unitXMLList></s:realListXMLList>"
-    "</quantity>"
-)
-
-
-def thermometer(path: Path, u: str = "0.060 0.040", k: str = "2") -> Path:
-    """A certificate of errors at two temperatures."""
-    errors = LIST.format(values="0.072 -0.01", units="\\\\kelvin", u=u).replace(">2<", f">{k}<")
-    xml = others(errors, ref="b_error").decode().replace("</data>", THERMOMETER.replace("\\\\", "\\") + "</data>")
-    path.write_text(xml)
-    return path
-
-
-def test_numbers_of_others_go_into_the_register(tmp_path):
-    file = thermometer(tmp_path / "t.xml")
-    asked = ["--as-equipment", "T-1", "--quantity", "bath_degC", "--error", "b_error", "--at", "b_reading"]
-    done = rig("certificate", "--read", file, *asked)
-    assert done.returncode == 0, done.stderr
-    assert "not signed" in done.stderr
-    register = parse_register(done.stdout, "made")
-    (says,) = register.equipment["T-1"].says
-    assert says.table == ((0.0, 0.01, 0.04), (100.0, -0.072, 0.06)), "corrections of errors, in the order of degC"
-    assert (says.quantity, says.unit, says.k, says.probability) == ("bath_degC", "degC", 2.0, 0.95)
-    certificate = register.equipment["T-1"].certificate
-    assert certificate is not None
-    assert (certificate.number, certificate.laboratory, str(certificate.date)) == ("X 1", "Labor", "2026-01-02")
-
-
-@pytest.mark.parametrize(
-    ("asked", "words"),
-    [
-        (["--quantity", "bath_degC"], "say whether the values are errors"),
-        (["--quantity", "bath_degC", "--error", "b_error", "--correction", "b_error"], "say whether the values"),
-        (["--error", "b_error"], "name the column or unit"),
-        (["--quantity", "bath_degC", "--error", "b_error"], "say at which settings"),
-        (["--quantity", "force_kN", "--error", "b_error", "--at", "b_reading"], "does not convert to 'kN'"),
-        (["--quantity", "bath_degC", "--error", "b_reading", "--at", "b_error"], "no coverage factor and probability"),
-        (["--quantity", "bath_degC", "--error", "nothing", "--at", "b_reading"], "no value 'nothing'"),
-    ],
-)
-def test_numbers_that_cannot_go_into_the_register(tmp_path, asked, words):
-    done = rig("certificate", "--read", thermometer(tmp_path / "t.xml"), "--as-equipment", "T-1", *asked)
-    assert (done.returncode, words in done.stderr, done.stdout) == (2, True, "")
-
-
-def test_several_coverage_factors_are_not_one(tmp_path):
-    file = thermometer(tmp_path / "t.xml", k="2 2.1")
-    asked = ["--as-equipment", "T-1", "--quantity", "bath_degC", "--error", "b_error", "--at", "b_reading"]
-    assert "several coverage factors" in rig("certificate", "--read", file, *asked).stderr
-
-
-def test_nothing_is_taken_from_a_changed_certificate(keys, tmp_path):
-    pytest.importorskip("signxml")
-    from rig.dcc.signature import signed  # noqa: PLC0415
-
-    file = tmp_path / "signed.xml"
-    file.write_bytes(signed(thermometer(tmp_path / "t.xml").read_bytes(), keys / "ec.key", keys / "ec.pem"))
-    asked = [
-        "--read",
-        file,
-        "--as-equipment",
-        "T-1",
-        "--quantity",
-        "bath_degC",
-        "--error",
-        "b_error",
-        "--at",
-        "b_reading",
-    ]
-    assert "signature holds" in rig("certificate", *asked).stderr
-    assert rig("certificate", "--read", file, "--authority", keys / "ec.pem").returncode == 0
-    assert rig("certificate", "--read", file, "--authority", keys / "rsa.pem").returncode == 1
-    file.write_bytes(file.read_bytes().replace(b"0.072", b"0.027"))
-    done = rig("certificate", *asked)
-    assert (done.returncode, "nothing is taken from" in done.stderr, done.stdout) == (2, True, "")
-    assert rig("certificate", "--read", file).returncode == 1
 
 
 @pytest.mark.parametrize("seed", range(4))

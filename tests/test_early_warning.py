@@ -18,6 +18,7 @@ from ideal_bench import PROCEDURE, new_run, run_session
 from procedures.attitude.settings import PitchRollProcedure
 from procedures.general.settings import GeneralProcedure
 from rig.engine.early_warning import EarlyWarnings, in_unit, warnings_of
+from rig.engine.response_statistics import ResponseTest
 from rig.engine.session import Outcome
 from rig.engine.warning_statistics import NoiseTest, Number, PreviousTest, RepeatTest, StillTest
 from rig.examples import example
@@ -150,6 +151,46 @@ def test_a_sensor_that_died_is_told_within_a_few_points(what, readings, words):
 
 def test_a_sensor_that_lost_half_its_response_is_told():
     assert "response" in {w.cause for _, w in told(130, lambda _: lambda readings: [r / 2 for r in readings])}
+
+
+def test_amperes_beside_the_cube_of_a_temperature_are_followed():
+    """Small columns fell out of the fit: the voltage of a working thermometer was said to follow nothing."""
+    settings = [(amperes, degC) for degC in (75.0, 0.0, 100.0, 25.0, 50.0) for amperes in (5e-5, 1e-4, 1.4e-4, 2e-4)]
+    rows = [(a, t, a * t, t**2, a * t**2, t**3) for a, t in settings] * 2
+    test = ResponseTest([max(column) - min(column) for column in zip(*rows, strict=True)], 0.03, say)
+    said = [test.add(row, 1e6 * row[0] + 3900.0 * row[2], 1e-8, new_whole_plot=False) for row in rows]
+    assert test._model is not None
+    assert set(said) == {""}
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_the_short_look_finds_nothing_only_where_the_tests_of_response_find_nothing(seed):
+    rng = random.Random(seed)
+    short, full = (ResponseTest((0.0, 10.0), 0.03, say) for _ in range(2))
+    gain, offset = rng.choice(
+        [(0.0, 1.0), (0.5, 0.0), (rng.uniform(0.75, 0.85), 0.0), (1.0, rng.uniform(0.1, 1.0)), (1, 0)]
+    )
+    sd, spoiled_at, steps, looks, said = (
+        rng.choice([0.0, 1e-3, 0.05]),
+        rng.randrange(20, 80),
+        rng.choice([1, 3, 9]),
+        0,
+        [],
+    )
+    for i in range(120):
+        x = 10.0 * math.sin(i // steps) if i % 50 < 35 else 5.0
+        y = 3.0 * x + rng.gauss(0.0, sd)
+        read = gain * y + offset if i >= spoiled_at else y
+        still = 0.0 if rng.random() < 0.2 else 1e-6
+        with patch.object(ResponseTest, "_follows", return_value=False):
+            expected = full.add((1.0, x), read, still, new_whole_plot=False)
+        said.append((short.add((1.0, x), read, still, new_whole_plot=False), expected))
+        looks += short._follows(list(short._recent))
+        assert short._off == full._off
+    assert all(one == other for one, other in said)
+    assert looks, "it was never used"
+    if not gain:
+        assert any(one for one, _ in said)
 
 
 def test_a_sensor_that_never_lived_is_told_as_soon_as_the_settings_have_moved():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 from pathlib import Path
 
@@ -19,6 +20,32 @@ def row(name: str, commit: str, said: str = "1 s") -> figures.Row:
 def test_every_figure_speaks_of_code_that_is_there():
     missing = [p for one in figures.figures().values() for p in one.paths if not (ROOT / p).exists()]
     assert missing == []
+
+
+def test_every_campaign_has_its_commit_and_date_and_code_that_is_there():
+    text = figures.DOCUMENT.read_text()
+    every = figures.campaigns(text)
+    assert len(every) > 50
+    for one in every:
+        assert re.fullmatch(r"(<= )?[0-9a-f]{8}\+?", one.row.commit), one.row
+        assert re.fullmatch(r"\d{4}-\d\d-\d\d", one.row.date), one.row
+    assert {one.section for one in every} == set(figures.sections())
+    missing = [p for paths in figures.sections().values() for p in paths if not (ROOT / p).exists()]
+    assert missing == []
+    tables = [line for line in text.splitlines() if line.startswith("| what | figure")]
+    assert set(tables) == {figures.CAMPAIGNS[0]}, "a table without commits"
+
+
+def test_a_campaign_is_stamped_and_nothing_else_changes():
+    table = "\n".join(
+        (*figures.CAMPAIGNS, "| nights | 0 of 10 | `rig night` | <= aaaa | 2026-11-01 |", "| a | b | c | d | e |")
+    )
+    text = f"# Nights\n\n{table}\nafter\n"
+    done = figures.stamped(text, figures.campaign(text, "night"), "bbbb", "2026-11-24")
+    assert done == text.replace("| <= aaaa | 2026-11-01 |", "| bbbb | 2026-11-24 |")
+    assert [one.section for one in figures.campaigns(text)] == ["Nights", "Nights"]
+    with pytest.raises(SystemExit, match="0 rows begin with 'fit'"):
+        figures.campaign(text, "fit")
 
 
 def test_the_document_has_the_place_for_the_rows_and_only_known_ones():

@@ -201,7 +201,6 @@ def test_units_differ_by_a_prefix_at_most(of, to, times):
         (("procedure", "[0, 1, 2, 5]", "[0, 1, 1, 5]"), "levels has 1 twice"),
         (("procedure", "[factors.force_kN]", "[factors.force]"), "must end in its unit"),
         (("procedure", "[factors.force_kN]", "[factors.elapsed_s]"), "a column of this name already"),
-        (("procedure", 'order = "up-down"', "hard = true"), "operator is no chamber or bath"),
         (
             ("procedure", "[model]", '[design]\ntype = "optimal"\npoints = 1\n[model]'),
             "1 points cannot determine 2 terms",

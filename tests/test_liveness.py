@@ -79,6 +79,38 @@ def test_a_meter_that_returns_to_a_rejected_reading_of_this_point_hangs():
     assert alive.hanging(POINTS[1], back, {}) == ["meter_V"]
 
 
+@pytest.mark.parametrize(
+    ("before", "begun", "doubted"),
+    [
+        ([1.0, 1.1, 1.2], 0, True),  # a session begins: what its predecessor read last was perhaps never written
+        ([1.0, 1.0, 1.1], 0, False),  # coarse
+        ([], 0, False),  # never read
+        ([], 2, True),  # never read, and an answer was lost
+    ],
+)
+def test_equal_readings_after_readings_that_were_not_kept_are_doubted_once(before, begun, doubted):
+    alive = Liveness({"meter_V": "dmm"}, POINTS[0], {"meter_V": before} if before else {})
+    for _ in range(begun):
+        alive.begin()
+    at = next(p for p in POINTS if p.setpoints != POINTS[0].setpoints)
+    again = observed({"meter_V": [5.0] * 3})
+    for _ in range(2):
+        assert bool(alive.hanging(at, again, {})) == doubted
+    assert not alive.hanging(POINTS[0], observed({"meter_V": [4.0] * 3}), {}), "it moved: it is coarse at worst"
+    assert not alive.hanging(at, again, {})
+
+
+def test_a_measurement_without_a_result_lets_a_lively_meter_be_doubted_at_once():
+    rng, alive = random.Random(5), Liveness({"meter_V": "dmm"}, None, {})
+    for _ in range(2):
+        alive.begin()
+        assert not alive.hanging(POINTS[0], alone(rng, 1.0), {})
+    at = next(p for p in POINTS if p.setpoints != POINTS[0].setpoints)
+    alive.begin()
+    alive.begin()
+    assert alive.hanging(at, observed({"meter_V": [0.5] * 3}), {}) == ["meter_V"]
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_a_meter_that_stands_still_now_and_then_is_left_alone(seed):
     """All three readings on a channel the same at one point in three, each channel for itself."""

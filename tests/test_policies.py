@@ -235,7 +235,7 @@ def faulty_drive(times):
         read, move, prepare, home = head.read, head.move, head.prepare, head.home
 
         def read_with_fault():
-            return {axis: replace(s, fault=head.fault, enabled=not head.fault) for axis, s in read().items()}
+            return {axis: s._replace(fault=head.fault, enabled=not head.fault) for axis, s in read().items()}
 
         def move_and_fail(targets):
             move(targets)

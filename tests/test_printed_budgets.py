@@ -271,12 +271,45 @@ def test_furnace_of_ea_4_02_s5():
     assert found.standard_uncertainty == pytest.approx(0.640870516811861, rel=1e-4)
 
 
+def test_power_sensor_of_ea_4_02_s6():
+    """S6: 0.933024133333333, u = 0.0161763656260788, 286 degrees of freedom by GUM Workbench's example S06."""
+    ratio = np.array([0.9772, 0.9671, 0.9836])
+    mismatch = [2.0 * g * s / sqrt(2.0) for g, s in ((0.02, 0.02), (0.07, 0.12), (0.07, 0.10), (0.02, 0.02))]
+    meter = [sqrt(2.0) * 0.0001, sqrt(2.0) * 0.001]
+
+    def factor(x):
+        K, drift, M_Sr, M_Xc, M_Sc, M_Xr, p_Cr, p_Cc, p = x
+        return [(K + drift) * M_Sr * M_Xc / (M_Sc * M_Xr) * p_Cr * p_Cc * p]
+
+    values = [0.957, -0.001, *(1.0,) * 6, float(ratio.mean())]
+    us = [0.0055, rectangular(0.002), *mismatch, *meter, float(ratio.std(ddof=1)) / sqrt(3.0)]
+    inputs = influences_of(factor, values, us, [50.0, *(inf,) * 7, 2.0])
+    (found,) = budgets(["K"], ["1"], np.array(factor(values)), (), inputs)
+    assert found.value == pytest.approx(0.933024133333333, rel=1e-14)
+    assert found.standard_uncertainty == pytest.approx(0.0161763656260788, rel=1e-4)
+    assert int(found.df) == 286
+    assert rounded(found.value, 2.0 * found.standard_uncertainty).text == "0.933 ± 0.032"
+
+
 def test_attenuator_of_ea_4_02_s7():
-    """S7, from memory: 30.043 dB, u = 0.0224 dB, U = 0.045 dB."""
-    inputs = linear(0.0090, 0.0025, 0.0011, 0.0200, 0.0017, 0.0003, 0.0003, 0.0020, 0.0020)
-    (found,) = budgets(["L"], ["dB"], np.array([30.043]), (), inputs)
-    assert f"{found.standard_uncertainty:.4f}" == "0.0224"
+    """S7: 30.04325 dB, u = 0.0224185377162145 dB, 108 degrees of freedom by GUM Workbench's example S07."""
+    read = np.array([30.033, 30.058, 30.018, 30.052])
+    scatter = Influence("read", "S7", "A", np.array([float(read.std(ddof=1)) / 2.0]), 3.0)
+    limits = [rectangular(half) for half in (0.002, 0.003, 0.0005, 0.0005)]
+    inputs = [scatter, *linear(0.0025, 0.0200, 0.0020, 0.0020, *limits)]
+    (found,) = budgets(["L"], ["dB"], np.array([float(read.mean()) + 0.003]), (), inputs)
+    assert found.value == pytest.approx(30.04325, rel=1e-14)
+    assert found.standard_uncertainty == pytest.approx(0.0224185377162145, rel=5e-4)
+    assert int(found.df) == 108
     assert rounded(found.value, 2.0 * found.standard_uncertainty).text == "30.043 ± 0.045"
+
+
+def test_hardness_of_gum_h6():
+    """H.6, as a translation (GOST R 54500.3) has it: 64.0 HRC, u = 0.55 HRC of 0.5, 0.20 and 0.11."""
+    (found,) = budgets(["h"], ["HRC"], np.array([64.0]), (), linear(0.5, 0.45 / sqrt(5.0), 0.11))
+    assert f"{found.standard_uncertainty:.2f}" == "0.55"
+    assert f"{0.002 * found.standard_uncertainty:.4f}" == "0.0011", "mm of depth"
+    assert f"{found.contributions[1].standard_uncertainty:.2f}" == "0.20"
 
 
 def test_calibration_standard_of_eurachem_a1():

@@ -54,6 +54,8 @@ def test_the_register_of_the_document_is_read():
         (("drift = 20", "drfit = 20"), "did you mean drift?"),
         (('behaves = "gain"', 'behaves = "gian"'), "did you mean 'gain'?"),
         (("drift = 20", "table = [[0, 0, 1], [0, 0, 1]]"), "has to increase from row to row"),
+        (("drift = 20", "drift = [[0, 0], [90, 1], [60, 2]]"), "drift: days have to increase from row to row"),
+        (('serial = "1701"', "drift = [[0, 0], [90, 1]]"), "drift and drift_unit belong together"),
         (("drift = 20", "range = [5, 1]"), "5 is not below 1"),
         (("drift = 20", 'distribution = "triangular"'), "belongs to `half_width`"),
     ],
@@ -63,7 +65,7 @@ def test_a_wrong_register_is_explained_with_file_and_key(change, says):
     with pytest.raises(ConfigurationError) as caught:
         parse_register(GOOD.replace(*change), "equipment.toml")
     assert says in str(caught.value)
-    assert re.match(r"equipment\.toml: (equipment\.DVM-0102|place)", str(caught.value))
+    assert re.match(r"equipment\.toml: (equipment\.DVM-0102|place|sensors\.x)", str(caught.value))
 
 
 def test_statements_without_a_certificate_are_refused():

@@ -34,8 +34,8 @@ def test_factors_of_ea_4_02():
 
 
 def test_factors_by_shape_where_limits_dominate_alone():
-    """Of three results the first is S9's; in the second the rest is over 0.3 of the limit; the third is S10's."""
-    rest = np.array([0.29, 0.31, 0.1])
+    """Of three results the first is S9's; in the second the limit has not half of the variance; the third is S10's."""
+    rest = np.array([0.29, 1.01, 0.1])
     inputs = [
         Influence("a", "c", "B", np.array([1.0, 1.0, 2.0]), inf, "rectangular"),
         Influence("b", "c", "B", np.array([0.0, 0.0, 1.0]), inf, "rectangular"),
@@ -52,15 +52,26 @@ def test_factors_by_shape_where_limits_dominate_alone():
         every[2].coverage_factor,
     ]
     assert round(some[2].coverage_factor, 2) == 1.83
-    at = some[0].expanded_uncertainty + sqrt(3.0) * np.linspace(-1.0, 1.0, 20_001)
-    exact = (
-        2.0 * np.trapezoid(special.ndtr(at / rest[0]), dx=1.0 / 20_000) - 1.0
-    )  # the rectangle convolved with a normal
-    assert 0.95 <= exact <= 0.959
     r = Correlation("a", "c", 0.5)
     (both,) = budgets(["x"], ["V"], np.zeros(1), (), [one("a", 1.0, "rectangular"), one("b", 1e-6), one("c", 0.1)],
                       correlations=[r], shapes="where limits dominate")  # fmt: skip
     assert not both.by_shape, "a correlated error counts as normal"
+
+
+def test_certificates_cover_95_percent_on_both_sides_of_where_limits_dominate():
+    """A rectangle with a normal error: the exact coverage of intervals, whatever the share of each."""
+    rest = np.array([0.1, 0.29, 0.31, 0.6, 0.99, 1.01, 1.5, 3.0])
+    inputs = [
+        Influence("a", "c", "B", np.ones(len(rest)), inf, "rectangular"),
+        Influence("rest", "c", "B", rest),
+    ]
+    names, units = list("abcdefgh"), ["V"] * len(rest)
+    for one_result, sd in zip(
+        budgets(names, units, np.zeros(len(rest)), (), inputs, shapes="where limits dominate"), rest, strict=True
+    ):
+        at = one_result.expanded_uncertainty + sqrt(3.0) * np.linspace(-1.0, 1.0, 20_001)
+        exact = 2.0 * np.trapezoid(special.ndtr(at / sd), dx=1.0 / 20_000) - 1.0
+        assert 0.95 <= exact <= 0.956
 
 
 def test_without_bounded_errors_it_is_welch_satterthwaite():

@@ -12,10 +12,13 @@ import numpy as np
 import pytest
 from command import rig
 
+from fitter.errors import FitError
 from procedures.attitude.table import attitude_data
 from procedures.errors import DataError
+from procedures.general.clock_texts import seconds_of
 from rig.errors import UsageError
-from rig.tables import Asked, read_any_csv, read_table
+from rig.results.seen import look_at
+from rig.tables import Asked, FileSource, read_any_csv, read_gappy_csv, read_table
 
 X = np.array([0.0, 1.0, 2.0, 5.0, 10.0, 5.0, 2.0, 1.0])
 Y = 0.125 + 2.0 * X + np.array([0.01, -0.02, 0.03, -0.01, 0.02, 0.01, -0.03, -0.01])
@@ -304,12 +307,53 @@ def test_a_date_and_a_time_of_day_across_midnight(tmp_path):
 
 
 def test_a_date_that_can_be_read_in_two_ways_is_asked_about(tmp_path):
-    path = written(tmp_path, trace_lines(lambda i: f"03/04/2026 09:{i:02d}"))
+    path = written(tmp_path, trace_lines(lambda i: f"03/0{4 + i // 24}/2026 09:{i % 24:02d}"))
     done, _ = roles_of(path, "--time", "t")
     assert done.returncode == 2
     assert "--date-order dmy or --date-order mdy" in done.stderr
     done, _ = roles_of(path, "--time", "t", "--date-order", "dmy")
     assert done.returncode == 0, done.stderr
+
+
+def test_dates_that_need_no_question():
+    """With dots the day is first; within one day the order does not matter."""
+    dots = [f"0{1 + i}.11.2026 09:00" for i in range(3)]
+    assert seconds_of("t", dots).tolist() == [0, 86400, 172800]
+    assert seconds_of("t", [f"02/11/2026 09:{i:02d}" for i in range(3)]).tolist() == [0, 60, 120]
+    assert seconds_of("t", ["05/13/2026 10:11:12:500", "05/13/2026 10:11:13:000"]).tolist() == [0, 0.5]
+    assert seconds_of("t", ["09:00", "10:00"], ["02/11/2026"] * 2).tolist() == [0, 3600]
+    assert seconds_of("t", ["02/13/2026 09:00", "02/13/2026 09:01"]).tolist() == [0, 60]
+    with pytest.raises(FitError, match="--date-order"):
+        seconds_of("t", [text.replace(".", "/") for text in dots])
+
+
+def test_an_ambiguous_date_does_not_hide_the_proposal(tmp_path):
+    path = written(tmp_path, trace_lines(lambda i: f"03/0{1 + i // 6}/2026"))
+    told = rig("trace", path)
+    assert "--response y --formula '1 + x' --direction side" in told.stdout
+    assert "say --date-order dmy" in " ".join(told.stdout.split())
+
+
+@pytest.mark.parametrize(
+    ("text", "more", "expected"),
+    [
+        ('y\n"1,234.5"\n"2,345.0"\n', (), [1234.5, 2345]),
+        ("y\n1'234.5\nn/a\n2'345.0\n", (), [1234.5, np.nan, 2345]),
+        ("y\n1,234\n2,345\n", ("point",), [1234, 2345]),
+        ("y\n1,234\n2,345\n", ("comma",), [1.234, 2.345]),
+        ("1.5\n2.5\n", (), [1.5, 2.5]),
+        ("y\n1,5\n2,5\n", (), "row 2: 1,5 may be one value, or 2 columns; say --decimal"),
+        ('y\n"1,234"\n"2,345"\n', (), "1,234 may be 1.234 or 1234; say --decimal"),
+    ],
+)
+def test_a_file_of_one_column(tmp_path, text, more, expected):
+    path = written(tmp_path, text)
+    asked = Asked.of(None, *(more or (None,)), None, None)
+    if isinstance(expected, str):
+        with pytest.raises(UsageError, match=expected):
+            read_gappy_csv(path, ("y",), asked)
+        return
+    np.testing.assert_array_equal(next(iter(read_gappy_csv(path, ("y",), asked).columns.values())), expected)
 
 
 def test_an_order_that_begins_anew_in_a_trace(tmp_path):
@@ -361,6 +405,54 @@ def test_the_likely_roles_of_a_table(tmp_path):
     assert "--time Time --direction direction" in told["next"]
 
 
+def a_table(**columns):
+    return (
+        "\n".join([",".join(columns), *(",".join(map(str, row)) for row in zip(*columns.values(), strict=True))]) + "\n"
+    )
+
+
+NOISE = np.random.default_rng(5).normal(0, 0.01, 24)
+EVEN = np.linspace(54, 59, 24)
+SHAPES = {
+    "row names, as R writes them": (
+        a_table(rownames=range(1, 25), conc=np.repeat([0.02, 0.06, 0.11, 0.22, 0.56, 1.1], 4), rate=100 * NOISE),
+        "--response rate --formula '1 + conc'", {"rownames": "order"},
+    ),
+    "an index without a name": (
+        a_table(**{"": range(24), "speed": np.sort(NOISE), "way": np.sort(NOISE) * 2 + NOISE**2}),
+        "--response way --formula '1 + speed'", {"column_1": "order"},
+    ),
+    "subjects and classes are numbered": (
+        a_table(weight=100 + NOISE, Days=np.tile([0, 2, 4, 6.5], 6), Chick=np.repeat(range(1, 7), 4), Diet=[1, 2] * 12),
+        "--response weight --formula '1 + Days'", {"Diet": "covariate"},
+    ),
+    "categories alone": (
+        a_table(rownames=range(1, 25), breaks=26 + NOISE, wool=["A", "B"] * 12, tension=["L", "M", "H"] * 8),
+        "--response breaks --formula '1 + C(wool) + C(tension)'", {"wool": "setting"},
+    ),
+    "uncertainties beside values": (
+        a_table(**{"voltage[V]": EVEN, "gain[e]": EVEN**2 + NOISE, "err_gain[e]": NOISE**2}),
+        "--response 'gain[e]' --formula '1 + `voltage[V]`'", {"err_gain[e]": "uncertainty"},
+    ),
+    "sensors over a temperature T": (
+        a_table(T=range(-50, 190, 10), **{"102GT": np.exp(54 - EVEN) + NOISE, "202GT": 3 * np.exp(54 - EVEN) + NOISE}),
+        "--response 202GT --formula '1 + T'", {"T": "setting"},
+    ),
+    "a level set, and what was measured at it": (
+        a_table(V=np.repeat([0.1, 0.2, 0.4, 0.8], 6), V_in=np.repeat([0.1, 0.2, 0.4, 0.8], 6) + 1e-3 * NOISE),
+        "--response V_in --formula '1 + V'", {"V": "setting"},
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_roles_in_tables_shaped_like_those_that_others_publish(tmp_path, shape):
+    text, command, roles = SHAPES[shape]
+    told = look_at(FileSource(written(tmp_path, text)), "fit", {})
+    assert told.command.endswith(command)
+    assert roles.items() <= {each.name: each.role for each in told.seen.columns}.items()
+
+
 @pytest.mark.parametrize("seed", range(200))
 def test_a_table_in_any_notation_is_read_right_or_asked_about_never_otherwise(tmp_path, seed):
     """Numbers, text and gaps, written with any separator, sign, end of line, encoding, preamble, units and footer."""
@@ -394,6 +486,127 @@ def test_a_table_in_any_notation_is_read_right_or_asked_about_never_otherwise(tm
         return
     np.testing.assert_array_equal(np.column_stack([table.columns[name] for name in needed]), values[kept])
     assert table.text["side"].tolist() == text[kept].tolist()
+
+
+FIVE = "run,x,y,who\n1,1,2.1,a\n2,2,4.0,a\n3,3,6.2,b\n4,4,8.1,b\n5,5,10.0,b\n"
+FOOTERS = {
+    "Mean,3,6.08,\n": {7: "Mean"},
+    "Mean,3,6.08,\nStd. dev.,1.58,3.13,\n": {7: "Mean", 8: "Std. dev."},
+    ",,,\nAverage (n=5),3,6.1,\n": {8: "Average (n=5)"},
+    "Mittelwert:,,6.08,\nStandardabweichung,,3.13,\n": {7: "Mittelwert:", 8: "Standardabweichung"},
+    ",15,30.4,Total\n": {7: "Total"},
+    ",,6.08,\n": {7: "a mean without a name"},
+    ",15,30.4,\n": {7: "a sum without a name"},
+    "Calibrated by,J. Smith,,\nDate,2024-01-05,,\n": {7: "Calibrated by", 8: "Date"},
+    "\nSlope,1.99,,\nIntercept,0.11,,\nR2,0.9998,,\n": {8: "Slope", 9: "Intercept", 10: "R2"},
+    "Total,15,30.4,\n,,,\nSigned:,____,,\n": {7: "Total", 9: "Signed:"},
+    "6,6,Total,a\n": None,  # an observation, without a value
+}
+
+
+@pytest.mark.parametrize("footer", FOOTERS)
+@pytest.mark.parametrize("german", [False, True])
+def test_rows_under_a_table_that_are_no_observations_are_left_out_and_named(tmp_path, footer, german):
+    text = FIVE + footer
+    if german:
+        text = text.replace(",", ";").replace(".", ",").replace("Std, dev,", "Std. dev.").replace("J, S", "J. S")
+    path = written(tmp_path, text)
+    if FOOTERS[footer] is None:
+        assert read_any_csv(path, ("x", "y")).text["y"].tolist()[-1] == "Total"
+        return
+    table = read_any_csv(path, ("x", "y"))
+    assert table.columns["x"].tolist() == [1, 2, 3, 4, 5]
+    assert table.understood["rows_of_summaries"] == FOOTERS[footer]
+    for row, cell in FOOTERS[footer].items():
+        assert f"row {row} ({cell})" in table.understood["sentence"]
+
+
+def test_rows_of_another_number_of_cells_under_a_table(tmp_path):
+    table = read_any_csv(written(tmp_path, FIVE + "\nSlope,1.99\nIntercept,0.11\n"), ("x", "y"))
+    assert table.columns["x"].tolist() == [1, 2, 3, 4, 5]
+    assert "what follows the table from row 8 on was not read" in table.understood["sentence"]
+
+
+@pytest.mark.parametrize("separator", [",", ";"])
+def test_names_that_are_written_again(tmp_path, separator):
+    """Loggers that are started again append to their file."""
+    text = "x,y\n1,2.5\n2,3.5\nx,y\n3,4.5\n".replace(",", separator)
+    table = read_any_csv(written(tmp_path, text), ("x", "y"))
+    assert table.columns["x"].tolist() == [1, 2, 3]
+    assert "row 4 (the names again) left out" in table.understood["sentence"]
+    twice = read_any_csv(written(tmp_path, f"x{separator}y\n" + text), ("x", "y"))
+    assert twice.columns["y"].tolist() == [2.5, 3.5, 4.5]
+
+
+@pytest.mark.parametrize("word", ["9.90000000E+37", "-9.9e37", "+9.91000000E+37"])
+@pytest.mark.parametrize("note", ["", ",a"])
+def test_the_overload_of_a_meter_is_no_reading(tmp_path, word, note):
+    """SCPI-99: 9.9E37 for a reading beyond the range, 9.91E37 for none. It was fitted as a number."""
+    path = written(tmp_path, f"x,y{note}\n1,2.5{note}\n2,3.5{note}\n3,{word}{note}\n4,5.5{note}\n")
+    table = read_any_csv(path, ("x", "y"))
+    assert table.columns["y"].tolist() == [2.5, 3.5, 5.5]
+    assert "1 cell with 9.9E37, the overload of a meter: no value" in table.understood["sentence"]
+    assert "1 row left out without a value in y (row 4)" in table.understood["sentence"]
+    assert np.isnan(read_gappy_csv(path, ("y",)).columns["y"][2])
+    with pytest.raises(UsageError, match="row 4"):
+        read_table(path)
+
+
+def test_a_column_without_a_name_has_the_same_name_everywhere(tmp_path):
+    path = written(tmp_path, ",x,y\n0,1,2.5\n1,2,3.5\n2,3,4.75\n")
+    table = read_any_csv(path, ("x", "y"))
+    assert "column_1" in table.columns
+    assert "without a name: column_1" in table.understood["sentence"]
+    assert read_any_csv(path, ("column_1",)).columns["column_1"].tolist() == [0, 1, 2]
+
+
+def test_averages_within_a_table(tmp_path):
+    """Of each group: left out. A level of a category that has such a name: kept."""
+    groups = "g,x,y\na,1,2.1\na,2,4.0\na,3,6.2\nMean,2,4.1\nb,4,8.1\nb,5,10.0\nb,6,12\nMean,5,10.03\n"
+    table = read_any_csv(written(tmp_path, groups), ("x", "y"))
+    assert table.columns["x"].tolist() == [1, 2, 3, 4, 5, 6]
+    assert "row 5 (Mean), row 9 (Mean) left out" in table.understood["sentence"]
+    head = "head,x,y\nStatic,1,2.1\nDynamic,2,4.0\nTotal,3,6.2\nStatic,4,8.1\nDynamic,5,10.0\nTotal,6,11.9\n"
+    assert len(read_any_csv(written(tmp_path, head), ("x", "y", "head"))) == 6
+    stops = "stop,x,y\nMin,0,0.1\nHalf,5,5.2\nMax,10,9.9\n"
+    assert len(read_any_csv(written(tmp_path, stops), ("x", "y", "stop"))) == 3
+
+
+def test_a_row_that_is_called_an_average_and_is_none_is_asked_about(tmp_path):
+    path = written(tmp_path, "id,x,y\na,1,2.1\nb,2,4.0\nc,3,6.2\nd,4,8.1\nMean,3.3,7.08\n")
+    done = rig("fit", path, "--response", "y", "--formula", "1 + x")
+    assert done.returncode == 2
+    assert "row 6: it is called 'Mean', and its numbers are no such summary of the rows above" in done.stderr
+
+
+def test_a_footer_at_the_other_doors(tmp_path):
+    """A fit, a trace, inferred values, a description, and a table of attitude sensors."""
+    path = written(tmp_path, FIVE + "Mean,3,6.08,\n")
+    for door in ("fit", "trace"):
+        done = rig(door, path, "--response", "y", "--formula", "1 + x", "--json")
+        assert json.loads(done.stdout)["data"]["understood"]["rows_of_summaries"] == {"7": "Mean"}
+        assert "row 7 (Mean) left out" in done.stderr
+    done = rig("fit", written(tmp_path, FIVE + "6,6,Total,a\n"), "--response", "y", "--formula", "1 + x")
+    assert done.returncode == 2
+    assert "y is 'Total' in row 7, which is not a number" in done.stderr
+    line = written(tmp_path, "run,x,y\n" + "".join(f"{i},{i},{2 * i + 0.01 * (i % 3)}\n" for i in range(1, 9)), "c.csv")
+    out = tmp_path / "c.json"
+    assert rig("fit", line, "--response", "y", "--formula", "1 + x", "--out", out).returncode == 0
+    readings = written(tmp_path, "no,y\n1,2.5\n2,3.5\n3,4.5\nMean,3.5\n", "readings.csv")
+    done = rig("infer", out, readings, "--out", tmp_path / "inferred.csv", "--json")
+    assert done.returncode == 0, done.stderr
+    assert "row 5 (Mean) left out" in json.dumps(json.loads(done.stdout)["understood"])
+    assert len((tmp_path / "inferred.csv").read_text().splitlines()) == 4
+    seen = rig("fit", readings, "--json")
+    assert json.loads(seen.stdout)["data"]["understood"]["rows_of_summaries"] == {"5": "Mean"}
+    head = "replicate,order,elapsed_s,pitch_deg,roll_deg,sensor_temperature_degC,x_V\n"
+    body = "".join(
+        f"{1 + i // 4},{i + 1},{30 * i},{(-30, -10, 10, 30)[i % 4]},{90 * (i % 3)},23.1,{0.1 * i:.2f}\n"
+        for i in range(8)
+    )
+    table = read_table(written(tmp_path, head + body + "Mean,,,,,,0.35\n", "attitude.csv"))
+    assert len(table) == 8
+    assert "row 10 (Mean) left out" in table.understood["sentence"]
 
 
 def test_an_empty_row_of_a_spreadsheet_is_no_row(tmp_path):

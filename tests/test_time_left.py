@@ -87,6 +87,17 @@ def test_time_left_of_whole_plots_from_the_first_to_the_last(pressure: Plan, tmp
     assert forecast.total_s / 3600.0 == pytest.approx(told.end, rel=PLANNED)
 
 
+def test_a_rehearsal_waits_for_no_disk(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nobody keeps its run file. SQLite asks for a sync at every commit all the same, so no other part changes."""
+    asked: list[int] = []
+    monkeypatch.setattr("rig.run_file.unsynced._File.xSync", lambda _, flags: asked.append(flags))
+    monkeypatch.setattr("os.fsync", lambda _: pytest.fail("a folder or a file was synced"))
+    plan = load_plan(example("attitude-lab") / "procedure.toml", example("attitude-lab") / "bench.toml", dry=True)
+    forecast = rehearse(plan, lambda _: None, points=5)
+    assert forecast.rehearsed == 5
+    assert len(asked) > 5
+
+
 def test_time_left_after_an_interruption_in_a_whole_plot(pressure: Plan, tmp_path: Path) -> None:
     """Twelve hours of gap, the whole plot measured again: neither is taken for what a point or a soak takes."""
     paths: list[Path] = []

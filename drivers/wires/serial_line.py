@@ -98,6 +98,7 @@ class SerialLine:
         self.address = address
         self._place = text_address(address)
         self.settings = settings
+        self._reply_end = settings.reply_end.decode("ascii")
         self.clock = clock
         self.label = label or address
         self.exchanges = 0
@@ -336,7 +337,7 @@ class SerialLine:
         except _PORT_ERRORS as error:
             self._lost(error)
         try:
-            lines = received.decode("ascii").split(self.settings.reply_end.decode("ascii"))
+            lines = received.decode("ascii").split(self._reply_end)
         except UnicodeDecodeError:
             doubt = "do baud rate and frame match" if self.port_settings else "do the serial server's settings match"
             doubt = "" if self._place.messages else f"; {doubt} the instrument's?"
@@ -362,7 +363,7 @@ class SerialLine:
         self._doubtful = self.settings.flow != "xonxoff" and len(_said(answer)) < len(answer)
         return bytes(received)
 
-    def _more(self, port: Port, raw: bytearray, timeout_s: float) -> bytes:
+    def _more(self, port: Port, raw: bytearray, timeout_s: float) -> bytes | bytearray:
         """The next received bytes, without flow control characters; empty if there are none. All bytes are added to
         `raw`.
         """
@@ -397,8 +398,8 @@ class SerialLine:
         raise Unreachable(f"{self.where} was lost ({error}); check cable and power") from error
 
 
-def _said(heard: bytes | bytearray) -> bytes:
-    return bytes(heard.translate(None, _NOT_SAID))
+def _said(heard: bytes | bytearray) -> bytes | bytearray:
+    return heard.translate(None, _NOT_SAID)
 
 
 def _last_line(heard: bytearray) -> str:

@@ -1,10 +1,13 @@
 """A further run compared with a traced one: the remaining explanation, and the expected result of a planned run."""
 
 from fitter.confirm.compare import CARRIED_ON, NOTHING, Pair
-from fitter.confirm.judge import Confirmation, Confirmed, Member, SensorError, confirm, confirm_all
+from fitter.confirm.judge import Confirmation, Confirmed, Member, confirm, confirm_all
 from fitter.confirm.points import Choice, Points
 from fitter.confirm.predict import Separation, separation
+from fitter.confirm.prediction import SensorError
 from fitter.confirm.question import Hypothesis, Question, questions_of
+from fitter.confirm.runs import Later
+from fitter.confirm.still_open import still_open
 from fitter.confirm.together import Together
 
 __all__ = [
@@ -14,6 +17,7 @@ __all__ = [
     "Confirmation",
     "Confirmed",
     "Hypothesis",
+    "Later",
     "Member",
     "Pair",
     "Points",
@@ -25,4 +29,5 @@ __all__ = [
     "confirm_all",
     "questions_of",
     "separation",
+    "still_open",
 ]

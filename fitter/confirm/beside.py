@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from fitter.arrays import FloatArray
 from fitter.confirm.compare import Comparison
-from fitter.confirm.together import solve
+from fitter.confirm.question import Hypothesis
+from fitter.confirm.together import Candidates, Fit, Together, solve
 from fitter.quantiles import t_limit
 
 NOTABLE = 1.0 / 3.0
@@ -45,11 +46,36 @@ def _notable(comparison: Comparison, holder: int) -> Iterator[Beside]:
     own = comparison.own[holder]
     found = float(np.linalg.norm(own[first] @ solve(model, both.outputs)[: own.shape[1]]))
     for member, columns in zip(members, comparison.own, strict=True):
-        if any(term is mine for term in member.terms for mine in members[holder].terms) or not found:
+        if member.near or not found or any(term is mine for term in member.terms for mine in members[holder].terms):
             continue
         share = _upper(columns, model, both.outputs, first, t_limit(0.95, both.df)) / found
         if share > NOTABLE:
             yield Beside(member.effect, min(share, 1.0))
+
+
+def notable(first: Together, member: Hypothesis, rest: Candidates, sizes: FloatArray) -> FloatArray:
+    """(q, k) sizes of several causes and of other effects, with a notable share of the last cause.
+
+    Runs that were made may not tell a second cause from none: a further run is planned for the least share that is
+    mentioned. The sizes of the others are fitted again beside it.
+
+    Args:
+        first: runs that were made.
+        member: several causes.
+        rest: other effects.
+        sizes: (q, k) sizes by these runs.
+    """
+    columns, q = first.columns_of([*member.terms, *rest]), len(member.terms)
+    last = np.zeros(columns.shape[1], np.bool_)
+    last[q - len(member.last) : q] = True
+    found = columns[:, : q - len(member.last)] @ solve(columns[:, ~last], first.outputs)[: q - len(member.last)]
+    part = columns[:, last] @ sizes[last]
+    length = np.linalg.norm(part, axis=0)
+    more = np.maximum(NOTABLE * np.linalg.norm(found) / np.where(length > 0.0, length, np.inf), 1.0) - 1.0
+    sizes = sizes.copy()
+    sizes[last] *= 1.0 + more
+    sizes[~last] -= Fit.of(columns[:, ~last], part * more).estimate
+    return sizes
 
 
 def _upper(columns: FloatArray, model: FloatArray, outputs: FloatArray, first: NDArray[np.bool_], t: float) -> float:

@@ -146,14 +146,15 @@ def nuisance(both: Together, question: Question) -> FloatArray:
 def fitted_again(both: Together, question: Question) -> bool:
     """Whether the declared model is fitted again in the later run: if no member is of time or temperature.
 
-    Then undeclared effects that continue between runs have no influence on causes that do not.
+    Then undeclared effects that continue between runs have no influence on causes that do not. A run whose parameters
+    the first one does not determine has its own anyway.
     """
-    return both.own_response and lasting(question) and not both.realigned
+    return both.own_response and lasting(question) and bool(np.any(both.predicted))
 
 
 def lasting(question: Question) -> bool:
     """Whether no member is of time or temperature, which continue from one run to the next."""
-    return all(member.terms[0].effect.source not in CARRIED_ON for member in question.members)
+    return all(term.effect.source not in CARRIED_ON for member in question.members for term in member.terms)
 
 
 def searched(member: Hypothesis) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from fitter.arrays import FloatArray
 from fitter.confirm.beside import Beside, beside
 from fitter.confirm.compare import Comparison, lasting, nuisance
+from fitter.confirm.prediction import SensorError, prediction_errors
 from fitter.confirm.question import Hypothesis, Question
 from fitter.confirm.structure import p_structured
 from fitter.confirm.together import Candidates, Together, left, solve
@@ -19,7 +21,7 @@ from fitter.effects.sizes import amplitude, arcsec, size_95
 from fitter.linear import orthonormal
 from fitter.quantiles import DISTINGUISHED, f_tail, t_limit
 
-ROUNDS = 3
+ROUNDS = 5
 STANDS_OUT, MOST_OUTLIERS = 6.0, 0.02
 MISFIT = 1.5
 """Mean square of residuals relative to the error's above which a model does not fit, if the excess is significant."""
@@ -28,32 +30,13 @@ CHANGED = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class SensorError:
-    """Error of predicting the later run of one sensor from the first alone, rms in units of the output.
-
-    Attributes:
-        before: by the declared model.
-        after: with the effects found in it.
-        sigma: scatter of one reading, which no model goes below.
-        slope: output per unit of what is inferred: V/g, or mV/psi.
-        residual_after: (m,) of the readings of the later run, with the effects.
-
-    """
-
-    before: float
-    after: float
-    sigma: float
-    slope: float
-    residual_after: FloatArray
-
-
-@dataclass(frozen=True, eq=False)
 class Member:
     """One explanation after the later run.
 
     Attributes:
-        effect: name in the catalogue.
-        sigmas: standard errors by which it is worse than the best, both runs together.
+        effect: name in the catalogue; of several causes together their names.
+        causes: names of its causes.
+        sigmas: standard errors by which it is worse than the best, all runs together.
         p_changed: probability of such a difference between its sizes in the two runs if it is the cause.
         shown: standard errors by which the later run shows it.
         p_shown: probability of `shown` or more by chance without it in the later run; an upper bound.
@@ -71,6 +54,7 @@ class Member:
     """
 
     effect: str
+    causes: tuple[str, ...]
     sigmas: float
     p_changed: float
     shown: float
@@ -110,10 +94,11 @@ class Confirmation:
     Attributes:
         effect: effect named by the trace.
         members: its explanations, the best first.
-        holder: terms of the explanation that holds, if another one replaces the named one; empty otherwise.
+        holder: terms of the best explanation, if it excludes the named one; empty otherwise.
         outliers: readings of the later run that are outliers under every explanation and were left out, by their
             position in that run.
         beside: causes of its class that may be there beside the explanation that holds.
+        question: as it was judged, with the confirmed explanations of the others in its rest.
     """
 
     effect: str
@@ -121,6 +106,7 @@ class Confirmation:
     outliers: tuple[int, ...] = ()
     holder: tuple[Any, ...] = ()
     beside: tuple[Beside, ...] = ()
+    question: Question | None = None
 
     @property
     def holding(self) -> tuple[str, ...]:
@@ -166,7 +152,8 @@ class Confirmed:
 def confirm_all(both: Together, questions: Sequence[Question]) -> Confirmed:
     """Judge all questions, each with the confirmed explanations of the others in the model.
 
-    If another explanation replaces the named one, the others are judged again with it.
+    If another explanation excludes the named one, the others are judged again with it, also if it does not hold yet:
+    what it leaves may be due to a wrong one of the others.
     """
     holders = {q.effect: q.terms for q in questions}
     answers: tuple[Confirmation, ...] = ()
@@ -175,7 +162,7 @@ def confirm_all(both: Together, questions: Sequence[Question]) -> Confirmed:
             confirm(both, replace(q, rest=tuple(t for name, own in holders.items() if name != q.effect for t in own)))
             for q in questions
         )
-        now = {q.effect: _holder(q, answer) for q, answer in zip(questions, answers, strict=True)}
+        now = {q.effect: answer.holder or q.terms for q, answer in zip(questions, answers, strict=True)}
         settled = all(now[name] == own for name, own in holders.items())
         holders = now
         if settled:
@@ -186,15 +173,8 @@ def confirm_all(both: Together, questions: Sequence[Question]) -> Confirmed:
     rows = ~both.fresh
     rows[start + kept] = True
     both = both.only(rows)
-    errors, adds = _errors(both, holders)
+    errors, adds = prediction_errors(both, holders)
     return Confirmed(answers, errors, adds, kept, both.realigned)
-
-
-def _holder(question: Question, answer: Confirmation) -> tuple[Any, ...]:
-    """Terms of the confirmed explanation: as named, unless another is clearly better."""
-    if answer.verdict != "replaced":
-        return question.terms
-    return answer.holder
 
 
 def confirm(both: Together, question: Question) -> Confirmation:
@@ -218,12 +198,15 @@ def confirm(both: Together, question: Question) -> Confirmation:
         for j, (behind, shown) in enumerate(zip(told.behind[:, 0], told.shown[:, 0], strict=True))
     ]
     members.sort(key=lambda member: (not member.holds, member.sigmas, len(member.terms)))
-    answer = Confirmation(question.effect, tuple(members), aside)
+    answer = Confirmation(question.effect, tuple(members), aside, question=question)
+    names = [member.effect for member in question.members]
+    best = min(members, key=lambda member: (not member.holds if answer.holding else False, member.sigmas))
+    named = next(member for member in members if member.effect == question.effect)
+    if best is not named and (answer.verdict == "replaced" or named.sigmas > named.limit):
+        answer = replace(answer, holder=question.members[names.index(best.effect)].terms)
     if answer.verdict not in ("confirmed", "replaced"):
         return answer
-    holder = next(j for j, member in enumerate(question.members) if member.effect == answer.holding[0])
-    answer = replace(answer, beside=beside(comparison, holder))
-    return answer if answer.verdict == "confirmed" else replace(answer, holder=question.members[holder].terms)
+    return replace(answer, beside=beside(comparison, names.index(answer.holding[0])))
 
 
 def _with_pair(both: Together, question: Question, best: int) -> Question | None:
@@ -234,11 +217,7 @@ def _with_pair(both: Together, question: Question, best: int) -> Question | None
     if len(question.members) < 2:
         return None
     one = question.members[best]
-    pairs = tuple(
-        Hypothesis(f"{one.effect} with {other.effect}", (*one.terms, *other.terms), min(one.sigmas, other.sigmas))
-        for other in question.members
-        if other is not one
-    )
+    pairs = tuple(one.beside(other) for other in question.members if not one.has(other) and not other.has(one))
     if not pairs:
         return None
     tried = replace(question, members=(one, *pairs))
@@ -290,7 +269,7 @@ def _member(comparison: Comparison, j: int, sigmas: float, shown: float) -> Memb
     changed = both.columns_in(member.terms, both.fresh)
     wider = np.column_stack([model, changed, shifts])
     more = orthonormal(wider).shape[1] - orthonormal(model).shape[1]
-    df, (limit, fits) = both.df, _limits(both, model)
+    df, limit, fits = both.df, member.limit(both.df), _fits(both, model)
     if fits and sigmas <= limit:
         fits = p_structured(both, model, lasting=lasting(question)) >= CHANGED
     gain = _rss(model, both.outputs) - _rss(wider, both.outputs)
@@ -300,6 +279,7 @@ def _member(comparison: Comparison, j: int, sigmas: float, shown: float) -> Memb
     intervals, wide = _around(alone, error, t), _around(together, spread, t)
     return Member(
         effect=member.effect,
+        causes=member.causes,
         sigmas=sigmas,
         p_changed=float(p),
         shown=shown,
@@ -329,29 +309,32 @@ def _errors_of(model: FloatArray) -> FloatArray:
     return np.asarray(np.where(length > 0, errors, np.nan))
 
 
-def _limits(both: Together, model: FloatArray) -> tuple[float, bool]:
-    """Standard errors that separate two explanations, and whether a model fits the later run."""
+def _fits(both: Together, model: FloatArray) -> bool:
+    """Whether a model fits the later run."""
     misfit, df = _misfit(both, model)
-    return t_limit(DISTINGUISHED, both.df), misfit < MISFIT or f_tail(misfit, df, both.df) > CHANGED
+    return misfit < MISFIT or f_tail(misfit, df, both.df) > CHANGED
 
 
 def _sizes(
     both: Together, member: Hypothesis, alone: FloatArray, intervals: tuple[tuple[float, float], ...]
 ) -> dict[str, str]:
     """Size of a member in each sensor, by the later run alone; with its 95 % interval in brackets."""
-    out = {}
-    for sensor, slope in zip(both.sensors, both.slope.tolist(), strict=True):
-        mine = [k for k, term in enumerate(member.terms) if term.sensor in (None, sensor)]
+    out: dict[str, list[str]] = {}
+    causes = dict.fromkeys(term.effect.name for term in member.terms)
+    for (sensor, slope), cause in itertools.product(zip(both.sensors, both.slope.tolist(), strict=True), causes):
+        of_cause = [k for k, term in enumerate(member.terms) if term.effect.name == cause]
+        mine = [k for k in of_cause if member.terms[k].sensor in (None, sensor)]
         if not mine or not np.all(np.isfinite(alone[mine])):
             continue
-        effect = member.terms[0].effect
+        effect = member.terms[mine[0]].effect
         size = arcsec if len(mine) == 1 and effect.size is amplitude else effect.size  # a single phase has a sign
         names = [member.terms[k].term.name for k in mine]
         values = dict(zip(names, alone[mine].tolist(), strict=True))
         halves = {name: 0.5 * (intervals[k][1] - intervals[k][0]) for name, k in zip(names, mine, strict=True)}
         known = np.isfinite([*halves.values()]).all()
-        out[sensor] = size(values, slope) + (f" ({size_95(size, values, halves, slope)})" if known else "")
-    return out
+        text = size(values, slope) + (f" ({size_95(size, values, halves, slope)})" if known else "")
+        out.setdefault(sensor, []).append(f"{cause} {text}" if len(causes) > 1 else text)
+    return {sensor: "; ".join(texts) for sensor, texts in out.items()}
 
 
 def _alone(both: Together, member: Hypothesis, rest: Candidates) -> tuple[FloatArray, FloatArray]:
@@ -365,38 +348,6 @@ def _alone(both: Together, member: Hypothesis, rest: Candidates) -> tuple[FloatA
     gamma, error = inverse @ later.outputs, np.linalg.norm(inverse, axis=1)
     q = own.shape[1]
     return np.where(seen, gamma[:q], np.nan), np.where(seen, error[:q], np.nan)
-
-
-def _errors(
-    both: Together, effects: Mapping[str, Candidates]
-) -> tuple[dict[str, SensorError], dict[tuple[str, str], FloatArray]]:
-    """Error of predicting the later run from the first alone, without and with effects, and the contribution of each.
-
-    The later run's own parameters (`Together.loose`) are removed for both.
-    """
-    first, terms = both.only(~both.fresh), [term for own in effects.values() for term in own]
-    gamma = solve(first.columns_of(terms), first.outputs)
-    raw, resized, outputs = both.raw(terms), both.resized(terms).raw, both.raw_outputs
-    at = both.fresh
-    errors, adds = {}, {}
-    for i, sensor in enumerate(both.sensors):
-        model, own = both.declared[i], np.column_stack([both.loose[at], resized[i][at]])
-        lost = orthonormal(own).shape[1]
-
-        def left_of(y: FloatArray, model: FloatArray = model, own: FloatArray = own) -> FloatArray:
-            return left(own, (y - model @ solve(model[~at], y[~at]))[at])
-
-        rests = [left_of(outputs[i]), left_of(outputs[i] - raw[i] @ gamma)]
-        free = outputs[i][at].size - lost
-        before, after = (float(np.sqrt(np.sum(r**2) / free)) if free > 0 else float("nan") for r in rests)
-        sigma = float(np.sqrt(np.mean(both.sigma[i][at] ** 2)))
-        errors[sensor] = SensorError(before, after, sigma, float(both.slope[i]), rests[1])
-        start = 0
-        for name, mine in effects.items():
-            part = slice(start, start + len(mine))
-            adds[name, sensor] = left_of(raw[i][:, part] @ gamma[part])
-            start += len(mine)
-    return errors, adds
 
 
 def _rss(columns: FloatArray, outputs: FloatArray) -> float:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from fitter.arrays import FloatArray, IntArray
+from fitter.confirm.beside import notable
 from fitter.confirm.compare import NOTHING, Pair, fitted_again
 from fitter.confirm.question import Question
 from fitter.confirm.reduced import reduced
@@ -210,11 +211,13 @@ class Points:
 
 def _rivals(both: Together, question: Question, units: IntArray) -> list[Rival]:
     """Every member as a rival of the others, and the absence of every member in the later run as its rival."""
-    first = both.only(~both.fresh)
+    first = both.only(~both.last)
     scale = [both.raw(member.terms) for member in question.members]
     true = []
     for member, raw in zip(question.members, scale, strict=True):
         known = Fit.of(first.columns_of([*member.terms, *question.rest]), first.outputs).estimate
+        if member.last:
+            known = notable(first, member, question.rest, known[:, None])[:, 0]
         true.append(raw @ known[: len(member.terms)])
     rest = _with_resized(both, question.rest)
     found, names = [], [member.effect for member in question.members]
@@ -247,11 +250,11 @@ def _rival(
     z = np.concatenate([*blocks, effects, np.stack(true, axis=2)], axis=2)
     prior = np.concatenate([priors, np.zeros(effects.shape[2] + len(true))])
     rows = np.stack(
-        [np.where(both.fresh[:, None], x / both.sigma[i][:, None], both.weigh(i, x)) for i, x in enumerate(z)]
+        [np.where(both.last[:, None], x / both.sigma[i][:, None], both.weigh(i, x)) for i, x in enumerate(z)]
     )
     p = z.shape[2] - len(true)
-    old = rows[:, ~both.fresh].reshape(-1, z.shape[2])
-    new = rows[:, both.fresh]
+    old = rows[:, ~both.last].reshape(-1, z.shape[2])
+    new = rows[:, both.last]
     length = np.sqrt(np.sum(rows[..., :p] ** 2, axis=(0, 1)))
     length = np.where(prior[:p] > 0, 1.0, np.where(length > 0, length, 1.0))
     old[:, :p] /= length
@@ -269,20 +272,21 @@ def _rival(
 
 
 def _declared(both: Together, *, again: bool) -> tuple[list[FloatArray], FloatArray]:
-    """Columns (S, n, d) of the declared model of every sensor, its copies in the later run, and own errors of groups.
+    """Columns (S, n, d) of the declared model of every sensor, its copies in later runs, and own errors of groups.
 
     With the precision of the prior of each column: one for own errors, in units of the error.
     """
     count, n = len(both.sensors), both.fresh.size
     blocks, priors = [], []
     for i, own in enumerate(both.declared):
-        for columns in (own, own * both.fresh[:, None]) if again else (own,):
+        later = [both.predicted & (both.run == k) for k in range(1, int(both.run.max()) + 1)] if again else []
+        for columns in (own, *(own * rows[:, None] for rows in later)):
             block = np.zeros((count, n, columns.shape[1]))
             block[i] = columns
             blocks.append(block)
             priors.append(np.zeros(columns.shape[1]))
         for group in both.own[i]:
-            if both.fresh[group.rows[0]] and np.any(group.kept < 1.0):
+            if both.last[group.rows[0]] and np.any(group.kept < 1.0):
                 block = np.zeros((count, n, group.kept.size))
                 strength = np.sqrt(np.maximum(group.kept**-2.0 - 1.0, 0.0))
                 block[i, group.rows] = group.basis * strength * both.sigma[i][group.rows, None]

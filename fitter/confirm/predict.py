@@ -16,11 +16,11 @@ import numpy as np
 from scipy import special
 
 from fitter.arrays import FloatArray
+from fitter.confirm.beside import notable
 from fitter.confirm.compare import NOTHING, Apart, Comparison, Pair, searched
-from fitter.confirm.question import Question
+from fitter.confirm.question import Hypothesis, Question
 from fitter.confirm.reduced import reduced
 from fitter.confirm.together import RANK, Candidates, Fit, Together, left
-from fitter.quantiles import DISTINGUISHED, t_limit
 from fitter.trace.aliases import PER_COLUMN
 
 SELECTED = 3.5e-4
@@ -31,7 +31,7 @@ MORE = 20
 
 @dataclass(frozen=True, eq=False)
 class Could:
-    """Both runs with simulated outputs: the first as measured, the later one drawn.
+    """All runs with simulated outputs: those that were made as measured, the last one drawn.
 
     Each draw has a variance of error, known with few degrees of freedom only; sizes of the effects and parameters of
     the declared model, with the uncertainty left by the first run; sizes after a change by a person, of the order of
@@ -63,7 +63,7 @@ class Could:
         rng, both = np.random.default_rng([draws, member]), self.both
         error = np.sqrt(both.df / rng.chisquare(both.df, draws))
         terms = [*self.question.members[member].terms, *self.question.rest]
-        sizes, resized = self._sizes(terms, error, rng), both.resized(terms)
+        sizes, resized = self._sizes(self.question.members[member], error, rng), both.resized(terms)
         raw = np.concatenate([both.raw(terms), resized.raw], axis=2)
         others = np.abs(sizes[list(resized.of)]) * rng.standard_normal((len(resized.of), draws))
         sizes = np.concatenate([sizes, others])
@@ -71,13 +71,17 @@ class Could:
 
     @cached_property
     def _first(self) -> Together:
-        return self.both.only(~self.both.fresh)
+        """The runs that were made."""
+        return self.both.only(~self.both.last)
 
-    def _sizes(self, terms: Candidates, error: FloatArray, rng: np.random.Generator) -> FloatArray:
-        """(q, draws) coefficients of effects."""
+    def _sizes(self, member: Hypothesis, error: FloatArray, rng: np.random.Generator) -> FloatArray:
+        """(q, draws) coefficients of a member and the other effects."""
+        terms = [*member.terms, *self.question.rest]
         fit = Fit.of(self._first.columns_of(terms), self._first.outputs)
         many = rng.standard_normal((fit.spread.shape[1], MORE * error.size)) * np.repeat(error, MORE)
         sizes = fit.estimate[:, None] + fit.spread @ many
+        if member.last:
+            return notable(self._first, member, self.question.rest, sizes[:, ::MORE])
         weights = np.ones(sizes.shape[1])
         for group in _groups(terms):
             weights /= _found(sizes[group], fit.spread[group])
@@ -90,7 +94,7 @@ class Could:
         self, i: int, effects: FloatArray, sizes: FloatArray, error: FloatArray, rng: np.random.Generator
     ) -> FloatArray:
         """(n, draws) readings of one sensor."""
-        both, fresh = self.both, self.both.fresh
+        both, fresh = self.both, self.both.last
         declared, effects = both.weigh(i, both.declared[i]), both.weigh(i, effects)
         read = both.weigh(i, both.raw_outputs[i][:, None])
         first = Fit.of(declared[~fresh], (read - effects @ sizes)[~fresh])
@@ -110,7 +114,7 @@ class Could:
             return
         more = np.sqrt(df / rng.chisquare(df, error.size))
         for own in self.both.own[i]:
-            if self.both.fresh[own.rows[0]]:
+            if self.both.last[own.rows[0]]:
                 part = own.basis.T @ errors[own.rows] / error
                 sd = np.where(own.kept[:, None] < 1.0, np.maximum(more, own.kept[:, None] * error), error)
                 errors[own.rows] += own.basis @ (part * (sd - error))
@@ -178,7 +182,7 @@ def separation(both: Together | Sequence[Together], questions: Sequence[Question
 
 def _separation(ways: Sequence[Together], question: Question) -> Separation:
     could, judges = [Could(both, question) for both in ways], [Comparison(both, question) for both in ways]
-    limit, likely = t_limit(DISTINGUISHED, ways[0].df), could[0].likely
+    limits, likely = [member.limit(ways[0].df) for member in question.members], could[0].likely
     counts = np.maximum(np.round(DRAWS / len(ways) * likely).astype(int), LEAST_OF_A_PAIR)
     told = [_drawn(could, judges, j, int(count)) for j, count in enumerate(counts)]
     counts *= len(ways)
@@ -186,12 +190,13 @@ def _separation(ways: Sequence[Together], question: Question) -> Separation:
     names = [member.effect for member in question.members]
     figures: dict[Pair, tuple[FloatArray, FloatArray, FloatArray]] = {}
     for i, j in itertools.combinations(range(len(names)), 2):
-        one, other = _fallen(told[i], i, j, limit), _fallen(told[j], j, i, limit)
-        weights = np.repeat([weight[i], weight[j]], [counts[i], counts[j]])
-        values, excluded = (np.concatenate(both) for both in zip(one, other, strict=True))
+        true = [k for k, other in ((i, j), (j, i)) if not question.members[other].has(question.members[k])]
+        every = [_fallen(told[k], k, i + j - k, limits) for k in true]  # a cause alone does not exclude a pair with it
+        weights = np.repeat([weight[k] for k in true], [counts[k] for k in true])
+        values, excluded = (np.concatenate(both) for both in zip(*every, strict=True))
         figures[names[i], names[j]] = values, excluded, weights
     for i, name in enumerate(names):
-        figures[name, NOTHING] = told[i].shown[i], told[i].shown[i] >= limit, np.ones(counts[i])
+        figures[name, NOTHING] = told[i].shown[i], told[i].shown[i] >= limits[i], np.ones(counts[i])
     return Separation(
         question.effect,
         {pair: _quantile(f[0], f[2], 0.5) for pair, f in figures.items()},
@@ -206,11 +211,11 @@ def _drawn(could: Sequence[Could], judges: Sequence[Comparison], member: int, co
     return Apart(np.hstack([one.costs for one in told]), np.hstack([one.shown for one in told]))
 
 
-def _fallen(apart: Apart, true: int, false: int, limit: float) -> tuple[FloatArray, FloatArray]:
+def _fallen(apart: Apart, true: int, false: int, limits: Sequence[float]) -> tuple[FloatArray, FloatArray]:
     """(k,) standard errors between a true and a false member, and whether only the false one is excluded."""
     between = np.sqrt(np.abs(apart.costs[false] - apart.costs[true]))
     behind = apart.behind
-    return between, (behind[false] > limit) & (behind[true] <= limit)
+    return between, (behind[false] > limits[false]) & (behind[true] <= limits[true])
 
 
 def _quantile(values: FloatArray, weights: FloatArray, level: float) -> float:

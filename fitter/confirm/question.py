@@ -6,7 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
+from fitter.quantiles import DISTINGUISHED, t_limit
 from fitter.trace.found import Explanation, Found
+
+CLEARLY = 0.99993666
+"""Probability of four standard errors (`fitter.trace.aliases.NEARLY`), for a known error."""
 
 
 class Judged(Protocol):
@@ -38,14 +42,40 @@ class Hypothesis:
     """One member of a class of explanations.
 
     Attributes:
-        effect: name in the catalogue.
+        effect: name in the catalogue; of several causes together their names.
         terms: its terms, on the sensors they concern.
         sigmas: standard errors by which it is worse than the best in the traced run.
+        near: whether the traced run excludes it, but barely: further data have to exclude it more clearly.
+        several: names of the causes, if they are several together.
+        last: terms of the last of them; in forecasts it has a notable share.
     """
 
     effect: str
     terms: tuple[Any, ...]
     sigmas: float
+    near: bool = False
+    several: tuple[str, ...] = ()
+    last: tuple[Any, ...] = ()
+
+    @property
+    def causes(self) -> tuple[str, ...]:
+        """Names of its causes."""
+        return self.several or (self.effect,)
+
+    def limit(self, df: float) -> float:
+        """Standard errors behind the best by which it is excluded; `df` degrees of freedom of the error."""
+        return t_limit(CLEARLY if self.near else DISTINGUISHED, df)
+
+    def has(self, other: Hypothesis) -> bool:
+        """Whether all causes of another are among its own, with the same terms."""
+        mine = {id(term) for term in self.terms}
+        return all(id(term) in mine for term in other.terms)
+
+    def beside(self, other: Hypothesis) -> Hypothesis:
+        """Both together."""
+        causes = (*self.causes, *other.causes)
+        terms, sigmas = (*self.terms, *other.terms), min(self.sigmas, other.sigmas)
+        return Hypothesis(" with ".join(causes), terms, sigmas, several=causes, last=other.terms)
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +83,7 @@ class Question:
     """An effect that was found, and its alternatives.
 
     Attributes:
-        members: explanations that the run's data cannot distinguish, the named one first.
+        members: explanations that the run's data cannot distinguish, the named one first; and those barely excluded.
         terms: of the named effect, in the model of the run.
         rest: terms of the other effects found; they stay in the model.
     """
@@ -78,7 +108,9 @@ def questions_of(found: Traced) -> tuple[Question, ...]:
     asked = []
     for name in sorted(shares, key=lambda effect: -shares[effect]):
         alike = [
-            Hypothesis(e.effect, e.terms, e.sigmas) for e in found.explanations[name] if e.alias or e.effect == name
+            Hypothesis(e.effect, e.terms, e.sigmas, near=e.near)
+            for e in found.explanations[name]
+            if e.alias or e.near or e.effect == name
         ]
         alike.sort(key=lambda member: (member.effect != name, member.sigmas))
         own = tuple(c for c in found.chosen if c.effect.name == name)

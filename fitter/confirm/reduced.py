@@ -1,4 +1,4 @@
-"""Two runs with fewer rows: a triangular factor takes the place of the first run.
+"""Runs with fewer rows: a triangular factor takes the place of the first run.
 
 A forecast fits many simulated later runs together with the same first run, which may have thousands of observations.
 Least squares depends on the first run only by the sums of squares and products of its weighted columns, and a
@@ -64,7 +64,7 @@ class Reduced(Together):
         models = (np.vstack([f[:, :d], own[fresh]]) for f, d, own in zip(factors, widths, whole.declared, strict=True))
         shift = count - int(np.sum(~fresh))
         return cls(
-            np.concatenate([np.zeros(count, np.bool_), fresh[fresh]]),
+            np.concatenate([np.zeros(count, np.int64), whole.run[fresh]]),
             whole,
             terms,
             np.concatenate([effects, raw[:, fresh]], axis=1),
@@ -72,7 +72,7 @@ class Reduced(Together):
             tuple(models),
             np.concatenate([np.ones_like(outputs), whole.sigma[:, fresh]], axis=1),
             tuple(tuple(_moved(own, shift) for own in groups if fresh[own.rows[0]]) for groups in whole.own),
-            done=tuple(replace(one, after=one.after[fresh]).after_first(count) for one in whole.done),
+            done=tuple(one.at(fresh).among(count, count + int(fresh.sum())) for one in whole.done),
         )
 
     @property
@@ -89,6 +89,12 @@ class Reduced(Together):
     def realigned(self) -> bool:
         """See `Together`."""
         return self.whole.realigned
+
+    @property
+    def predicted(self) -> NDArray[np.bool_]:
+        """See `Together`."""
+        later = self.whole.predicted[self.whole.fresh]
+        return np.concatenate([np.zeros(self.run.size - later.size, np.bool_), later])
 
     @property
     def own_response(self) -> bool:
@@ -140,7 +146,7 @@ class Reduced(Together):
         position = np.cumsum(rows) - 1
         return replace(
             self,
-            fresh=self.fresh[rows],
+            run=self.run[rows],
             columns=self.columns[:, rows],
             measured=self.measured[:, rows],
             models=tuple(own[rows] for own in self.models),

@@ -1,14 +1,16 @@
-"""Concatenated observations of two runs."""
+"""Concatenated observations of a traced run and of further ones."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import fields
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
 from typing import Any, ClassVar, Protocol, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fitter.arrays import FloatArray
+from fitter.effects.hands import Done
 from fitter.errors import FitError
 
 
@@ -26,6 +28,40 @@ Data = TypeVar("Data", bound=Observations)
 
 _NUMBERED = ("replicate", "order", "block", "whole_plot")
 _APART = ("outputs", "axes", "mounting")
+
+
+@dataclass(frozen=True, eq=False)
+class Later:
+    """A further run.
+
+    Attributes:
+        data: its observations.
+        after_s: seconds from the begin of the first run to its begin.
+        done: changes by a person, with masks over its observations.
+    """
+
+    data: Any
+    after_s: float
+    done: Sequence[Done] = ()
+
+
+def numbers(first: int, later: Sequence[Later]) -> NDArray[np.int64]:
+    """(n,) number of the run of each observation: 0 for `first` ones of the first run, then 1, 2."""
+    return np.repeat(np.arange(1 + len(later)), [first, *(len(one.data) for one in later)])
+
+
+def changes(first: int, later: Sequence[Later]) -> tuple[Done, ...]:
+    """Changes by a person in all further runs, with masks over the observations of all runs."""
+    starts = np.cumsum([first, *(len(one.data) for one in later)])
+    every = zip(starts[:-1].tolist(), later, strict=True)
+    return tuple(done.among(start, int(starts[-1])) for start, one in every for done in one.done)
+
+
+def join_all(first: Data, later: Sequence[Later]) -> Data:
+    """The observations of a first run and of further ones, in this order. Raises `FitError` as `join`."""
+    for one in later:
+        first = join(first, one.data, one.after_s)
+    return first
 
 
 def join(first: Data, later: Data, after_s: float, **more: Any) -> Data:

@@ -1,7 +1,8 @@
-"""Two runs as one problem, for comparisons of explanations with any instruments."""
+"""A traced run and further ones as one problem, for comparisons of explanations with any instruments."""
 
 from __future__ import annotations
 
+import itertools
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -98,15 +99,25 @@ class Resized:
 
 @dataclass(frozen=True, eq=False)
 class Together(ABC):
-    """A first run and a later one.
+    """A first run and later ones. "The later run" means all of them.
 
     Attributes:
-        fresh: (n,) whether an observation is of the later run.
-        done: changes that a person makes in the later run, with masks over all n observations.
+        run: (n,) number of the run of each observation: 0 for the first, then in order of time.
+        done: changes that a person makes in later runs, with masks over all n observations.
     """
 
-    fresh: NDArray[np.bool_]
+    run: NDArray[np.int64]
     done: tuple[Done, ...] = field(default=(), kw_only=True)
+
+    @cached_property
+    def fresh(self) -> NDArray[np.bool_]:
+        """(n,) whether an observation is of a later run."""
+        return self.run > 0
+
+    @cached_property
+    def last(self) -> NDArray[np.bool_]:
+        """(n,) whether an observation is of the last run: of a planned one in a forecast."""
+        return np.asarray(self.run == self.run.max(initial=0))
 
     @property
     @abstractmethod
@@ -127,6 +138,11 @@ class Together(ABC):
     @abstractmethod
     def realigned(self) -> bool:
         """Whether the first run does not determine the declared model's parameters in the later one."""
+
+    @property
+    def predicted(self) -> NDArray[np.bool_]:
+        """(n,) observations of later runs with the parameters of the first one."""
+        return self.fresh & (not self.realigned)
 
     @property
     @abstractmethod
@@ -266,19 +282,23 @@ class Together(ABC):
 
     @property
     def shifts(self) -> FloatArray:
-        """(S n, S) a separate offset of each sensor in the later run."""
-        fresh = np.einsum("n,ij->inj", self.fresh.astype(np.float64), np.eye(len(self.sensors)))
-        return self.stacked(fresh)
+        """(S n, S k) a separate offset of each sensor in each of k later runs."""
+        each = (np.eye(int(self.run.max(initial=0)) + 1)[self.run])[:, 1:]
+        fresh = np.einsum("nk,ij->injk", each, np.eye(len(self.sensors)))
+        return self.stacked(fresh.reshape(len(self.sensors), self.run.size, -1))
 
     @property
     def again(self) -> FloatArray:
-        """(S n, q) the declared model of each sensor, in the later run only."""
-        widths = [own.shape[1] for own in self.declared]
-        raw = np.zeros((len(self.sensors), self.fresh.size, sum(widths)))
-        start = 0
-        for i, own in enumerate(self.declared):
-            raw[i, :, start : start + widths[i]] = own * self.fresh[:, None]
-            start += widths[i]
+        """(S n, q) the declared model of each sensor, in each later run only; not in the first of those there are."""
+        masks = [self.predicted & (self.run == k) for k in np.unique(self.run)[1:]]
+        blocks = []
+        for own, rows in itertools.product(enumerate(self.declared), masks):
+            block = np.zeros((len(self.sensors), self.run.size, own[1].shape[1]))
+            block[own[0]] = own[1] * rows[:, None]
+            blocks.append(block)
+        if not blocks:
+            return np.zeros((self.outputs.size, 0))
+        raw = np.concatenate(blocks, axis=2)
         rest = self.stacked(raw)
         return np.asarray(rest[:, self._something_left(raw, rest)])
 

@@ -72,6 +72,6 @@ class Done:
         """The same for some of the observations."""
         return replace(self, after=self.after[rows])
 
-    def after_first(self, count: int) -> Done:
-        """The same for both runs, the first one with `count` observations."""
-        return replace(self, after=np.concatenate([np.zeros(count, np.bool_), self.after]))
+    def among(self, start: int, count: int) -> Done:
+        """The same among `count` observations of several runs, those of its own run from `start` on."""
+        return replace(self, after=np.pad(self.after, (start, count - start - self.after.size)))

@@ -47,15 +47,14 @@ class Rows:
         """(n, m) `values` minus their groups' levels, estimated with weights `kept` (n,) or equal ones."""
         if self.groups == 0:
             return values
-        v = self.weight if kept is None else self.weight * kept
         inside = self.group >= 0
-        at = self.group[inside]
-        sums = np.zeros((self.groups, values.shape[1]))
-        np.add.at(sums, at, (v[:, None] * values)[inside])
-        norms = np.bincount(at, (v * self.weight)[inside], minlength=self.groups)
-        level = sums / np.maximum(norms, np.finfo(float).tiny)[:, None]
-        out = values.copy()
-        out[inside] -= self.weight[inside, None] * level[at]
+        at, mine = self.group[inside], self.weight[inside]
+        shares = mine if kept is None else mine * kept[inside]
+        norms = np.maximum(np.bincount(at, shares * mine, minlength=self.groups), np.finfo(float).tiny)
+        out = values.copy(order="F")
+        for column in out.T:
+            level = np.bincount(at, shares * column[inside], minlength=self.groups) / norms
+            column[inside] -= mine * level[at]
         return out
 
     @cached_property
@@ -79,28 +78,40 @@ class Rows:
         """(n,) share of a row's variance in its residual of the fit of all rows."""
         share: FloatArray = 1.0 - np.sum(self.basis**2, axis=1)
         inside = self.group >= 0
-        norms = np.bincount(self.group[inside], self.weight[inside] ** 2, minlength=self.groups)
-        share[inside] -= self.weight[inside] ** 2 / norms[self.group[inside]]
+        share[inside] -= self.weight[inside] ** 2 / self._norms[self.group[inside]]
         return share
 
-    def maker(self, out: IntArray) -> FloatArray:
-        """(n, k) columns `out` of the residual maker M."""
-        made = -self.basis @ self.basis[out].T
-        made[out, np.arange(out.size)] += 1.0
+    @cached_property
+    def _norms(self) -> FloatArray:
+        """(groups,) sum of squared weights of each group."""
         inside = self.group >= 0
-        norms = np.bincount(self.group[inside], self.weight[inside] ** 2, minlength=self.groups)
-        same = (self.group[:, None] == self.group[out][None, :]) & inside[:, None]
-        shared = self.weight[:, None] * self.weight[out][None, :]
+        return np.asarray(np.bincount(self.group[inside], self.weight[inside] ** 2, minlength=self.groups), np.float64)
+
+    def block(self, out: IntArray) -> FloatArray:
+        """(k, k) rows and columns `out` of the residual maker M."""
+        made = np.eye(out.size) - self.basis[out] @ self.basis[out].T
         if self.groups:
-            made -= np.where(same, shared / norms[np.maximum(self.group[out], 0)][None, :], 0.0)
+            weight, group = self.weight[out], self.group[out]
+            same = (group[:, None] == group) & (group >= 0)
+            made -= np.where(same, np.outer(weight, weight) / self._norms[np.maximum(group, 0)], 0.0)
         return made
+
+    def spread(self, out: IntArray, off: FloatArray) -> FloatArray:
+        """(n,) what the deviations `off` (k,) of the rows `out` put into the residuals of all rows: M's columns."""
+        spread = -self.basis @ (self.basis[out].T @ off)
+        spread[out] += off
+        if self.groups:
+            inside, mine = self.group >= 0, self.group[out] >= 0
+            at = self.group[out][mine]
+            level = np.bincount(at, (self.weight[out] * off)[mine], minlength=self.groups) / self._norms
+            spread[inside] -= self.weight[inside] * level[self.group[inside]]
+        return np.asarray(spread)
 
     def residual_of(self, kept: FloatArray) -> FloatArray:
         """(n,) residuals of all rows from a fit with these weights (n,), as a start."""
-        both = self.within(np.column_stack([self.columns, self.y]), kept)
-        columns, y = both[:, :-1], both[:, -1]
-        products = columns.T @ (kept[:, None] * both)
-        length = np.sqrt(np.diag(products[:, :-1]))
+        columns, y = self.within(self.columns, kept), self.within(self.y[:, None], kept)[:, 0]
+        products = columns.T @ (kept[:, None] * columns)
+        length = np.sqrt(np.diag(products))
         length[length == 0.0] = 1.0
-        inverse = np.linalg.pinv(products[:, :-1] / np.outer(length, length), ENOUGH, hermitian=True)
-        return np.asarray(y - (columns / length) @ (inverse @ (products[:, -1] / length)))
+        inverse = np.linalg.pinv(products / np.outer(length, length), ENOUGH, hermitian=True)
+        return np.asarray(y - columns @ (inverse @ (columns.T @ (kept * y) / length) / length))

@@ -121,6 +121,8 @@ class _Asked:
 
     def rows(self, weight: FloatArray) -> Rows:
         group = np.full(len(self.y), NO_GROUP, np.int64) if self.group is None else self.group
+        if np.all(weight == 1.0):  # the usual case; a copy of a million rows is as much memory as all else
+            return Rows(self.columns, self.y, weight, group)
         return Rows(self.columns * weight[:, None], self.y * weight, weight, group)
 
 
@@ -176,7 +178,7 @@ def _judged(rows: Rows, out: IntArray, floor: float, asked: _Asked) -> _Found:
     none = np.zeros(0)
     sigma = max(np.sqrt(rss / left), floor)
     best = _Found(out[:0], none, none, 1.0, sigma)
-    inverse = np.linalg.inv(rows.maker(out)[out]) if out.size else np.zeros((0, 0))
+    inverse = np.linalg.inv(rows.block(out)) if out.size else np.zeros((0, 0))
     inside = np.arange(out.size)
     lowest = 1.0
     while inside.size:
@@ -278,13 +280,12 @@ def _without(rows: Rows, out: IntArray) -> tuple[FloatArray, float]:
     e = rows.residual
     if not out.size:
         return e, float(e @ e)
-    made = rows.maker(out)
-    block = made[out]
+    lower = rows.block(out) - LONE * np.eye(out.size)
     try:
-        off = cho_solve(cho_factor(block - LONE * np.eye(out.size), lower=True, check_finite=False), e[out])
+        off = cho_solve(cho_factor(lower, lower=True, check_finite=False), e[out])
     except np.linalg.LinAlgError:
         return e, float("inf")
-    left = e - made @ off
+    left = e - rows.spread(out, off)
     left[out] = off
     return left, float(e @ e - e[out] @ off)
 

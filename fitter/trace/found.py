@@ -199,12 +199,14 @@ class Explanation:
         terms: used candidates of the effect.
         sigmas: standard errors by which it is worse than the best explanation.
         alias: whether the data cannot distinguish it from the best.
+        near: whether the data exclude it, but barely.
     """
 
     effect: str
     terms: tuple[Any, ...]
     sigmas: float
     alias: bool
+    near: bool = False
 
 
 def explanations_of(
@@ -212,6 +214,8 @@ def explanations_of(
 ) -> dict[str, tuple[Explanation, ...]]:
     """Explanations of every effect found, by its name, from what a search knows by index."""
     return {
-        name: tuple(Explanation(r.effect, tuple(candidates[j] for j in r.terms), r.sigmas, r.alias) for r in rivals)
+        name: tuple(
+            Explanation(r.effect, tuple(candidates[j] for j in r.terms), r.sigmas, r.alias, r.near) for r in rivals
+        )
         for name, rivals in classes.items()
     }

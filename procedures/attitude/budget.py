@@ -280,6 +280,21 @@ class AttitudeEvaluation(Evaluation):
         covariance = calibration.covariance * np.outer(ratios, ratios)
         return replace(calibration, sensors=tuple(sensors), covariance=covariance)
 
+    def described(self, sensor: str) -> str:
+        """See `Evaluation`."""
+        across = " - my cos(pitch) sin(roll) - mz cos(pitch) cos(roll)" if self._data.has_roll else " - mz cos(pitch)"
+        warm = self._plain.reference_degC
+        at = f", at a sensor temperature of {warm:.1f} degC" if self._temperature and warm is not None else ""
+        return (
+            f"Output in V: offset + mx sin(pitch){across}{at}; the sensitivity is the length of the vector m, which is "
+            f"along the sensitive axis, in V per local g"
+        )
+
+    def charted(self, sensor: str) -> tuple[str, FloatArray]:
+        """See `Evaluation`: an angle is an output over the sensitivity, in degrees."""
+        m = self._base[self._plain.names.index(sensor), 1:]
+        return "deg", np.full(len(self._at), np.radians(np.linalg.norm(m)))
+
     def stored(self) -> Any:
         """See `Evaluation`."""
         return self._model.calibration.to_dict()

@@ -17,6 +17,7 @@ from procedures.attitude.data import AttitudeData
 from procedures.attitude.evaluate import traced_effects
 from procedures.attitude.infer import AttitudeCalibration
 from procedures.attitude.infer.traced import calibrate_traced
+from procedures.budgeting import alike
 
 
 class TracedEvaluation(AttitudeEvaluation):
@@ -60,9 +61,7 @@ class TracedEvaluation(AttitudeEvaluation):
             if np.isfinite(values).all():
                 by_named.setdefault(named, []).append((member, values - base))
         for named, members in by_named.items():
-            covariance = np.sum([np.outer(moved, moved) for _, moved in members], axis=0) / (len(members) + 1)
-            names = " or ".join(member for member, _ in members)
-            yield TypeA(covariance, np.inf, f"model: {named}, or {names}", "trace of the run", "B")
+            yield alike(named, members)
 
     def notes(self) -> Iterable[str]:
         """See `Evaluation`."""

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from fitter.arrays import FloatArray, IntArray
-from fitter.confirm import CARRIED_ON, Confirmation, Question
+from fitter.confirm import CARRIED_ON, Confirmation, Later, Question
 from fitter.effects.entry import Entry
 from fitter.effects.hands import Done
 from procedures.attitude.data import AttitudeData
@@ -21,7 +21,7 @@ from procedures.attitude.options import FitOptions
 from procedures.attitude.parameters import SCALE, UNIT
 from procedures.attitude.settings import DesignSettings, PitchRollProcedure
 from procedures.attitude.table import attitude_data
-from procedures.attitude.together import AttitudeTogether
+from procedures.attitude.together import AttitudeTogether, mountings
 from procedures.confirming import SETTLED, Confirming
 from procedures.errors import DataError
 from procedures.further_runs import Variation, repeated
@@ -43,6 +43,7 @@ class AttitudeConfirming(Confirming):
     """See `procedures.confirming.Confirming`."""
 
     traced: AttitudeTraced
+    earlier: tuple[Later, ...] = ()
 
     unit = "deg"
     output_unit = "V"
@@ -61,12 +62,20 @@ class AttitudeConfirming(Confirming):
 
     def beside(self, later: AttitudeData, after_s: float, done: Sequence[Done] = ()) -> AttitudeTogether:
         """See `Confirming`."""
-        return AttitudeTogether.of(self.found, self.data, later, after_s, done)
+        return AttitudeTogether.of(self.found, self.data, [*self.earlier, Later(later, after_s, done)])
 
     @property
     def catalogue(self) -> Sequence[Entry]:
         """See `Confirming`."""
         return CATALOGUE
+
+    def standing(self, variation: Variation) -> Variation:
+        """See `Confirming`."""
+        if not self.earlier:
+            return variation
+        turn = variation.procedure.mounting
+        now, then = mountings(self.earlier[-1].data)[-1], mounting_matrix(turn.x_deg, turn.y_deg, turn.z_deg)
+        return replace(variation, turned=not np.allclose(now, then, atol=1e-9))
 
     def whole(self, group: Sequence[Variation], times: int) -> Variation:
         """See `Confirming`: the largest design of few enough points."""
@@ -154,7 +163,19 @@ class AttitudeConfirming(Confirming):
             raise DataError(
                 "--confirmed-by keeps a calibration at the run's mean temperature: leave --at-degC and --points away"
             )
-        allowed = {a.effect: a.holding for a in answers if a.verdict in (*SETTLED, "undecided")}
+        allowed = {
+            a.effect: [cause for member in a.members if member.holds for cause in member.causes]
+            for a in answers
+            if a.verdict in (*SETTLED, "undecided")
+        }
+        for answer, question, effect in zip(answers, questions, record["effects"], strict=True):
+            if answer.verdict in SETTLED and len(answer.members[0].causes) > 1:
+                effect["used"] = f"{effect['told']}; intervals cover {', '.join(allowed[answer.effect])}, each alone"
+            elif answer.verdict in SETTLED and any(m.near for m in question.members if m.effect in answer.holding):
+                effect["used"] = (
+                    f"{effect['told']}; the calibration does not have it, because the first run barely excludes it: "
+                    "intervals cover the causes that the first run leaves, and may be invalid"
+                )
         result = fit_attitude_table(
             self.traced.table, traced=True, temperature=self.traced.temperature, found=self.found, allowed=allowed
         )

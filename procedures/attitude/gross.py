@@ -13,6 +13,7 @@ import numpy as np
 from fitter.gross import GrossErrors, gross_errors
 from fitter.gross.rows import NO_GROUP
 from fitter.resolution import resolution
+from fitter.sums_of_squares import own_parameters
 from procedures.attitude.data import AttitudeData
 from procedures.attitude.model import attitude_columns, fit_columns
 
@@ -26,7 +27,7 @@ STEP_DEG = 0.1
 def of_attitude(data: AttitudeData) -> Mapping[str, GrossErrors]:
     """By sensor of a pitch-roll calibration."""
     columns = attitude_columns(data.pitch_deg, data.roll_deg, roll=data.has_roll)
-    by_replication = [columns * (data.replicate_index == r)[:, None] for r in range(data.replicates.size)]
+    by_replication = own_parameters(columns, data.replicate_index)
     visits = np.bincount(data.point)[data.point]
     own = visits >= REPEATS
     group = np.full(len(data), NO_GROUP, np.int64)
@@ -39,7 +40,7 @@ def of_attitude(data: AttitudeData) -> Mapping[str, GrossErrors]:
         slope = np.hypot(*(fit.predict(moved) - fit.predict(columns) for moved in (ahead, aside)))
         found[name] = gross_errors(
             y,
-            np.column_stack(by_replication),
+            by_replication,
             group=group,
             step=resolution(y),
             responses=len(data.outputs),

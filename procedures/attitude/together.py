@@ -1,4 +1,4 @@
-"""Two pitch-roll runs as one problem: the declared model again for every mounting, drift between replications."""
+"""Pitch-roll runs as one problem: the declared model again for every mounting, drift between replications."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from fitter.arrays import FloatArray, IntArray
 from fitter.confirm import Together
-from fitter.confirm.runs import join
+from fitter.confirm.runs import Later, changes, join_all, numbers
 from fitter.confirm.together import Candidates, Own
 from fitter.effects.hands import Done
 from procedures.attitude.data import AttitudeData
@@ -73,31 +73,35 @@ class AttitudeTogether(Together):
     Attributes:
         scene: of all observations; its references are those of the first run's trace.
         noise: by sensor.
-
+        part: (n,) number of the part of an observation; the declared model has parameters of its own in each: in every
+            run since the package was mounted again or touched, and after every change that touches it.
+        unknown: (n,) observations of later runs whose parameters the first run does not determine: those in such parts,
+            and a run with roll after one without.
     """
 
     scene: Scene
     noise: Mapping[str, SensorNoise]
+    part: IntArray
+    unknown: NDArray[np.bool_]
 
     @classmethod
-    def of(
-        cls, found: Trace, first: AttitudeData, later: AttitudeData, after_s: float, done: Sequence[Done] = ()
-    ) -> Self:
-        """A run, its trace, and a later run, `after_s` after the first's zero of elapsed time.
-
-        `done` are changes by a person in the later run, with masks over its observations.
+    def of(cls, found: Trace, first: AttitudeData, later: Sequence[Later]) -> Self:
+        """A run, its trace, and later runs.
 
         Raises:
-            FitError: the later run lacks a sensor of the first.
+            FitError: a later run lacks a sensor of the first.
         """
         kept = np.setdiff1d(np.arange(len(first)), found.outliers)
-        runs = first.take(kept), later
-        mounting = np.concatenate([mountings(run) for run in runs])
-        both = join(*runs, after_s, mounting=mounting, axes=first.axes)
+        mine = first.take(kept)
+        every = join_all(mine, later)
+        mounting = np.concatenate([mountings(mine), *(mountings(one.data) for one in later)])
+        every = replace(every, mounting=mounting, axes=first.axes)
         noise = {name: SensorNoise.of(sensor, first, kept) for name, sensor in found.sensors.items()}
-        scene = replace(found.scene, data=both, roll=both.has_roll)
-        changes = tuple(one.after_first(kept.size) for one in done)
-        return cls(np.arange(len(both)) >= kept.size, scene, noise, done=changes)
+        scene = replace(found.scene, data=every, roll=every.has_roll)
+        run, done = numbers(kept.size, later), changes(kept.size, later)
+        part = _parts(run, mounting, done)
+        roll = np.array([one.data.has_roll and not mine.has_roll for one in later], np.bool_)
+        return cls(run, scene, noise, part, (part > 0) | np.concatenate([[False], roll])[run], done=done)
 
     @property
     def data(self) -> AttitudeData:
@@ -109,15 +113,15 @@ class AttitudeTogether(Together):
         """See `Together`."""
         return min(noise.df for noise in self.noise.values())
 
-    @cached_property
+    @property
     def realigned(self) -> bool:
-        """Whether the package was mounted again or touched, or only the later run has roll."""
-        if any(done.anew for done in self.done):
-            return True
-        turned = mountings(self.data)
-        if not np.allclose(turned[self.fresh], turned[~self.fresh][0], atol=1e-9):
-            return True
-        return bool(self.data.has_roll and not self.data.take(np.flatnonzero(~self.fresh)).has_roll)
+        """Whether the package was mounted again or touched, or only a later run has roll."""
+        return bool(np.any(self.unknown))
+
+    @property
+    def predicted(self) -> NDArray[np.bool_]:
+        """See `Together`."""
+        return self.fresh & ~self.unknown
 
     @property
     def own_response(self) -> bool:
@@ -127,10 +131,8 @@ class AttitudeTogether(Together):
     @property
     def loose(self) -> FloatArray:
         """(n, 0) or, if the package was mounted again or touched, (n, 4) its offset and axes, each time again."""
-        if not self.realigned:
-            return np.empty((len(self.data), 0))
-        part = self._part
-        return np.column_stack([np.where((part == k)[:, None], self._h, 0.0) for k in np.unique(part[self.fresh])])
+        rows = [self.unknown & (self.part == k) for k in np.unique(self.part[self.unknown])]
+        return np.column_stack([np.empty((len(self.data), 0)), *(np.where(own[:, None], self._h, 0.0) for own in rows)])
 
     @property
     def sigma(self) -> FloatArray:
@@ -148,13 +150,9 @@ class AttitudeTogether(Together):
 
     @cached_property
     def declared(self) -> tuple[FloatArray, ...]:
-        """(n, d) columns of the declared model for each sensor: again for every mounting, and after every change."""
-        h, turned = self._h, np.round(mountings(self.data).reshape(len(self.data), 9), 9)
-        turned = np.column_stack([turned, self._part])
-        # orientations last for many rows: only the first row of each stretch is sorted
-        starts = np.concatenate([[True], np.any(turned[1:] != turned[:-1], axis=1)])
-        which = np.ravel(np.unique(turned[starts], axis=0, return_inverse=True)[1])[np.cumsum(starts) - 1]
-        columns = np.column_stack([np.where((which == k)[:, None], h, 0.0) for k in range(int(which.max()) + 1)])
+        """(n, d) columns of the declared model for each sensor, again for every part."""
+        h = self._h
+        columns = np.column_stack([np.where((self.part == k)[:, None], h, 0.0) for k in np.unique(self.part)])
         out = []
         for sensor in self.sensors:
             warm = self.noise[sensor].temperature
@@ -172,12 +170,6 @@ class AttitudeTogether(Together):
             columns = _narrow(self._h, spread.size) * np.sqrt(spread)
             out.append(tuple(Own.of(rows, columns[rows]) for rows in replications) if spread.any() else ())
         return tuple(out)
-
-    @cached_property
-    def _part(self) -> IntArray:
-        """(n,) number of the part with parameters of its own: the parts of a later run with changes are all apart."""
-        anew = [done.after for done in self.done if done.anew]
-        return np.asarray(self.fresh + np.sum(anew, axis=0) if anew else np.zeros(len(self.data)), np.int64)
 
     def untouched(self, terms: Candidates) -> FloatArray:
         """(S, n, q) V per unit coefficient."""
@@ -201,11 +193,25 @@ class AttitudeTogether(Together):
         """See `Together`."""
         done = tuple(one.at(rows) for one in self.done)
         scene = self.scene.on(self.data.take(np.flatnonzero(rows)))
-        return replace(self, scene=scene, fresh=self.fresh[rows], done=done)
+        run, part, unknown = self.run[rows], self.part[rows], self.unknown[rows]
+        return replace(self, scene=scene, run=run, part=part, unknown=unknown, done=done)
 
     @cached_property
     def _h(self) -> FloatArray:
         return attitude_columns(self.data.pitch_deg, self.data.roll_deg, roll=self.scene.roll)
+
+
+def _parts(run: IntArray, mounting: FloatArray, done: Sequence[Done]) -> IntArray:
+    """(n,) see `AttitudeTogether.part`; what is mounted again never stands exactly as before."""
+    part = np.zeros(run.size, np.int64)
+    for k in range(1, int(run.max()) + 1):
+        rows = np.flatnonzero(run == k)
+        after = [one.after[rows] for one in done if one.anew and one.after[rows].any()]
+        turned = np.any(~np.isclose(mounting[rows], mounting[0], atol=1e-9), axis=(1, 2))
+        if part.any() or after or turned.any():
+            orientations = np.cumsum(np.any(np.diff(mounting[rows], axis=0, prepend=mounting[rows[:1]]), axis=(1, 2)))
+            part[rows] = part.max() + 1 + orientations + np.sum(after, axis=0, dtype=np.int64)
+    return part
 
 
 def mountings(data: AttitudeData) -> FloatArray:

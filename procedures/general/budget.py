@@ -12,6 +12,7 @@ import numpy as np
 from fitter import LinearFit
 from fitter.arrays import FloatArray, IntArray
 from fitter.errors import FitError
+from fitter.formula import Formula
 from procedures.budget_by_sensor import EvaluationBySensor
 from procedures.column_names import spelled, stem_of, unit_of, with_word
 from procedures.errors import DataError
@@ -19,6 +20,7 @@ from procedures.general.declared import Declared, Model, model_of
 from procedures.general.fit import calibration_of
 from procedures.general.infer import CurveCalibration
 from procedures.general.of_runs import declared_of, has_whole_plots, models_of
+from procedures.general.settings import SensorModel
 from procedures.scatter import Scatter, scatter
 from procedures.table import Columns, Table
 
@@ -156,7 +158,7 @@ class Sensor:
     def named(self) -> Iterator[tuple[str, str]]:
         """Name and unit of every result."""
         stem, unit = stem_of(self.name), spelled(unit_of(self.name))
-        yield from ((f"{stem} coefficient {one}", _unit(one, unit)) for one in self._names)
+        yield from ((f"{stem} coefficient {one}", _unit(one, unit)) for one in self.terms)
         if not self.has_points:
             return
         where = []
@@ -169,7 +171,8 @@ class Sensor:
             yield from ((f"{stem} inferred {_plain(name)} {place}", spelled(unit_of(name))) for place in where)
 
     @property
-    def _names(self) -> tuple[str, ...]:
+    def terms(self) -> tuple[str, ...]:
+        """Names of its coefficients."""
         return tuple(self._model({}).rows.fitted().names)
 
     def scatter(self) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -219,12 +222,15 @@ def _setting(table: Table, name: str) -> IntArray:
 class GeneralEvaluation(EvaluationBySensor):
     """All sensors of a run, each by its declared model."""
 
-    def __init__(self, table: Table, at: Sequence[Mapping[str, float]]) -> None:
+    def __init__(
+        self, table: Table, at: Sequence[Mapping[str, float]], models: Mapping[str, SensorModel] | None = None
+    ) -> None:
         plots = ("whole_plot",) if has_whole_plots(table) else ()
         points = {name: np.array([one[name] for one in at]) for name in (at[0] if at else ())}
         self._table = table
         self._each = [
-            Sensor(name, table, declared_of(model, table), plots, points) for name, model in models_of(table).items()
+            Sensor(name, table, declared_of(model, table), plots, points)
+            for name, model in (models_of(table) if models is None else models).items()
         ]
         for one in self._each:
             if not len(one.plain.variances):
@@ -250,6 +256,19 @@ class GeneralEvaluation(EvaluationBySensor):
         """See `Evaluation`."""
         every = ((one.name, one.readings_scatter) for one in self._each)
         return (words for name, one in every if one is not None and (words := one.sentence(name)))
+
+    def described(self, sensor: str) -> str:
+        """See `Evaluation`."""
+        formula = next(one for one in self._each if one.name == sensor).calibration.formula
+        unit = spelled(unit_of(sensor))
+        if isinstance(formula, Formula):
+            return f"Output in {unit}: the sum of all coefficients, each times its term, by the model {formula}"
+        return f"Output in {unit}: {formula}"
+
+    def charted(self, sensor: str) -> tuple[str, FloatArray]:
+        """See `Evaluation`: errors of curves are in the output's unit."""
+        one = next(one for one in self._each if one.name == sensor)
+        return unit_of(sensor), np.ones_like(one.readings)
 
     @property
     def each(self) -> Sequence[Sensor]:
@@ -285,8 +304,14 @@ class GeneralEvaluation(EvaluationBySensor):
         return found
 
 
-def general_evaluation(table: Table, at: Sequence[Mapping[str, float]]) -> GeneralEvaluation:
-    """The evaluation of a table; arguments and errors as for `Kind.evaluation`."""
+def general_evaluation(table: Table, at: Sequence[Mapping[str, float]], *, traced: bool = False) -> GeneralEvaluation:
+    """The evaluation of a table; arguments and errors as for `Kind.evaluation`.
+
+    Args:
+        traced: with the effects that a trace finds.
+    """
+    from procedures.general.budget_traced import TracedEvaluation  # noqa: PLC0415 - which derives from this module
+
     if not table.outputs:
         raise DataError(f"{table.source}: budgets are made of runs, whose bench says what reads what")
     for one in at:
@@ -296,7 +321,7 @@ def general_evaluation(table: Table, at: Sequence[Mapping[str, float]]) -> Gener
             names = ",".join(f"{name}=..." for name in table.factors)
             raise DataError(f"--at: a point has every factor of the run: --at {names}")
     try:
-        return GeneralEvaluation(table, at or _points(table))
+        return (TracedEvaluation if traced else GeneralEvaluation)(table, at or _points(table))
     except FitError as error:
         raise DataError(f"{table.source}: {error}") from error
 

@@ -12,7 +12,7 @@ from fitter.arrays import FloatArray
 from fitter.errors import FitError
 
 _LOCAL = re.compile(r"(\d{1,2})([./-])(\d{1,2})\2(\d{4})(?:[ T,]+(.+))?")
-_CLOCK = re.compile(r"(\d{1,2}):(\d{2})(?::(\d{2})(?:[.,](\d{1,9}))?)? ?([AaPp][Mm])?")
+_CLOCK = re.compile(r"(\d{1,2}):(\d{2})(?::(\d{2})(?:[.,:](\d{1,9}))?)? ?([AaPp][Mm])?")
 _DAY_S = 86400.0
 
 
@@ -30,7 +30,8 @@ def seconds_of(
         name: of the column, for messages.
         cells: (n,) dates with times, dates, or times of day.
         dates: (n,) dates of the times of day, if they have a column of their own.
-        order: "dmy" or "mdy" for dates such as 03/04/2026; None if they must show it.
+        order: "dmy" or "mdy" for dates such as 03/04/2026; None if they must show it: by a number above 12, by dots
+            between them (dmy), or since all are of one day.
 
     Raises:
         FitError: a text is not a date or a time, or a date can be read in two ways.
@@ -61,6 +62,9 @@ def _days(name: str, cells: Sequence[str], order: str | None) -> FloatArray:
         if part is None:
             raise FitError(f"--time: {name} has {cell[:40]!r}, which is no time; write it as 2026-01-15T09:30:00")
     days = [(int(p[1]), int(p[3])) for p in parts if p is not None]
+    one_day = len({(p[1], p[3], p[4]) for p in parts if p is not None}) == 1
+    if order is None and (one_day or all(p[2] == "." for p in parts if p is not None)):
+        order = "mdy" if any(day[1] > 12 for day in days) else "dmy"
     first, second = (any(day[i] > 12 for day in days) for i in (0, 1))
     if order is None:
         if first == second:

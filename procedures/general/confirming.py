@@ -11,32 +11,27 @@ import numpy as np
 
 from fitter.arithmetic_text import parse_expression
 from fitter.arrays import FloatArray, IntArray
-from fitter.confirm import Confirmation, Question
+from fitter.confirm import Confirmation, Later, Question
 from fitter.effects.entry import Entry
 from fitter.effects.hands import Done
 from fitter.errors import FitError
-from fitter.trace.aliases import DELTA, Rival
-from fitter.trace.found import Explanation
-from fitter.trace.search import names_of
 from procedures.column_names import unit_of
 from procedures.confirming import SETTLED, ConfirmedFit, Confirming
 from procedures.errors import DataError
 from procedures.further_runs import Variation, repeated
 from procedures.general.effects.literal import arithmetic
 from procedures.general.effects.of_others import HYSTERESIS
-from procedures.general.effects.time_columns import lag
 from procedures.general.factors import RANDOM
+from procedures.general.found_in_run import FoundInRun
 from procedures.general.further_runs import values_of, with_routine
 from procedures.general.of_runs import Asked, RunTraced, fit_run
 from procedures.general.options import FitOptions, TraceOptions
 from procedures.general.planning import check_declared
 from procedures.general.settings import GeneralProcedure
-from procedures.general.together import TIME, GeneralTogether, Observations, RunTerm, columns_of
-from procedures.general.trace import TableTrace
+from procedures.general.together import TIME, GeneralTogether, Observations
 from procedures.run_list import RunList
 from procedures.table import Table
 
-MOST_CONSTANTS = 3
 LEAST_CANDIDATES, MOST_CANDIDATES = 5, 160
 """Numbers of units from which those of a run are chosen."""
 LEAST_POINTS = 12
@@ -67,76 +62,11 @@ def cannot_confirm(table: Table, options: TraceOptions) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class FoundInRun:
-    """Findings of all sensors of a run, a `fitter.confirm.question.Traced`.
-
-    Attributes:
-        sensors: by output.
-    """
-
-    sensors: Mapping[str, TableTrace]
-
-    @cached_property
-    def chosen(self) -> tuple[RunTerm, ...]:
-        """Columns in the models of all sensors."""
-        return tuple(
-            term
-            for output, trace in self.sensors.items()
-            for j in trace.search.chosen
-            for term in self._columns(output, (j,))
-        )
-
-    def _columns(self, output: str, terms: Sequence[int]) -> Iterator[RunTerm]:
-        candidates = self.sensors[output].search.judge.candidates
-        for j in terms:
-            yield from columns_of(candidates[j].effect, candidates[j].term, output)
-
-    @cached_property
-    def _rivals(self) -> Mapping[str, Mapping[str, Mapping[str, Rival]]]:
-        """All explanations of each effect, by effect, output, and explanation."""
-        found: dict[str, dict[str, dict[str, Rival]]] = {}
-        for output, trace in self.sensors.items():
-            judge, chosen = trace.search.judge, trace.search.chosen
-            for name in names_of(judge.candidates, chosen):
-                found.setdefault(name, {})[output] = {rival.effect: rival for rival in judge.rivals(chosen, name)}
-        return found
-
-    @cached_property
-    def explanations(self) -> Mapping[str, Sequence[Explanation]]:
-        """Explanations of each effect that all sensors with it have in common, best first."""
-        return {name: self._explained(by_output) for name, by_output in self._rivals.items()}
-
-    def _explained(self, by_output: Mapping[str, Mapping[str, Rival]]) -> tuple[Explanation, ...]:
-        common = [name for name in next(iter(by_output.values())) if all(name in own for own in by_output.values())]
-        costs = {name: sum(own[name].sigmas ** 2 for own in by_output.values()) for name in common}
-        least = min(costs.values())
-        told = [
-            Explanation(
-                name,
-                tuple(term for output, own in by_output.items() for term in self._columns(output, own[name].terms)),
-                float(np.sqrt(cost - least)),
-                alias=cost - least <= DELTA,
-            )
-            for name, cost in costs.items()
-        ]
-        return tuple(sorted(told, key=lambda one: one.sigmas))
-
-    @cached_property
-    def constants(self) -> Mapping[str, tuple[float, ...]]:
-        """Time constants of the explanations that remember earlier settings, by output."""
-        found: dict[str, dict[float, None]] = {}
-        for every in self.explanations.values():
-            for term in (term for one in every if one.alias for term in one.terms):
-                if term.effect.kind.terms is lag and term.block.profile is not None:
-                    found.setdefault(term.sensor, {})[term.block.profile.value] = None
-        return {output: tuple(sorted(taus)[:MOST_CONSTANTS]) for output, taus in found.items()}
-
-
-@dataclass(frozen=True, eq=False)
 class GeneralConfirming(Confirming):
     """See `procedures.confirming.Confirming`. Errors are those of the outputs, in their own units."""
 
     traced: RunTraced
+    earlier: tuple[Later, ...] = ()
 
     per_slope = 1.0
     passes = 1, 2, 4
@@ -169,7 +99,7 @@ class GeneralConfirming(Confirming):
 
     def own_words(self, *, realigned: bool) -> str:
         """See `Confirming`."""
-        return "what of earlier settings was remembered at its start is its own" if self.found.constants else ""
+        return "what of earlier settings was remembered at its start is its own" if self.found.remembered else ""
 
     def later(self, table: Table) -> Observations:
         """See `Confirming`."""
@@ -178,8 +108,8 @@ class GeneralConfirming(Confirming):
     def beside(self, later: Observations, after_s: float, done: Sequence[Done] = ()) -> GeneralTogether:
         """See `Confirming`."""
         roles = {output: one.roles for output, one in self.traced.each.items()}
-        found = self.found
-        return GeneralTogether.of(found.sensors, roles, self.data.table, later.table, after_s, done, found.constants)
+        every = [*self.earlier, Later(later, after_s, done)]
+        return GeneralTogether.of(self.found.sensors, roles, self.data.table, every, self.found.remembered)
 
     @cached_property
     def catalogue(self) -> Sequence[Entry]:

@@ -14,6 +14,7 @@ from fitter import LinearFit, RankError
 from fitter.arithmetic_text import column_name
 from fitter.arrays import IntArray
 from fitter.errors import FitError
+from fitter.formula import check_numbers
 from fitter.json_values import coefficient_table, if_finite
 from fitter.nonlinear import Curve
 from fitter.split_plot import SplitPlotFit
@@ -60,10 +61,12 @@ def fit_general(
     response = column_name(response)
     extra = [*whole_plot, *([replicate] if replicate else [])]
     table = read(dict.fromkeys([response, *declared.columns(), *extra]))
-    if response not in table.columns:
-        raise DataError(f"{table.source}: the response {response} is not a column of numbers")
     every, falling = table, ""
     try:
+        if response not in table.columns:
+            with rows_of_file(table):
+                check_numbers(response, table.text[response])
+            raise FitError(f"the response {response} is not a column of numbers")
         if declared.series is not None:
             table, falling = rising(table, declared.series)
         asked = LeaveOut.of(leave_out, table)

@@ -13,13 +13,13 @@ from fitter.effects.own import Grammar
 from fitter.errors import FitError
 from procedures.acceptance import Verdict
 from procedures.advice import Advice
-from procedures.budgeting import Evaluation
+from procedures.budgeting import Evaluation, Expected
 from procedures.charting import Charting
 from procedures.confirming import Confirming
 from procedures.errors import DataError
 from procedures.expected import Columns
 from procedures.further_runs import Limits, Variation
-from procedures.general.options import FitOptions, InferOptions, TraceOptions
+from procedures.general.options import BudgetOptions, FitOptions, InferOptions, TraceOptions
 from procedures.general.settings import GeneralProcedure
 from procedures.inference import Inference
 from procedures.kind import Kind
@@ -97,12 +97,17 @@ class GeneralKind(Kind):
         return GeneralFitted(result)
 
     def evaluation(
-        self, table: Table, options: Options, at: Sequence[Mapping[str, float]], constants: Mapping[str, float]
+        self, table: Table, options: BudgetOptions, at: Sequence[Mapping[str, float]], constants: Mapping[str, float]
     ) -> Evaluation:
         """Coefficients, outputs and inferred values of the sensors of a run."""
         from procedures.general.budget import general_evaluation  # noqa: PLC0415
 
-        return general_evaluation(table, at)
+        return general_evaluation(table, at, traced=options.traced)
+
+    @property
+    def budget_options(self) -> type[BudgetOptions]:
+        """See `Kind`."""
+        return BudgetOptions
 
     def trace(self, source: Source, options: TraceOptions, *, own: Sequence[Entry]) -> Traced:
         """See `Kind`."""
@@ -192,6 +197,12 @@ class GeneralKind(Kind):
         from procedures.general.planning import precision  # noqa: PLC0415
 
         return precision(procedure, run_list)
+
+    def expected(self, procedure: GeneralProcedure, run_list: RunList, sensors: Mapping[str, str]) -> Expected:
+        """See `Kind`."""
+        from procedures.general.planned import expected_run  # noqa: PLC0415
+
+        return expected_run(procedure, run_list, sensors)
 
     def advice(self, procedure: GeneralProcedure, axes: Sequence[str], usage_deg: float | None) -> Sequence[Advice]:
         """Confounded terms and effects, and errors without degrees of freedom."""

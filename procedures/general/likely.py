@@ -16,16 +16,30 @@ from procedures.general.clock_texts import is_clock
 from procedures.general.column_roles import Roles, read_roles
 from procedures.general.directions import are_directions
 from procedures.general.fit import fit_general
+from procedures.general.models.units import unit_in
 from procedures.results import Source
 from procedures.seen import Seen, SeenColumn
 from procedures.table import Table
 
-_TIME = re.compile(r"time|elapsed|timestamp|(^|[ _])t([ _(\[]?(s|sec|min|h)[)\]]?)?$|zeit|^date", re.IGNORECASE)
+_TIME = re.compile(
+    r"time|elapsed|timestamp|(^|[ _])(?-i:t)$|(^|[ _])t[ _(\[]+(s|sec|min|h)[)\]]?$|zeit|^date", re.IGNORECASE
+)
 _ORDER = re.compile(
-    r"^(seq|sequence|order|index|row|reading|n|no\.?|nr\.?|number|pt|point|run_?order|#|column_1)$", re.IGNORECASE
+    r"^(seq|sequence|order|index|id|row|row_?names?|unnamed: ?0|reading|"
+    r"n|no\.?|nr\.?|number|pt|point|run_?order|#|column_1)$",
+    re.IGNORECASE,
 )
 _REPLICATE = re.compile(r"repl|^rep(eat)?s?$|cycle|series|trial|^run$|^pass$", re.IGNORECASE)
-_GROUP = re.compile(r"whole_?plot|batch|block|group|operator|serial|sensor|channel|^day$|shape|type", re.IGNORECASE)
+_GROUP = re.compile(
+    r"whole_?plot|batch|block|group|operator|serial|sensor|channel|^day$|shape|type|"
+    r"instrument|treatment|subject|worker|machine|specimen|device|^lot$|^lab(oratory)?$",
+    re.IGNORECASE,
+)
+_UNCERTAINTY = re.compile(
+    r"(?:err(?:or)?|unc(?:ertainty)?|sd|std|stdev|sigma|se|u|d|delta)[_ .](?P<of>.+)|"
+    r"(?P<by>.+?)[_ .](?:err(?:or)?|unc(?:ertainty)?|sd|std|stdev|sigma|se)",
+    re.IGNORECASE,
+)
 _DIRECTION = re.compile(r"^dir|direction|updown|sense|side", re.IGNORECASE)
 _RESPONSE = re.compile(
     r"output|reading|response|signal|indicat|bridge|voltage|volt|measured|meas\b|dut|uut|counts?|deflection|"
@@ -43,24 +57,48 @@ def likely(source: Source, table: Table) -> Seen:
     """The columns of a table with likely roles, and options for a first fit and trace that were tried."""
     roles = dict(_fixed(table))
     free = [name for name in table.columns if name not in roles]
+    groups = [name for name, role in roles.items() if role in ("group", "direction") and "" not in _values(table, name)]
     if len(free) == 1:  # a quantity over time
-        free = [*(name for name, role in roles.items() if role in ("time", "order") and name in table.columns), *free]
+        times = [name for name, role in roles.items() if role == "time" and name in table.columns]
+        free = [*(times or [name for name, role in roles.items() if role == "order" and not groups]), *free]
         roles = {name: role for name, role in roles.items() if name not in free}
     tried = ""
-    for response, settings in _pairs(table, free):
-        formula = " + ".join(["1", *map(_quoted, settings)])
+    for response, terms in _pairs(table, free, groups):
+        formula = " + ".join(["1", *terms])
         fit = {"response": response, "formula": formula}
         trace = {**fit, "response": _quoted(response), **_options(table, roles)}
         try:
             fit_general(source.read, response, formula)
-            read_roles(source.read, _roles(trace))
+            trace, without = _readable(source, trace)
         except (DataError, FitError) as error:
             tried = tried or str(error)
             continue
+        settings = [name for name in (*free, *groups) if {_quoted(name), f"C({_quoted(name)})"} & set(terms)]
         found = roles | dict.fromkeys(free, "covariate") | dict.fromkeys(settings, "setting") | {response: "response"}
-        return Seen(_columns(table, found), fit, trace)
+        return Seen(_columns(table, found), fit, trace, without)
     why = tried or "it takes two columns of numbers that vary: a response and a setting"
     return Seen(_columns(table, roles | dict.fromkeys(free, "covariate")), {}, {}, why)
+
+
+def _values(table: Table, name: str) -> list[Any]:
+    return list({**table.columns, **table.text}[name].tolist())
+
+
+def _readable(source: Source, trace: dict[str, str]) -> tuple[dict[str, str], str]:
+    """Options of a trace whose roles can be read: without the time if that is why they cannot, and why.
+
+    Raises:
+        DataError, FitError: they cannot be read without the time either.
+    """
+    try:
+        read_roles(source.read, _roles(trace))
+    except (DataError, FitError) as error:
+        timeless = {name: value for name, value in trace.items() if name not in ("time", "date")}
+        if timeless == trace:
+            raise
+        read_roles(source.read, _roles(timeless))
+        return timeless, str(error)
+    return trace, ""
 
 
 def _fixed(table: Table) -> Iterator[tuple[str, str]]:
@@ -86,8 +124,10 @@ def _fixed(table: Table) -> Iterator[tuple[str, str]]:
             yield name, "constant"
         elif set(distinct.tolist()) <= {-1.0, 0.0, 1.0} and _DIRECTION.search(name):
             yield name, "direction"
-        elif whole and _ORDER.search(name) and (np.diff(known) > 0).mean() > 0.7:
+        elif (whole and _ORDER.search(name) and (np.diff(known) > 0).mean() > 0.7) or _counts_rows(name, table):
             yield name, "order"
+        elif _is_uncertainty(name, table):
+            yield name, "uncertainty"
         elif whole and distinct.size <= known.size // 2 and _REPLICATE.search(name):
             yield name, "replicate"
         elif whole and distinct.size <= known.size // 2 and _GROUP.search(name):
@@ -97,30 +137,88 @@ def _fixed(table: Table) -> Iterator[tuple[str, str]]:
             yield name, "time"
 
 
-def _pairs(table: Table, free: Sequence[str]) -> Iterator[tuple[str, tuple[str, ...]]]:
-    """Responses with settings, the likeliest first."""
+def _counts_rows(name: str, table: Table) -> bool:
+    """Whether a column is the number of the row, before others."""
+    first = name == next(iter(table.columns)) and len(table.columns) > 2
+    v = table.columns[name]
+    counted = first and len(v) > 4 and v[0] in (0, 1) and bool((np.diff(v) == 1).all())
+    return (
+        counted
+        and not _SETTING.search(name)
+        and not _TIME.search(name)
+        and not unit_in(name, table.units.get(name, ""))
+    )
+
+
+def _is_uncertainty(name: str, table: Table) -> bool:
+    """Whether a column states the uncertainty of another one, by their names."""
+    found = _UNCERTAINTY.fullmatch(_bare(name))
+    return found is not None and (found["of"] or found["by"]) in {_bare(other) for other in table.columns}
+
+
+def _bare(name: str) -> str:
+    """A name without a unit in brackets."""
+    return re.sub(r"\s*[\[(].*[\])]$", "", name)
+
+
+def _pairs(table: Table, free: Sequence[str], groups: Sequence[str]) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """Responses with the terms of settings, the likeliest first."""
     full = [name for name in free if np.isfinite(table.columns[name]).sum() >= max(3, 0.2 * len(table))]
-    if len(full) < 2:
-        return
-    responses = sorted(full, key=lambda name: (-_merit(name, table), -full.index(name)))
+    responses = sorted(
+        full, key=lambda name: (-_merit(name, table), -_distinct(table.columns[name]), -full.index(name))
+    )
     for response in responses[:4]:
         others = [name for name in full if name != response]
-        named = [name for name in others if _SETTING.search(name) and not _RESPONSE.search(name)]
+        if not others:
+            break
+        named = [name for name in others if _named_or_set(name, table)]
         designed = [name for name in named if np.unique(table.columns[name]).size <= len(table) // 3]
-        follows = sorted(others, key=lambda name: -_follows(table.columns[name], table.columns[response]))
-        best = next((name for name in follows if name in named), follows[0])
+        strength = {name: _follows(table.columns[name], table.columns[response]) for name in others}
+        follows = sorted(others, key=lambda name: (_is_number_of(name, table), -strength[name]))
+        likely = (name for name in follows if name in named and 2 * strength[name] >= strength[follows[0]])
+        best = next(likely, follows[0])
         if 1 < len(designed) <= 4 and best in designed:
-            yield response, tuple(designed)
-        yield response, (best,)
+            yield response, tuple(map(_quoted, designed))
+        yield response, (_quoted(best),)
         if follows[0] != best:
-            yield response, (follows[0],)
+            yield response, (_quoted(follows[0]),)
+    if len(full) == 1 and groups:
+        yield full[0], tuple(f"C({_quoted(name)})" for name in groups)
+
+
+def _distinct(v: FloatArray) -> float:
+    """Share of values that differ from all others, at most one half: measured ones rarely repeat."""
+    return min(0.5, np.unique(v[np.isfinite(v)]).size / max(v.size, 1))
+
+
+def _is_number_of(name: str, table: Table) -> bool:
+    """Whether a column without unit or setting's name has the numbers 1 to k, each several times: of a subject, say."""
+    levels = np.unique(table.columns[name])
+    counted = 2 * levels.size <= len(table) and np.array_equal(levels, np.arange(1, levels.size + 1))
+    return counted and not _SETTING.search(name) and not unit_in(name, table.units.get(name, ""))
 
 
 def _merit(name: str, table: Table) -> float:
-    """How likely a column is the response, by its name and its unit."""
+    """How likely a column is the response, by its name, its unit, and its values."""
     unit = table.units.get(name, "")
     electrical = bool(re.fullmatch(r"(m|u|µ|n)?V(/V)?|ohms?|Ω|counts?", unit))
-    return 2.0 * bool(_RESPONSE.search(name)) + 2.0 * electrical - bool(_SETTING.search(name))
+    named = 2.0 * bool(_RESPONSE.search(name)) - bool(_SETTING.search(name))
+    return named + 2.0 * electrical - 2.0 * _is_set(table.columns[name])
+
+
+def _named_or_set(name: str, table: Table) -> bool:
+    """Whether a column is a setting by its name, or by values that repeat or stand at even distances."""
+    if _SETTING.search(name) and not _RESPONSE.search(name):
+        return True
+    return _is_set(table.columns[name]) and not _is_number_of(name, table)
+
+
+def _is_set(v: FloatArray) -> bool:
+    """Whether values look like those of a setting: few levels, or levels at even distances."""
+    levels = np.unique(v[np.isfinite(v)])
+    steps = np.diff(levels)
+    even = levels.size > 3 and bool(np.allclose(steps, steps[0], rtol=1e-6))
+    return even or 5 * levels.size <= len(v)
 
 
 def _follows(one: FloatArray, other: FloatArray) -> float:
@@ -149,6 +247,8 @@ def _options(table: Table, roles: Mapping[str, str]) -> dict[str, str]:
         )
         if "date" in by_role and of_day:
             found["date"] = by_role["date"][0]
+    elif "date" in by_role:
+        found["time"] = by_role["date"][0]
     elif "order" in by_role:
         found["time"] = by_role["order"][0]
     for role in ("direction", "replicate", "group"):

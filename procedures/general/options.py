@@ -45,6 +45,12 @@ class FitOptions(Options):
     )
 
 
+class BudgetOptions(Options):
+    """Options of `rig budget`."""
+
+    traced: bool = Field(False, description="with the effects that a trace finds, and the model error they leave")
+
+
 class TraceOptions(Options):
     """Options of `rig trace`."""
 

@@ -139,6 +139,11 @@ class ExpectSettings(Strict):
     sigma: dict[str, Positive] = Field(
         default_factory=dict, description="standard deviation of one observation, by sensor, in the unit of its output"
     )
+    output: dict[str, str] = Field(
+        default_factory=dict,
+        description="output of a sensor by the factors, as arithmetic; with `sigma` and a register of equipment "
+        "`rig plan` promises total uncertainties",
+    )
     whole_plot_ratio: Positive = Field(
         1.0, description="standard deviation between whole plots, relative to that of one observation"
     )
@@ -230,7 +235,8 @@ class GeneralProcedure(Strict):
     def _can_be_run(self) -> Self:
         if self.environment is not None and self._whole_plots:
             raise ValueError(
-                "environment sets every chamber, and a hard factor sets one: give the temperatures as factors only"
+                "environment goes with no hard factor: its temperatures are settled before the first point only; give "
+                "them as a hard factor"
             )
         if not self.design.known:
             return self  # a file is read, or a design is searched, when a run is planned
@@ -307,12 +313,11 @@ class GeneralProcedure(Strict):
 
     @property
     def settled(self) -> Mapping[str, Settle]:
-        """Criterion of arrival of each easy factor, by its axis."""
+        """Criterion of arrival of each factor, by its axis, those that are easy to change first."""
         settle = self.settle
         return {
             stem_of(name): factor.settle(self._span(name), settle.dwell_s, settle.timeout_s)
-            for name, factor in self.factors.items()
-            if not factor.hard
+            for name, factor in sorted(self.factors.items(), key=lambda one: one[1].hard)
         }
 
     @property
@@ -334,7 +339,9 @@ class GeneralProcedure(Strict):
             repeats=self.measure.repeats,
             max_sd_V=self.measure.max_sd_V,
             max_sd=self.measure.max_sd,
-            models_of=dict.fromkeys([*self.model.own, *self.expect.sigma, *(self.acceptance.sigma_E or ())]),
+            models_of=dict.fromkeys(
+                [*self.model.own, *self.expect.sigma, *self.expect.output, *(self.acceptance.sigma_E or ())]
+            ),
             faults=self.faults.for_run(whole_plots=self._whole_plots),
             warnings=self.warnings,
             hold_max_s=recovery.hold_max_s,

@@ -1,7 +1,8 @@
-"""Two runs of any laboratory as one problem: the declared model of every sensor, and the effects found in any."""
+"""Runs of any laboratory as one problem: the declared model of every sensor, and the effects found in any."""
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -13,15 +14,14 @@ from numpy.typing import NDArray
 
 from fitter.arrays import FloatArray
 from fitter.confirm import Question, Together
+from fitter.confirm.runs import Later, changes, numbers
 from fitter.confirm.together import Candidates, Own
-from fitter.effects.hands import Done
 from fitter.errors import FitError
 from procedures.errors import DataError
 from procedures.general.column_roles import Roles, roles_of
-from procedures.general.effects import OF_CONSTANT, TableEffect
-from procedures.general.effects.literal import Rows, column
+from procedures.general.effects.literal import Rows
 from procedures.general.effects.of_time import WARM_UP
-from procedures.general.effects.scene import Profile, TableTerm
+from procedures.general.run_terms import RunTerm
 from procedures.general.trace import TableData, TableTrace
 from procedures.general.trace.places import places_of
 from procedures.table import Table
@@ -29,7 +29,6 @@ from procedures.table import Table
 TIME = "elapsed_s"
 _NUMBERED = ("replicate", "order", "block", "whole_plot")
 """Columns of numbers that go on in a later run."""
-_STEP = 1e-3
 One = TypeVar("One")
 
 
@@ -56,54 +55,6 @@ class Observations:
 
     def __len__(self) -> int:
         return len(self.table)
-
-
-@dataclass(frozen=True)
-class Label:
-    """One column of a term.
-
-    Attributes:
-        name: its formula.
-    """
-
-    name: str
-
-
-@dataclass(frozen=True, eq=False)
-class RunTerm:
-    """One column of an effect in one sensor.
-
-    Attributes:
-        effect: the effect.
-        term: the column.
-        sensor: its output.
-        block: the term of the first run.
-        at: number of the column in it.
-        slope: whether it is the change of that column with the logarithm of its searched constant.
-    """
-
-    effect: TableEffect
-    term: Label
-    sensor: str
-    block: TableTerm
-    at: int
-    slope: bool = False
-
-
-def columns_of(effect: TableEffect, block: TableTerm, sensor: str) -> Iterator[RunTerm]:
-    """The columns of a term in a sensor, and their slopes over its searched constant: a search knows it about only."""
-    slopes = np.zeros(0) if block.profile is None else np.linalg.norm(_slopes(block.profile), axis=0)
-    for at, label in enumerate(block.labels):
-        yield RunTerm(effect, Label(label), sensor, block, at)
-    for at, length in enumerate(slopes.tolist()):
-        if length > 0.0:
-            yield RunTerm(effect, Label(f"{OF_CONSTANT}{block.labels[at]}"), sensor, block, at, slope=True)
-
-
-def _slopes(profile: Profile) -> FloatArray:
-    """(n, d) change of a term's columns with the logarithm of its searched constant."""
-    above, below = (profile.at(profile.value * (1.0 + step)).columns for step in (_STEP, -_STEP))
-    return np.asarray((above - below) / (2.0 * _STEP))
 
 
 def join(first: Table, later: Table, after_s: float, needed: Sequence[str]) -> Table:
@@ -134,26 +85,39 @@ def join(first: Table, later: Table, after_s: float, needed: Sequence[str]) -> T
     return replace(first, columns=columns, rows=())
 
 
+@dataclass(frozen=True)
+class Remembered:
+    """Memory of earlier settings in the explanations of a sensor.
+
+    Attributes:
+        constants: their time constants.
+        sides: columns with a direction of approach.
+    """
+
+    constants: tuple[float, ...] = ()
+    sides: tuple[str, ...] = ()
+
+
 @dataclass(frozen=True, eq=False)
 class Whole:
-    """Both runs, prepared for every sensor.
+    """All runs, prepared for every sensor.
 
     Attributes:
         table: all rows, those of the first run first, each run in order of time.
         data: of all rows, by output.
-        later: of the later run's rows alone, by output; without sensors whose model has too many columns for them.
+        later: of the later runs' rows alone, by output; without sensors whose model has too many columns for them.
         traces: findings in the first run, by output.
-        count: number of rows of the first run.
-        constants: time constants of explanations that remember earlier settings, by output.
+        begins: first row of each run.
+        remembered: what explanations remember of earlier settings, by output.
     """
 
     table: Table
     data: Mapping[str, TableData]
     later: Mapping[str, TableData]
     traces: Mapping[str, TableTrace]
-    count: int
-    constants: Mapping[str, Sequence[float]]
-    _kept: dict[tuple[str, bool, bool], FloatArray] = field(default_factory=dict)
+    begins: tuple[int, ...]
+    remembered: Mapping[str, Remembered]
+    _kept: dict[tuple[str, tuple[float, ...], bool], FloatArray] = field(default_factory=dict)
 
     def of(self, outputs: Collection[str]) -> Whole:
         """The same for some of the sensors."""
@@ -162,7 +126,7 @@ class Whole:
             data=_some(self.data, outputs),
             later=_some(self.later, outputs),
             traces=_some(self.traces, outputs),
-            constants=_some(self.constants, outputs),
+            remembered=_some(self.remembered, outputs),
         )
 
     def columns(self, term: RunTerm) -> FloatArray:
@@ -171,44 +135,38 @@ class Whole:
         key = term.block.labels[term.at], term.slope, anew
         if key not in self._kept:
             rows = self._since_begin if anew else self._rows
-            if term.slope:
-                assert term.block.profile is not None
-                above, below = (_labelled(term, 1.0 + step) for step in (_STEP, -_STEP))
-                self._kept[key] = (column(above, rows) - column(below, rows)) / (2.0 * _STEP)
-            else:
-                self._kept[key] = column(term.block.labels[term.at], rows)
+            self._kept[key] = term.column(rows)
         return self._kept[key]
 
     @cached_property
     def _rows(self) -> Rows:
-        return Rows(self.table.columns, self.table.columns[TIME], (0, self.count))
+        return Rows(self.table.columns, self.table.columns[TIME], self.begins)
 
     @cached_property
     def _since_begin(self) -> Rows:
-        """The rows with a time that begins anew in the later run."""
+        """The rows with a time that begins anew in every run."""
         t = self.table.columns[TIME]
-        since = np.concatenate([t[: self.count], t[self.count :] - t[self.count] + t[0]])
-        return Rows({**self.table.columns, TIME: since}, since, (0, self.count))
+        since = np.concatenate([run - run[0] + t[0] for run in np.split(t, self.begins[1:])])
+        return Rows({**self.table.columns, TIME: since}, since, self.begins)
 
     def started(self, output: str) -> FloatArray:
-        """(n, c) decays from the first row of the later run on: it is not known what stood before, and for how long."""
-        t = self.table.columns[TIME]
-        since = t - t[self.count]
-        columns = [np.where(since >= 0.0, np.exp(-np.maximum(since, 0.0) / tau), 0.0) for tau in self._taus(output)]
-        return np.column_stack(columns) if columns else np.zeros((len(t), 0))
+        """(n, c) decays from the first row of every later run on: it is not known what stood before, for how long.
 
-    def _taus(self, output: str) -> Sequence[float]:
-        return self.constants.get(output, ())
+        And the first row itself, if the direction of its approach is unknown and an explanation needs it.
+        """
+        t, known = self.table.columns[TIME], self.remembered.get(output, Remembered())
+        run = np.searchsorted(self.begins, np.arange(len(t)), side="right") - 1
+        since = t - t[list(self.begins)][run]
+        every = itertools.product(range(1, len(self.begins)), known.constants)
+        columns = [np.where(run == k, np.exp(-since / tau), 0.0) for k, tau in every]
+        sides = [self.table.columns[name] for name in known.sides if name in self.table.columns]
+        unknown = [begin for begin in self.begins[1:] if any(side[begin] == 0.0 for side in sides)]
+        columns += [(np.arange(len(t)) == begin).astype(np.float64) for begin in unknown]
+        return np.column_stack([np.zeros((len(t), 0)), *columns])
 
 
 def _some(every: Mapping[str, One], outputs: Collection[str]) -> Mapping[str, One]:
     return {name: one for name, one in every.items() if name in outputs}
-
-
-def _labelled(term: RunTerm, factor: float) -> str:
-    """The formula of a term's column with another searched constant."""
-    assert term.block.profile is not None
-    return term.block.profile.at(term.block.profile.value * factor).labels[term.at]
 
 
 def _those_that_can(table: Table, roles: Mapping[str, Roles]) -> Iterator[tuple[str, TableData]]:
@@ -249,28 +207,29 @@ class GeneralTogether(Together):
         traces: Mapping[str, TableTrace],
         roles: Mapping[str, Roles],
         first: Table,
-        later: Table,
-        after_s: float,
-        done: Sequence[Done] = (),
-        constants: Mapping[str, Sequence[float]] = MappingProxyType({}),
+        later: Sequence[Later],
+        remembered: Mapping[str, Remembered] = MappingProxyType({}),
     ) -> Self:
-        """A run, its traces, and a later run; both in order of time. `constants` as in `Whole`.
+        """A run, its traces, and later runs; all in order of time. `remembered` as in `Whole`.
 
         Raises:
-            FitError: the later run lacks a column of the first, or too few rows.
+            FitError: a later run lacks a column of the first, or too few rows.
         """
         used = [name for one in roles.values() for name in (one.response, *one.named)]
-        both = join(first, later, after_s, list(dict.fromkeys([*used, *first.factors])))
+        needed = list(dict.fromkeys([*used, *first.factors]))
+        both = first
+        for one in later:
+            both = join(both, one.data.table, one.after_s, needed)
         every = {
             output: replace(own, ignore=tuple(name for name in own.ignore if name in both.columns))
             for output, own in roles.items()
         }
         data = {output: roles_of(both, own)[0] for output, own in every.items()}
-        alone = dict(_those_that_can(later, every))
-        n, count = len(both), len(first)
-        changes = tuple(one.after_first(count) for one in done)
-        whole = Whole(both, data, alone, traces, count, constants)
-        return cls(np.arange(n) >= count, whole, np.arange(n), done=changes)
+        run = numbers(len(first), later)
+        begins = tuple(np.searchsorted(run, np.arange(1 + len(later))).tolist())
+        fresh = replace(both, columns={name: v[len(first) :] for name, v in both.columns.items()}, rows=())
+        whole = Whole(both, data, dict(_those_that_can(fresh, every)), traces, begins, remembered)
+        return cls(run, whole, np.arange(len(both)), done=changes(len(first), later))
 
     @property
     def data(self) -> Outputs:
@@ -295,7 +254,7 @@ class GeneralTogether(Together):
     @property
     def loose(self) -> FloatArray:
         """(n, l) what is remembered at the start of the later run; nothing else, as the sensors will be used."""
-        every = [self.whole.started(output)[self.rows] for output in self.whole.constants]
+        every = [self.whole.started(output)[self.rows] for output in self.whole.remembered]
         return np.column_stack(every) if every else np.zeros((len(self.rows), 0))
 
     @cached_property
@@ -361,7 +320,7 @@ class GeneralTogether(Together):
 
     def shapes(self, *, lasting: bool) -> Iterator[FloatArray]:
         """See `Together`: the places where a trace looks for shapes without a name."""
-        fresh = self.rows[self.fresh] - self.whole.count
+        fresh = self.rows[self.fresh] - self.whole.begins[1]
         for output, one in self.whole.later.items():
             for place in places_of(one.scene, one.shared):
                 if lasting and place.timed:
@@ -374,4 +333,4 @@ class GeneralTogether(Together):
         """See `Together`."""
         kept = np.asarray(rows, np.bool_)
         done = tuple(one.at(kept) for one in self.done)
-        return replace(self, fresh=self.fresh[kept], rows=self.rows[kept], done=done)
+        return replace(self, run=self.run[kept], rows=self.rows[kept], done=done)

@@ -54,6 +54,11 @@ class Transducer:
         return Errors(v.subplot, 0.0, v.wholeplot, v.replicate, np.zeros((4, 4)), float("nan"))
 
     @property
+    def terms(self) -> tuple[str, ...]:
+        """Names of its coefficients."""
+        return tuple(self.fit.problem.names)
+
+    @property
     def fitted(self) -> FloatArray:
         """(k,) coefficients of the calibration."""
         return self.calibration.coefficients
@@ -98,7 +103,7 @@ class Transducer:
     def named(self) -> Iterator[tuple[str, str]]:
         """Name and unit of every result."""
         stem = self.name.removesuffix("_mV")
-        yield from ((f"{stem} coefficient {one}", coefficient_unit(one)) for one in self.fit.problem.names)
+        yield from ((f"{stem} coefficient {one}", coefficient_unit(one)) for one in self.terms)
         where = [f"at {P:g} psia, sensor {sensor:g} degC, SSE {sse:g} degC" for P, sensor, sse in self.at.tolist()]
         yield from ((f"{stem} output {place}", "mV") for place in where)
         yield from ((f"{stem} inferred pressure {place}", "psi") for place in where)
@@ -122,16 +127,27 @@ class Transducer:
 class PressureEvaluation(EvaluationBySensor):
     """All transducers of a run, by the declared model and GLS."""
 
-    def __init__(self, data: WholePlotData, model: str, at: Sequence[Point]) -> None:
+    def __init__(self, data: WholePlotData, model: str, at: Sequence[Point], extra: Sequence[str] = ()) -> None:
         self._data = data
         points = np.array(at, np.float64).reshape(-1, 3)
-        fits = fit_transducers(data, model)
+        fits = fit_transducers(data, model, extra=tuple(extra))
         self._each = [Transducer(name, fit, fit.calibration(METHOD), points) for name, fit in fits.items()]
 
     @property
     def each(self) -> Sequence[Transducer]:
         """See `EvaluationBySensor`."""
         return self._each
+
+    def described(self, sensor: str) -> str:
+        """See `Evaluation`."""
+        return (
+            "Output in mV: the sum of all coefficients, each times its term, with the pressure P in psia and the "
+            "temperatures T_sensor and T_SSE in degC"
+        )
+
+    def charted(self, sensor: str) -> tuple[str, FloatArray]:
+        """See `Evaluation`."""
+        return "psi", next(one.slope for one in self._each if one.name == sensor)
 
     @cached_property
     def columns(self) -> Columns:
@@ -175,8 +191,15 @@ class PressureEvaluation(EvaluationBySensor):
             yield "", lambda times: Shift({PRESSURE: times * constant.standard * COLUMN_PER_M * pressure})
 
 
-def pressure_evaluation(table: Table, formula: str | None, at: Sequence[Mapping[str, float]]) -> PressureEvaluation:
-    """The evaluation of a table; arguments and errors as for `Kind.evaluation`."""
+def pressure_evaluation(
+    table: Table, formula: str | None, at: Sequence[Mapping[str, float]], *, traced: bool = False
+) -> PressureEvaluation:
+    """The evaluation of a table; arguments and errors as for `Kind.evaluation`.
+
+    Args:
+        formula: the model; None for the declared one.
+        traced: with the effects that a trace finds.
+    """
     data = whole_plot_data(table)
     alive = {name: values for name, values in data.outputs.items() if float(np.ptp(values)) > 0.0}
     if not alive:
@@ -184,7 +207,13 @@ def pressure_evaluation(table: Table, formula: str | None, at: Sequence[Mapping[
     data = replace(data, outputs=alive)
     model = formula or table.declared.get("formula") or usual(data)
     try:
-        return PressureEvaluation(data, model, _points(data, at))
+        if not traced:
+            return PressureEvaluation(data, model, _points(data, at))
+        from procedures.pressure.budget_traced import TracedEvaluation  # noqa: PLC0415 - which derives from this module
+        from procedures.pressure.evaluate import trace_whole_plot_table  # noqa: PLC0415 - few budgets need it
+
+        found = trace_whole_plot_table(table, formula, validate=False).trace
+        return TracedEvaluation(data, model, _points(data, at), found)
     except FitError as error:
         raise DataError(f"{table.source}: {error}") from error
 

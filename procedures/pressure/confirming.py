@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from fitter.arrays import IntArray
-from fitter.confirm import Confirmation, Question
+from fitter.confirm import Confirmation, Later, Question
 from fitter.effects.entry import Entry
 from fitter.effects.hands import Done
 from procedures.confirming import SETTLED, ConfirmedFit, Confirming
@@ -32,6 +32,7 @@ class WholePlotConfirming(Confirming):
     """See `procedures.confirming.Confirming`."""
 
     traced: WholePlotTraced
+    earlier: tuple[Later, ...] = ()
 
     unit = "psi"
     output_unit = "mV"
@@ -53,7 +54,7 @@ class WholePlotConfirming(Confirming):
 
     def beside(self, later: WholePlotData, after_s: float, done: Sequence[Done] = ()) -> WholePlotTogether:
         """See `Confirming`."""
-        return WholePlotTogether.of(self.found, self.data, later, after_s, done)
+        return WholePlotTogether.of(self.found, self.data, [*self.earlier, Later(later, after_s, done)])
 
     @property
     def catalogue(self) -> Sequence[Entry]:

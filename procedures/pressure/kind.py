@@ -145,7 +145,7 @@ class PressureKind(Kind):
         """Coefficients, outputs and pressures by the declared model."""
         from procedures.pressure.budget import pressure_evaluation  # noqa: PLC0415
 
-        return pressure_evaluation(table, options.formula, at)
+        return pressure_evaluation(table, options.formula, at, traced=options.traced)
 
     def charting(self) -> Charting:
         """See `Kind`."""

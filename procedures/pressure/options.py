@@ -49,6 +49,7 @@ class TraceOptions(Options):
 class BudgetOptions(Options):
     """Options of `rig budget`."""
 
+    traced: bool = Field(False, description="with the effects that a trace finds, and the model error they leave")
     formula: str | None = Field(None, description=_FORMULA)
 
 

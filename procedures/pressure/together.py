@@ -1,4 +1,4 @@
-"""Two whole-plot runs as one problem: one declared model, and a separate error for every whole plot."""
+"""Whole-plot runs as one problem: one declared model, and a separate error for every whole plot."""
 
 from __future__ import annotations
 
@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 
 from fitter.arrays import FloatArray
 from fitter.confirm import Together
-from fitter.confirm.runs import join
+from fitter.confirm.runs import Later, changes, join_all, numbers
 from fitter.confirm.together import Candidates, Own
-from fitter.effects.hands import Done
 from procedures.pressure.data import WholePlotData
 from procedures.pressure.effects.scene import PressureScene
 from procedures.pressure.trace import WholePlotTrace
@@ -35,24 +34,14 @@ class WholePlotTogether(Together):
     found: WholePlotTrace
 
     @classmethod
-    def of(
-        cls,
-        found: WholePlotTrace,
-        first: WholePlotData,
-        later: WholePlotData,
-        after_s: float,
-        done: Sequence[Done] = (),
-    ) -> Self:
-        """A run, its trace, and a later run, `after_s` after the first's zero of elapsed time.
-
-        `done` are changes by a person in the later run, with masks over its observations.
+    def of(cls, found: WholePlotTrace, first: WholePlotData, later: Sequence[Later]) -> Self:
+        """A run, its trace, and later runs.
 
         Raises:
-            FitError: the later run lacks a transducer of the first.
+            FitError: a later run lacks a transducer of the first.
         """
-        both = join(first, later, after_s)
-        changes = tuple(one.after_first(len(first)) for one in done)
-        return cls(np.arange(len(both)) >= len(first), replace(found.scene, data=both), found, done=changes)
+        scene = replace(found.scene, data=join_all(first, later))
+        return cls(numbers(len(first), later), scene, found, done=changes(len(first), later))
 
     @property
     def data(self) -> WholePlotData:
@@ -139,4 +128,4 @@ class WholePlotTogether(Together):
     def only(self, rows: NDArray[np.bool_]) -> Self:
         """See `Together`."""
         part = replace(self.scene, data=self.data.take(np.flatnonzero(rows)))
-        return replace(self, scene=part, fresh=self.fresh[rows], done=tuple(one.at(rows) for one in self.done))
+        return replace(self, scene=part, run=self.run[rows], done=tuple(one.at(rows) for one in self.done))

@@ -1,8 +1,10 @@
 """Certificates of random simulated runs: `python -m proving.certificates.runs --count 150 --schema dcc.xsd`.
 
-Each seed is a stand with one to three sensors, its register, a run, and its certificate. The XML is held to PTB's
+Each seed is a stand with one to three sensors, its register, a run, and its certificate; half of the stands are of the
+kind "general", a quarter each of attitude and pressure. The XML is held to PTB's
 schema and Schematron and read back; every number of the page is looked for in the run file, the settings, and what a
-budget of the run file has. Coefficients are fitted a second time, by numpy alone, from its observations.
+budget and a trace of the run file have. Coefficients of general and attitude stands are fitted a
+second time, by numpy alone, from the observations.
 """
 
 from __future__ import annotations
@@ -13,7 +15,7 @@ import json
 import random
 import re
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from html import unescape
 from pathlib import Path
 from typing import Any
@@ -22,14 +24,18 @@ import numpy as np
 from scipy import special
 
 from proving.certificates.campaign import Check, by_schema, not_read_back, rules
+from proving.certificates.labs import AttitudeStand, LabStand, PressureStand
 from rig.certificate import words
+from rig.certificate.assembly import SMALL
 from rig.certificate.document import Document
 from rig.certificate.numbers import plain
+from rig.closed_loop.budget import DOMINATED
 from rig.controller import start_run
 from rig.engine.session import Signals
 from rig.plans import load_plan
 from rig.results.budget import budget
 from rig.results.certificate import Asked, Issue, Made, Refused, issue, make
+from rig.results.data import open as open_data
 from rig.run_file.reader import RunReader
 from rig.tables import run_table
 
@@ -51,6 +57,8 @@ class Stand:
         self.levels = [round(self.top * n / (count - 1), 3) for n in range(count)]
         self.points = sorted(round(of.uniform(0.1, 0.95) * self.top, 2) for _ in range(of.randint(1, 3)))
         terms = {name: self._coefficients() for name in self.names}
+        self.at = [{"force_kN": point} for point in self.points]
+        self.limits = (-0.4, 0.4)
         self._write("procedure", self._procedure())
         self._write("bench", self._bench())
         self._write("world", self._world(seed, terms))
@@ -138,30 +146,50 @@ class Stand:
             + (tolerance if of.random() < 0.5 else "")
         )
 
-    def run(self) -> Path:
-        """The finished run file."""
-        files = [self.folder / f"{name}.toml" for name in ("procedure", "bench")]
-        plan = load_plan(files[0], files[1], dry=True, world=self.folder / "world.toml")
-        paths: list[Path] = []
-        start_run(plan, self.folder, signals=Signals(), announce=paths.append, on_progress=lambda _: None)
-        return paths[0]
+    def again(self, run: Path, printed: Mapping[str, Mapping[str, float]]) -> Iterator[tuple[str, str, float]]:
+        """Coefficients by least squares; as many as are printed, for a wrong number of them is one, too."""
+        table = run_table(run)
+        columns = np.vander(table.columns["force_kN"], self.degree + 1, increasing=True)
+        for output, sensor in table.outputs.items():
+            labels = [label for label in printed.get(sensor, {}) if label.startswith("coefficient ")]
+            found = np.linalg.lstsq(columns, table.columns[output], rcond=None)[0]
+            yield sensor, "count of coefficients", float(len(labels) - len(found))
+            yield from ((sensor, label, value) for label, value in zip(labels, found.tolist(), strict=False))
 
 
-def coefficients_again(run: Path, stand: Stand, document: Document) -> Iterator[str]:
-    """Printed coefficients that are not those of least squares by numpy, to half a unit of their last place."""
-    table = run_table(run)
-    columns = np.vander(table.columns["force_kN"], stand.degree + 1, increasing=True)
-    for one in document.tables:
-        if not one.sensor:
-            continue
-        output = next(column for column, name in table.outputs.items() if name == one.sensor)
-        found = np.linalg.lstsq(columns, table.columns[output], rcond=None)[0]
-        printed = [result for result in one.results if result.label.startswith("coefficient ")]
-        if len(printed) != len(found):
-            yield f"{one.sensor}: {len(printed)} coefficients are printed, of {len(found)}"
-        for result, value in zip(printed, found.tolist(), strict=False):
-            if abs(float(result.value) - value) > 0.501 * last_place(result.value):
-                yield f"{one.sensor}, {result.label}: {result.value} is printed, numpy has {value!r}"
+AnyStand = Stand | LabStand
+KINDS: Mapping[str, type[Stand] | type[LabStand]] = {
+    "general": Stand,
+    "attitude": AttitudeStand,
+    "pressure": PressureStand,
+}
+
+
+def stand_of(kind: str, seed: int, folder: Path) -> AnyStand:
+    """The stand of a seed; of the kinds in turn for "mixed"."""
+    turns = ("general", "attitude", "general", "pressure")
+    return KINDS[turns[seed % len(turns)] if kind == "mixed" else kind](seed, folder)
+
+
+def run_of(stand: AnyStand) -> Path:
+    """The finished run file of a stand."""
+    folder = stand.folder
+    plan = load_plan(folder / "procedure.toml", folder / "bench.toml", dry=True, world=folder / "world.toml")
+    paths: list[Path] = []
+    start_run(plan, folder, signals=Signals(), announce=paths.append, on_progress=lambda _: None)
+    return paths[0]
+
+
+def not_computed_again(run: Path, stand: AnyStand, document: Document) -> Iterator[str]:
+    """Printed results that are not those of another computation, to half a unit of their last place."""
+    texts = {
+        one.sensor: {result.label: result.value for result in one.results} for one in document.tables if one.sensor
+    }
+    printed = {sensor: {label: float(text) for label, text in by.items()} for sensor, by in texts.items()}
+    for sensor, label, value in stand.again(run, printed):
+        text = texts[sensor].get(label, "0")
+        if abs(float(text) - value) > 0.501 * last_place(text):
+            yield f"{sensor}, {label}: {text} is printed, numpy has {value!r}"
 
 
 def last_place(text: str) -> float:
@@ -189,31 +217,42 @@ def numbers_of(told: Any) -> Iterator[float]:
         yield float(told)
 
 
-def conforming(result: dict[str, Any]) -> float:
-    """Probability in percent that a result is inside the tolerance of every stand."""
+def conforming(result: dict[str, Any], limits: tuple[float, float]) -> float:
+    """Probability in percent that a result is inside the limits."""
     df = min(result["df"], 1e9) if result["df"] else 1e9
-    ends = [(end - result["value"]) / result["standard_uncertainty"] for end in (-0.4, 0.4)]
+    ends = [(end - result["value"]) / result["standard_uncertainty"] for end in limits]
     low, high = special.stdtr(df, ends)
     return float(100.0 * (high - low))
 
 
-def sources(run: Path, stand: Stand, made: Made) -> tuple[list[float], str]:
+def sources(run: Path, stand: AnyStand, made: Made) -> tuple[list[float], str]:
     """Numbers that follow from the run file alone, and texts of the run file, of the settings, and fixed ones."""
     settings = made.settings
     with RunReader.open(run) as reader:
         kept = [*reader.documents().values(), reader.about().run_id, str(reader.head()[0]), reader.head()[1].hex()]
     table = run_table(run)
     kept.append(json.dumps(dict(table.provenance), default=str))
-    at = [{"force_kN": point} for point in stand.points]
     numbers: list[float] = [float(len(table)), 100.0 * settings.probability]
     for shapes in (False, True):
-        told = budget(run, at=at, probability=settings.probability, same_meter=settings.same_meter, shapes=shapes)
+        told = budget(run, at=stand.at, probability=settings.probability, same_meter=settings.same_meter, shapes=shapes)
         for result in told.to_json()["results"]:
             numbers += numbers_of(result)
             numbers += [100.0 * line["share"] for line in result["contributions"]]
-            numbers += [conforming(result), 99.9, 0.1]  # a probability beyond these is printed as one of them
+            shares = [abs(line["share"]) for line in result["contributions"]]
+            numbers.append(float(sum(share < SMALL for share in shares)))  # those that are not listed
+            numbers += [
+                conforming(result, stand.limits),
+                99.9,
+                0.1,
+            ]  # a probability beyond these is printed as one of them
+    for name, values in table.columns.items():
+        if name.endswith("_degC"):  # conditions
+            numbers += [float(values.min()), float(values.mean()), float(values.max())]
+    traced = open_data(run).trace()
+    numbers += [scale * number for number in numbers_of(traced.to_json()["sensors"]) for scale in (1.0, 100.0)]
+    kept += [f"{one.size} {one.size_95}" for outcome in traced.traced.outcomes for one in outcome.findings]
     fixed = json.dumps({name: text for name, text in vars(words).items() if name.isupper()}, default=str)
-    kept.append(settings.decision.words)
+    kept += [settings.decision.words, DOMINATED]
     return numbers, " ".join([*kept, (stand.folder / "certificate.toml").read_text(), fixed])
 
 
@@ -241,10 +280,10 @@ def not_in_run(page: str, numbers: list[float], texts: str, document: Document) 
     return found
 
 
-def violations(seed: int, folder: Path, checks: list[Check]) -> list[str]:
+def violations(kind: str, seed: int, folder: Path, checks: list[Check]) -> list[str]:
     """All that is wrong with the certificate of the run of a seed."""
-    stand = Stand(seed, folder)
-    run = stand.run()
+    stand = stand_of(kind, seed, folder)
+    run = run_of(stand)
     made = make(Asked((run,), ISSUED, settings=folder / "certificate.toml"))
     issued = issue(made, Issue(folder / "out"))
     document, files = issued.document, {path.suffix: path for path in issued.files}
@@ -253,7 +292,7 @@ def violations(seed: int, folder: Path, checks: list[Check]) -> list[str]:
     numbers, texts = sources(run, stand, made)
     page = files[".html"].read_text()
     found += not_in_run(page_text(page), numbers, texts, document)
-    found += coefficients_again(run, stand, document)
+    found += not_computed_again(run, stand, document)
     return found
 
 
@@ -262,6 +301,7 @@ def main() -> int:
     options = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     options.add_argument("--count", type=int, default=150)
     options.add_argument("--first", type=int, default=0, help="first seed")
+    options.add_argument("--kind", choices=("mixed", *KINDS), default="mixed")
     options.add_argument("--schema", type=Path, help="PTB's schema 3.2.0; without it only the Schematron is checked")
     asked = options.parse_args()
     checks = [rules(), *([by_schema(asked.schema)] if asked.schema else [])]
@@ -269,7 +309,7 @@ def main() -> int:
     for seed in range(asked.first, asked.first + asked.count):
         with tempfile.TemporaryDirectory() as folder:
             try:
-                found = violations(seed, Path(folder), checks)
+                found = violations(asked.kind, seed, Path(folder), checks)
             except Refused as why:
                 refused += 1
                 print(f"seed {seed}: refused: {why.reasons[0]}", flush=True)

@@ -82,7 +82,7 @@ class AnyLaboratory:
             points *= levels * (2 if factor.get("order") == "up-down" else 1)
             plots *= levels if factor.get("hard") else 1
         again = self.example.get("replications", 1) if full else 1 if brief else 2
-        hard = any(factor.get("hard") for factor in self.example["factors"].values())
+        hard = any(f.get("hard") and name.endswith("_degC") for name, f in self.example["factors"].items())
         by_hand = self.truth.get("person", {}).get("sets_s", 60.0) if self._person else 0.0
         return float(again * (points * (_POINT_S + by_hand) + (plots * _SOAK_S if hard else 0.0)))
 

@@ -76,7 +76,9 @@ def _any(played: Played, columns: Mapping[str, FloatArray]) -> Iterator[tuple[st
         true = truth.sensors[name]
         assert isinstance(true, AnySensorTruth)
         formula = Formula.parse(true.formula, name)
-        rows = [dict(zip(factors, row, strict=True)) for row in np.column_stack([there[n] for n in factors]).tolist()]
+        settings = np.column_stack([there[n] for n in factors]).tolist()
+        drawn = dict.fromkeys(truth.draws, 0.0)  # errors of settings, which whole plots are for
+        rows = [{**dict(zip(factors, row, strict=True)), **drawn} for row in settings]
         y = columns[f"{name}_{sensor.unit}"] - np.array([formula.value(row) for row in rows])
         if len(np.unique(plots)) < len(x):
             fit = SplitPlotDesign(x, plots, terms).fit(y)

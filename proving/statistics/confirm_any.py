@@ -18,7 +18,7 @@ from pathlib import Path
 from proving.ledger import Result
 from proving.statistics.dry_runs import dry, plan_from, read
 from proving.statistics.frame import Figures, Results, Study
-from rig.closed_loop.confirm import First, consider, judge, open_traced, plan_for, propose
+from rig.closed_loop.confirm import First, consider, following, judge, open_traced, plan_for, propose
 
 
 @dataclass(frozen=True)
@@ -68,37 +68,59 @@ def loop(seed: int, cause: Cause) -> Result:
         return {"seed": seed, **confirmed(open_traced(cause.first(seed, folder)), folder, {cause.named})}
 
 
-def confirmed(first: First, folder: Path, hidden: AbstractSet[str]) -> dict[str, object]:
-    """What the best further run of a traced one says of the `hidden` causes."""
+def confirmed(first: First, folder: Path, hidden: AbstractSet[str], most: int = 3) -> dict[str, object]:
+    """What further runs of a traced one say of the `hidden` causes: the best one, then those that a question asks for.
+
+    Args:
+        first: the traced run.
+        folder: for run files.
+        hidden: names of all causes.
+        most: number of further runs, at most.
+    """
     classes = [[member.effect for member in question.members] for question in first.questions]
-    proposals = propose(consider(first)) if first.questions else ()
-    if not proposals:
-        return {"classes": classes, "outcome": "undecided", "held": [], "proposed": None}
-    proposal = proposals[0]
-    later = dry(plan_for(first, proposal.variation, dry=True), folder, first.world_s + first.later_s)
-    answers = judge(first, later).answers
-    held = [[answer.verdict, list(answer.holding)] for answer in answers]
-    alone = {answer.holding[0].partition(":")[0] for answer in answers if answer.verdict in ("confirmed", "replaced")}
+    made: list[Path] = []
+    proposed: list[Mapping[str, object]] = []
+    asked, told = first if first.questions else None, None
+    while asked is not None and len(made) < most:
+        proposals = propose(consider(asked))
+        if not proposals:
+            break
+        run = proposals[0]
+        made.append(dry(plan_for(asked, run.variation, dry=True), folder, asked.world_s + asked.later_s))
+        proposed.append({"what": run.variation.what, "size": run.size, "hours": run.hours, "cost_h": run.cost_h})
+        told = judge(first, *made)
+        asked = following(told)
+    answers = () if told is None else told.answers
+    held = [[answer.verdict, list(answer.holding), [one.effect for one in answer.beside]] for answer in answers]
+    alone = {
+        cause.partition(":")[0]
+        for answer in answers
+        if answer.verdict in ("confirmed", "replaced")
+        for cause in answer.members[0].causes
+    }
     outcome = "right" if alone == hidden else "wrong" if alone - hidden else "undecided"
-    proposed = {"what": proposal.variation.what, "size": proposal.size, "hours": proposal.hours}
     return {"classes": classes, "outcome": outcome, "held": held, "proposed": proposed}
 
 
 def loops() -> Study:
-    """The right one alone after the further run; what was proposed, and how long it takes."""
+    """The right one alone after at most three further runs; what was proposed, and how long it takes."""
     return Study({name: partial(loop, cause=cause) for name, cause in CAUSES.items()}, judged)
 
 
 def judged(results: Results) -> Figures:
     """Outcomes, what was proposed, and what was not right."""
     counts = Counter(one["outcome"] for one in results)
-    proposed = [one["proposed"] for one in results if one["proposed"] is not None]
+    proposed = [run for one in results for run in one["proposed"]]
     return {
         **{outcome: counts[outcome] for outcome in ("right", "wrong", "undecided")},
         "of": len(results),
         "proposed": dict(Counter(one["what"] for one in proposed)),
-        "hours": sum(one["hours"] for one in proposed) / max(len(proposed), 1),
+        "runs": len(proposed) / len(results),
+        "hours": sum(one["hours"] for one in proposed) / len(results),
+        "with a person": sum(one["cost_h"] for one in proposed) / len(results),
         "otherwise": {
-            f"seed {one['seed']}": [one["classes"], one["held"]] for one in results if one["outcome"] != "right"
+            f"seed {one['seed']}": [one["classes"], one["held"], [run["size"] for run in one["proposed"]]]
+            for one in results
+            if one["outcome"] != "right"
         },
     }

@@ -20,6 +20,8 @@ from proving.ledger import Result
 from proving.statistics.dry_runs import dry, plan_from, read
 from proving.statistics.frame import Figures, Part, Results, Study
 from proving.truth.instruments import CAUSES
+from rig.run_file.events.bench import Warned
+from rig.run_file.reader import RunReader
 from rig.tables import run_table
 
 HIDDEN: Mapping[str, str] = {
@@ -38,15 +40,19 @@ def names(lab: str, seed: int, *, hidden: bool) -> dict[str, list[str]]:
         seed: of the world and of the order.
         hidden: whether the world has what the declared model lacks.
     """
+    with tempfile.TemporaryDirectory() as folder:
+        table = run_table(_run(lab, seed, Path(folder), hidden=hidden))
+    return {column: _found(table, roles) for column, roles in roles_of_run(Asked(table, models_of(table))).items()}
+
+
+def _run(lab: str, seed: int, folder: Path, *, hidden: bool) -> Path:
+    """The run file of such a dry run."""
     bench, procedure, world = read(lab, "bench", "procedure", "world")
     procedure["seed"] = world["seed"] = seed
     if not hidden:
         for sensor in world["sensors"].values():
             sensor.pop("hidden", None)
-    with tempfile.TemporaryDirectory() as folder:
-        plan = plan_from({"bench.toml": bench, "procedure.toml": procedure, "world.toml": world})
-        table = run_table(dry(plan, Path(folder)))
-    return {column: _found(table, roles) for column, roles in roles_of_run(Asked(table, models_of(table))).items()}
+    return dry(plan_from({"bench.toml": bench, "procedure.toml": procedure, "world.toml": world}), folder)
 
 
 def _found(table: Table, roles: Roles) -> list[str]:
@@ -95,6 +101,25 @@ def _all(found: Mapping[str, Results]) -> Mapping[str, Figures]:
     return {"all": _reported([one for results in found.values() for one in results])}
 
 
+def warnings() -> Study:
+    """How many clean dry runs have an early warning, and how many points all runs have."""
+    return Study({lab: partial(_warnings, lab=lab) for lab in HIDDEN}, _warned)
+
+
+def _warnings(seed: int, lab: str) -> Result:
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        RunReader.open(_run(lab, seed, Path(folder), hidden=False)) as reader,
+    ):
+        said = [r.event.message for r in reader.records(Warned.kind) if isinstance(r.event, Warned)]
+        return {"warnings": said, "points": len(reader.run_list())}
+
+
+def _warned(results: Results) -> Figures:
+    said = [one["warnings"] for one in results if one["warnings"]]
+    return {"with a warning": len(said), "of": len(results), "points": sum(one["points"] for one in results)}
+
+
 def causes() -> Study:
     """How often each cause in tables is named at one sd rms, and anything besides."""
     return Study({name: partial(_cause, name=name) for name in CAUSES}, _named)
@@ -123,4 +148,10 @@ def named(name: str, seed: int, rms: float) -> list[str]:
     return _found(Table("simulated", numbers, simulated=True, provenance={}, text=text), Roles(**cause.options()))
 
 
-PARTS = {"hidden": Part(hidden), "clean": Part(clean), "causes": Part(causes), "no-causes": Part(no_causes)}
+PARTS = {
+    "hidden": Part(hidden),
+    "clean": Part(clean),
+    "warnings": Part(warnings),
+    "causes": Part(causes),
+    "no-causes": Part(no_causes),
+}

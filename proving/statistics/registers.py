@@ -9,11 +9,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.budget import combine
+from fitter.budget.budget import DOMINATED
+from fitter.budget.coverage import EXCESS
 from procedures.attitude.budget import STANDARD_GRAVITY, AttitudeEvaluation
 from procedures.attitude.data import AttitudeData
 from procedures.attitude.infer import infer_attitude
@@ -37,11 +40,17 @@ BRIDGE = replace(bridge.HOMOSCEDASTIC, wholeplot_mV=2e-3, subplot_mV=1e-3)
 PRESSURES = [(0.5, -90.0, 0.0), (2.5, -110.0, 15.0), (4.5, -70.0, -20.0)]
 FORCES = np.tile(np.linspace(0.0, 10.0, 9), 3)
 USED_FORCES = np.array([1.0, 5.0, 9.0])
+LIMITS: dict[str, Any] = {"reads": True, "distribution": "rectangular"}
 
 
 def coverage(laboratories: int = 100) -> Study:
-    """Every laboratory is drawn afresh: two replications of 7 x 12 angles; 20 whole plots; 9 weights three times."""
-    cases = {"attitude": attitude, "pressure": pressure, "force": force}
+    """Every laboratory is drawn afresh: 2 x 7 x 12 angles; 20 whole plots; 9 weights three times, also with a
+    voltmeter whose limits of error dominate.
+
+    Coverage factors are those of certificates: by shape where one or two limits dominate, else Student's t.
+    """
+    limits = partial(force, half_V=6e-3)
+    cases: dict[str, Any] = {"attitude": attitude, "pressure": pressure, "force": force, "limits": limits}
     return Study({name: partial(case, laboratories=laboratories) for name, case in cases.items()}, shares)
 
 
@@ -71,7 +80,13 @@ def _combined(evaluation: Evaluation, *found: Found) -> dict[str, float]:
     s = np.array([one.sensitivities for one in single]).reshape(-1, m).T
     parts = [(np.diag(one.covariance), np.broadcast_to(one.df, m)) for one in (results.type_a, *grouped)]
     total = combine(s, np.array([one.df for one in single]), parts)
-    return dict(zip(results.names, total.expanded_uncertainty.tolist(), strict=True))
+    limited = [i for i, one in enumerate(single) if one.distribution == "rectangular"]
+    largest = np.sort(np.square(s[:, limited]), axis=1)[:, -2:].sum(axis=1)
+    dominated = (largest > 0.0) & (total.standard_uncertainty**2 - largest <= DOMINATED**2 * largest)
+    excess = np.array([EXCESS[one.distribution] for one in single])
+    shaped = combine(s, np.array([one.df for one in single]), parts, excess=excess)
+    limits = np.where(dominated, shaped.expanded_uncertainty, total.expanded_uncertainty)
+    return dict(zip(results.names, limits.tolist(), strict=True))
 
 
 def attitude(seed: int, laboratories: int) -> Result:
@@ -84,7 +99,7 @@ def attitude(seed: int, laboratories: int) -> Result:
             Stated("zero", "", {"pitch_deg": 1.0}, "offset", np.zeros_like, always(says.zero_deg)),
             Stated("gain", "", VOLTS, "gain", np.zeros_like, share(says.gain_V), reads=True),
             Stated("offset", "", VOLTS, "offset", np.zeros_like, always(says.offset_V), reads=True),
-            Stated("drift", "", VOLTS, "gain", np.zeros_like, share(says.half_drift / 3**0.5), reads=True),
+            Stated("drift", "", VOLTS, "gain", np.zeros_like, share(says.half_drift / 3**0.5), **LIMITS),
         ),
         {
             "gravity": PlaceConstant("gravity", says.local, says.gravity),
@@ -167,9 +182,10 @@ def pressure(seed: int, laboratories: int) -> Result:
     return {"held": held, "of": laboratories}
 
 
-def force(seed: int, laboratories: int) -> Result:
+def force(seed: int, laboratories: int, half_V: float | None = None) -> Result:
     """Coefficients, outputs and forces of a load cell; the certificate of the voltmeter is from a small sample."""
-    says, rng = truth.ForceCertificates(), np.random.default_rng(70_000 + seed)
+    says = truth.ForceCertificates() if half_V is None else truth.ForceCertificates(half_V=half_V)
+    rng = np.random.default_rng(70_000 + seed)
     held: dict[str, int] = {}
     for _ in range(laboratories):
         lab = truth.force(says, FORCES, USED_FORCES, rng)
@@ -179,7 +195,7 @@ def force(seed: int, laboratories: int) -> Result:
                 Stated("weights", "", {"force_kN": 1.0}, "gain", np.zeros_like, share(says.gain)),
                 Stated("weight", "", {"force_kN": 1.0}, "setting", np.zeros_like, always(says.own_kN)),
                 Stated("gain", "", volts, "gain", np.zeros_like, share(lab.said), df=says.df, reads=True),
-                Stated("offset", "", volts, "offset", np.zeros_like, always(says.half_V / 3**0.5), reads=True),
+                Stated("offset", "", volts, "offset", np.zeros_like, always(says.half_V / 3**0.5), **LIMITS),
             )
         )
         evaluation = _load_cell(lab.outputs)

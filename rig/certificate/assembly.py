@@ -74,15 +74,20 @@ def tables(run: RunBudget, stage: Stage) -> tuple[ResultTable, ...]:
     for column, ones in _of_sensors(run):
         title = "results" if column else _SHARED
         results = tuple(_result(one, column, run) for one in ones)
-        found.append(ResultTable(sensor_of(column, run), title, results, (), stage))
+        described = run.evaluation.described(column) if column else ""
+        told = (f"{described}.",) if described else ()
+        found.append(ResultTable(sensor_of(column, run), title, results, (), stage, told))
     return tuple(found)
 
 
 def notes(run: RunBudget) -> Iterator[str]:
     """Notes on the uncertainties, as sentences."""
+    pairs = sorted(zip(run.sensors, run.budgets, strict=True), key=lambda pair: -len(pair[1].name))
     for note in run.notes:
         first = note.partition(" ")[0]
         told = f"{note[0].upper()}{note[1:]}" if first.isalpha() else note
+        for column, one in pairs:  # as the tables call them
+            told = told.replace(one.name, f"{sensor_of(column, run)} {_label(one, column, run)}") if column else told
         yield told if told.endswith(".") else f"{told}."
 
 

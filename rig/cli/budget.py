@@ -42,6 +42,15 @@ def budget(
             help="coverage factors by the shapes of the distributions: smaller where limits of error dominate",
         ),
     ] = False,
+    after_days: Annotated[
+        float | None,
+        typer.Option(
+            min=0.0,
+            help="inferred values for a use so many days after the run, with the drift of the sensors that the "
+            "register has from rig chart --as-drift",
+            show_default=False,
+        ),
+    ] = None,
     monte_carlo: Annotated[
         int | None,
         typer.Option(
@@ -69,6 +78,7 @@ def budget(
 
     check_files([report], [run_file, *filter(None, (equipment,))])
     asked: dict[str, Any] = {"equipment": equipment, "same_meter": same_meter, "probability": probability, **given}
+    asked["after_days"] = after_days
     with counting("simulated evaluations", monte_carlo) if monte_carlo is not None else nullcontext() as one_more:
         each = None if one_more is None else partial(one_more, "")
         found = budget_run(

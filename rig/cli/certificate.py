@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from datetime import UTC, date, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -79,6 +80,13 @@ def certificate(
         str | None, typer.Option(help="its values in the certificate, if they are corrections", show_default=False)
     ] = None,
     at: Annotated[str, typer.Option(help="the settings of these values in the certificate", show_default=False)] = "",
+    column: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="with --read: print these values as a table for rig fit: bath_degC=basic_referenceValue; repeatable",
+            show_default=False,
+        ),
+    ] = None,
     as_json: JsonOption = False,
 ) -> int:
     """Certificate of a run: on paper (PDF), as a page (HTML), and as digital calibration certificate (XML).
@@ -96,9 +104,11 @@ def certificate(
             raise UsageError("--read shows a certificate and makes none: leave out the run files")
         if as_equipment is not None:
             return _print_equipment(read, as_equipment, quantity, (error, correction), at, authority)
+        if column:
+            return _print_table(read, column, authority)
         return _read(read, schema, authority, as_json=as_json)
-    if as_equipment is not None:
-        raise UsageError("--as-equipment belongs to --read DCC.xml")
+    if as_equipment is not None or column:
+        raise UsageError("--as-equipment and --column belong to --read DCC.xml")
     if not runs or out_folder is None:
         raise UsageError("a certificate needs a run file and --out FOLDER: rig certificate RUN --out certificates")
     from rig.atomic import check_files  # noqa: PLC0415
@@ -166,15 +176,43 @@ def _print_equipment(
         raise UsageError("name the column or unit of the readings: --quantity bath_degC")
     wanted = Wanted(asset, quantity, next(one for one in values if one is not None), means, at)
     found = read_dcc(path)
+    state = _usable(path, found, authority)
+    print(equipment_text(found, wanted, hash_of(path)), end="")
+    err.print(f"{escape(str(path))}: {escape(state)}", soft_wrap=True)
+    err.print("  add the due date, and how the error behaves (behaves = ...), by hand", soft_wrap=True)
+    return ExitCode.DONE
+
+
+def _print_table(path: Path, columns: Sequence[str], authority: Path | None) -> int:
+    """Print values of a digital calibration certificate as CSV."""
+    from rig.dcc.reader import read_dcc  # noqa: PLC0415
+    from rig.register.from_dcc import Column, table_text  # noqa: PLC0415
+
+    wanted = []
+    for one in columns:
+        name, is_given, value = one.partition("=")
+        if not (name.strip() and is_given and value.strip()):
+            raise UsageError(f"--column {one}: say a column and values of the certificate, bath_degC=NAME")
+        wanted.append(Column(name.strip(), value.strip()))
+    found = read_dcc(path)
+    state = _usable(path, found, authority)
+    print(table_text(found, wanted), end="")
+    err.print(f"{escape(str(path))}: {escape(state)}", soft_wrap=True)
+    err.print(
+        "  uncertainties of a certificate are mostly common to its rows; rig fit --u-y takes them as independent, and "
+        "intervals by it are then too narrow",
+        soft_wrap=True,
+    )
+    return ExitCode.DONE
+
+
+def _usable(path: Path, found: Read, authority: Path | None) -> str:
+    """State of its signature, in words. Raises `UsageError` if it does not hold or is not trusted."""
     signed = _signatures(path, found, authority)
     broken = next((one for one in signed if not one.holds or one.trusted is False), None)
     if broken is not None:
         raise UsageError(f"nothing is taken from {path}: its signature {broken.words}")
-    print(equipment_text(found, wanted, hash_of(path)), end="")
-    state = f"signature {signed[0].words}" if signed else "not signed: nothing shows whether it was changed"
-    err.print(f"{escape(str(path))}: {escape(state)}", soft_wrap=True)
-    err.print("  add the due date, and how the error behaves (behaves = ...), by hand", soft_wrap=True)
-    return ExitCode.DONE
+    return f"signature {signed[0].words}" if signed else "not signed: nothing shows whether it was changed"
 
 
 def _signatures(path: Path, found: Read, authority: Path | None) -> tuple[Signed, ...]:

@@ -53,6 +53,9 @@ def chart(
         ),
     ] = None,
     report: Annotated[Path | None, typer.Option(help="write a self-contained HTML report", show_default=False)] = None,
+    as_drift: Annotated[
+        bool, typer.Option("--as-drift", help="print the drift of the sensors as lines for equipment.toml, no chart")
+    ] = False,
     as_json: JsonOption = False,
     today: Annotated[str | None, typer.Option(help="date for 'in N days'", show_default="today")] = None,
 ) -> int:
@@ -72,5 +75,8 @@ def chart(
         calibrations, tolerance=tolerance, usage=usage, sensors=sensor or (), formula=formula, today=today
     )
     write_report(charted, report)
+    if as_drift:
+        print(charted.as_drift(), end="")
+        return ExitCode.DONE
     show_result(charted, as_json=as_json)
     return ExitCode.DONE

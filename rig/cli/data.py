@@ -47,10 +47,10 @@ def fit(
         ),
     ] = None,
     confirmed_by: Annotated[
-        Path | None,
+        list[Path] | None,
         typer.Option(
             "--confirmed-by",
-            help="write the calibration with the causes confirmed by this later run file (see rig confirm)",
+            help="write the calibration with the causes confirmed by this later run file (see rig confirm); repeatable",
             show_default=False,
         ),
     ] = None,
@@ -70,11 +70,13 @@ def fit(
     from rig.results.data import fit_source  # noqa: PLC0415
     from rig.tables import Asked, FileSource  # noqa: PLC0415
 
-    check_files([out_file, report], [data, *filter(None, (confirmed_by, equipment))])
+    check_files([out_file, report], [data, *(confirmed_by or ()), *filter(None, (equipment,))])
     source = FileSource(data, Asked.of(separator, decimal, encoding, header))
-    if not leave_out and confirmed_by is None and _seen(source, "fit", given, as_json=as_json):
+    if not leave_out and not confirmed_by and _seen(source, "fit", given, as_json=as_json):
         return ExitCode.USAGE
-    fitted = fit_source(source, given, leave_out or (), confirmed_by, keep=out_file is not None, equipment=equipment)
+    fitted = fit_source(
+        source, given, leave_out or (), confirmed_by or (), keep=out_file is not None, equipment=equipment
+    )
     write_report(fitted, report)
     if out_file is not None:
         fitted.save(out_file)

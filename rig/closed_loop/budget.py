@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import date
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from fitter.arrays import FloatArray
 from fitter.budget import Budgeted, Check, Influence, Shapes, TypeA, budgets, monte_carlo
 from fitter.errors import FitError
-from procedures.budgeting import Evaluation
+from procedures.budgeting import Evaluation, Shift, Shifts
 from procedures.errors import DataError
-from procedures.influences import corrected, explain, influences
+from procedures.influences import corrected, explain, influences, with_more
 from procedures.kind import Kind, kind_of_table
 from procedures.simulated_budget import whole
 from procedures.stated import Statements
@@ -28,6 +31,7 @@ from rig.register import (
     register_of,
     stated_of,
 )
+from rig.register.drift import drift_of_sensor
 from rig.run_file.events.sessions import Identified
 from rig.run_file.reader import RunReader
 from rig.tables import is_run, run_table
@@ -37,8 +41,14 @@ BY_SHAPE = (
     "and right only if these errors are rectangular, as stated"
 )
 DOMINATED = (
-    "one or two rectangular limits of error, as the register states them, dominate these results; their coverage "
-    "factor is by the shape of the distribution and smaller than Student's t (EA-4/02, S9 and S10)"
+    "one or two rectangular limits of error, as the register states them, dominate these results (half of the variance "
+    "or more); their coverage factor is by the shape of the distribution and smaller than Student's t (EA-4/02, S9 and "
+    "S10)"
+)
+UNSTATED = "the register states no errors of {names}: none are in these uncertainties"
+IN_USE = (
+    "inferred values are for a use {days:g} days after the run, with the drift of the sensors by their history; "
+    "coefficients and outputs are those of the run"
 )
 SIMULATED = (
     "simulation (JCGM 101): {trials} trials, seed {seed}; the budget's interval agrees for {agree} of {count} results "
@@ -84,6 +94,7 @@ class RunBudget:
         influences: on the results.
         notes: sentences for readers.
         checks: of each result by simulation; empty if none was asked for.
+        unstated: columns whose errors the register does not state.
     """
 
     of: OfRun
@@ -94,6 +105,7 @@ class RunBudget:
     influences: tuple[Influence, ...]
     notes: tuple[str, ...]
     checks: tuple[Check, ...] = ()
+    unstated: tuple[str, ...] = ()
 
 
 def run_with_register(path: Path, equipment: Path | None = None) -> OfRun:
@@ -127,7 +139,7 @@ def run_with_register(path: Path, equipment: Path | None = None) -> OfRun:
     kind = kind_of_table(table)
     if kind is None:
         raise DataError(f"{path}: its kind of calibration is not known")
-    stated = stated_of(register, config)
+    stated = stated_of(register, config, last)
     check_covered(stated, table.columns, where)
     return _corrected(table, kind, config, register, stated)
 
@@ -206,6 +218,7 @@ def budget_of(
     seed: int = 1,
     each: Callable[[], None] | None = None,
     shapes: Shapes = False,
+    after_days: float | None = None,
 ) -> RunBudget:
     """The same of a run that was read.
 
@@ -219,6 +232,7 @@ def budget_of(
         seed: of the simulation.
         each: called after each trial.
         shapes: whether coverage factors follow the shapes of the distributions; as in `budgets`.
+        after_days: inferred values are for a use so many days after the run, with the sensors' drift by their history.
     """
     chosen = of.kind.budget_options(**dict(options or {}))
     evaluation = of.kind.evaluation(of.table, chosen, at, constants_of(of.stated))
@@ -226,16 +240,22 @@ def budget_of(
         explain(evaluation, of.stated)
         results = evaluation.results
         found = influences(evaluation, of.stated, same_meter=same_meter)
+        if after_days is not None:
+            found = with_more(found, evaluation, of_drift(of, evaluation, after_days))
         type_a = (results.type_a, *found.grouped)
         asked: dict[str, Any] = {"probability": probability, "shapes": shapes}
         made = budgets(results.names, results.units, results.values, type_a, found.influences, **asked)
     except FitError as error:
         raise DataError(f"{of.table.source}: {error}") from error
     notes = [SAME_METER if same_meter else OTHER_METER, *found.notes, *of.stated.unused]
+    unstated = unstated_of(evaluation, of.stated)
+    notes += [UNSTATED.format(names=", ".join(unstated))] if unstated else []
     if of.corrected:
         notes.insert(0, f"corrected by the certificates: {', '.join(of.corrected)}")
     if of.stated.example:
         notes.insert(0, f"the register {of.register.name!r} has example values: these uncertainties are examples, too")
+    if after_days is not None:
+        notes.append(IN_USE.format(days=after_days))
     if shapes is True:
         notes.append(BY_SHAPE)
     elif by_shape := [one.name for one in made if one.by_shape]:
@@ -248,7 +268,32 @@ def budget_of(
         except FitError as error:
             raise DataError(f"simulation of the budgets: {error}") from error
         notes += simulated_notes(made, checks, seed)
-    return RunBudget(of, evaluation, made, results.sensors, type_a, found.influences, tuple(notes), checks)
+    return RunBudget(of, evaluation, made, results.sensors, type_a, found.influences, tuple(notes), checks, unstated)
+
+
+def of_drift(of: OfRun, evaluation: Evaluation, days: float) -> Iterator[tuple[str, str, Shifts]]:
+    """Name, source and change of readings of every sensor's drift in so many days after the run.
+
+    Raises:
+        UsageError: the register has no history of a sensor.
+        ConfigurationError: it ends before, or is in another unit.
+        DataError: this kind does not say what drift does to readings.
+    """
+    for column, name in of.table.outputs.items():
+        unit, per = evaluation.charted(column)
+        sensor = of.config.sensors.get(name)
+        names = [key for key in (name, sensor.asset if sensor else "") if key]
+        moved = drift_of_sensor(of.register, names, days, unit) * per
+
+        def shifts(times: float, column: str = column, moved: FloatArray = moved) -> Shift:
+            return Shift(in_use=lambda read, values: times * moved if read == column else np.zeros_like(values))
+
+        yield f"{name} drift in {days:g} days, by its history", f"sensors.{name}.drift, control chart", shifts
+
+
+def unstated_of(evaluation: Evaluation, stated: Statements) -> tuple[str, ...]:
+    """Columns of an evaluation whose errors the register does not state."""
+    return tuple(name for name in evaluation.columns if not any(name in one.columns for one in stated.errors))
 
 
 def simulated_notes(made: Sequence[Budgeted], checks: Sequence[Check], seed: int) -> list[str]:

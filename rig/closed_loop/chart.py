@@ -89,6 +89,23 @@ class SensorChart:
                 rows.append(self.due(factor * self.tolerance))
         return rows
 
+    def drift(self) -> list[tuple[float, float]]:
+        """Rows [days since the last calibration, drift not exceeded with 95 %], for a register of equipment.
+
+        The bound on the error on the day of the calibration is taken out in squares, for a budget has it as scatter of
+        the fit: with that the sum is the bound again.
+
+        Raises:
+            UsageError: there are fewer than three calibrations.
+        """
+        bound = self.chart.bound
+        if bound is None:
+            raise UsageError(f"{self.name}: drift is not known of fewer than three calibrations")
+        worst = np.max(list(bound.bounds.values()), axis=0)
+        grown = np.maximum.accumulate(np.sqrt(np.maximum(worst**2 - worst[0] ** 2, 0.0)))
+        days = np.round(DAYS * bound.years, 1)
+        return [(float(day), float(f"{error:.3g}")) for day, error in zip(days, grown, strict=True)]
+
     def _date(self, years: float | None) -> str | None:
         return None if years is None else f"{self.last + timedelta(days=DAYS * years):%Y-%m-%d}"
 

@@ -15,7 +15,7 @@ from procedures.errors import DataError
 from procedures.influences import explain, influences
 from procedures.kind import kind_of
 from procedures.stated import Statements
-from rig.closed_loop.budget import constants_of
+from rig.closed_loop.budget import UNSTATED, constants_of, unstated_of
 from rig.errors import ConfigurationError
 from rig.plans import Plan
 from rig.register import DOCUMENT, check_covered, check_validity, entries, parse_register, stated_of
@@ -67,8 +67,8 @@ class Promised:
     notes: tuple[str, ...]
 
 
-def promised(plan: Plan) -> Promised:
-    """Total uncertainties of inferred values that a plan promises.
+def promised(plan: Plan, on: date) -> Promised:
+    """Total uncertainties of inferred values, or else outputs, that a plan promises, if its run ends on a date.
 
     Raises:
         ConfigurationError: a certificate does not cover the settings of the plan.
@@ -78,7 +78,7 @@ def promised(plan: Plan) -> Promised:
     if len(plan.run_list) > _MOST:
         return Promised((), (f"repeatability only: no total uncertainty is forecast of more than {_MOST} points",))
     register = parse_register(plan.documents[DOCUMENT], DOCUMENT)
-    stated, kind = stated_of(register, plan.bench), kind_of(plan.procedure)
+    stated, kind = stated_of(register, plan.bench, on), kind_of(plan.procedure)
     sensors = {f"{name}_{sensor.unit}": sensor.axis or "" for name, sensor in plan.bench.sensors.items()}
     set_to = {f.name: np.array(plan.run_list.column(f.name), np.float64) for f in plan.run_list.factors}
     check_covered(stated, set_to, DOCUMENT)
@@ -86,11 +86,13 @@ def promised(plan: Plan) -> Promised:
         expected = kind.expected(plan.procedure, plan.run_list, sensors)
         if not expected.meter:
             stated = replace(stated, errors=[one for one in stated.errors if not one.reads])
-        options = kind.budget_options()
-        found = _of(kind.evaluation(expected.table, options, (), constants_of(stated)), stated)
+        evaluation = kind.evaluation(expected.table, kind.budget_options(), (), constants_of(stated))
+        found = _of(evaluation, stated)
     except (DataError, FitError) as error:
         return Promised((), (f"repeatability only: {error}",))
     notes = [f"total uncertainties by the register {register.name!r}, for {expected.assuming}"]
+    unstated = [one for one in unstated_of(evaluation, stated) if expected.meter or one not in sensors]
+    notes += [UNSTATED.format(names=", ".join(unstated))] if unstated else []
     notes += [] if expected.meter else [NO_METER]
     notes += ["the register has example values"] if register.example else []
     return Promised(found, tuple(notes))
@@ -120,9 +122,13 @@ def _of(evaluation: Any, stated: Statements) -> tuple[Promise, ...]:
     type_a = (results.type_a, *found.grouped)
     made = budgets(results.names, results.units, results.values, type_a, found.influences)
     own = np.sqrt(np.diag(results.type_a.covariance))
+    inferred = [" inferred " in f" {one.name} " for one in made]
+    known = {sensor for sensor, inverse in zip(results.sensors, inferred, strict=True) if inverse}
     promises = []
-    for one, scatter, of_fit in zip(made, own.tolist(), results.of_fit.tolist(), strict=True):
-        if " inferred " not in f" {one.name} ":
+    numbers = zip(made, results.sensors, inferred, own.tolist(), results.of_fit.tolist(), strict=True)
+    for one, sensor, inverse, scatter, of_fit in numbers:
+        curve = " output " in f" {one.name} " and not known & {sensor, ""}
+        if not (inverse or curve):  # outputs only where no reading determines a quantity
             continue
         first = max(one.contributions, key=lambda line: line.share)
         k, u = one.coverage_factor, one.standard_uncertainty

@@ -7,8 +7,11 @@ The latter appear in a certificate together with their value in SI units.
 from __future__ import annotations
 
 import re
+from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass
 from decimal import Decimal
+from math import pi
 
 from procedures.column_names import spelled, split_unit
 from rig.errors import UsageError
@@ -86,6 +89,75 @@ def si_unit(unit: str) -> SIUnit:
     if not defined:
         return SIUnit(text or "\\one")
     return SIUnit(text or "\\one", factor, unit, "; ".join(defined))
+
+
+def ratio(of: str, to: str) -> float | None:
+    """Number of units `to` in a difference of one `of`, by their base units: of kg*m^2/A^2/s^3 in an ohm it is 1.
+
+    None if they are of different dimensions, or one is not known.
+    """
+    found, wanted = _in_base(of), _in_base(to)
+    if found is None or wanted is None or found[1] != wanted[1]:
+        return None
+    return found[0] / wanted[0]
+
+
+def _in_base(unit: str) -> tuple[float, Mapping[str, int]] | None:
+    """A unit as a number of products of base units, with their powers; None if it is not known."""
+    size, powers = 1.0, Counter[str]()
+    try:
+        for name, power in _factors(unit):
+            base, per = _DEFINED.get(name, ("", Decimal(1)))
+            symbol = plain_unit(base) if base else name
+            for length in (0, 1, 2):
+                prefix, rest = symbol[:length], symbol[length:]
+                if rest in _BASE and (not length or (prefix in _TENS and rest not in _WHOLE)):
+                    own, dimensions = _BASE[rest]
+                    size *= (own * 10.0 ** _TENS.get(prefix, 0)) ** power * float(per) ** power
+                    for one, times in dimensions.items():
+                        powers[one] += times * power
+                    break
+            else:
+                if symbol:
+                    return None
+                size *= float(per) ** power
+    except UsageError:
+        return None
+    return size, {one: power for one, power in powers.items() if power}
+
+
+_TENS = {
+    "Y": 24, "Z": 21, "E": 18, "P": 15, "T": 12, "G": 9, "M": 6, "k": 3, "h": 2, "da": 1, "": 0, "d": -1, "c": -2,
+    "m": -3, "u": -6, "µ": -6, "μ": -6, "n": -9, "p": -12, "f": -15, "a": -18,
+}  # fmt: skip
+_BASE: Mapping[str, tuple[float, Mapping[str, int]]] = {
+    **{one: (1.0, {one: 1}) for one in ("m", "s", "A", "K", "mol", "cd", "rad")},
+    "kg": (1.0, {"kg": 1}),
+    "g": (1e-3, {"kg": 1}),
+    **dict.fromkeys(("degC", "°C"), (1.0, {"K": 1})),
+    **dict.fromkeys(("deg", "°"), (pi / 180.0, {"rad": 1})),
+    "arcmin": (pi / 10800.0, {"rad": 1}),
+    "arcsec": (pi / 648000.0, {"rad": 1}),
+    "min": (60.0, {"s": 1}),
+    "h": (3600.0, {"s": 1}),
+    "d": (86400.0, {"s": 1}),
+    **dict.fromkeys(("%", "pct"), (1e-2, {})),
+    **dict.fromkeys(("l", "L"), (1e-3, {"m": 3})),
+    "Hz": (1.0, {"s": -1}),
+    "N": (1.0, {"kg": 1, "m": 1, "s": -2}),
+    "Pa": (1.0, {"kg": 1, "m": -1, "s": -2}),
+    "J": (1.0, {"kg": 1, "m": 2, "s": -2}),
+    "W": (1.0, {"kg": 1, "m": 2, "s": -3}),
+    "C": (1.0, {"A": 1, "s": 1}),
+    "V": (1.0, {"kg": 1, "m": 2, "s": -3, "A": -1}),
+    **dict.fromkeys(("ohm", "Ohm", "Ω"), (1.0, {"kg": 1, "m": 2, "s": -3, "A": -2})),
+    "S": (1.0, {"kg": -1, "m": -2, "s": 3, "A": 2}),
+    "F": (1.0, {"kg": -1, "m": -2, "s": 4, "A": 2}),
+    "H": (1.0, {"kg": 1, "m": 2, "s": -2, "A": -2}),
+    "T": (1.0, {"kg": 1, "s": -2, "A": -1}),
+    "Wb": (1.0, {"kg": 1, "m": 2, "s": -2, "A": -1}),
+}
+"""Units in base units: number, and powers (SI brochure, tables 2, 4 and 8)."""
 
 
 def per_term(unit: str) -> str:

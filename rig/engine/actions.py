@@ -31,6 +31,8 @@ _BEARS = 2
 Watch = Callable[[Mapping[str, float]], None]
 """Called with the values of every poll."""
 
+_JUST_NOW_S = 0.05
+"""Age up to which a reading of the axes is the present one."""
 _READ_THE_SAME = 3
 _STOOD_S = 60.0
 _LONG_AGO = -1e18
@@ -63,9 +65,11 @@ class BenchActions:
         self._readers = bench.readers
         # Looked up once: an isinstance check against a protocol takes longer than most replies.
         self._restartable = {n: i for n, i in bench.instruments.items() if isinstance(i, Restartable)}
-        self._chambers_seen = _LONG_AGO
+        self._axes_seen: Mapping[str, AxisReading] | None = None
+        self._axes_read = self._chambers_seen = _LONG_AGO
         self._chambers_read: float | None = None
         self._unwatched_s = 0.0
+        self._commanded: set[str] = set()
         self.arrivals: dict[str, Arrival] = {}
         self.chambers_seen: dict[str, dict[str, Any]] = {}
         self.judges: dict[str, Settling] = {}
@@ -99,6 +103,7 @@ class BenchActions:
 
     def stop_motion(self) -> None:
         """Stop all axes. Their direction of arrival is unknown from now on."""
+        self._axes_seen = None
         self._axes.stop()
         self.arrivals.clear()
 
@@ -123,7 +128,14 @@ class BenchActions:
         for axis, reading in readings.items():
             if reading.fault:
                 reading.check(axis)
+        self._axes_seen, self._axes_read = readings, self._clock.now()
         return readings
+
+    def axes_now(self) -> Mapping[str, AxisReading]:
+        """All axes as just read, if nothing was commanded since; one reading serves all who look at one moment."""
+        if self._axes_seen is not None and self._clock.now() - self._axes_read <= _JUST_NOW_S:
+            return self._axes_seen
+        return self.axes()
 
     def positions(self) -> dict[str, float]:
         """Readback of every axis."""
@@ -169,9 +181,14 @@ class BenchActions:
             return {}
         return {"stood_ago_s": round(now - began, 3), "stood_s": round(seen - began, 3)}
 
-    def look_around(self) -> None:
-        """Between polls: read the chambers again if their interlocks have not been checked lately."""
-        if self._chambers and self._clock.now() - self._chambers_seen > _INTERLOCK_S:
+    def look_around(self, now: float) -> None:
+        """Between polls: read the chambers again if their interlocks have not been checked lately.
+
+        Args:
+            now: clock time.
+
+        """
+        if self._chambers and now - self._chambers_seen > _INTERLOCK_S:
             self.environment()
 
     def readback(self) -> dict[str, Any]:
@@ -205,6 +222,7 @@ class BenchActions:
         """
         if not again and all(reading.homed for reading in self.axes().values()):
             return False
+        self._axes_seen = None
         self._axes.home(again=again)
         self.arrivals.clear()
         try:
@@ -219,7 +237,7 @@ class BenchActions:
     def go(self, legs: Sequence[Leg], poll_s: float, timeout_s: float) -> None:
         """Drive through the legs. All axes of a leg move together; the side each axis arrives from is noted."""
         for leg in legs:
-            readings = self.axes()
+            readings = self.axes_now()
             for axis, target in leg.items():
                 reading = readings[axis]
                 reading.check(axis, controlled=reading.drive, homed=True)
@@ -227,7 +245,9 @@ class BenchActions:
             start = {axis: reading.value for axis, reading in readings.items()}
             for axis in leg:
                 self.arrivals.pop(axis, None)
+            self._axes_seen = None
             self._axes.go(leg)
+            self._commanded.update(leg)
             self._until_still(poll_s, timeout_s, "moving")
             arrived(leg, start, self.arrivals)
 
@@ -238,7 +258,7 @@ class BenchActions:
             readings = self.axes()
             if what == "moving":
                 self._check_control(readings)
-            if not any(reading.moving for reading in readings.values()):
+            if True not in [reading.moving for reading in readings.values()]:
                 return
             if self._clock.now() - began > timeout_s:
                 late = ", ".join(
@@ -247,11 +267,11 @@ class BenchActions:
                 self.stop_motion()
                 raise NotSettled(f"{what} took longer than {timeout_s:g} s ({late})", {})
 
-    @staticmethod
-    def _check_control(readings: Mapping[str, AxisReading]) -> None:
-        """Raise if an axis has lost control or its zero: it will never arrive."""
+    def _check_control(self, readings: Mapping[str, AxisReading]) -> None:
+        """Raise if an axis has lost control or its zero: it will never arrive. A source that was not set yet is off."""
         for axis, reading in readings.items():
-            if reading.fault or not (reading.enabled and reading.homed):
+            known = reading.drive or axis in self._commanded
+            if reading.fault or (known and not (reading.enabled and reading.homed)):
                 reading.check(axis, controlled=True, homed=True)
 
     def settle(self, targets: Mapping[str, float], settings: Callable[[str], Settle], poll_s: float) -> dict[str, Any]:
@@ -270,7 +290,7 @@ class BenchActions:
         }
 
         def read() -> dict[str, float]:
-            readings = self.axes()
+            readings = self.axes_now()
             self._check_control(readings)
             return {axis: reading.value for axis, reading in readings.items()}
 

@@ -181,6 +181,7 @@ class AtPoint:
         """Read every channel. Overloads and excessive noise are rejected here."""
         at, settings = self._at, self._conduct
         began = self._journal.elapsed()
+        self._liveness.begin()
         observation = self._do.measure(settings.readings, self._poll_s, self._references)
         observation.references = {**self._settings.stated(), **observation.references}
         at.measured_s = (began, self._journal.elapsed())
@@ -277,7 +278,7 @@ class AtPoint:
             self._journal.write(replace(observed, verdict=REJECTED, hole_s=hole.hole_s))
             raise
         if self._soaking is not None:
-            why = self._soaking.lost_now(at.point, chambers, at.observation.temperatures)
+            why = self._soaking.lost_now(at.point, chambers, at.observation.temperatures, after)
             if why:  # one commit: after a kill between the two records the whole plot would go on
                 self._journal.write(replace(observed, verdict=REJECTED, lost=why), commit=False)
                 self._soaking.lose(why)

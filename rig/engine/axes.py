@@ -5,7 +5,7 @@ The sequencer commands axes and polls them. This module translates them to the r
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from math import isfinite
 from typing import Any, NamedTuple, Protocol
@@ -16,6 +16,7 @@ from procedures.column_names import unit_of
 from procedures.run_list import Factor, RunList
 from rig.bench import Bench
 from rig.engine.fault_classes import DriveFault, NotHomed, SupplyFailure
+from rig.engine.held import held_factors
 from rig.errors import ConfigurationError
 from rig.quantities import HEAD_AXES, PRESSURE_UNIT, TEMPERATURE_UNIT
 
@@ -205,7 +206,11 @@ class _Kept:
 
 
 class SourceMover(_Kept):
-    """A source's one axis."""
+    """A source's one axis. Within `band` of its setting it does not change."""
+
+    def __init__(self, instrument: Any, factor: Factor, band: float) -> None:
+        super().__init__(instrument, factor)
+        self._band = band
 
     def read(self) -> Mapping[str, AxisReading]:
         """See `Mover`."""
@@ -222,9 +227,9 @@ class SourceMover(_Kept):
         self._instrument.set(targets[self._axis])
 
     def stop(self) -> None:
-        """Hold the present value while it is changing; a settled source, or one that is off, is left alone."""
+        """Hold the present value while it is changing; a source at its setting, or one that is off, is left alone."""
         state = self._instrument.read()
-        if state.output and not state.settled:
+        if state.output and not state.settled and abs(state.value - state.setpoint) > self._band:
             self._instrument.stop()
 
 
@@ -261,8 +266,10 @@ class Axes:
         """The instruments' own (low, high) by axis."""
         return {axis: limits for mover in self._movers for axis, limits in mover.span().items()}
 
-    def read(self) -> dict[str, AxisReading]:
+    def read(self) -> Mapping[str, AxisReading]:
         """Read every axis."""
+        if len(self._movers) == 1:
+            return self._movers[0].read()
         found: dict[str, AxisReading] = {}
         for mover in self._movers:
             found.update(mover.read())
@@ -296,8 +303,13 @@ class Axes:
         return {axis: target for mover in self._movers for axis, target in mover.parking().items()}
 
 
-def axes_of(bench: Bench, factors: Sequence[Factor]) -> Axes:
+def axes_of(bench: Bench, factors: Sequence[Factor], band: Callable[[str], float] = lambda _: 0.0) -> Axes:
     """The axes of these factors on a bench; factors that a person sets have none.
+
+    Args:
+        bench: opened instruments.
+        factors: what they move.
+        band: how near its setting an axis counts as there.
 
     Raises:
         ConfigurationError: nothing sets a factor, or its instrument cannot.
@@ -305,7 +317,9 @@ def axes_of(bench: Bench, factors: Sequence[Factor]) -> Axes:
     movers: list[Mover] = []
     if any(_of_head(bench, f) for f in factors):
         movers.append(HeadMover(bench.head))
-    movers += [_mover(bench, f) for f in factors if not _of_head(bench, f) and bench.by_hand(f.name) is None]
+    movers += [
+        _mover(bench, f, band(f.axis)) for f in factors if not _of_head(bench, f) and bench.by_hand(f.name) is None
+    ]
     return Axes(movers)
 
 
@@ -315,7 +329,7 @@ def _of_head(bench: Bench, factor: Factor) -> bool:
     return factor.axis in HEAD_AXES and (name is None or isinstance(bench.instruments[name], Head))
 
 
-def _mover(bench: Bench, factor: Factor) -> Mover:
+def _mover(bench: Bench, factor: Factor, band: float) -> Mover:
     """What sets a factor, as an axis. Raises `ConfigurationError` if it cannot."""
     name, instrument = bench.setting(factor.name, Instrument)
     if isinstance(instrument, PressureController):
@@ -324,7 +338,7 @@ def _mover(bench: Bench, factor: Factor) -> Mover:
     elif isinstance(instrument, Chamber):
         mover, unit = ChamberMover(instrument, factor), TEMPERATURE_UNIT
     elif isinstance(instrument, Source):
-        mover, unit = SourceMover(instrument, factor), instrument.unit()
+        mover, unit = SourceMover(instrument, factor, band), instrument.unit()
     else:
         raise ConfigurationError(
             f"bench {bench.config.name}: {name} cannot set {factor.name}: it is neither a source nor a pressure "
@@ -340,6 +354,8 @@ def _mover(bench: Bench, factor: Factor) -> Mover:
 
 def own_limits(bench: Bench, run_list: RunList) -> dict[str, tuple[float, float]]:
     """The instruments' own (low, high) by factor name."""
-    span = axes_of(bench, run_list.easy).span()
-    found = {f.name: span[f.axis] for f in run_list.easy if f.axis in span}
-    return found | {f.name: bench.soaks(f.name)[1].limits() for f in run_list.hard}
+    moved = (*run_list.easy, *held_factors(bench, run_list))
+    span = axes_of(bench, moved).span()
+    found = {f.name: span[f.axis] for f in moved if f.axis in span}
+    soaked = (f for f in run_list.hard if f.name not in found and bench.by_hand(f.name) is None)
+    return found | {f.name: bench.soaks(f.name)[1].limits() for f in soaked}

@@ -97,6 +97,11 @@ class ByHand:
         """Whether a person has to set a factor for this point."""
         return self._settings.missing(point) is not None
 
+    def unset_for_plot(self, point: Point) -> bool:
+        """Whether a person has to set a hard factor for this point's whole plot."""
+        wanted = self._settings.missing(point)
+        return wanted is not None and wanted.whole_plot is not None
+
     def ask_to_set(self, point: Point) -> str:
         """Stop motion and ask for the next setting. Returns the trigger "hold"."""
         wanted = self._settings.missing(point)

@@ -48,6 +48,7 @@ class Guard:
         now: Callable[[], float] = lambda: 0.0,
     ) -> None:
         self._interlocks = Interlocks(interlocks, now)
+        self._watched = frozenset(rule.watch for rule in interlocks.values())
         self._now = now
         self._rated: dict[str, tuple[float, float]] = {}
         of_chambers = {f: limits[f"{name}_degC"] for f, name in factors.items() if f"{name}_degC" in limits}
@@ -109,14 +110,15 @@ class Guard:
     def check_axes(self, axes: Mapping[str, AxisReading]) -> None:
         """Refuse readbacks that violate a limit or an interlock. Raises `LimitViolation`, `InterlockHold`."""
         for axis, reading in axes.items():
-            low, high = self._limits.get(reading.quantity, _ANY)
-            if not low - reading.margin <= reading.value <= high + reading.margin:
-                unit = spelled(unit_of(reading.quantity))
-                raise LimitViolation(f"{axis} is at {reading.value:g} {unit}, outside {low:g} to {high:g}")
-            if reading.quantity == PRESSURE:
-                self._check_rate(axis, "pressure_psi_per_s", reading.value)
-            if self._interlocks.watches(reading.quantity):
-                self._interlocks.check(reading.quantity, reading.value)
+            quantity, value, margin = reading.quantity, reading.value, reading.margin
+            low, high = self._limits.get(quantity, _ANY)
+            if not low - margin <= value <= high + margin:
+                unit = spelled(unit_of(quantity))
+                raise LimitViolation(f"{axis} is at {value:g} {unit}, outside {low:g} to {high:g}")
+            if quantity == PRESSURE:
+                self._check_rate(axis, "pressure_psi_per_s", value)
+            if quantity in self._watched:
+                self._interlocks.check(quantity, value)
 
     def check_chamber(self, name: str, state: ChamberState) -> None:
         """Refuse alarms, and temperatures outside the limits. Raises `LimitViolation`, `InterlockHold`."""

@@ -77,7 +77,7 @@ class Holding:
                     self._journal.message = ""
                     return "repeat-check"
                 try:
-                    self._do.look_around()
+                    self._do.look_around(self._clock.now())
                 except InterlockHold as error:
                     why = str(error)
                 except DriverError as error:
@@ -113,7 +113,7 @@ class Holding:
                         self._journal.write(Released())
                     told = True
                     return go_on()
-                self._do.look_around()
+                self._do.look_around(self._clock.now())
             except InterlockHold as error:
                 why = str(error)
             except DriverError as error:

@@ -8,6 +8,7 @@ detects the hole. The sequencer then checks the bench as it does when a run is r
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from drivers.clock import Clock
@@ -55,19 +56,26 @@ class WatchedClock:
 
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
-        self._last = clock.now()
+        self._read, self._last = clock.now, clock.now()
         self._explained = 0.0
         self._hole: Hole | None = None
+
+    @property
+    def noted(self) -> bool:
+        """Whether `take_hole` has a hole to give, as of the last use of this clock."""
+        return self._hole is not None
 
     def take_hole(self) -> Hole | None:
         """The longest hole since the last call, None if there was none."""
         self.now()
+        if self._hole is None:
+            return None
         hole, self._hole = self._hole, None
         return hole
 
     def now(self) -> float:
         """See `Clock.now`."""
-        now = self._clock.now()
+        now = self._read()
         if now - self._last > HOLE_S + self._explained:
             self._note(now)
         self._last = now
@@ -108,9 +116,10 @@ class WatchedClock:
         """See `Clock.grace`."""
         return self._clock.grace()
 
-    def stopwatch(self) -> float:
-        """See `Clock.stopwatch`."""
-        return self._clock.stopwatch()
+    @property
+    def stopwatch(self) -> Callable[[], float]:
+        """See `Clock.stopwatch`: that of the clock it reads, which is no sign of life."""
+        return self._clock.stopwatch
 
 
 def watched(clock: Clock) -> WatchedClock:

@@ -300,10 +300,11 @@ class Journal:
         fold = self.fold
         if self._done is None:
             self._done = len(fold.accepted) + len(fold.skipped)
-        elapsed_s = self.elapsed()
-        return Progress(
-            self.state, self._done, fold.points, elapsed_s, self._remaining_s(elapsed_s), self.message, self.detail
-        )
+        elapsed_s = self._clock.now() - self._session.elapsed_origin
+        left_s = self._left_s  # only a run without whole plots keeps it until the next record
+        if left_s is None:
+            left_s = self._remaining_s(elapsed_s)
+        return Progress(self.state, self._done, fold.points, elapsed_s, left_s, self.message, self.detail)
 
     def _remaining_s(self, elapsed_s: float) -> float | None:
         if self._soaks is not None:

@@ -1,8 +1,9 @@
 """Detection of frozen readings: a meter that hangs repeats a reading, but so does one with a coarse resolution and no
 noise.
 
-Two tests tell them apart. A reading from another setting does not return to the last digit. And if the readings of
-one point were hardly ever all equal, several channels at once do not suddenly have equal readings.
+Three tests tell them apart. A reading from another setting does not return to the last digit. If the readings of one
+point were hardly ever all equal, several channels at once do not suddenly have equal readings. And after readings that
+nobody could keep (a session that ended, an answer that was lost) an output that scattered has to scatter again.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from rig.engine.measuring import Observation
 _TOO_STILL = 3e-3
 """Probability below which equal readings on several channels are not accepted as chance."""
 _FEWEST = 3
-"""Different readings of a reference standard, at least, by which it is known to scatter."""
+"""Different readings, at least, by which a column is known to scatter."""
 _STILL, _SEEN = 0.5, 4.0
 """Prior: two of four observations had equal readings."""
 
@@ -41,9 +42,10 @@ class _Output:
         """Probability that these readings are all equal by chance, from earlier observations; 1 if they are not
         equal.
         """
-        if self.doubted is not None and set(readings) != {self.doubted}:
+        different = set(readings)
+        if self.doubted is not None and different != {self.doubted}:
             self.seen, self.still, self.doubted = self.seen + 1, self.still + 1, None
-        if len(set(readings)) > 1:
+        if len(different) > 1:
             self.seen += 1
             return 1.0
         if len(readings) < 2:
@@ -77,7 +79,12 @@ class Liveness:
         self._outputs = {name: _Output() for name in readers}
         self._hung_at, self._hung = hung
         self._former: Mapping[str, Sequence[float]] = {}
+        self._new, self._begun = True, 0
         self._here: dict[str, tuple[float, ...]] = {}
+
+    def begin(self) -> None:
+        """A measurement begins. If `hanging` never sees its readings, they were lost, or out of range."""
+        self._begun += 1
 
     def hanging(self, point: Point, observation: Observation, passing: Mapping[str, Sequence[float]]) -> list[str]:
         """Columns that hang.
@@ -93,8 +100,9 @@ class Liveness:
         last = {name: (*self._last.get(name, ()), *passing.get(name, ())) for name in now}
         if self._point is not None and self._point.setpoints != point.setpoints:
             self._former, self._here = self._last, {}
-        found = [name for name, readings in now.items() if self._repeats(name, readings, last[name], point)]
-        found = found or self._too_still(now)
+        found = [n for n, r in now.items() if len(set(r)) == 1 and self._repeats(n, r, last[n], point)]
+        found = found or self._too_still(now) or self._unknown(now, last)
+        self._new, self._begun = False, 0
         if found:
             self._hung = {**self._hung, **{name: now[name][-1] for name in found}}
             self._hung_at = point.index
@@ -137,6 +145,14 @@ class Liveness:
         if former and now[0] == former[-1]:
             return True
         return now[0] in here and len(set(here)) == len(here) >= _FEWEST
+
+    def _unknown(self, now: Mapping[str, Sequence[float]], before: Mapping[str, Sequence[float]]) -> list[str]:
+        """Columns that may repeat a reading that was not kept: all equal, where they scattered or were never read."""
+        lost = self._begun > 1
+        if not (lost or self._new):
+            return []
+        equal = [name for name, readings in now.items() if len(readings) > 1 and len(set(readings)) == 1]
+        return [n for n in equal if len(set(before[n])) >= _FEWEST or (lost and not before[n])]
 
     def _too_still(self, now: Mapping[str, Sequence[float]]) -> list[str]:
         chances = {name: self._outputs[name].chance(readings) for name, readings in now.items()}

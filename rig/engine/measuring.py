@@ -5,41 +5,41 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Any
 
-from drivers.roles import is_overload
+from drivers.roles import any_overload, is_overload
 
 
-@dataclass(frozen=True)
 class Channel:
     """All readings of one quantity at one point; what follows from them is calculated once.
 
     Attributes:
         readings: as the instrument gave them, in its unit.
+        overload: whether any reading was out of the instrument's range.
 
     """
 
-    readings: tuple[float, ...]
+    __slots__ = ("_mean", "_sd", "overload", "readings")
 
-    @cached_property
-    def overload(self) -> bool:
-        """Whether any reading was out of the instrument's range."""
-        return any(map(is_overload, self.readings))
+    def __init__(self, readings: tuple[float, ...]) -> None:
+        self.readings, self.overload = readings, any_overload(readings)
+        self._mean: float | None = None
+        self._sd: float | None = None
 
-    @cached_property
+    @property
     def mean(self) -> float:
         """Mean of the readings."""
-        return math.fsum(self.readings) / len(self.readings)
+        if self._mean is None:
+            self._mean = math.fsum(self.readings) / len(self.readings)
+        return self._mean
 
-    @cached_property
+    @property
     def sd(self) -> float:
         """Standard deviation of one reading; 0 if there is only one."""
-        n = len(self.readings)
-        if n < 2:
-            return 0.0
-        mean = self.mean
-        return math.sqrt(math.fsum([(r - mean) ** 2 for r in self.readings]) / (n - 1))
+        if self._sd is None:
+            n, mean = len(self.readings), self.mean
+            self._sd = math.sqrt(math.fsum([(r - mean) ** 2 for r in self.readings]) / (n - 1)) if n > 1 else 0.0
+        return self._sd
 
     def as_json(self) -> dict[str, Any]:
         """Values for the run file."""
@@ -65,8 +65,8 @@ class Observation:
 
     def overloaded(self) -> list[str]:
         """Names of the quantities that were out of range."""
-        every = (*self.outputs.items(), *self.temperatures.items(), *self.references.items())
-        return [name for name, c in every if c.overload]
+        every = (self.outputs, self.temperatures, self.references)
+        return [name for group in every for name, c in group.items() if c.overload]
 
     @property
     def _overloaded_references(self) -> list[tuple[str, Channel]]:
@@ -116,8 +116,9 @@ def assemble(
 
     def pick(source: tuple[str, str], scale: float = 1.0) -> Channel:
         reader, channel = source
+        readings = tuple(map(float, fetched[reader][channel]))
         # an overload is not scaled
-        return Channel(tuple([r if is_overload(r) else r * scale for r in fetched[reader][channel]]))
+        return Channel(readings if scale == 1.0 else tuple([r if is_overload(r) else r * scale for r in readings]))
 
     return Observation(
         outputs={name: pick(source, scales[name]) for name, source in sensors.items()},

@@ -17,9 +17,11 @@ from math import exp, inf, log
 
 import numpy as np
 
+from procedures.column_names import unit_of
 from procedures.conduct import Conduct, SoakSettings
 from procedures.run_list import RunList
 from rig.config import FOLLOWS_S, BenchConfig
+from rig.quantities import TEMPERATURE_UNIT
 from rig.run_file.chain import Record
 from rig.run_file.events.bench import Fault
 from rig.run_file.events.by_hand import AskedByHand
@@ -203,6 +205,8 @@ def _rate(bench: BenchConfig, factor: str, option: str) -> float | None:
 def _followers(run_list: RunList, bench: BenchConfig) -> Mapping[str, Follower]:
     out = {}
     for factor in run_list.hard:
+        if unit_of(factor.name) != TEMPERATURE_UNIT:
+            continue
         rate = _rate(bench, factor.name, "ramp_degC_per_min")
         out[factor.name] = Follower(inf if rate is None else rate / 60.0, follows_s(bench, factor.name))
     return out
@@ -230,6 +234,6 @@ def _soaks_s(run_list: RunList, soak: SoakSettings, followers: Mapping[str, Foll
         if max(changes.values(), default=0.0) < soak.renew_degC:
             changes = dict.fromkeys(changes, soak.renew_degC)
         settled = max((followers[name].settled_s(change, soak) for name, change in changes.items()), default=0.0)
-        out[point.whole_plot] = settled + soak.dwell_s
+        out[point.whole_plot] = settled + (soak.dwell_s if followers else 0.0)
         at = to
     return out

@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import hypot, sqrt
 from operator import mul
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,14 +26,14 @@ _BEYOND_SCATTER = 50.0
 _SPANNED = 0.3
 _ODD = 0.05
 _TO_JUDGE_A_SLOPE, _SLOPE_OFF = 8, 0.2
+_FOLLOWED = 0.99 * _SLOPE_OFF / sqrt(2 * _TO_JUDGE_A_SLOPE)
 _EXACT, _ZERO = 1e-9, 1e-13
 """Smallest error of an observation that is assumed, relative to the range of the output; and the smallest singular
 value that is not zero, relative to the largest.
 """
 
 
-@dataclass(frozen=True)
-class _Expected:
+class _Expected(NamedTuple):
     """A prediction: its value, and the standard deviation of the fitted function there (not of a reading)."""
 
     value: float
@@ -59,16 +60,19 @@ class _Model:
 
     def __init__(self, rows: Sequence[Row], outputs: Sequence[float], span: Sequence[float]) -> None:
         columns, y = np.array(rows), np.array(outputs)
-        left = y - columns @ np.linalg.lstsq(columns, y, rcond=1e-9)[0]
+        largest = np.abs(columns).max(axis=0)
+        alike = columns / np.where(largest > 0.0, largest, 1.0)  # amperes beside the cube of a temperature
+        left = y - alike @ np.linalg.lstsq(alike, y, rcond=1e-9)[0]
         total = float(np.sum((y - y.mean()) ** 2))
         self.explained = 1.0 - float(left @ left) / total if total > 0.0 else None
-        rank = int(np.linalg.matrix_rank(columns, rtol=1e-9))
+        rank = int(np.linalg.matrix_rank(alike, rtol=1e-9))
         self.scatter = float(np.sqrt(left @ left / max(1, len(y) - rank)))
         self.low, self.high = float(y.min()), float(y.max())
         reach = self.high - self.low
+        self.certain = max(_BEYOND_SCATTER * self.scatter, 0.01 * reach)  # at least; see `_certain`
         self._error = max(self.scatter, _EXACT * reach) or 1.0
         moves = np.array(span) > 0.0
-        scale = np.where(moves, span, np.maximum(np.abs(columns).max(axis=0), 1e-300))
+        scale = np.where(moves, span, np.maximum(largest, 1e-300))
         weighted = np.vstack([columns / scale / self._error, np.diag(moves / (reach or 1.0))])
         u, size, vt = np.linalg.svd(weighted, full_matrices=False)
         inverse = np.divide(1.0, size, out=np.zeros_like(size), where=size > size[0] * _ZERO)
@@ -123,12 +127,40 @@ class ResponseTest:
         expected = None if self._model is None else self._model.expects(row)
         self._recent.append(_Seen(row, mean, variance == 0.0, expected))
         last = list(self._recent)
-        said = self._frozen(last) or self._deaf(last) or self._jumped(last) or self._weak(last)
+        if self._follows(last):
+            said, self._off = "", 0
+        else:
+            said = self._frozen(last) or self._deaf(last) or self._jumped(last) or self._weak(last)
         if not said and len(self._rows) < _MODEL_ROWS and self._believable(mean, expected):
             self._rows.append(row)
             self._outputs.append(mean)
             said = self._learn()
         return said
+
+    def _follows(self, last: list[_Seen]) -> bool:
+        """Whether the output follows its model so closely that none of the tests below can find anything.
+
+        It is cheaper than they are. `_frozen` needs a point without scatter; `_deaf` a window in which the output
+        moved by less than a tenth; `_jumped` a last point that is off. A slope of n points differs from 1 by at most
+        sqrt(2 n) times the largest difference from the model, divided by the range of its predictions.
+        """
+        model = self._model
+        if model is None or last[-1].still or len(last) < max(_WINDOWS):
+            return False
+        if any(s.expected is None for s in last):
+            return False
+        values = [s.expected.value for s in last if s.expected is not None]
+        means = [s.mean for s in last]
+        for size in _WINDOWS:
+            some, read = values[-size:], means[-size:]
+            if max(read) - min(read) < 0.1 * (max(some) - min(some)):
+                return False
+        some = values[-_TO_JUDGE_A_SLOPE:]
+        off = [abs(mean - value) for mean, value in zip(means[-_TO_JUDGE_A_SLOPE:], some, strict=True)]
+        if off[-1] > self._least_jump * (model.high - model.low):
+            return False
+        should = max(some) - min(some)
+        return should <= model.certain or max(off) <= _FOLLOWED * should
 
     def _believable(self, mean: float, expected: _Expected | None) -> bool:
         """Whether an observation is good enough to be added to the fit."""
@@ -138,7 +170,7 @@ class ResponseTest:
     def _frozen(self, last: list[_Seen]) -> str:
         """Test for a frozen output: all readings equal at different settings, although the sensor had noise before."""
         last = last[-_FROZEN:]
-        if not self._noisy or len(last) < _FROZEN or not all(s.still for s in last):
+        if not self._noisy or len(last) < _FROZEN or not (last[0].still and all(s.still for s in last)):
             return ""
         if len({s.mean for s in last}) > 1 or len({s.row for s in last}) == 1:
             return ""
@@ -175,7 +207,8 @@ class ResponseTest:
             should = _range(expected)
             if should <= _certain(model, expected):
                 continue
-            did = max(s.mean for s in some) - min(s.mean for s in some)
+            means = [s.mean for s in some]
+            did = max(means) - min(means)
             if did < 0.1 * should:
                 stays = f"{self._say(some[-1].mean)}{_at_rail(model, some[-1].mean)}"
                 return (
@@ -206,19 +239,20 @@ class ResponseTest:
         if model is None or len(off) < _JUMPED:
             return ""
         least = self._least_jump * (model.high - model.low)
-        if any(abs(by) <= max(_BEYOND_SCATTER * hypot(model.scatter, sd), least) for by, sd in off):
+        if not all(abs(by) > max(_BEYOND_SCATTER * hypot(model.scatter, sd), least) for by, sd in off):
             return ""
         rail = _at_rail(model, some[-1].mean)
         return f"reads {self._say(off[-1][0])} away from what its settings gave before, {_JUMPED} points in a row{rail}"
 
 
 def _range(expected: Sequence[_Expected]) -> float:
-    return max(e.value for e in expected) - min(e.value for e in expected)
+    values = [e.value for e in expected]
+    return max(values) - min(values)
 
 
 def _certain(model: _Model, expected: Sequence[_Expected]) -> float:
     """Smallest predicted change that the output must follow."""
-    worst = max(e.sd for e in expected)
+    worst = max([e.sd for e in expected])
     return max(_BEYOND_SCATTER * hypot(model.scatter, worst), 0.01 * (model.high - model.low))
 
 

@@ -26,6 +26,7 @@ from rig.engine.early_warning import EarlyWarnings
 from rig.engine.failure_counts import Policies
 from rig.engine.fault_classes import FAULTS, InterlockHold, TemperatureLeft
 from rig.engine.guard import Guard
+from rig.engine.held import held_factors
 from rig.engine.holding import CannotHold, Holding, NobodyCame
 from rig.engine.holes import HoleInTime, watched
 from rig.engine.identities import compare_identities
@@ -89,13 +90,16 @@ class Sequencer:
         self._clock, self._session, self._signals = clock, session, signals
         pace = Pace(run_list, conduct, bench.config) if conduct.whole_plots else None
         self._journal = Journal(run, state, clock, session, on_progress, run_list.whole_plots, pace)
-        self._axes = axes_of(bench, run_list.easy)
+        moved = (*run_list.easy, *held_factors(bench, run_list))
+        self._axes = axes_of(bench, moved, lambda axis: conduct.settled(axis).band)
         config = bench.config
         self._guard = Guard(config.limits, config.factors, config.interlocks, clock.now)
         self._do = BenchActions(bench, self._axes, self._guard, clock, self._wait)
         self._journal.settling = lambda: self._do.judges
         requests = Requests(run.path, session.number, clock.stopwatch)
         self._settings = SetByHand(bench, run_list, conduct)
+        if state.planned is not None:
+            self._settings.recall(state.set_by_hand, state.planned)
         self._by_hand = ByHand(
             run_list,
             self._journal,
@@ -118,12 +122,13 @@ class Sequencer:
             self._soaking = Soaking(
                 bench=bench,
                 run_list=run_list,
-                conduct=conduct.whole_plots,
+                conduct=conduct,
                 do=self._do,
                 journal=self._journal,
                 queue=self._queue,
                 clock=clock,
                 wait=self._wait,
+                settings=self._settings,
             )
         self._point = AtPoint(
             bench=bench,
@@ -255,8 +260,9 @@ class Sequencer:
             self._clock.sleep(min(left, 5.0))
             self._look_up()
             now = self._clock.now()
-        self._interruptions.check_time()
-        self._do.look_around()
+        if self._clock.noted:
+            self._interruptions.check_time()
+        self._do.look_around(now)
 
     # --- handlers, one a state ------------------------------------------------------------------------------
 
@@ -284,6 +290,8 @@ class Sequencer:
     def _check_again(self) -> str:
         """After a hole in time the bench is checked as for a resumed run."""
         self._needs_set_up = True
+        if self._soaking is not None:
+            self._soaking.watched = False
         at = self._journal.at
         if at is not None:
             at.attempt += 1
@@ -291,6 +299,11 @@ class Sequencer:
 
     def _preparing(self) -> str:
         self._put_back()
+        following = self._queue.peek()
+        if self._by_hand.due(following):
+            return self._by_hand.ask()  # a step that belongs to a whole plot which is measured again
+        if self._soaking is not None and following is not None and self._by_hand.unset_for_plot(following):
+            return self._by_hand.ask_to_set(following)  # before a soak, which a person would disturb
         # homing does not disturb the environment
         stands = (
             self._home_again and self._journal.fold.prepared and self._standing.environment_stands(self._do.readback())

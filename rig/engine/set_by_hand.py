@@ -14,6 +14,7 @@ from procedures.conduct import Conduct
 from procedures.run_list import Factor, Point, RunList
 from rig.bench import Bench
 from rig.engine.measuring import Channel
+from rig.run_file.events.by_hand import SetByHand as SetEvent
 
 
 @dataclass(frozen=True)
@@ -26,6 +27,7 @@ class ToSet:
         instruction: what to do, without a full stop.
         tolerance: largest difference of a stated value from the setpoint.
         limits: (low, high) of the bench for the factor.
+        whole_plot: number of the planned whole plot for which a hard factor is set; None for others.
     """
 
     factor: Factor
@@ -33,6 +35,7 @@ class ToSet:
     instruction: str
     tolerance: float
     limits: tuple[float, float]
+    whole_plot: int | None = None
 
     def refuses(self, value: str | None) -> str:
         """Why an answer is refused, as a sentence; "" if it is accepted.
@@ -92,13 +95,32 @@ class SetByHand:
         self._people = {name: person for name, person in people.items() if person is not None}
         self._factors = [f for f in run_list.factors if f.name in self._people]
         self._stands: dict[str, Standing] = {}
+        self._set_for: dict[str, int | None] = {}
+
+    def recall(self, last: Mapping[str, SetEvent], whole_plot: int) -> None:
+        """In a new session: what was set last by hand, by factor, stands for the open whole plot."""
+        for factor in self._factors:
+            event = last.get(factor.name)
+            if factor.hard and event is not None:
+                self._stands[factor.name] = Standing(event.setpoint, 0, event.setpoint, event.number)
+                self._set_for[factor.name] = whole_plot
+
+    def forget(self) -> None:
+        """The open whole plot was lost: hard factors are set again."""
+        self._set_for.clear()
 
     def missing(self, point: Point) -> ToSet | None:
-        """The next setting that a person has to make for a point; None if all stand."""
+        """The next setting that a person has to make for a point; None if all stand.
+
+        A hard factor is set anew for every whole plot, also where the value stays.
+        """
         setting = self._run_list.setting(point)
         sides = dict(zip((f.name for f in self._run_list.factors), point.sides, strict=True))
         for factor in self._factors:
-            wanted = self._next(factor, setting[factor.name], sides[factor.name])
+            if factor.hard and self._set_for.get(factor.name) != point.whole_plot:
+                return self._to_set(factor, setting[factor.name], point.whole_plot)
+        for factor in self._factors:
+            wanted = None if factor.hard else self._next(factor, setting[factor.name], sides[factor.name])
             if wanted is not None:
                 return self._to_set(factor, wanted)
         return None
@@ -113,10 +135,13 @@ class SetByHand:
         before = [level for level in self._run_list.levels(factor) if side * (target - level) > 0]
         return min(before, key=lambda level: abs(target - level), default=target - side * factor.overtravel)
 
-    def _to_set(self, factor: Factor, value: float) -> ToSet:
+    def _to_set(self, factor: Factor, value: float, whole_plot: int | None = None) -> ToSet:
         limits = self._limits.get(factor.name, (float("-inf"), float("inf")))
         say = self._people[factor.name].instruction(factor.name, value)
-        return ToSet(factor, value, say, self._tolerances.get(factor.name, float("inf")), limits)
+        stands = self._stands.get(factor.name)
+        if whole_plot is not None and stands is not None and stands.setpoint == value:
+            say = f"undo it, and then anew: {say}"
+        return ToSet(factor, value, say, self._tolerances.get(factor.name, float("inf")), limits, whole_plot)
 
     def made(self, asked: ToSet, stated: float | None) -> None:
         """A person said that a setting was made."""
@@ -126,17 +151,20 @@ class SetByHand:
         if before is not None and not side:
             side = before.side
         self._stands[asked.factor.name] = Standing(asked.setpoint, side, start, stated)
+        if asked.whole_plot is not None:
+            self._set_for[asked.factor.name] = asked.whole_plot
 
     @property
     def approach(self) -> dict[str, tuple[int, float]]:
         """Side and start of every standing setting that was approached from a known side, by axis."""
-        stands = ((f, self._stands.get(f.name)) for f in self._factors)
+        stands = ((f, self._stands.get(f.name)) for f in self._factors if not f.hard)
         return {f.axis: (s.side, s.start) for f, s in stands if s is not None and s.side}
 
     @property
     def readback(self) -> dict[str, float]:
-        """Stated value of every standing setting, or the setpoint, by factor."""
-        return {name: s.setpoint if s.stated is None else s.stated for name, s in self._stands.items()}
+        """Stated value of every standing setting of an easy factor, or the setpoint, by factor."""
+        easy = ((f.name, self._stands.get(f.name)) for f in self._factors if not f.hard)
+        return {name: s.setpoint if s.stated is None else s.stated for name, s in easy if s is not None}
 
     def stated(self) -> Mapping[str, Channel]:
         """Values that were stated, by factor."""

@@ -57,7 +57,8 @@ class Settling:
         if not inside:
             self._inside_s = max(0.0, self._inside_s - step)
         elif self._was_inside:  # time before the band is reached does not count
-            self._inside_s = min(self._inside_s + step, c.dwell_s)
+            so_far = self._inside_s + step
+            self._inside_s = so_far if so_far < c.dwell_s else c.dwell_s
         self._last, self._was_inside = now, inside
         self._samples.append((now - self._started, value))
         if inside and self._inside_s >= c.dwell_s - 1e-9 and abs(self._slope()) <= c.drift_per_s:
@@ -78,12 +79,12 @@ class Settling:
         since = self._samples[-1][0] - c.dwell_s - 1e-9
         recent = [s for s in self._samples if s[0] >= since and abs(s[1] - c.target) <= c.band]
         n = len(recent)
-        mean_t = sum(t for t, _ in recent) / n
-        spread = sum((t - mean_t) ** 2 for t, _ in recent)
+        mean_t = sum([t for t, _ in recent]) / n
+        spread = sum([(t - mean_t) ** 2 for t, _ in recent])
         if spread == 0.0:
             return 0.0
-        mean_v = sum(v for _, v in recent) / n
-        return sum((t - mean_t) * (v - mean_v) for t, v in recent) / spread
+        mean_v = sum([v for _, v in recent]) / n
+        return sum([(t - mean_t) * (v - mean_v) for t, v in recent]) / spread
 
     def lately(self, seconds: float, most: int) -> dict[str, object]:
         """The last `seconds`, for observers: criteria, outcome, and at most `most` samples as [seconds ago, value]."""

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NoReturn
 
 from drivers.clock import Clock
-from procedures.conduct import WholePlotConduct
+from procedures.conduct import Conduct
 from procedures.run_list import Point, RunList
 from rig.bench import Bench
 from rig.engine.actions import BenchActions
-from rig.engine.fault_classes import TemperatureLeft, TemperaturesNotSettled
+from rig.engine.axes import AxisReading
+from rig.engine.fault_classes import NotSettled, TemperatureLeft, TemperaturesNotSettled
+from rig.engine.held import Held
 from rig.engine.journal import Journal
 from rig.engine.measuring import Channel
 from rig.engine.queue import PointQueue
+from rig.engine.set_by_hand import SetByHand
 from rig.engine.whole_plots import WholePlots, without_power
+from rig.run_file.events.event import EMPTY
 from rig.run_file.events.points import Observed, Renewing, TemperaturesLeft, WholePlotBegan, WholePlotLost
 
 _RECALLED = 40
@@ -28,15 +32,17 @@ class Soaking:
     Args:
         bench: opened instruments.
         run_list: every point of the run.
-        conduct: soak and recovery.
+        conduct: soak, settling and recovery.
         do: actions on the bench.
         journal: where it is recorded.
         queue: points still to be observed.
         clock: bench time.
         wait: waits for this number of bench seconds; may raise to interrupt.
+        settings: factors that a person sets.
 
     Attributes:
         rules: the rules of whole plots.
+        watched: whether this session began the open whole plot or worked on it, and was there since then.
 
     Raises:
         ConfigurationError: the bench file names no chamber for a factor.
@@ -48,15 +54,18 @@ class Soaking:
         *,
         bench: Bench,
         run_list: RunList,
-        conduct: WholePlotConduct,
+        conduct: Conduct,
         do: BenchActions,
         journal: Journal,
         queue: PointQueue,
         clock: Clock,
         wait: Callable[[float], None],
+        settings: SetByHand,
     ) -> None:
-        self.rules = WholePlots(bench, run_list, conduct)
-        self._run_list, self._soak = run_list, conduct.soak
+        assert conduct.whole_plots is not None
+        self.rules = WholePlots(bench, run_list, conduct.whole_plots)
+        self._run_list, self._soak, self._poll_s = run_list, conduct.whole_plots.soak, conduct.poll_s
+        self._held, self._settings, self.watched = Held(bench, run_list, conduct.settled), settings, False
         self._do, self._journal, self._queue = do, journal, queue
         self._clock, self._wait = clock, wait
         self._lost = 0
@@ -75,12 +84,14 @@ class Soaking:
         assert point is not None
         assert point.whole_plot is not None
         fold = self._journal.fold
-        if fold.left_for != point.whole_plot:
-            self._leave(point)
         targets = self.rules.targets(point)
+        if targets and fold.left_for != point.whole_plot:
+            self._leave(point)
         for chamber, target in targets.items():
             self._do.set_chamber(chamber, target)
-        self._journal.message = f"soaking for whole plot {point.whole_plot} of {self._run_list.whole_plots}"
+        doing = "soaking for" if targets else "setting"
+        self._journal.message = f"{doing} whole plot {point.whole_plot} of {self._run_list.whole_plots}"
+        self._go(point)
 
         def watch(values: Mapping[str, float]) -> None:
             shown = ", ".join(
@@ -93,13 +104,45 @@ class Soaking:
             if disturbed:
                 raise TemperaturesNotSettled(disturbed, {})
 
-        settings, thermometers = self._soak, self.rules.thermometers
-        evidence = self._do.until_soaked(self.rules.criteria(point), settings.poll_s, thermometers, watch)
+        thermometers, criteria = self.rules.thermometers, self.rules.criteria(point)
+        evidence = self._do.until_soaked(criteria, self._soak.poll_s, thermometers, watch) if criteria else {}
+        evidence |= self._settle(point)
         self._journal.message = self._journal.detail = ""
         self._do.take_unwatched_s()  # readings before the end of the soak do not matter
         self._journal.begin_whole_plot(
-            WholePlotBegan(planned=point.whole_plot, setpoints_degC=targets, settling=evidence)
+            WholePlotBegan(
+                planned=point.whole_plot,
+                setpoints_degC=targets,
+                settling=evidence,
+                settings=self._others(point) or EMPTY,
+            )
         )
+        self.watched = True
+
+    def _others(self, point: Point) -> dict[str, float]:
+        """Settings of a whole plot that are no temperatures, by factor."""
+        soaked = {one.factor for one in self.rules.soaked}
+        setting = self._run_list.setting(point)
+        return {f.name: setting[f.name] for f in self._run_list.hard if f.name not in soaked}
+
+    def _go(self, point: Point) -> None:
+        """Set what instruments hold for a point's whole plot. Raises `TemperaturesNotSettled`."""
+        if not self._held.factors:
+            return
+        timeout_s = max(self._held.settled(f.axis).timeout_s for f in self._held.factors)
+        try:
+            self._do.go(self._held.legs(point, self._do.positions()), self._poll_s, timeout_s)
+        except NotSettled as error:
+            raise TemperaturesNotSettled(str(error), error.evidence) from error
+
+    def _settle(self, point: Point) -> dict[str, Any]:
+        """Wait until that has settled; the evidence. Raises `TemperaturesNotSettled`."""
+        if not self._held.factors:
+            return {}
+        try:
+            return self._do.settle(self._held.targets(point), self._held.settled, self._poll_s)
+        except NotSettled as error:
+            raise TemperaturesNotSettled(str(error), error.evidence) from error
 
     def _leave(self, point: Point) -> None:
         """Make sure that temperatures change for a whole plot: a chamber already at its setpoint leaves it first."""
@@ -126,24 +169,46 @@ class Soaking:
             TemperatureLeft: the whole plot was lost.
 
         """
-        why = self.rules.lost_meanwhile(
-            point,
-            self._do.take_unwatched_s(),
-            certain=True,
-            restarted=self._do.restarted(),
-            as_found=self._do.readback(),
-        )
+        unwatched_s = self._do.take_unwatched_s()
+        why = self.lost_meanwhile(point, unwatched_s, restarted=self._do.restarted(), as_found=self._do.readback())
         if why:
             self.lose(why)
 
-    def lost_now(self, point: Point, chambers: Mapping[str, Any], temperatures: Mapping[str, Channel]) -> str:
+    def lost_meanwhile(
+        self,
+        point: Point,
+        idle_s: float,
+        *,
+        restarted: Sequence[str],
+        as_found: Mapping[str, Any],
+        certain: bool = True,
+    ) -> str:
+        """Why the whole plot of `point` may not continue; "" if it may (`WholePlots.lost_meanwhile`)."""
+        why = self.rules.lost_meanwhile(
+            point, idle_s, certain=certain, watched=self.watched, restarted=restarted, as_found=as_found
+        )
+        axes = as_found["axes"]
+        values = {f.axis: axes[f.axis][f.name] for f in self._held.factors}
+        return why or self._held.out_of_place(point, values, {axis for axis, one in axes.items() if one["enabled"]})
+
+    def lost_now(
+        self,
+        point: Point,
+        chambers: Mapping[str, Any],
+        temperatures: Mapping[str, Channel],
+        axes: Mapping[str, AxisReading],
+    ) -> str:
         """Why the last readings do not belong to the open whole plot; "" if they do."""
-        why = self.rules.lost_now(point, chambers, temperatures)
+        values = {axis: one.value for axis, one in axes.items()}
+        why = self.rules.lost_now(point, chambers, temperatures) or self._held.out_of_place(
+            point, values, {axis for axis, one in axes.items() if one.enabled}
+        )
         if why:
             return why
-        restarted = self._do.restarted()
+        restarted = self._do.restarted() if self.rules.soaked or self._held.factors else []
         if restarted:
             return without_power(restarted)
+        self.watched = True
         self.rules.note(self._journal.fold.whole_plot, chambers)
         return ""
 
@@ -152,9 +217,10 @@ class Soaking:
         policies.
         """
         planned, kept = self.give_up(why)
+        look_at = "the chambers" if self.rules.soaked else "what sets it"
         again = f"{self._lost} times in this session, last " if self._lost > 1 else ""
         raise TemperatureLeft(
-            f"whole plot {planned} was lost {again}because {why}; {kept}. Look at the chambers, then resume"
+            f"whole plot {planned} was lost {again}because {why}; {kept}. Look at {look_at}, then resume"
         )
 
     def give_up(self, why: str) -> tuple[int, str]:
@@ -183,6 +249,7 @@ class Soaking:
             lost = replace(lost, reason=reason, kept=kept - doubted, doubted_s=since, doubted=doubted)
             self.rules.doubted_s = 0.0
         self._journal.write(lost)
+        self._settings.forget()
         self._queue.refill()
         self._lost += 1
         return planned, becomes

@@ -48,9 +48,7 @@ class Standing:
         if self._soaking is not None and point is not None:
             if fold.whole_plot is None or point.whole_plot != fold.planned:
                 return "prepare"
-            why = self._soaking.rules.lost_meanwhile(
-                point, idle_s, certain=certain, restarted=restarted, as_found=as_found
-            )
+            why = self._soaking.lost_meanwhile(point, idle_s, certain=certain, restarted=restarted, as_found=as_found)
             if why:
                 self._soaking.lose(why)
             return "recover"

@@ -16,8 +16,8 @@ import itertools
 import math
 from collections import deque
 from collections.abc import Callable, Hashable, Sequence
-from dataclasses import dataclass
 from statistics import NormalDist
+from typing import NamedTuple
 
 ALARM = 0.01
 """Probability of a false alarm in a run, for all outputs and tests together."""
@@ -25,8 +25,7 @@ _SHARE, _THERMOMETERS = 0.3, 0.1
 """Share of `ALARM` for each of the three tests of an output, and for the test of thermometers."""
 
 
-@dataclass(frozen=True)
-class Number:
+class Number(NamedTuple):
     """Mean and variance of one output's readings at one point.
 
     Attributes:
@@ -151,7 +150,7 @@ class RepeatTest:
                 continue
             values = list(self._steps)[-size:]
             shift = sum(values) / size
-            variance = sum((b - a) ** 2 for a, b in itertools.pairwise(values)) / (2 * (size - 1))
+            variance = sum([(b - a) ** 2 for a, b in itertools.pairwise(values)]) / (2 * (size - 1))
             if variance <= 0.0:
                 continue
             t = abs(shift) / math.sqrt(variance / size)
@@ -203,9 +202,9 @@ class PreviousTest:
             if len(self._recent) < size:
                 continue
             values = list(self._recent)[-size:]
-            mean = sum(r for r, _, _ in values) / size
-            chance = self._z * math.sqrt(sum(o * o for _, o, _ in values)) / size
-            allowed = chance + max(s for _, _, s in values)
+            mean = sum([r for r, _, _ in values]) / size
+            chance = self._z * math.sqrt(sum([o * o for _, o, _ in values])) / size
+            allowed = chance + max([s for _, _, s in values])
             if abs(mean) > allowed:
                 return (
                     f"has left its last calibration by {self._say(mean)} over the last {size} points; errors of both "

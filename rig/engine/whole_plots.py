@@ -20,6 +20,7 @@ from drivers.roles import is_overload
 from procedures.conduct import WholePlotConduct
 from procedures.run_list import Point, RunList
 from rig.bench import Bench
+from rig.engine.held import held_factors
 from rig.engine.measuring import Channel
 from rig.engine.settling import SETPOINT_STANDS, Criteria
 from rig.errors import BenchFault
@@ -80,7 +81,15 @@ class WholePlots:
         self._run_list = run_list
         self._soak = conduct.soak
         self._continue_gap_s = conduct.continue_gap_s
-        self.soaked = [Soaked(f.name, bench.soaks(f.name)[0], f.name in bench.temperatures) for f in run_list.hard]
+        others = {f.name for f in held_factors(bench, run_list)} | {
+            f.name for f in run_list.hard if bench.by_hand(f.name) is not None
+        }
+        self.soaked = [
+            Soaked(f.name, bench.soaks(f.name)[0], f.name in bench.temperatures)
+            for f in run_list.hard
+            if f.name not in others
+        ]
+        self._by_hand_only = not self.soaked and all(bench.by_hand(f.name) is not None for f in run_list.hard)
         self.doubted_s = 0.0
         self._open_for: dict[str, int] = {}
         self._pairs: Counter[str] = Counter()
@@ -166,7 +175,14 @@ class WholePlots:
                 )
 
     def lost_meanwhile(
-        self, point: Point, idle_s: float, *, certain: bool, restarted: Sequence[str], as_found: Mapping[str, Any]
+        self,
+        point: Point,
+        idle_s: float,
+        *,
+        certain: bool,
+        watched: bool,
+        restarted: Sequence[str],
+        as_found: Mapping[str, Any],
     ) -> str:
         """Why the whole plot of `point` may not continue after an interruption; "" if it may.
 
@@ -174,16 +190,19 @@ class WholePlots:
             point: the next one of that whole plot.
             idle_s: seconds since its last accepted reading, or since its soak ended.
             certain: whether this time was measured by one clock, without a reboot.
+            watched: whether this session began the whole plot or worked on it, and was there since then.
             restarted: instruments that have lost power.
             as_found: chambers as found, before any command.
 
         """
         self.doubted_s = 0.0
         if not certain:
-            return "the controller's machine was restarted, so it is not known how long the chambers were left alone"
+            return "the controller's machine was restarted, so it is not known how long the bench was left alone"
+        if self._by_hand_only and watched:
+            return ""  # what a person has set stays without power, and while the controller waits for somebody
         if idle_s > self._continue_gap_s:
             return f"left alone for {idle_s / 60:.0f} min, longer than continue_gap_s = {self._continue_gap_s:g} s"
-        if restarted:
+        if restarted and not self._by_hand_only:
             return without_power(restarted)
         return self._left(self.targets(point), as_found["chambers"], {})
 

@@ -44,8 +44,9 @@ def read_calibration(path: Path) -> CalibrationFile:
         )
     if path.suffix == ".xml":
         raise UsageError(
-            f"{path} is no calibration file of `rig fit --out`. Coefficients of digital calibration certificates are "
-            f"not used here; numbers for the register are: rig certificate --read {path} --as-equipment ASSET"
+            f"{path} is no calibration file of `rig fit --out`. Of the values of a digital calibration "
+            f"certificate make one: rig certificate --read {path} --column bath_degC=NAME --column prt_ohm=NAME > "
+            f"t.csv, then rig fit t.csv --out c.json; numbers for the register: --as-equipment ASSET"
         )
     try:
         text = read_regular_text(path)

@@ -6,16 +6,19 @@ The register keeps the numbers themselves, so that a run has them also without t
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Literal
 
-from procedures.column_names import unit_of
+from procedures.column_names import stem_of, unit_of
 from rig.dcc.reader import Number, Quantity, Read
+from rig.dcc.si_units import ratio
 from rig.errors import UsageError
 from rig.register.units import factor
 from rig.toml_text import toml_text
 
 _ZERO_CELSIUS_K = 273.15
+_ONE_SIGMA = 0.6827
 
 
 @dataclass(frozen=True)
@@ -69,6 +72,7 @@ def _bare(asset: str) -> str:
 def _says(read: Read, wanted: Wanted) -> dict[str, object]:
     unit = unit_of(wanted.quantity)
     values = read.find(wanted.value)
+    values = _with_coverage(values)
     k, probability = _coverage(values)
     sign = -1.0 if wanted.means == "error" else 1.0
     rows = [
@@ -84,7 +88,57 @@ def _says(read: Read, wanted: Wanted) -> dict[str, object]:
         raise UsageError(f"{values.name} has {len(rows)} values, and {at.name} has {len(at.numbers)}")
     settings = [_setting(one, unit) for one in at.numbers]
     table = sorted([setting, *row] for setting, row in zip(settings, rows, strict=True))
+    if any(b[0] <= a[0] for a, b in pairwise(table)):
+        raise UsageError(
+            f"{at.name} has a setting more than once: the values of {values.name} there are one correction; write its "
+            f"entry by hand, with their mean"
+        )
     return {**says, "table": table}
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of a table made of a certificate: its name with its unit, and the values' name in the certificate."""
+
+    name: str
+    value: str
+
+
+def table_text(read: Read, columns: Sequence[Column]) -> str:
+    """Values of a certificate as CSV, with a column of standard uncertainties, `u_NAME`, where it has them for all.
+
+    Args:
+        read: the certificate.
+        columns: what is taken from it, one or more.
+
+    Raises:
+        UsageError: values are not there, do not convert, or are not as many as the others.
+    """
+    made: dict[str, list[float]] = {}
+    for one in columns:
+        unit, values = unit_of(one.name), read.find(one.value)
+        if not stem_of(one.name):
+            raise UsageError(f"--column {one.name}={one.value}: the column's name ends in its unit, as in bath_degC")
+        made[one.name] = [_setting(number, unit) for number in values.numbers]
+        standard = [number.standard for number in values.numbers]
+        if None not in standard:
+            pairs = zip(values.numbers, standard, strict=True)
+            made[f"u_{one.name}"] = [_in(u or 0.0, number.unit, unit) for number, u in pairs]
+    counts = {name: len(values) for name, values in made.items()}
+    if len(set(counts.values())) > 1:
+        told = ", ".join(f"{name} {count}" for name, count in counts.items())
+        raise UsageError(f"{read.file}: these values are not as many as one another: {told}")
+    rows = zip(*made.values(), strict=True)
+    return "\n".join([",".join(made), *(",".join(map(repr, row)) for row in rows)]) + "\n"
+
+
+def _with_coverage(values: Quantity) -> Quantity:
+    """Standard uncertainties alone as expanded ones with k = 1, which is all that is known of them."""
+    alone = all(one.expanded is None and one.k is None and one.standard is not None for one in values.numbers)
+    if not alone:
+        return values
+    numbers = tuple(replace(one, expanded=one.standard, k=1.0, probability=_ONE_SIGMA) for one in values.numbers)
+    return replace(values, numbers=numbers)
 
 
 def _coverage(values: Quantity) -> tuple[float, float]:
@@ -107,15 +161,17 @@ def _uncertain(values: Quantity, one: Number) -> float:
 def _in(difference: float, of: str, to: str) -> float:
     """An error or an uncertainty in another unit. Raises `UsageError` if the units do not convert."""
     per = factor(of, to)
+    per = ratio(of, to) if per is None else per
     if per is None:
         raise UsageError(f"the certificate is in {of!r}, which does not convert to {to!r}, the unit of the quantity")
     return _plain(difference * per)
 
 
 def _setting(one: Number, to: str) -> float:
-    """A setting in another unit; a temperature in K is one in degC of another zero."""
-    shift = -_ZERO_CELSIUS_K if (one.unit, to) == ("K", "degC") else 0.0
-    return _plain(_in(one.value, one.unit, to) + shift)
+    """A value in another unit; a temperature in K is one in degC of another zero."""
+    shift = {("K", "degC"): -_ZERO_CELSIUS_K, ("degC", "K"): _ZERO_CELSIUS_K}.get((one.unit, to), 0.0)
+    value = _in(one.value, one.unit, to)
+    return round(value + shift, 9) if shift else value
 
 
 def _plain(value: float) -> float:

@@ -7,6 +7,7 @@ correction with its uncertainty over a range. Every uncertainty is complete, or 
 from __future__ import annotations
 
 import datetime
+from itertools import pairwise
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
@@ -20,6 +21,8 @@ Polynomial = Annotated[tuple[float, ...], Field(min_length=1, max_length=12)]
 Amount = Annotated[float, Field(ge=0)]
 Size = Amount | Annotated[tuple[Amount, ...], Field(min_length=1, max_length=12)]
 """A constant, or the coefficients of a polynomial in the magnitude of the quantity."""
+Drift = Annotated[tuple[tuple[Amount, Amount], ...], Field(min_length=2, max_length=100)]
+"""Rows [days since the calibration, error that is not exceeded with 95 %], as `rig chart --as-drift` prints them."""
 _UNITS = "unit of every number of it: the quantity's or another of its kind; `1`, `%` or `ppm` of the quantity's value"
 
 
@@ -92,8 +95,10 @@ class Statement(Uncertain):
         None, description="lowest and highest value of the quantity covered; without it, those of the table, or any"
     )
     meter_range: float | None = Field(None, gt=0, description="for this range of a meter only, in the quantity's unit")
-    drift: Amount | None = Field(
-        None, description="allowance for drift since the calibration: half-width, rectangular; behaves as the statement"
+    drift: Amount | Drift | None = Field(
+        None,
+        description="drift since the calibration; behaves as the statement: an allowance, the half-width of a "
+        "rectangle, or by its history rows [days, error not exceeded with 95 %] of `rig chart --as-drift`",
     )
     resolution: Amount | None = Field(
         None, description="resolution of the indication; independent at every setting, rectangular"
@@ -129,11 +134,18 @@ class Statement(Uncertain):
             self.correction or self.polynomial is not None or self.table is not None
         ):
             raise ValueError(f"an error that behaves as {self.behaves!r} has no correction: leave it out")
-        if self.table is not None and any(b[0] <= a[0] for a, b in zip(self.table, self.table[1:], strict=False)):
+        if self.table is not None and any(b[0] <= a[0] for a, b in pairwise(self.table)):
             raise ValueError("table: the quantity has to increase from row to row")
+        if isinstance(self.drift, tuple):
+            _check_drift(self.drift)
         if self.range is not None and not self.range[0] < self.range[1]:
             raise ValueError(f"range: {self.range[0]:g} is not below {self.range[1]:g}")
         return self
+
+
+def _check_drift(rows: Drift) -> None:
+    if any(b[0] <= a[0] for a, b in pairwise(rows)):
+        raise ValueError("drift: days have to increase from row to row")
 
 
 class Certificate(Strict):
@@ -213,6 +225,18 @@ class SensorItem(Item):
     customer_address: str = Field("", description="address of the customer, lines separated by newlines")
     received: datetime.date | None = Field(None, description="date on which it was received")
     condition: str = Field("", description="condition as received")
+    drift: Drift | None = Field(
+        None, description="drift since its calibration, by its history: as `rig chart --as-drift` prints it"
+    )
+    drift_unit: str = Field("", description="unit of the errors of `drift`")
+
+    @model_validator(mode="after")
+    def _drift(self) -> Self:
+        if self.drift is not None:
+            _check_drift(self.drift)
+        if (self.drift is not None) != bool(self.drift_unit):
+            raise ValueError("drift and drift_unit belong together, as `rig chart --as-drift` prints them")
+        return self
 
 
 class Register(Strict):

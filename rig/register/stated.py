@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from datetime import date
 from math import inf, sqrt
 
 import numpy as np
@@ -20,6 +21,7 @@ from rig.config import BenchConfig
 from rig.errors import ConfigurationError
 from rig.quantities import HEAD
 from rig.register.check import entries
+from rig.register.drift import drifted
 from rig.register.schema import PLACE_UNITS, Equipment, Polynomial, Register, Statement, Uncertain
 from rig.register.units import factor, relative
 
@@ -71,8 +73,17 @@ def standard_of(one: Uncertain) -> tuple[tuple[float, ...], Distribution]:
     return tuple(c / divisor for c in coefficients), kind
 
 
-def stated_of(register: Register, config: BenchConfig) -> Statements:
-    """Everything that a register states about the columns of runs on a bench."""
+def stated_of(register: Register, config: BenchConfig, on: date) -> Statements:
+    """Everything that a register states about the columns of a run on a bench.
+
+    Args:
+        register: the register.
+        config: the bench.
+        on: last day of the run, for drift since the calibrations.
+
+    Raises:
+        ConfigurationError: the drift of a certificate's quantity is not known for so long a time.
+    """
     errors: list[Stated] = []
     unused: list[str] = []
     for asset, given in given_by(config).items():
@@ -87,7 +98,7 @@ def stated_of(register: Register, config: BenchConfig) -> Statements:
                 columns = ", ".join(one.column for one in given) or "no column"
                 unused.append(f"{place}: nothing here is in {said.quantity}; {asset} gives {columns}")
             else:
-                errors += _stated(asset, equipment, said, mine, ranges, place)
+                errors += _stated(asset, equipment, said, mine, ranges, place, on)
     place_constants: dict[str, PlaceConstant] = {name: _constant(name, register) for name in register.place}
     return Statements(tuple(_each_by_its_name(errors)), place_constants, tuple(unused), register.example)
 
@@ -154,6 +165,7 @@ def _stated(
     given: Sequence[Given],
     ranges: Sequence[float],
     key: str,
+    on: date,
 ) -> Iterator[Stated]:
     """The errors that one statement makes: its own, drift, and resolution."""
     mine = [one for one in given if said.meter_range is None or one.meter_range in (None, said.meter_range)]
@@ -201,22 +213,26 @@ def _stated(
         key,
     )
     yield own
-    since = f"since {certificate.date}" if certificate is not None else ""
-    further: list[tuple[str, float | None, Behaviour]] = [
-        (f"{name}, drift {since}", said.drift, said.behaves),
-        (f"{name}, resolution", None if said.resolution is None else said.resolution / 2.0, "setting"),
-    ]
-    for label, half, behaves in further:
-        if half:
-            yield replace(
-                own,
-                name=label,
-                behaves=behaves,
-                correction=np.zeros_like,
-                standard=scaled(_constant_curve(half / sqrt(3.0))),
-                df=inf,
-                distribution="rectangular",
-            )
+    since = f"drift since {certificate.date}" if certificate is not None else "drift"
+    further: list[tuple[str, float, Behaviour, Distribution]] = []
+    if isinstance(said.drift, tuple):
+        days = (on - certificate.date).days if certificate is not None else 0
+        size = drifted(said.drift, days, f"{key}.drift")
+        further.append((f"{name}, {since} ({days} days, by its history)", size, said.behaves, "normal"))
+    elif said.drift:
+        further.append((f"{name}, {since}", said.drift / sqrt(3.0), said.behaves, "rectangular"))
+    if said.resolution:
+        further.append((f"{name}, resolution", said.resolution / 2.0 / sqrt(3.0), "setting", "rectangular"))
+    for label, size, behaves, shape in further:
+        yield replace(
+            own,
+            name=label,
+            behaves=behaves,
+            correction=np.zeros_like,
+            standard=scaled(_constant_curve(size)),
+            df=inf,
+            distribution=shape,
+        )
 
 
 def _constant_curve(value: float) -> Curve:

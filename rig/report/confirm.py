@@ -43,7 +43,7 @@ def confirm_report(confirmed: Confirmed) -> str:
         "answers": [_answer(confirmed, a, json) for a, json in zip(confirmed.answers, told["effects"], strict=True)],
     }
     table = run_table(confirmed.path)
-    span_s = float(np.ptp(confirmed.data.elapsed_s))
+    span_s = float(np.ptp(confirmed.later[-1].data.elapsed_s))
     return render(Page("rig.report", "confirm.html.j2", table, span_s, known(table).unused(table).to_json(), contents))
 
 
@@ -75,11 +75,13 @@ def _answer(confirmed: Confirmed, answer: Confirmation, told: dict[str, Any]) ->
 
 def _plot(confirmed: Confirmed, answer: Confirmation, sensor: str) -> Figure:
     """Residuals of the further run without and with one effect, over the variable of its best explanation."""
-    against, data, judged = answer.members[0].against, confirmed.data, confirmed.judged
+    against, judged = answer.members[0].against, confirmed.judged
     variables = {**confirmed.first.confirming.variables(), "elapsed_s": ("bench time / h", 1 / 3600.0)}
-    name = against if against in variables and hasattr(data, against) else "elapsed_s"
-    label, scale = variables[name]
-    values = np.asarray(getattr(data, name), np.float64)[judged.kept] * scale
+    values = confirmed.recorded(against) if against in variables else None
+    label, scale = variables["elapsed_s" if values is None else against]
+    values = confirmed.recorded("elapsed_s") if values is None else values
+    assert values is not None
+    values = values[judged.kept] * scale
     error = judged.errors[sensor]
     unit, scale = confirmed.first.confirming.drawn
     adds = confirmed.inferred(error, judged.adds[answer.effect, sensor]) * scale

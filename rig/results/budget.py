@@ -159,6 +159,7 @@ def budget(
     seed: int = 1,
     each: Callable[[], None] | None = None,
     shapes: bool = False,
+    after_days: float | None = None,
     **options: Any,
 ) -> Budget:
     """Uncertainty budgets of a run's results, by its register of equipment.
@@ -173,6 +174,7 @@ def budget(
         seed: of the simulation.
         each: called after each trial.
         shapes: whether coverage factors follow the shapes of the distributions.
+        after_days: inferred values are for a use so many days after the run, with the sensors' drift by their history.
         options: of `rig budget` for this kind of run, with underscores for hyphens.
 
     Raises:
@@ -196,6 +198,7 @@ def budget(
         "probability": probability,
         "options": given,
         "shapes": shapes,
+        "after_days": after_days,
     }
     return Budget(budget_of(of, **asked, trials=trials, seed=seed, each=each))
 

@@ -167,6 +167,10 @@ def _read(path: Path, stage: Stage, asked: Asked, settings: CertificateSettings,
 def _of_budget(budget: RunBudget, settings: CertificateSettings) -> Iterator[str]:
     for name in assembly.repeatability_only(budget):
         yield f"{name}: its uncertainty is repeatability only; state the errors of its instruments in the register"
+    table = budget.of.table
+    for column in budget.unstated:
+        if column in table.outputs or column in table.factors:
+            yield f"{column}: the register states no error of what reads or sets it; add what its certificate says"
     yield from assembly.without_result(budget, settings)
 
 

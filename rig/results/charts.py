@@ -56,6 +56,18 @@ class ControlChart(Reported):
 
         return chart_page(self.charted)
 
+    def as_drift(self) -> str:
+        """Lines of `equipment.toml`: the drift of every sensor since its last calibration. Raises `UsageError`."""
+        found, mark = [], "SIMULATED: " if self.charted.simulated else ""
+        for name, one in self.charted.sensors.items():
+            rows = ", ".join(f"[{days:g}, {error:g}]" for days, error in one.drift())
+            found.append(
+                f"# {mark}{name}, calibrated on {one.last:%Y-%m-%d}: drift not exceeded with 95 %, "
+                f"{one.view.usage_words}; rig chart of {len(one.given)} calibrations\n"
+                f"drift = [{rows}]\ndrift_unit = '{one.view.unit}'\n"
+            )
+        return "\n".join(found)
+
     def frame(self) -> Frame:
         """One row per calibration, sensor and parameter."""
         text, numbers = ("sensor", "date", "file", "parameter"), ("estimate", "stderr")

@@ -216,14 +216,14 @@ class Data:
         self,
         *,
         leave_out: str | int | Iterable[str | int] = (),
-        confirmed_by: str | Path | None = None,
+        confirmed_by: str | Path | Iterable[str | Path] = (),
         **options: Any,
     ) -> Calibration:
         """Fit the declared model to every sensor.
 
         Args:
             leave_out: "gross" for the gross errors found, or numbers of rows.
-            confirmed_by: a later run file; the calibration gets the causes that it confirmed.
+            confirmed_by: a later run file, or several; the calibration gets the causes that they confirmed.
             options: of `rig fit` for this kind of table, with underscores for hyphens.
 
         Raises:
@@ -232,7 +232,7 @@ class Data:
             RunFileError: the run file is damaged.
         """
         rows = [leave_out] if isinstance(leave_out, (str, int)) else list(leave_out)
-        later = None if confirmed_by is None else Path(confirmed_by)
+        later = [Path(one) for one in ([confirmed_by] if isinstance(confirmed_by, (str, Path)) else confirmed_by)]
         return fit_source(self._source, options, [str(row) for row in rows], later)
 
     def trace(self, **options: Any) -> Trace:
@@ -278,7 +278,7 @@ def fit_source(
     source: FileSource,
     given: Mapping[str, Any],
     leave_out: Sequence[str] = (),
-    confirmed_by: Path | None = None,
+    confirmed_by: Sequence[Path] = (),
     *,
     keep: bool = False,
     equipment: Path | None = None,
@@ -293,7 +293,7 @@ def fit_source(
     kind, options = chosen(source, _asked(given), lambda one: one.fit_options)
     fitted: Fitted
     others = [name for name, value in (("--leave-out", leave_out), ("--confirmed-by", confirmed_by)) if value]
-    if confirmed_by is not None:
+    if confirmed_by:
         from rig.closed_loop.confirm import fit_confirmed  # noqa: PLC0415 - which few fits need
 
         if leave_out:

@@ -30,6 +30,7 @@ class SeenTable:
     def __init__(self, seen: Seen, table: Table, source: FileSource, command: str) -> None:
         self.seen = seen
         self.table = table
+        self._of = command
         options = seen.fit if command == "fit" else seen.trace
         asked = source.asked.words()
         parts: list[str] = []
@@ -64,6 +65,8 @@ class SeenTable:
         if self.command:
             yield Line("Roles are a proposal by names and values. Nothing was fitted. A command to begin with:")
             yield Line(f"  {escape(self.command)}")
+            if self.seen.why_not and self._of == "trace":
+                yield Line(f"Time is left out of it: {escape(self.seen.why_not)}", wrapped=True)
         else:
             yield Line(f"There is nothing to propose: {escape(self.seen.why_not)}", wrapped=True)
 

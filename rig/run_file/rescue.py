@@ -18,20 +18,6 @@ from rig.run_file.reader import RunReader
 from rig.run_file.schema import INSERT_RECORD
 
 
-def is_still_at(path: Path, descriptor: int) -> bool:
-    """Whether `path` still names the file that is open as `descriptor`.
-
-    A folder that cannot be read at the moment is no evidence; writing will show its defect.
-    """
-    try:
-        there = os.stat(path)
-    except (FileNotFoundError, NotADirectoryError):
-        return False
-    except OSError:
-        return True
-    return os.path.samestat(there, os.fstat(descriptor))
-
-
 def rescue(
     path: Path, happened: str, sources: Sequence[apsw.Connection | None], head: tuple[int, bytes]
 ) -> StorageError:

@@ -8,10 +8,11 @@ from dataclasses import dataclass, field
 from math import inf
 from typing import Any
 
+from procedures.by_hand import HandStep, undone
 from rig.run_file.bodies import ContentsError
 from rig.run_file.chain import Record
 from rig.run_file.events.bench import Fault, MadeSafe, Prepared, Preparing
-from rig.run_file.events.by_hand import DoneByHand
+from rig.run_file.events.by_hand import DoneByHand, SetByHand
 from rig.run_file.events.event import Event
 from rig.run_file.events.points import Observed, Skipped, TemperaturesLeft, WholePlotBegan, WholePlotLost
 from rig.run_file.events.sessions import Ended, Identified, Rescued, RunCreated, SessionBegan, Stopped
@@ -49,6 +50,7 @@ class RunState:
         left_for: the planned whole plot for which temperatures have been left since the last was measured.
         lost: identity to reason, for whole plots that were given up and measured again.
         by_hand: steps that a person has done, by ordinal from 1.
+        set_by_hand: last setting of each factor that a person set.
         steps: number of the steps of the run list.
         decisions: number of decisions, by class of fault and decision ("no_reply: retry").
         faults: records of the last faults, for people.
@@ -81,6 +83,7 @@ class RunState:
     left_for: int | None = None
     lost: dict[int, str] = field(default_factory=dict)
     by_hand: dict[int, DoneByHand] = field(default_factory=dict)
+    set_by_hand: dict[str, SetByHand] = field(default_factory=dict)
     steps: int = 0
     decisions: dict[str, int] = field(default_factory=dict)
     faults: deque[Record] = field(default_factory=lambda: deque(maxlen=_FAULTS_KEPT))
@@ -90,6 +93,7 @@ class RunState:
     simulated: bool = False
     run_id: str = ""
     last_fault: str | None = None
+    _by_hand: tuple[HandStep, ...] = ()
 
     @property
     def remaining(self) -> int:
@@ -113,9 +117,12 @@ class RunState:
         match event:
             case RunCreated():
                 self.points, self.simulated, self.run_id = event.points, event.simulated, event.run_id
+                self._by_hand = event.steps
                 self.steps = len(event.steps)
             case DoneByHand():
                 self.by_hand[event.step] = event
+            case SetByHand():
+                self.set_by_hand[event.factor] = event
             case SessionBegan():
                 self.sessions = record.session
                 self.latest_zero_s = max(self.latest_zero_s, record.utc_s - record.elapsed_s)
@@ -180,6 +187,8 @@ class RunState:
                     self.skipped.pop(index, None)
                 assert record.whole_plot is not None
                 self.lost[record.whole_plot] = event.reason
+                for number in undone(self._by_hand, event.points):
+                    self.by_hand.pop(number, None)
                 self.whole_plot = self.planned = None
 
 

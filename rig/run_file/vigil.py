@@ -8,28 +8,25 @@ files must be the same as after the last commit.
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
 
 import apsw
 
 from rig.run_file.schema import Stored
 
-
-class _Seen(NamedTuple):
-    device: int
-    inode: int
-    size: int
-    changed_ns: int
+MOVED = "it was moved, deleted or replaced"
+_Seen = tuple[int, int, int, int]
+"""Device, inode, size and time of change."""
 
 
-def _look(path: Path) -> _Seen | None:
-    """Size, time of change and identity of a file; None if it is missing. Raises OSError if it cannot be read."""
+def _look(path: str) -> _Seen | None:
+    """Identity, size and time of change of a file; None if it is missing. Raises OSError if it cannot be read."""
     try:
         found = os.stat(path)
     except (FileNotFoundError, NotADirectoryError):
         return None
-    return _Seen(found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns)
+    return found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns
 
 
 class Vigil:
@@ -37,12 +34,15 @@ class Vigil:
 
     Args:
         path: the run file.
+        descriptor: it, opened: the file that `path` has to name.
 
     """
 
-    def __init__(self, path: Path) -> None:
-        self._paths = {"it": path, "its log": path.with_name(path.name + "-wal")}
+    def __init__(self, path: Path, descriptor: int) -> None:
+        self._paths = {"it": str(path), "its log": f"{path}-wal"}
         self._seen: dict[str, _Seen | None] = {}
+        own = os.fstat(descriptor)
+        self._own = own.st_dev, own.st_ino
         self.note()
 
     def note(self) -> None:
@@ -54,21 +54,25 @@ class Vigil:
                 self._seen.pop(what, None)  # a folder that cannot be read is no evidence
 
     def changed(self) -> str:
-        """The change by another program since then: the end of a sentence, "" if none."""
+        """The change by another program since then: the end of a sentence, "" if none.
+
+        It is `MOVED` if the path no longer names the file that is open. A folder that cannot be read at the moment is
+        no evidence; writing will show its defect.
+        """
         for what, path in self._paths.items():
-            if what not in self._seen:
-                continue
-            before = self._seen[what]
             try:
                 now = _look(path)
             except OSError:
                 continue
-            if now == before:
+            if what == "it" and (now is None or now[:2] != self._own):
+                return MOVED
+            if what not in self._seen or now == self._seen[what]:
                 continue
+            before = self._seen[what]
             if now is None:
                 return f"{what} was removed"
             if before is not None and now[:2] == before[:2]:
-                return f"{what} was {'cut' if now.size < before.size else 'changed by another program'}"
+                return f"{what} was {'cut' if now[2] < before[2] else 'changed by another program'}"
             return f"{what} was replaced"
         return ""
 
@@ -88,7 +92,7 @@ class Mirror:
     """
 
     def __init__(self, db: apsw.Connection, insert: str) -> None:
-        self._insert, self._commits = insert, 0
+        self._insert, self._unlooked = insert, 0
         self.db: apsw.Connection | None = None
         if _bytes(db) > MOST_BYTES:
             return
@@ -96,14 +100,16 @@ class Mirror:
         with self.db.backup("main", db, "main") as backup:
             backup.step()
 
-    def add(self, rows: list[tuple[Stored, ...]]) -> None:
+    def add(self, rows: Sequence[tuple[Stored, ...]]) -> None:
         """Add the records that were just committed."""
         if self.db is None:
             return
         self.db.executemany(self._insert, rows)
-        self._commits += 1
-        if self._commits % _LOOK_EVERY == 0 and _bytes(self.db) > MOST_BYTES:
-            self.close()
+        self._unlooked += len(rows)
+        if self._unlooked >= _LOOK_EVERY:
+            self._unlooked = 0
+            if _bytes(self.db) > MOST_BYTES:
+                self.close()
 
     def close(self) -> None:
         """Let it go."""

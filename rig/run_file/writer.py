@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Self
@@ -26,10 +27,10 @@ from rig.run_file.events.sessions import Ended
 from rig.run_file.last_word import LastWord, read_last_word
 from rig.run_file.opening import by_itself, check_header, check_name, checked, locked, opened_to_read, unreadable
 from rig.run_file.reader import RunReader
-from rig.run_file.rescue import is_still_at, rescue
-from rig.run_file.schema import INSERT_RECORD, guard
+from rig.run_file.rescue import rescue
+from rig.run_file.schema import INSERT_RECORD, Stored, guard
 from rig.run_file.storage import storage_of
-from rig.run_file.vigil import Mirror, Vigil
+from rig.run_file.vigil import MOVED, Mirror, Vigil
 
 
 class RunWriter(RunReader):
@@ -98,7 +99,7 @@ class RunWriter(RunReader):
         self._last_word = LastWord(self.path)
         if self._seq > 1 and not self.dropped.lost_commits:  # known to be lost, not yet recorded
             self._last_word.say(self._seq, self._hash)
-        self._vigil = Vigil(self.path)
+        self._vigil = Vigil(self.path, self._lock)
 
     def _cut_off(self, dropped: wal.WalState) -> wal.WalState:
         """The dropped records, given the number that the last session is known to have written."""
@@ -137,9 +138,12 @@ class RunWriter(RunReader):
         self._must_be_there()
         rows = [(seq, *record, previous, own) for seq, record, previous, own in self._pending]
         try:
-            self._db.execute("BEGIN IMMEDIATE")
-            self._db.executemany(INSERT_RECORD, rows)
-            self._db.execute("COMMIT")
+            if len(rows) == 1:  # nearly always: a transaction of one statement
+                self._db.execute(INSERT_RECORD, rows[0])
+            else:
+                self._db.execute("BEGIN IMMEDIATE")
+                self._db.executemany(INSERT_RECORD, rows)
+                self._db.execute("COMMIT")
         except apsw.Error as error:
             with contextlib.suppress(apsw.Error):
                 self._db.execute("ROLLBACK")
@@ -149,12 +153,12 @@ class RunWriter(RunReader):
                 # A COMMIT also fails if only the checkpoint after it failed. The records are then in the log,
                 # and must not be written again with later records about the failure.
                 if self.head() == (self._pending[-1][0], self._pending[-1][3]):
-                    self._committed()
+                    self._committed(rows)
             raise _not_durable(self.path, error) from error
-        self._committed()
+        self._committed(rows)
 
-    def _committed(self) -> None:
-        self._mirror.add([(seq, *record, previous, own) for seq, record, previous, own in self._pending])
+    def _committed(self, rows: Sequence[tuple[Stored, ...]]) -> None:
+        self._mirror.add(rows)
         self._seq, _, _, self._hash = self._pending[-1]
         self._pending.clear()
         self._vigil.note()
@@ -163,9 +167,8 @@ class RunWriter(RunReader):
     def _must_be_there(self) -> None:
         """Copy the contents of a file that was moved, deleted, replaced or changed by others to a safe place."""
         if self._lost is None:
-            if not is_still_at(self.path, self._lock):
-                self._lost = self._rescued("it was moved, deleted or replaced")
-            elif (changed := self._vigil.changed()) and not self._holds_all():
+            changed = self._vigil.changed()
+            if changed and (changed == MOVED or not self._holds_all()):
                 self._lost = self._rescued(changed)
             elif changed:
                 self._vigil.note()  # only touched, contents unchanged

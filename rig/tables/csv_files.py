@@ -21,8 +21,9 @@ from rig.errors import UsageError
 from rig.regular import open_regular
 from rig.tables.of_others.asked import NOTHING, Asked
 from rig.tables.of_others.cells import Cells
+from rig.tables.of_others.footers import footers
 from rig.tables.of_others.layout import NoTable
-from rig.tables.of_others.numbers import is_missing, looks_like_number
+from rig.tables.of_others.numbers import OVERLOAD, Notation, is_missing, is_overload, looks_like_number
 
 _MOST_COLUMNS = 2000
 _BLANK = frozenset(("\n", "\r\n", "\r"))
@@ -244,7 +245,7 @@ def _all_numbers(path: Path) -> tuple[dict[str, FloatArray], Sequence[int]] | No
     except (ValueError, UserWarning):
         return None
     named = len(set(names)) == len(names) == values.shape[1] and all(name and '"' not in name for name in names)
-    if not named or not np.isfinite(values).all():
+    if not named or not np.isfinite(values).all() or (np.abs(values) >= OVERLOAD).any():
         return None
     rows = np.setdiff1d(np.arange(len(values) + len(blank)) + 2, blank).tolist() if blank else ()
     return dict(zip(names, np.ascontiguousarray(values.T), strict=True)), rows
@@ -288,7 +289,22 @@ def _cells_of(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
     for number, row in body:
         if len(row) != len(names):
             raise UsageError(f"{path}, row {number}: {len(row)} values for {len(names)} columns; correct the row")
+    if not all(names) and any(row[names.index("")].strip() for _, row in body):
+        raise UsageError(f"{path}, row 1: a column has no name; give it one")
+    for number, row in body:
+        if any(is_overload(cell.strip()) for cell in row):
+            raise UsageError(f"{path}, row {number}: 9.9E37 is the overload of a meter, not a value; remove the row")
+    _no_footers(path, names, body)
     return names, body
+
+
+def _no_footers(path: Path, names: Sequence[str], body: Sequence[tuple[int, list[str]]]) -> None:
+    """Refuse rows that are no observations: then the table is read as one of others, which says what it leaves out."""
+    apart = [i > 0 and number > body[i - 1][0] + 1 for i, (number, _) in enumerate(body)]
+    cells = [[cell.strip() for cell in row] for _, row in body]
+    found = footers(names, cells, apart, Notation(), lambda i: f"{path}, row {body[i][0]}")
+    for i, cell in found.items():
+        raise UsageError(f"{path}, row {body[i][0]}: {cell[:40]!r} shows that it is no observation; remove the row")
 
 
 def _is_number(cell: str) -> bool:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Iterator, Mapping
 from typing import Any
 
+from procedures.column_names import spelled, stem_of, unit_of
 from rig.run_file.chain import Record
 from rig.run_file.events.bench import Fault, Warned
 from rig.run_file.events.event import Event
@@ -96,7 +98,19 @@ def _whole_plot(record: Record, began: WholePlotBegan) -> dict[str, Any]:
         "number": record.whole_plot,
         "planned": began.planned,
         "elapsed_s": record.elapsed_s,
-        "setpoints_degC": dict(began.setpoints_degC),
+        "settings": [*_temperatures(began.setpoints_degC), *_others(began.settings)],
         "points": 0,
         "lost": "",
     }
+
+
+def _temperatures(setpoints_degC: Mapping[str, float]) -> Iterator[tuple[str, float, str]]:
+    """Name, value and unit of the temperature of each chamber."""
+    for name, value in setpoints_degC.items():
+        yield name.removesuffix("_chamber").replace("_", " "), value, spelled("degC")
+
+
+def _others(settings: Mapping[str, float]) -> Iterator[tuple[str, float, str]]:
+    """The same of what is no temperature."""
+    for name, value in settings.items():
+        yield stem_of(name).replace("_", " "), value, spelled(unit_of(name))

@@ -56,6 +56,7 @@ def state_now(fold: RunState, live: Mapping[str, Any], running: bool, path: Path
         doing = _DOING.get(state, state)
         if asked is not None:
             doing, todo = f"waits for a person: {asked.say}", done_command(path, asked.value)
+            said = said.rpartition("`")[2].lstrip(", ")  # what follows the command, which is shown by itself
         return {"word": state, "doing": doing, "said": said, "tone": tone, "todo": todo}
     if fold.ended is not None:
         return {"word": fold.ended, "doing": fold.ended, "said": "", "tone": "good", "todo": ""}
@@ -82,7 +83,7 @@ def number(value: object) -> float | None:
 def settling_now(live: Mapping[str, Any], factors: Sequence[Factor]) -> list[dict[str, Any]]:
     """The quantity that is settling: name, unit, target, band, outcome, samples as [seconds ago, value]."""
     given, found = live.get("settling"), []
-    units = {f.axis: spelled(unit_of(f.name)) for f in factors if not f.hard}
+    units = {f.axis: spelled(unit_of(f.name)) for f in factors}
     for name, one in given.items() if isinstance(given, Mapping) else ():
         try:
             samples = [[float(t), float(value)] for t, value in one["samples"]]

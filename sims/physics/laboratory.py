@@ -2,7 +2,8 @@
 
 Variables of formulas are true values of the bench's factors, such as `force_kN`; `force_side`, the direction of its
 last change (1, -1 or 0); `force_for_s`, the time since then; the lags of the world file; `elapsed_h` since the world
-began; and `lab_degC`. Pure functions of virtual time between commands.
+began; `lab_degC`; and `meter_swapped`, the number of such changes by a person (`sims.physics.by_hand`). Pure functions
+of virtual time between commands.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from math import sqrt
 from typing import Any
 
 from sims.noise import event_at, normal
+from sims.physics.by_hand import CHANGES
 from sims.physics.chamber import Chamber
 from sims.physics.expression import Formula
 from sims.physics.fields import WorldError, known_keys
@@ -130,6 +132,7 @@ class Laboratory:
         self._chambers: dict[str, Chamber] = {}
         self._others: dict[str, Callable[[float], float]] = {}
         self._by_hand: dict[str, Source] = {}
+        self._changes = dict.fromkeys(CHANGES.values(), 0)
         self.sensors = {n: s for n, s in truth.sensors.items() if isinstance(s, AnySensorTruth)}
         tables = bench.get("sensors", {})
         self._units = {name: str(tables[name].get("unit", "V")) for name in self.sensors}
@@ -140,7 +143,7 @@ class Laboratory:
             self._read_formulas(bench)
 
     def _read_formulas(self, bench: Mapping[str, Any]) -> None:
-        known = [*self._factors, *self._truth.lags, "elapsed_h", "lab_degC"]
+        known = [*self._factors, *self._truth.lags, *self._truth.draws, *CHANGES.values(), "elapsed_h", "lab_degC"]
         stems = [_stem(factor) for factor in self._factors]
         known += [f"{stem}{what}" for stem in stems for what in ("_side", "_for_s")]
         for name, sensor in self.sensors.items():
@@ -151,9 +154,10 @@ class Laboratory:
             )
         for where, given in (("sources", self._truth.sources), ("references", self._truth.references)):
             known_keys(given, list(self._factors), where, "factors of this bench")
-        for name, lag in self._truth.lags.items():
-            if lag.of not in self._factors:
-                raise WorldError(f"lags.{name}.of = {lag.of!r} is not a factor of this bench")
+        for key, tables in (("lags", self._truth.lags), ("draws", self._truth.draws)):
+            for name, table in tables.items():
+                if table.of not in self._factors:
+                    raise WorldError(f"{key}.{name}.of = {table.of!r} is not a factor of this bench")
         for factor, table in bench.get("references", {}).items():
             text, of_bench = self._truth.references.get(factor, StandardTruth()).formula, table.get("formula")
             where = f"references.{factor}.formula"
@@ -188,6 +192,11 @@ class Laboratory:
     def by_hand(self, factor: str, value: float, now: float) -> None:
         """A person sets a factor."""
         self._hand(factor).set(now, value)
+
+    def changed(self, change: str) -> None:
+        """A person changed a part: formulas know how often."""
+        if change in CHANGES:
+            self._changes[CHANGES[change]] += 1
 
     def _hand(self, factor: str) -> Source:
         if factor not in self._by_hand:
@@ -228,14 +237,15 @@ class Laboratory:
         return {factor: self._steps(factor).direction(t) for factor in self._factors}
 
     def stay(self, t: float) -> int:
-        """A number for the stay at the present temperatures of chambers and baths."""
+        """A number for the stay at the present temperatures of chambers and baths, and settings with a draw."""
         baths = (
             self._sources[instrument].settings.changed(t, _NEW_STAY_DEGC)
             for factor, instrument in self._factors.items()
             if factor.endswith("_degC") and instrument in self._sources
         )
+        draws = (self._steps(draw.of).since(t) for draw in self._truth.draws.values())
         chambers = (c.temperatures.since(t) for c in self._chambers.values())
-        return event_at(max((*chambers, *baths), default=self._start))
+        return event_at(max((*chambers, *baths, *draws), default=self._start))
 
     def _variables(self, t: float) -> dict[str, float]:
         found = self.factors(t)
@@ -245,6 +255,9 @@ class Laboratory:
             found[f"{stem}_for_s"] = max(0.0, t - steps.since(t))
         for name, lag in self._truth.lags.items():
             found[name] = self._steps(lag.of).behind(t, lag.time_constant_s)
+        for name, draw in self._truth.draws.items():
+            found[name] = draw.sd * normal(self._truth.seed, f"draw {name}", event_at(self._steps(draw.of).since(t)))
+        found |= self._changes
         return found | {"elapsed_h": (t - self._start) / 3600.0, "lab_degC": self._lab.degC(t)}
 
     def clean(self, sensor: str, t0: float, t1: float) -> float:

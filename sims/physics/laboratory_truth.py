@@ -85,6 +85,21 @@ class LagTruth:
 
 
 @dataclass(frozen=True)
+class DrawTruth:
+    """An error of each setting of a factor: `[draws.NAME]`, a variable of formulas.
+
+    It is drawn anew whenever the factor is set, also to the same value: how a fixture sits, where a valve stops.
+
+    Attributes:
+        of: the factor.
+        sd: its standard deviation.
+    """
+
+    of: str = field(default="", metadata=accepts(Name()))
+    sd: float = quantity(1.0, 0.0, 1e9)
+
+
+@dataclass(frozen=True)
 class StandardTruth:
     """A reference standard: `[references.FACTOR]`.
 

@@ -12,7 +12,7 @@ from typing import Any
 
 from sims.physics.by_hand import PersonTruth, VoltmeterTruth
 from sims.physics.fields import Moment, Switch, Whole, WorldError, accepts, known_keys, quantity, read_table
-from sims.physics.laboratory_truth import ANY, AnySensorTruth, LagTruth, SourceTruth, StandardTruth, Tables
+from sims.physics.laboratory_truth import ANY, AnySensorTruth, DrawTruth, LagTruth, SourceTruth, StandardTruth, Tables
 from sims.physics.pressure_line import LineTruth
 from sims.physics.pressure_truth import ChamberTruth, TransducerTruth, ordinary
 from sims.physics.undeclared import Effects
@@ -194,6 +194,7 @@ class Truth:
     )
     sources: Mapping[str, SourceTruth] = field(default_factory=dict, metadata=accepts(Tables(SourceTruth)))
     lags: Mapping[str, LagTruth] = field(default_factory=dict, metadata=accepts(Tables(LagTruth)))
+    draws: Mapping[str, DrawTruth] = field(default_factory=dict, metadata=accepts(Tables(DrawTruth)))
     references: Mapping[str, StandardTruth] = field(default_factory=dict, metadata=accepts(Tables(StandardTruth)))
     package: PackageTruth = field(default_factory=PackageTruth)
     mounting: MountingTruth = field(default_factory=MountingTruth)

@@ -67,9 +67,18 @@ _NO_EMERGENCY_STOP = 0x18000000  # likewise in that of the hardware status
 _NUMBER = re.compile(r"[+-]?(\d{1,9}\.?\d*|\.\d+)(E[+-]?\d)?", re.ASCII)
 
 
+_Parsed = tuple[int, str, bool, str]
+"""Axis number (0 if none), mnemonic, whether it is a query, parameter text."""
+_WITHOUT_AXIS = frozenset(("TE", "TB", "VE", "AB", "WS", "TS", "TX", "PH"))
+
+
 @lru_cache(maxsize=4096)
-def _parsed(text: str) -> tuple[int, str, bool, str] | None:
-    """Axis number (0 if none), mnemonic, whether it is a query, parameter text."""
+def _commands(line: str) -> tuple[str, ...]:
+    return tuple(c for c in line.split(";") if c.strip())
+
+
+@lru_cache(maxsize=4096)
+def _parsed(text: str) -> _Parsed | None:
     match = _COMMAND.fullmatch(text.replace(" ", "").upper())
     if match is None:
         return None
@@ -196,7 +205,7 @@ class NewportESP301Twin:
             if len(line) > _LONGEST_LINE:
                 self._fail(6)  # the manual does not name the error [?]
                 line = ""
-            commands = deque(c for c in line.split(";") if c.strip())
+            commands = deque(_commands(line))
             self._world.call_in(_COMMAND_S * len(commands), partial(self._carry_out, commands, tx, self._session))
 
     def _carry_out(self, commands: deque[str], tx: Callable[[bytes], None], session: int) -> None:
@@ -204,12 +213,12 @@ class NewportESP301Twin:
             return  # switched off meanwhile
         answers = []
         while commands:
-            seconds = self._waits(commands)
-            if seconds:
+            parsed = _parsed(commands[0])
+            if parsed is not None and parsed[1] == "WS" and (seconds := self._waits(commands, parsed)):
                 self._world.call_in(seconds, partial(self._carry_out, commands, tx, session))
                 break
             try:
-                answer = self._execute(commands.popleft())
+                answer = self._execute(_parsed(commands.popleft()))
             except _Refused as refused:
                 self._fail(refused.code)
             else:
@@ -220,11 +229,8 @@ class NewportESP301Twin:
         if not commands:
             self._next_line(tx)
 
-    def _waits(self, commands: deque[str]) -> float:
-        """Seconds until the next command can be executed: WS waits for the end of motion plus nn ms."""
-        parsed = _parsed(commands[0])
-        if parsed is None or parsed[1] != "WS":
-            return 0.0
+    def _waits(self, commands: deque[str], parsed: _Parsed) -> float:
+        """Seconds until the next command, WS, can be executed: it waits for the end of motion plus nn ms."""
         number, _, _, text = parsed
         waited = [self._axes[number]] if number in self._axes else list(self._axes.values())
         if any(axis.moving() for axis in waited):
@@ -232,12 +238,11 @@ class NewportESP301Twin:
         commands[0] = f"{number or ''}WS"
         return float(text) / 1000 if _NUMBER.fullmatch(text) else 0.0
 
-    def _execute(self, command: str) -> str | None:
-        parsed = _parsed(command)
+    def _execute(self, parsed: _Parsed | None) -> str | None:
         if parsed is None:
             raise _Refused(6)
         number, mnemonic, query, text = parsed
-        if mnemonic in ("TE", "TB", "VE", "AB", "WS", "TS", "TX", "PH"):
+        if mnemonic in _WITHOUT_AXIS:
             return self._execute_without_axis(mnemonic)
         action = self._commands.get(mnemonic)
         parameter = PARAMETERS.get(mnemonic)

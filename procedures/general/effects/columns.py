@@ -22,6 +22,8 @@ variable in each.
 HARMONICS = 12
 MOVES_WITH = 0.9
 """Limit of the correlation with the given velocity above which a setting's rate is the same."""
+RESOLVED = 1000
+"""Parts of a range: settings that were read back scatter by less than one."""
 FEWEST_FOR_KNOT, FEWEST_FOR_WAVE = 10, 24
 _ONE_WORD = re.compile(r"[\w.]+(\([^()]*\))?")
 
@@ -138,10 +140,16 @@ def dead_zone(scene: TableScene, name: str) -> Terms:
     return searched(widths[widths < beyond], at, log=True)
 
 
+def _different(v: FloatArray) -> int:
+    """Number of values that differ by more than settings that were read back scatter."""
+    span = float(np.ptp(v))
+    return len(np.unique(np.round((v - v.min()) / (span / RESOLVED)))) if span > 0.0 else 1
+
+
 def wave(scene: TableScene, name: str) -> Terms:
     """Sine and cosine of a searched period; not for an angle, which has `harmonic`."""
     v = scene.of(name)
-    distinct = len(np.unique(v))
+    distinct = _different(v)
     if len(v) < FEWEST_FOR_WAVE or distinct < 16 or is_angle(name, v):
         return ()
     span, most = float(np.ptp(v)), min(CYCLES_MOST, int(distinct / PER_CYCLE))

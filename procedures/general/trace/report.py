@@ -18,6 +18,7 @@ from fitter.trace.search import names_of
 from fitter.trace.shares import of_rest, shares, unnamed_part
 from procedures.general.effects import TableEffect
 from procedures.general.effects.of_others import GROUP_GAIN, GROUP_OFFSET
+from procedures.general.swept import all_swept, functions_alike, swept_once
 from procedures.general.trace.both import Both
 from procedures.general.trace.cross import left_out
 from procedures.general.trace.drawn import drawn_instead
@@ -34,6 +35,7 @@ from procedures.general.trace.shared import Shared
 
 WANDER = "slow-wander"
 """Name of the alias "noise with long memory" of an effect."""
+ANOTHER_ORDER = "measure in another order, or up and down: what goes with time then comes elsewhere"
 ORDER = "order"
 """Column of the executed position."""
 CONSTANT = 0.99
@@ -80,7 +82,7 @@ def trace_general(data: TableData) -> TableTrace:
         effects=(*effects, *noise),
         unnamed=rest,
         instead=drawn_instead(nameless, tuple(effect.effect for effect in effects if effect.doubtful)),
-        remarks=_remarks(found),
+        remarks=_remarks(found, data),
         y=data.y,
         variables=_variables(data) | _others(data),
         levels={name: g.levels for name, g in data.scene.groups.items()},
@@ -133,6 +135,9 @@ def _effect(judge: TableJudge, after: Estimate, name: str, data: TableData) -> F
         if ahead <= DELTA:
             aliases = (*aliases, WANDER)
             experiments["go on for as long again: a wander goes elsewhere"] = None
+    courses = functions_alike(_over(effect, data), [_over(other, data) for other in alike], _one_course(data))
+    if courses:
+        experiments[ANOTHER_ORDER] = None
     return FoundTableEffect(
         effect=name,
         cause=effect.cause,
@@ -145,15 +150,30 @@ def _effect(judge: TableJudge, after: Estimate, name: str, data: TableData) -> F
         p_adjusted=p,
         p_adjusted_is_bound=judge.is_bound(p),
         share=0.0,  # together for all effects: `_shares`
-        aliases=aliases,
+        aliases=(*aliases, *courses),
         separation=separation,
         separate_by="; ".join(experiments),
         against=effect.against,
         family=effect.family,
         columns=effect.columns,
         contribution=own,
-        other_causes=sum((one.family, one.columns) != (effect.family, effect.columns) for one in alike),
+        other_causes=sum((one.family, one.columns) != (effect.family, effect.columns) for one in alike) + len(courses),
     )
+
+
+def _one_course(data: TableData) -> tuple[str, ...]:
+    """Time and the variables that only rise or only fall with it; empty without such a variable."""
+    scene = data.scene
+    if scene.time is None or scene.time.presumed:
+        return ()
+    found = all_swept(scene.variables, scene.time.values)
+    return (scene.time.name, *found) if found else ()
+
+
+def _over(effect: TableEffect, data: TableData) -> tuple[str, ...]:
+    """Columns of an effect; those of one of time alone have that of time."""
+    time = data.scene.time
+    return (*effect.columns, *([time.name] if effect.source == "time" and time is not None else ()))
 
 
 def _size(own: FloatArray, values: FloatArray, effect: TableEffect, response: str) -> str:
@@ -210,8 +230,10 @@ def _shares(
     return shares(beyond, residual, df * variance * (1.0 - unnamed))
 
 
-def _remarks(found: Found) -> tuple[str, ...]:
+def _remarks(found: Found, data: TableData) -> tuple[str, ...]:
     judge, remarks = found.judge, [one.sentence for one in found.not_kept]
+    time, *courses = _one_course(data) or ("",)
+    remarks += [swept_once(name, time) for name in courses]
     noise, at = judge.problem.noise, judge.beside(found.chosen).best
     if found.growth is not None:
         remarks.append("rows were weighted by the scatter found; sigma_E uses equal weights")

@@ -103,17 +103,20 @@ class WholePlotJudge:
         level = problem.judged_at[named[0]]
         group = tuple(j for j in named if problem.judged_at[j] == level)
         rest = tuple(j for j in chosen if j not in group)
-        stratum, error = beside(problem, level, rest), beside(problem, level, chosen, ()).sigma
-        scale = (stratum.sigma / error)[:, None]
-        scores = score(problem, rest)
-        able = self._judged(level, stratum) & (self._possible(scores) | self.wrong(scores) | np.isin(every, group))
-        columns = np.where(able, stratum.white.columns * scale[:, :, None], 0.0)
-        white = Whitened(stratum.white.outputs * scale, columns)
         line = any(problem.candidates[j].sensor is None for j in group)
         sensors = problem.sensors if line else {str(problem.candidates[j].sensor) for j in group}
+        able_to = [j for j, c in enumerate(self.candidates) if c.sensor is None or c.sensor in sensors]
+        mine = problem.within(level, able_to)
+        stratum, error = beside(problem, level, rest, mine), beside(problem, level, chosen, ()).sigma
+        scale = (stratum.sigma / error)[:, None]
+        scores = score(problem, rest, mine.tolist())
+        able = (self._possible(scores) | self.wrong(scores) | np.isin(every, group))[mine]
+        able &= self._left(level, stratum, mine)
+        columns = np.where(able, stratum.white.columns * scale[:, :, None], 0.0)
+        white = Whitened(stratum.white.outputs * scale, columns)
         elsewhere = tuple(j for j in named if j not in group)
         searched = {e.name for c in self.candidates if (e := c.effect).searched and (len(sensors) == 1 or not c.sensor)}
-        products = replace(Products.of(white), signs=self.signs)
+        products = replace(Products.of(white).among(mine, every.size), signs=self.signs)
         found = rivals(problem.candidates, products, group, rest, sensors, searched=searched)
         price = np.array([rival.sigmas**2 + self._tried(rival) for rival in found])
         least = min(p for p, rival in zip(price.tolist(), found, strict=True) if not rival.refused)
@@ -148,8 +151,7 @@ class WholePlotJudge:
         """
         return np.array([c.effect.sign(c.term.name) for c in self.candidates], np.float64)
 
-    def _judged(self, level: Level, stratum: Beside) -> NDArray[np.bool_]:
-        """(J,) candidates of a level with a sufficient remainder beside the others."""
-        length = np.linalg.norm(self.problem.length_at[level] / stratum.sigma[:, None], axis=0)
-        left = np.linalg.norm(stratum.white.columns, axis=(0, 1)) > NOTHING_LEFT * length
-        return np.asarray(left & np.isin(np.arange(len(self.candidates)), self.problem.within(level)))
+    def _left(self, level: Level, stratum: Beside, mine: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """(q,) those of the candidates `mine` of a level that have a sufficient remainder beside the others."""
+        length = np.linalg.norm(self.problem.length_at[level][:, mine] / stratum.sigma[:, None], axis=0)
+        return np.asarray(np.linalg.norm(stratum.white.columns, axis=(0, 1)) > NOTHING_LEFT * length)

@@ -130,6 +130,39 @@ class Problem:
         every = range(len(self.candidates)) if of is None else of
         return np.array([j for j in every if self.judged_at[j] == level], np.int64)
 
+    @cached_property
+    def alone(self) -> tuple[tuple[Problem, IntArray], ...]:
+        """Each transducer by itself with its own candidates, and their indices here.
+
+        Beside a model without candidates of the line they are judged there as they are here, with fewer numbers.
+        """
+        return tuple(self._alone(i) for i in range(len(self.sensors)))
+
+    def _alone(self, i: int) -> tuple[Problem, IntArray]:
+        mine = np.array([j for j, c in enumerate(self.candidates) if c.sensor == self.sensors[i]], np.int64)
+        one = slice(i, i + 1)
+        problem = replace(
+            self,
+            sensors=self.sensors[one],
+            outputs=self.outputs[one],
+            raw=self.raw[one][:, :, mine],
+            candidates=tuple(self.candidates[j] for j in mine),
+            weight=self.weight[one],
+            ratio=self.ratio[one],
+            rho=self.rho[one],
+        )
+        known = {
+            "strata": self.strata[one],
+            "at": {
+                level: Stratum(of.outputs[one], np.ascontiguousarray(of.columns[one][:, :, mine]), of.df[one])
+                for level, of in self.at.items()
+            },
+            "length_at": {level: length[one][:, mine] for level, length in self.length_at.items()},
+            "judged_at": tuple(self.judged_at[j] for j in mine),
+        }
+        vars(problem).update(known)  # what is known already is not computed again
+        return problem, mine
+
     def take(self, rows: IntArray) -> Problem:
         """The problem of some of the rows, with the columns of the whole."""
         return replace(

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from scipy import special
@@ -111,7 +112,37 @@ def beside(problem: Problem, level: Level, chosen: Sequence[int], of: Sequence[i
 
 
 def score(problem: Problem, chosen: Sequence[int], of: Sequence[int] | None = None) -> Scores:
-    """Score candidates (those `of` interest, or all) beside the `chosen` ones, each in its own stratum."""
+    """Score candidates (those `of` interest, or all) beside the `chosen` ones, each in its own stratum.
+
+    Without a candidate of the line among the `chosen`, every transducer's own are scored with it alone.
+    """
+    sensor = [c.sensor for c in problem.candidates]
+    if len(problem.sensors) == 1 or any(sensor[j] is None for j in chosen):
+        return _scored(problem, chosen, of)
+    wanted = np.arange(len(sensor)) if of is None else np.asarray(of, np.int64)
+    scores = _scored(problem, chosen, [j for j in wanted.tolist() if sensor[j] is None])
+    for alone, mine in problem.alone:
+        asked = np.flatnonzero(np.isin(mine, wanted))
+        if asked.size:
+            beside_it = tuple(np.flatnonzero(np.isin(mine, chosen)).tolist())
+            own = _all_of(alone, beside_it) if of is None else _scored(alone, beside_it, asked.tolist())
+            for every, part in zip(vars(scores).values(), vars(own).values(), strict=True):
+                every[mine[asked]] = part[asked]
+    return scores
+
+
+_KNOWN: WeakKeyDictionary[Problem, dict[tuple[int, ...], Scores]] = WeakKeyDictionary()
+"""Of transducers by themselves: one more candidate changes the scores of one of them."""
+
+
+def _all_of(alone: Problem, chosen: tuple[int, ...]) -> Scores:
+    known = _KNOWN.setdefault(alone, {})
+    if chosen not in known:
+        known[chosen] = _scored(alone, chosen, None)
+    return known[chosen]
+
+
+def _scored(problem: Problem, chosen: Sequence[int], of: Sequence[int] | None) -> Scores:
     count = len(problem.candidates)
     zero, one = np.zeros(count), np.ones(count)
     scores = Scores(zero, zero.copy(), one, one.copy(), zero.copy(), one.copy())

@@ -1,6 +1,6 @@
 """Confirmation of a trace by a further run: proposals, expected separation, and results."""
 
-from rig.closed_loop.confirm.answers import Confirmed, chance, evidence, judge, sentences, sizes
+from rig.closed_loop.confirm.answers import Confirmed, chance, evidence, following, judge, sentences, sizes
 from rig.closed_loop.confirm.calibration import fit_confirmed
 from rig.closed_loop.confirm.first import First, open_traced
 from rig.closed_loop.confirm.plans import plan_for, procedure_text
@@ -24,6 +24,7 @@ __all__ = [
     "consider",
     "evidence",
     "fit_confirmed",
+    "following",
     "inseparable",
     "judge",
     "open_traced",

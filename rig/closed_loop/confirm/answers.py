@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 
 from fitter.arrays import FloatArray
-from fitter.confirm import Confirmation, Member, SensorError, confirm_all
+from fitter.confirm import Confirmation, Later, Member, SensorError, confirm_all, still_open
 from fitter.confirm import Confirmed as Judged
 from fitter.confirm.judge import CHANGED
 from fitter.errors import FitError
@@ -27,15 +28,33 @@ class Confirmed:
 
     Attributes:
         first: the traced run.
-        path: the later run file.
-        data: its observations.
+        paths: the later run files, in order of time.
+        later: the same, read.
         judged: every question, and both models.
     """
 
     first: First
-    path: Path
-    data: Any
+    paths: tuple[Path, ...]
+    later: tuple[Later, ...]
     judged: Judged
+
+    @property
+    def path(self) -> Path:
+        """The last one."""
+        return self.paths[-1]
+
+    @property
+    def bench_h(self) -> float:
+        """Bench time of the later runs, hours: from begin to last reading."""
+        return float(sum(one.data.elapsed_s.max() for one in self.later)) / 3600.0
+
+    def recorded(self, name: str) -> FloatArray | None:
+        """(m,) what was recorded in the later runs; None if it is not known of all."""
+        if not all(hasattr(one.data, name) for one in self.later):
+            return None
+        begins = [one.after_s if name == "elapsed_s" and len(self.later) > 1 else 0.0 for one in self.later]
+        values = (np.asarray(getattr(one.data, name), np.float64) for one in self.later)
+        return np.concatenate([own + begin for own, begin in zip(values, begins, strict=True)])
 
     @property
     def answers(self) -> tuple[Confirmation, ...]:
@@ -68,7 +87,13 @@ class Confirmed:
             for a in self.answers
         ]
         errors = {name: self._error(e) for name, e in self.judged.errors.items()}
-        about = {"run": str(self.path), "points": len(self.data), "taken_out": self.own}
+        about = {
+            "run": str(self.path),
+            "runs": [str(path) for path in self.paths],
+            "bench_h": self.bench_h,
+            "points": sum(len(one.data) for one in self.later),
+            "taken_out": self.own,
+        }
         return about | {"error": errors, "effects": told}
 
     def _answer(self, answer: Confirmation) -> dict[str, Any]:
@@ -81,6 +106,7 @@ class Confirmed:
             "members": [
                 {
                     "effect": m.effect,
+                    "causes": list(m.causes),
                     "sigmas_behind": m.sigmas,
                     "p_changed": m.p_changed,
                     "sigmas_shown": m.shown,
@@ -107,19 +133,33 @@ class Confirmed:
         }
 
 
-def judge(first: First, later: Path) -> Confirmed:
-    """Judge every effect found by a later run.
+def judge(first: First, *later: Path) -> Confirmed:
+    """Judge every effect found by one or several later runs together.
 
     Raises:
-        UsageError: the run has another kind or other sensors, or is not later.
+        UsageError: a run has another kind or other sensors, is not later, or is given twice.
     """
-    data, after_s, done = read_later(first, later)
+    read = sorted(((read_later(first, path), path) for path in later), key=lambda run: run[0].after_s)
+    runs, paths = tuple(run for run, _ in read), tuple(path for _, path in read)
+    for (one, path), (other, _) in itertools.pairwise(read):
+        if one.after_s == other.after_s:
+            raise UsageError(f"{path} is given twice, or began at the time of another one: give every further run once")
+    *earlier, last = runs
     try:
-        both = first.confirming.beside(data, after_s, done)
+        both = first.confirming.after(earlier).beside(last.data, last.after_s, last.done)
         judged = confirm_all(both, first.questions)
     except FitError as error:
-        raise UsageError(f"{later}: {error}") from error
-    return Confirmed(first, later, data, judged)
+        raise UsageError(f"{', '.join(map(str, paths))}: {error}") from error
+    return Confirmed(first, paths, runs, judged)
+
+
+def following(confirmed: Confirmed) -> First | None:
+    """The first run with the further ones and what they leave open, for the next run; None if nothing is open."""
+    questions = tuple(filter(None, map(still_open, confirmed.answers)))
+    if not questions:
+        return None
+    first = confirmed.first
+    return replace(first, confirming=first.confirming.after(confirmed.later), questions=questions)
 
 
 def sentences(confirmed: Confirmed) -> Iterator[str]:

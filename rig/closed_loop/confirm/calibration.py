@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,23 +15,23 @@ from rig.errors import UsageError
 from rig.tables import run_table
 
 
-def fit_confirmed(run: Path, later: Path, options: Options) -> Fitted:
-    """The calibration of a run with the causes confirmed by a later one.
+def fit_confirmed(run: Path, later: Sequence[Path], options: Options) -> Fitted:
+    """The calibration of a run with the causes confirmed by later ones.
 
     Args:
         run: the traced run.
-        later: the judging run.
+        later: the judging runs.
         options: of `rig fit`, as declared by the run's kind; those that `rig trace` also has are passed to the trace.
 
     Raises:
         UsageError: one is not a run file, or they do not belong together.
         procedures.errors.DataError: an option is not permitted here.
     """
-    if run.suffix == ".csv" or later.suffix == ".csv":
+    if any(path.suffix == ".csv" for path in (run, *later)):
         raise UsageError("--confirmed-by takes two run files: tables have no bench and no time")
     given = options.model_dump(exclude_unset=True)
     first = open_traced(run, **{name: given[name] for name in ("formula", "temperature", "response") if name in given})
-    return with_confirmed(first, judge(first, later), options)
+    return with_confirmed(first, judge(first, *later), options)
 
 
 def with_confirmed(first: First, confirmed: Confirmed, options: Options) -> Fitted:
@@ -47,7 +48,7 @@ def provenance(first: First, confirmed: Confirmed) -> dict[str, Any]:
     told = confirmed.to_json()["effects"]
     return {
         "run_id": first.traced.table.provenance["run_id"],
-        "by_run_id": run_table(confirmed.path).provenance["run_id"],
+        "by_run_id": ", ".join(run_table(path).provenance["run_id"] for path in confirmed.paths),
         "effects": [
             {
                 "named": answer.effect,

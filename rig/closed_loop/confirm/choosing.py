@@ -47,7 +47,7 @@ def groups_of(first: First) -> list[list[Variation]]:
     for variation in possible(_further_runs(first), first.bench.limits):
         if not first.confirming.suits(variation, first.questions):
             continue
-        groups.setdefault(variation.what, []).append(variation)
+        groups.setdefault(variation.what, []).append(first.confirming.standing(variation))
     return list(groups.values())
 
 

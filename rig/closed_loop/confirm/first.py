@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from fitter.confirm import Question, questions_of
+from fitter.confirm import Later, Question, questions_of
 from fitter.effects.hands import Done
 from procedures.confirming import Confirming
 from procedures.kind import Procedure, kind_of
@@ -32,7 +32,7 @@ class First:
         path: the run file.
         traced: result of the trace.
         confirming: functions of its kind for further runs.
-        questions: one per effect found.
+        questions: one per effect found; after further runs those that they leave open.
         documents: texts of its files.
         procedure: its procedure.
         bench: its bench.
@@ -59,8 +59,10 @@ class First:
 
     @property
     def later_s(self) -> float:
-        """Seconds from its begin to the same time of a later day, after its end."""
-        return DAY_S * float(np.ceil((self.confirming.data.elapsed_s.max() + 3600.0) / DAY_S))
+        """Seconds from its begin to the same time of a later day, after its end and that of further runs."""
+        last = Later(self.confirming.data, 0.0)
+        last = max((last, *self.confirming.earlier), key=lambda run: run.after_s)
+        return DAY_S * float(np.ceil((last.after_s + last.data.elapsed_s.max() + 3600.0) / DAY_S))
 
 
 def check_run_file(path: Path) -> None:
@@ -132,8 +134,8 @@ def open_traced(path: Path, **options: Any) -> First:
     )
 
 
-def read_later(first: First, path: Path) -> tuple[Any, float, tuple[Done, ...]]:
-    """A later run, the time from the begin of the first to its begin, seconds, and changes by a person in it.
+def read_later(first: First, path: Path) -> Later:
+    """A later run.
 
     Raises:
         UsageError: it has another kind, began before the first, or only one of them is simulated.
@@ -171,4 +173,4 @@ def read_later(first: First, path: Path) -> tuple[Any, float, tuple[Done, ...]]:
         )
     data = first.confirming.later(table)
     done = tuple(Done(word, data.elapsed_s > at_s, first.confirming.anew(word)) for word, at_s in changes)
-    return data, after_s, done
+    return Later(data, after_s, done)

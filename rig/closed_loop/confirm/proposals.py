@@ -62,8 +62,9 @@ def changes_for(first: First, pair: Pair) -> tuple[Change, ...]:
 
 
 def _effect(first: First, name: str) -> Entry:
+    """The effect of an explanation; of several causes the last, in which they differ from those without it."""
     members = (member for question in first.questions for member in question.members)
-    effect: Entry = next(member.terms[0].effect for member in members if member.effect == name)
+    effect: Entry = next(member.terms[-1].effect for member in members if member.effect == name)
     return effect
 
 

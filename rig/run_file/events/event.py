@@ -137,8 +137,10 @@ class Event:
 
     def body(self) -> dict[str, Any]:
         """Fields of the record besides its own columns."""
-        values = ((name, getattr(self, name)) for name in _shape(type(self)).names)
-        return {name: value for name, value in values if value is not None and value is not EMPTY}
+        own = vars(self)
+        return {
+            name: value for name in _shape(type(self)).names if (value := own[name]) is not None and value is not EMPTY
+        }
 
     @classmethod
     def of_body(cls, body: Mapping[str, Any], status: str | None) -> Event:

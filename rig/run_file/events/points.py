@@ -143,17 +143,21 @@ class WholePlotBegan(Event, status="whole-plot"):
         planned: number of the planned whole plot.
         setpoints_degC: setpoint by chamber.
         settling: evidence of settling, by name.
+        settings: settings that are no temperatures, by factor.
 
     """
 
     planned: Count
     setpoints_degC: Numbers = EMPTY
     settling: Table = EMPTY
+    settings: Numbers = EMPTY
 
     def sentence(self, record: Record) -> str:
         """Which, and where."""
-        where = _settings(self.setpoints_degC)
-        return f"whole plot {record.whole_plot} soaked (number {self.planned} of the design): {where}"
+        others = [f"{name} {value:g}" for name, value in self.settings.items()]
+        where = ", ".join([*([_settings(self.setpoints_degC)] if self.setpoints_degC else []), *others])
+        done = "soaked" if self.setpoints_degC else "set"
+        return f"whole plot {record.whole_plot} {done} (number {self.planned} of the design): {where}"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -33,6 +33,7 @@ class Accounts:
         self._all_known = False
         self._asked: AskedToSet | None = None
         self._set: dict[str, float] = {}
+        self._anew: dict[str, float] = {}
 
     def look(self, record: Record, event: Event, fold: RunState) -> Iterator[str]:
         """See `Rule.look`."""
@@ -43,7 +44,7 @@ class Accounts:
             case SessionBegan():
                 self._found = False
                 self._closed = self._held = ""
-                self._asked, self._set = None, {}
+                self._asked, self._set, self._anew = None, {}, {}
             case AsFound():
                 self._found = True
             case Held():
@@ -76,14 +77,21 @@ class Accounts:
             case Skipped():
                 yield from self._skip(record, event)
             case WholePlotBegan():
-                if record.whole_plot != fold.whole_plots + 1:
-                    yield f"it begins whole plot {record.whole_plot}, the next is {fold.whole_plots + 1}"
-                if fold.left_for != event.planned:
-                    yield "nothing says that temperatures were changed for it"
+                yield from self._begun(record, event, fold)
             case WholePlotLost():
                 yield from self._lost(record, event, fold)
             case Ended():
                 yield from self._end(event, fold)
+
+    def _begun(self, record: Record, event: WholePlotBegan, fold: RunState) -> Iterator[str]:
+        """Check that a whole plot is the next one, and that everything was set for it."""
+        if record.whole_plot != fold.whole_plots + 1:
+            yield f"it begins whole plot {record.whole_plot}, the next is {fold.whole_plots + 1}"
+        if event.setpoints_degC and fold.left_for != event.planned:
+            yield "nothing says that temperatures were changed for it"
+        for factor, target in event.settings.items():
+            if factor in self._case.by_hand and self._anew.pop(factor, None) != target:
+                yield f"nothing says that a person set {factor} to {target:g} for it"
 
     def _identity(self, event: Identified, fold: RunState) -> Iterator[str]:
         if self._instruments and event.instrument not in self._instruments:
@@ -103,9 +111,11 @@ class Accounts:
         number = next_step(self._case.run_list.steps, fold.by_hand)
         if number is not None and self._case.run_list.steps[number - 1].before <= record.run_index:
             yield f"nothing says that step {number} by hand was done, which comes before its point"
-        for factor, target in self._case.run_list.setting(self._case.run_list.points[record.run_index]).items():
-            if factor in self._case.by_hand and self._set.get(factor) != target:
-                yield f"nothing says that a person set {factor} to {target:g} in its session"
+        setting = self._case.run_list.setting(self._case.run_list.points[record.run_index])
+        for factor in self._case.run_list.easy:  # a hard one is set for its whole plot
+            target = setting[factor.name]
+            if factor.name in self._case.by_hand and self._set.get(factor.name) != target:
+                yield f"nothing says that a person set {factor.name} to {target:g} in its session"
         if not self._all_known:
             unknown = sorted(self._instruments - fold.identities.keys())
             self._all_known = not unknown
@@ -131,7 +141,7 @@ class Accounts:
         tolerance = None if self._case.conduct is None else self._case.conduct.tolerances.get(event.factor)
         if event.number is not None and tolerance is not None and abs(event.number - event.setpoint) > tolerance:
             yield f"{event.number:g} was stated for {event.setpoint:g}, more than {tolerance:g} apart"
-        self._set[event.factor] = event.setpoint
+        self._set[event.factor] = self._anew[event.factor] = event.setpoint
 
     def _step(self, event: AskedByHand | DoneByHand, fold: RunState) -> Iterator[str]:
         """Check that a step by hand is the next one of the run list."""

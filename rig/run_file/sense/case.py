@@ -8,12 +8,14 @@ from functools import cached_property
 from typing import Protocol, cast
 
 from drivers.roles import ByHand
+from procedures.column_names import unit_of
 from procedures.conduct import Conduct, EnvironmentSettings, SoakSettings
 from procedures.kind import Procedure
-from procedures.run_list import RunList
+from procedures.run_list import Factor, RunList
 from rig.config import BenchConfig, parse_bench, parse_procedure
 from rig.errors import ConfigurationError
 from rig.plugins import driver_class
+from rig.quantities import TEMPERATURE_UNIT
 from rig.run_file.chain import Record
 from rig.run_file.events.event import Event
 from rig.run_file.events.sessions import ClockSet, NotNotified, RunCreated
@@ -74,6 +76,10 @@ class Case:
             return frozenset()
         drivers = {factor: self.bench.instruments[name].driver for factor, name in self.bench.factors.items()}
         return frozenset(factor for factor, driver in drivers.items() if _is_person(driver))
+
+    def soaks(self, factor: Factor) -> bool:
+        """Whether a chamber or bath sets a hard factor, so that its temperatures are evidence."""
+        return unit_of(factor.name) == TEMPERATURE_UNIT and factor.name not in self.by_hand
 
     @property
     def speed(self) -> float:

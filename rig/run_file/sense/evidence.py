@@ -118,15 +118,20 @@ class Evidence:
         for factor, target in zip(self._case.run_list.factors, point.setpoints, strict=True):
             if not factor.hard:
                 continue
-            asked = {bench.factors.get(factor.name, ""): soak.tolerance_degC}
-            if factor.name in bench.temperatures:
-                asked[factor.name] = soak.sensor_tolerance_degC
-            for name, band in asked.items():
+            asked = {}
+            if self._case.soaks(factor):
+                asked[bench.factors.get(factor.name, "")] = Asked(target, soak.tolerance_degC, soak.dwell_s, drift)
+                if factor.name in bench.temperatures:
+                    asked[factor.name] = Asked(target, soak.sensor_tolerance_degC, soak.dwell_s, drift)
+            elif factor.name not in self._case.by_hand and self._case.conduct is not None:
+                settle = self._case.conduct.settled(factor.axis)
+                asked[factor.axis] = Asked(target, settle.band, settle.dwell_s, settle.drift_per_s)
+            for name, of in asked.items():
                 evidence = event.settling.get(name)
                 if evidence is None:
                     yield f"it does not say how {name} settled"
                 else:
-                    yield from unsettled(name, evidence, Asked(target, band, soak.dwell_s, drift))
+                    yield from unsettled(name, evidence, of)
 
     def _lost(self, record: Record, event: WholePlotLost) -> Iterator[str]:
         """Check that the number of readings in doubt agrees with the start of the doubt."""

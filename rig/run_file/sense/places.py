@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from math import inf
 from typing import Any
 
 from procedures.column_names import spelled, unit_of
@@ -93,7 +94,11 @@ class Places:
             yield f"{factor.axis} came from {start:g}, not from beyond its overtravel of {factor.overtravel:g} {unit}"
 
     def _whole_plot(self, point: Point, event: Observed, soak: SoakSettings) -> Iterator[str]:
-        for factor, target in self._hard(point):
+        for hard, target in self._hard(point):
+            factor = hard.name
+            if not self._case.soaks(hard):
+                yield from self._held(hard, target, event)
+                continue
             chamber = self._chambers.get(factor, "")
             state = event.environment.get(chamber)
             if state is None:
@@ -103,6 +108,20 @@ class Places:
             seen = event.temperatures.get(factor)
             if seen is not None and not abs(seen["mean"] - target) <= soak.sensor_tolerance_degC + _ROUNDING:
                 yield f"{factor} is {seen['mean']:.2f}, not within {soak.sensor_tolerance_degC:g} of {target:g}"
+
+    def _held(self, factor: Factor, target: float, event: Observed) -> Iterator[str]:
+        """Check a hard factor that is no temperature: its readback, or the value that a person stated."""
+        if self._conduct is None:
+            return
+        name, most = factor.name, self._conduct.settled(factor.axis).band
+        stated = event.references.get(name)
+        found = event.readback.get(name)
+        if name in self._case.by_hand:
+            most = self._conduct.tolerances.get(name, most)
+            found = target if stated is None else stated["mean"]
+        if found is None or not abs(found - target) <= most + _ROUNDING:
+            read = "nothing" if found is None else f"{found:g}"
+            yield f"{name} was {read}, not within {most:g} of its setpoint {target:g}"
 
     def _environment(self, event: Observed, wanted: EnvironmentSettings | None) -> Iterator[str]:
         marked = "temperature" in event.flags
@@ -121,10 +140,10 @@ class Places:
         elif marked and not out:
             yield "it is marked for its temperature, and that is as asked for"
 
-    def _hard(self, point: Point) -> Iterator[tuple[str, float]]:
+    def _hard(self, point: Point) -> Iterator[tuple[Factor, float]]:
         for factor, target in zip(self._case.run_list.factors, point.setpoints, strict=True):
             if factor.hard:
-                yield factor.name, target
+                yield factor, target
 
     def _soak(self, event: WholePlotBegan) -> Iterator[str]:
         """Check that a whole plot begins at its place in the run list."""
@@ -137,11 +156,15 @@ class Places:
             yield f"it begins whole plot {event.planned}, which is not planned"
             return
         for factor, target in self._hard(self._case.run_list.points[first]):
-            chamber = self._chambers.get(factor, "")
+            if not self._case.soaks(factor):
+                if abs(event.settings.get(factor.name, inf) - target) > _ROUNDING:
+                    yield f"{factor.name} was not set to {target:g}, as the plan has for whole plot {event.planned}"
+                continue
+            chamber = self._chambers.get(factor.name, "")
             set_to = event.setpoints_degC.get(chamber)
             if set_to is None or abs(set_to - target) > _ROUNDING:
                 yield f"{chamber} was set to {set_to}, the plan has {target:g} degC for whole plot {event.planned}"
-            for name, tolerance in ((chamber, soak.tolerance_degC), (factor, soak.sensor_tolerance_degC)):
+            for name, tolerance in ((chamber, soak.tolerance_degC), (factor.name, soak.sensor_tolerance_degC)):
                 settled = event.settling.get(name)
                 if settled is not None:
                     yield from _settled(name, settled, target, tolerance)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,11 +15,12 @@ from procedures.table import Table
 from rig.errors import UsageError
 from rig.tables.of_others.asked import Asked
 from rig.tables.of_others.encoding import text_of
-from rig.tables.of_others.layout import Layout, NoTable, is_time, layout_of
+from rig.tables.of_others.footers import footers, labelled_rows
+from rig.tables.of_others.layout import NO_SEPARATOR, Layout, NoTable, is_time, layout_of
 from rig.tables.of_others.lines import lines_of
-from rig.tables.of_others.numbers import Notation, finite, is_missing, looks_like_number, notation_of
+from rig.tables.of_others.numbers import Notation, finite, is_missing, is_overload, looks_like_number, notation_of
 
-_SHOWN, _FEW = 8, 3
+_SHOWN, _FEW, _LONG = 8, 3, 40
 _SAID = {";": "semicolons", "\t": "tabs", "|": "pipes", " ": "blanks"}
 
 
@@ -36,6 +37,7 @@ class Cells:
         units: by column name, from a row of units.
         renamed: names that occurred twice.
         remarks: rows of remarks among the values.
+        footers: rows of the file that are no observations, with the cell that shows it.
     """
 
     path: Path
@@ -46,6 +48,7 @@ class Cells:
     units: dict[str, str]
     renamed: tuple[str, ...]
     remarks: tuple[int, ...]
+    footers: dict[int, str]
 
     @classmethod
     def read(cls, path: Path, data: bytes, asked: Asked) -> Cells:
@@ -54,13 +57,18 @@ class Cells:
         lines = list(lines_of(text))
         layout = layout_of(lines, str(path), asked)
         rows = [line.cells(layout.separator) for line in layout.body]
-        if len(layout.names) < 2:
+        if len(layout.names) < 2 and layout.separator != NO_SEPARATOR:
             raise NoTable(f"{path} holds no table that is recognised")
         for line, row in zip(layout.body, rows, strict=True):
             if any(row[len(layout.names) :]):
                 raise UsageError(
                     f"{path}, row {line.row}: {len(row)} values for {len(layout.names)} columns; correct the row"
                 )
+        notation, footing = _notation(path, layout, rows, asked.decimal)
+        left = {layout.body[i].row: cell for i, cell in footing.items()}
+        if left:
+            rows = [row for i, row in enumerate(rows) if i not in footing]
+            layout = replace(layout, body=[line for line in layout.body if line.row not in left])
         if not rows:
             raise NoTable(f"{path} has column names and no rows")
         count = len(layout.names)
@@ -69,11 +77,9 @@ class Cells:
         names, renamed = _named([layout.names[i] for i in kept], kept)
         columns = {name: each[i] for name, i in zip(names, kept, strict=True)}
         units = {name: layout.units[i] for name, i in zip(names, kept, strict=True) if layout.units and layout.units[i]}
-        numbers = _numbers(columns, layout)
-        notation = notation_of(numbers, layout.separator, str(path), asked.decimal)
         first, last = layout.body[0].row, layout.body[-1].row
         remarks = tuple(line.row for line in lines if line.remark and first < line.row < last)
-        return cls(path, encoding, layout, notation, columns, units, renamed, remarks)
+        return cls(path, encoding, layout, notation, columns, units, renamed, remarks, left)
 
     @property
     def rows(self) -> list[int]:
@@ -84,6 +90,8 @@ class Cells:
     def plain(self) -> bool:
         """Whether the file is written as our own tables are."""
         ordinary = self.encoding in ("utf-8", "utf-8-sig") and self.layout.separator == "," and not self.layout.units
+        ordinary = ordinary and not self.footers and all(self.layout.names)
+        ordinary = ordinary and not any(is_overload(cell) for cells in self.columns.values() for cell in cells)
         return ordinary and self.layout.header == 1 and self.notation == Notation()
 
     def any(self, needed: Collection[str]) -> Table:
@@ -212,11 +220,14 @@ class Cells:
             "rows_without_value": gaps,
             "rows_of_remarks": list(self.remarks),
             "rows_after": list(self.layout.after),
+            "rows_of_summaries": self.footers,
         }
 
     def _parts(self) -> Iterator[str]:
         layout = self.layout
-        if layout.separator != ",":
+        if layout.separator == NO_SEPARATOR:
+            yield "one column"
+        elif layout.separator != ",":
             yield f"cells separated by {_SAID[layout.separator]}"
         if self.notation.decimal == ",":
             yield "decimal comma"
@@ -235,8 +246,18 @@ class Cells:
             yield "units " + ", ".join(f"{name} {unit}" for name, unit in self.units.items())
         for name in self.renamed:
             yield f"{name} names several columns, which are {name} (column N)"
+        nameless = [name for name in self.columns if name not in layout.names and name.startswith("column_")]
+        if nameless and layout.header:
+            yield f"without a name: {', '.join(nameless[:_SHOWN])}"
+        overloaded = sum(is_overload(cell) for cells in self.columns.values() for cell in cells)
+        if overloaded:
+            yield f"{overloaded} cell{'s' * (overloaded > 1)} with 9.9E37, the overload of a meter: no value"
         if self.remarks:
             yield f"{rows_in_words(self.remarks)} left out as {'remarks' if len(self.remarks) > 1 else 'a remark'}"
+        if self.footers:
+            which = ", ".join(f"row {row} ({cell[:_LONG]})" for row, cell in list(self.footers.items())[:_SHOWN])
+            more = f" and {len(self.footers) - _SHOWN} more" if len(self.footers) > _SHOWN else ""
+            yield f"{which}{more} left out: no observation"
         if layout.after:
             yield f"what follows the table from row {layout.after[0]} on was not read"
 
@@ -254,12 +275,23 @@ def _named(names: Sequence[str], places: Sequence[int]) -> tuple[list[str], tupl
     return found, twice
 
 
-def _numbers(columns: dict[str, list[str]], layout: Layout) -> Iterator[tuple[int, str]]:
+def _notation(path: Path, layout: Layout, rows: Sequence[Sequence[str]], asked: str) -> tuple[Notation, dict[int, str]]:
+    """The notation of the numbers, and the rows that are no observations, by index."""
+    named = labelled_rows(rows)
+    kept = [i for i in range(len(rows)) if i not in named] or list(range(len(rows)))
+    columns = [[rows[i][column] if column < len(rows[i]) else "" for i in kept] for column in range(len(layout.names))]
+    numbers = _numbers(columns, [layout.body[i].row for i in kept])
+    notation = notation_of(numbers, layout.separator, str(path), asked)
+    apart = [line.apart for line in layout.body]
+    return notation, footers(layout.names, rows, apart, notation, lambda i: f"{path}, row {layout.body[i].row}")
+
+
+def _numbers(columns: Sequence[Sequence[str]], rows: Sequence[int]) -> Iterator[tuple[int, str]]:
     """Row and cell of every cell in columns of numbers."""
-    for cells in columns.values():
+    for cells in columns:
         given = [cell for cell in cells if not is_missing(cell)]
         if not given or sum(map(looks_like_number, given)) < 0.5 * len(given) or all(map(is_time, given)):
             continue
-        for line, cell in zip(layout.body, cells, strict=True):
+        for row, cell in zip(rows, cells, strict=True):
             if not is_missing(cell):
-                yield line.row, cell
+                yield row, cell

@@ -13,6 +13,8 @@ from rig.tables.of_others.numbers import is_missing, looks_like_number
 from rig.tables.of_others.units import bare, is_unit
 
 MOST_COLUMNS = 2000
+NO_SEPARATOR = "\n"
+"""What separates the cells of a table of one column: nothing in a line does."""
 _SAMPLE = 400
 _TIME = re.compile(
     r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}(?:[T ].{4,30})?|\d{1,2}:\d{2}(?::\d{2}(?:[.,:]\d+)?)?(?: ?[APap][Mm])?"
@@ -73,6 +75,8 @@ def layout_of(lines: Sequence[Line], name: str, asked: Asked) -> Layout:
         UsageError: there is no table, or it can be read in several ways.
     """
     tried = [asked.separator] if asked.separator else list(SEPARATORS.values())
+    if (alone := _one_column(lines, name, asked)) is not None:
+        return alone
     found = [(_merit(block), block) for separator in tried if (block := _block(lines, separator, asked))]
     if not found:
         raise NoTable(
@@ -92,6 +96,35 @@ def layout_of(lines: Sequence[Line], name: str, asked: Asked) -> Layout:
         )
     _check_only(lines, best, name, asked)
     return replace(_with_names(lines, best, name, asked), earlier=_earlier(lines[: best.start], best.separator))
+
+
+def _one_column(lines: Sequence[Line], name: str, asked: Asked) -> Layout | None:
+    """The layout of a file with one number in each line, and a name above them or none; None for any other.
+
+    Raises:
+        UsageError: the numbers have signs that may also separate cells.
+    """
+    plain = [line for line in lines if not line.remark]
+    if asked.separator or len(plain) < 2 or asked.header not in (None, 0, plain[0].row):
+        return None
+    head, body = plain[0].cells(NO_SEPARATOR)[0], plain[1:]
+    if asked.header == 0 or looks_like_number(head):
+        head, body = "", plain
+    cells = [line.cells(NO_SEPARATOR)[0] for line in body]
+    named = head and not is_value(head) and not any(sign in head for sign in ",;\t|") and not body[0].apart
+    if (head and not named) or not all(is_missing(cell) or looks_like_number(cell) for cell in cells):
+        return None
+    for line in body:
+        parts = [word for word, sign in SEPARATORS.items() if len(line.cells(sign)) > 1]
+        if parts and not head:
+            return None
+        if parts and not asked.decimal:
+            count = len(line.cells(SEPARATORS[parts[0]]))
+            raise UsageError(
+                f"{name}, row {line.row}: {line.text.strip()} may be one value, or {count} columns; say "
+                f"--decimal point or --decimal comma for one, or --separator {parts[0]} for several"
+            )
+    return Layout(NO_SEPARATOR, (head,), plain[0].row if head else 0, (), body, 0, ())
 
 
 def _earlier(above: Sequence[Line], separator: str) -> int:
@@ -163,6 +196,8 @@ def _block(lines: Sequence[Line], separator: str, asked: Asked) -> _Block | None
     tail = range(max(run if end - run > 1 else 0, end - _TAIL), end)
     usual = max((raw[i] for i in tail), key=[raw[i] for i in tail].count, default=0)
     most = max((every[i] for i in tail if raw[i] == usual), default=0)
+    while end and raw[end - 1] != usual and every[end - 1] < most and not is_value(cells[end - 1][0]):
+        end -= 1  # words in a line of its own form, under the table
     begin = end
     while begin and (
         raw[begin - 1] == usual or every[begin - 1] == most or (every[begin - 1] < most and _data(cells[begin - 1]))
@@ -208,6 +243,8 @@ def _with_names(lines: Sequence[Line], block: _Block, name: str, asked: Asked) -
     if asked.header:
         heads = max(heads, 1)
     rows = [_full(line.cells(block.separator), block.count) for line in block.lines[:heads]]
+    while len(rows) > 1 and rows[-1] == rows[-2]:  # the names twice, as of a logger that was started again
+        del rows[-1]
     first = block.lines[0].row if heads else 0
     units: tuple[str, ...] = ()
     before = sum(1 for line in lines[: block.start] if not line.remark)

@@ -20,11 +20,13 @@ class Line:
         row: number of its first line in the file, from 1.
         text: without its end.
         remark: whether it begins with a sign of remarks, or is a ruled line.
+        apart: whether a blank line or an empty row stands before it.
     """
 
     row: int
     text: str
     remark: bool
+    apart: bool = False
 
     def cells(self, separator: str) -> list[str]:
         """Its cells, without quotes and blanks around them."""
@@ -38,7 +40,7 @@ class Line:
 
 def lines_of(text: str) -> Iterator[Line]:
     """The lines of a text that are not blank. An empty row of a spreadsheet is a line of separators alone."""
-    pending, first, joined = "", 0, 0
+    pending, first, joined, apart = "", 0, 0, False
     for row, piece in enumerate(_BREAK.split(text), start=1):
         if pending:
             whole, joined = f"{pending} {piece}", joined + 1
@@ -50,14 +52,17 @@ def lines_of(text: str) -> Iterator[Line]:
             pending, first, joined = piece, row, 0
             continue
         if piece.strip(' \t,;|"'):
-            yield _line(row, piece)
+            yield _line(row, piece, apart=apart)
+            apart = False
+        else:
+            apart = True
     if pending:
-        yield _line(first, pending)
+        yield _line(first, pending, apart=apart)
 
 
-def _line(row: int, text: str) -> Line:
+def _line(row: int, text: str, *, apart: bool) -> Line:
     rule = len(text.strip()) > 2 and _RULE.fullmatch(text) is not None and not any(c in text for c in ";,\t|")
-    return Line(row, text, rule or _REMARK.match(text) is not None)
+    return Line(row, text, rule or _REMARK.match(text) is not None, apart)
 
 
 def split(text: str, separator: str) -> list[str]:

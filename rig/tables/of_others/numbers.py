@@ -18,11 +18,19 @@ _GROUPED = re.compile(rf"[+-]?\d{{1,3}}(?:(?P<g>[.,'\u2019{_SPACES}])\d{{3}})(?:
 _EITHER = re.compile(r"[+-]?[1-9]\d{0,2}[.,]\d{3}")
 _ENDLESS = re.compile(r"[+-]?(?:inf|infinity)", re.IGNORECASE)
 _LONGEST = 400
+OVERLOAD = 9.9e37
+"""What instruments with SCPI send for a reading beyond the range; 9.91e37 for none (SCPI-99, volume 1, 7.2.1.4)."""
+_OVERLOAD = re.compile(r"[+-]?9\.9(?:0*|10*)[eE]\+?37")
 
 
 def is_missing(cell: str) -> bool:
     """Whether a cell says that there is no value."""
-    return cell.lower() in MISSING
+    return cell.lower() in MISSING or is_overload(cell)
+
+
+def is_overload(cell: str) -> bool:
+    """Whether a cell is what an instrument sends in place of a reading."""
+    return cell.endswith("37") and _OVERLOAD.fullmatch(cell) is not None
 
 
 def looks_like_number(cell: str) -> bool:

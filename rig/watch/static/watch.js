@@ -283,7 +283,7 @@ function showSessions(sessions) {
 function showWholePlots(plots) {
   at("wholeplots").hidden = plots.length === 0;
   rows(at("plots"), [...plots].reverse().map((one) => {
-    const where = Object.entries(one.setpoints_degC).map(([what, degC]) => `${what.replace(/_chamber$/, "").replaceAll("_", " ")} ${minus(String(Number(degC.toPrecision(5))))} \u00b0C`);
+    const where = one.settings.map(([what, value, unit]) => `${what} ${minus(String(Number(value.toPrecision(5))))} ${unit.replace("degC", "\u00b0C")}`);
     return [n(String(one.number)), n(String(one.planned)), where.join(", "), n(String(one.points)), one.lost ? `lost: ${one.lost}` : "stands"];
   }));
 }

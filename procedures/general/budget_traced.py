@@ -1,0 +1,78 @@
+"""Budgets of general runs with the effects that a trace finds, and the model error of causes that look alike.
+
+As for attitude sensors: an effect is a term of the model, or is held at its size and off the outputs. Where the data
+cannot separate its cause from others, the results by every one of them are as good, and their rms difference from those
+by the named one is a line of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import cached_property
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from fitter.budget import TypeA
+from fitter.errors import FitError
+from procedures.budgeting import alike
+from procedures.general.budget import GeneralEvaluation, Sensor
+from procedures.general.of_runs import Asked
+from procedures.general.traced import with_effects
+from procedures.table import Table
+
+
+class TracedEvaluation(GeneralEvaluation):
+    """All sensors of a run, each by its declared model with traced effects."""
+
+    def __init__(self, table: Table, at: Sequence[Mapping[str, float]]) -> None:
+        asked = Asked.of(table)
+        assert asked is not None  # a run's own outputs
+        self._found, self._points = with_effects(asked, (), covered=True), at
+        super().__init__(self._found.asked.table, at, self._found.asked.models)
+
+    @cached_property
+    def _moved(self) -> Sequence[tuple[str, str, str, FloatArray | None]]:
+        """Output, effect, other cause, and (m,) how far the results by that one are away; None if it gives none."""
+        base, sensors = self.results, {one.name: one for one in self.each}
+        found = []
+        for output, named, member, asked in self._found.others:
+            moved = np.zeros(len(base.values))
+            try:
+                every = GeneralEvaluation(asked.table, self._points, {output: asked.models[output]}).each
+                moved[np.array(base.sensors) == output] = _difference(sensors[output], every[0])
+            except FitError:
+                moved[:] = np.nan
+            found.append((output, named, member, moved if np.isfinite(moved).all() else None))
+        return found
+
+    def model_errors(self) -> Iterator[TypeA]:
+        """See `Evaluation`."""
+        by_named: dict[str, list[tuple[str, FloatArray]]] = {}
+        for output, named, member, moved in self._moved:
+            if moved is not None:
+                by_named.setdefault(f"{output}, {named}", []).append((member, moved))
+        yield from (alike(named, members) for named, members in by_named.items())
+
+    def notes(self) -> Iterable[str]:
+        """See `Evaluation`."""
+        yield from super().notes()
+        for output, told in self._found.notes.items():
+            yield from (f"{output}: {note}" for note in told)
+        for output, named, member, moved in self._moved:
+            if moved is None:
+                yield f"{output}: no number covers {member} in place of {named}: it does not determine the results"
+
+    def not_kept(self) -> Iterable[str]:
+        """See `Evaluation`."""
+        return (f"{one.name}: intervals of rig infer do not cover it" for one in self.model_errors())
+
+
+def _difference(own: Sensor, other: Sensor) -> FloatArray:
+    """(m,) results of a sensor by another model, less its own; a coefficient that one of them has not differs by 0."""
+    theirs = dict(zip(other.terms, other.fitted.tolist(), strict=True))
+    kept = own.fitted.tolist()
+    coefficients = [theirs.get(name, value) - value for name, value in zip(own.terms, kept, strict=True)]
+    mine, found = own.values(own.fitted, own.readings), other.values(other.fitted, own.readings)
+    k, q = len(kept), len(theirs)
+    return np.concatenate([coefficients, found[q:] - mine[k:]])

@@ -1,0 +1,79 @@
+"""Columns of effects found in a run: as formulas, so that a later run has them too."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from procedures.general.effects import OF_CONSTANT, TableEffect
+from procedures.general.effects.literal import Rows, column
+from procedures.general.effects.scene import Profile, TableTerm
+
+_STEP = 1e-3
+
+
+@dataclass(frozen=True)
+class Label:
+    """One column of a term.
+
+    Attributes:
+        name: its formula.
+    """
+
+    name: str
+
+
+@dataclass(frozen=True, eq=False)
+class RunTerm:
+    """One column of an effect in one sensor.
+
+    Attributes:
+        effect: the effect.
+        term: the column.
+        sensor: its output.
+        block: the term of the first run.
+        at: number of the column in it.
+        slope: if not empty, it is the change of the whole block with the logarithm of its searched constant, its
+            columns having these coefficients (in the first run).
+    """
+
+    effect: TableEffect
+    term: Label
+    sensor: str
+    block: TableTerm
+    at: int
+    slope: tuple[float, ...] = ()
+
+    def column(self, rows: Rows) -> FloatArray:
+        """(n,) its values in some rows."""
+        if not self.slope:
+            return column(self.block.labels[self.at], rows)
+        assert self.block.profile is not None
+        profile = self.block.profile
+        above, below = (profile.at(profile.value * (1.0 + step)).labels for step in (_STEP, -_STEP))
+        every = zip(self.slope, above, below, strict=True)
+        return np.asarray(sum(size * (column(a, rows) - column(b, rows)) for size, a, b in every)) / (2.0 * _STEP)
+
+
+def columns_of(effect: TableEffect, block: TableTerm, sensor: str, sizes: FloatArray) -> Iterator[RunTerm]:
+    """The columns of a term in a sensor, and its change with its searched constant: a search knows it about only.
+
+    Args:
+        effect: the effect.
+        block: the term.
+        sensor: its output.
+        sizes: (d,) coefficients of its columns: one constant changes them all.
+    """
+    for at, label in enumerate(block.labels):
+        yield RunTerm(effect, Label(label), sensor, block, at)
+    if block.profile is not None and np.any(_slopes(block.profile) @ sizes):
+        yield RunTerm(effect, Label(f"{OF_CONSTANT}{block.labels[0]}"), sensor, block, 0, slope=tuple(sizes.tolist()))
+
+
+def _slopes(profile: Profile) -> FloatArray:
+    """(n, d) change of a term's columns with the logarithm of its searched constant."""
+    above, below = (profile.at(profile.value * (1.0 + step)).columns for step in (_STEP, -_STEP))
+    return np.asarray((above - below) / (2.0 * _STEP))

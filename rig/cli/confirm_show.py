@@ -1,0 +1,146 @@
+"""What `rig confirm` shows: open questions, possible runs, verdicts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rich.markup import escape
+from rich.table import Column, Table
+
+from procedures.durations import duration
+from rig.cli.show import err, mark, out, print_json
+from rig.errors import ExitCode
+
+if TYPE_CHECKING:
+    from rig.closed_loop.confirm.answers import Confirmed
+    from rig.closed_loop.confirm.first import First
+    from rig.closed_loop.confirm.proposal import Proposal
+    from rig.closed_loop.confirm.proposals import Inseparable
+
+SHOWN = 5
+"""Number of proposals shown by default."""
+
+
+def listed(first: First, proposals: Sequence[Proposal], never: Sequence[Inseparable]) -> dict[str, Any]:
+    """Values for `--json`."""
+    return {
+        "first": str(first.path),
+        "proposals": [p.to_json() for p in proposals],
+        "inseparable": [one.to_json() for one in never],
+    }
+
+
+def show_open(first: First, never: Sequence[Inseparable]) -> None:
+    """Open questions, and those that no run can answer."""
+    for question in first.questions:
+        alike = [m.effect for m in question.members[1:] if not m.near]
+        text = f"not distinguishable from {', '.join(alike)} by these data" if alike else "it is not confounded"
+        near = [f"{m.effect} ({m.sigmas:.1f} standard errors)" for m in question.members if m.near]
+        text += f"; barely excluded, so judged as well: {', '.join(near)}" if near else ""
+        out.print(f"[bold]{escape(question.effect)}[/]: {escape(text)}", soft_wrap=True)
+    for one in never:
+        a, b = one.pair
+        does = (
+            f"a run with a change by a person does: {'; or '.join(one.by_hand)}"
+            if one.by_hand
+            else f"a person would have to change something: {one.would}"
+        )
+        out.print(
+            f"  [yellow]{escape(a)} or {escape(b)}: no run of this bench separates them (at most {one.sigmas:.1f} "
+            f"standard errors expected) as it stands; {escape(does)}[/]",
+            soft_wrap=True,
+        )
+
+
+def show_proposals(
+    first: First, proposals: Sequence[Proposal], never: Sequence[Inseparable], take: int, *, every: bool
+) -> None:
+    """Possible runs, the best first, and what the taken one may leave open."""
+    from rig.closed_loop.confirm.proposal import SURE  # noqa: PLC0415
+    from rig.closed_loop.confirm.proposals import otherwise  # noqa: PLC0415
+
+    table = Table("", "run", "points", "bench time", "pairs separated", "nearest pair", "shown by")
+    shown = proposals if every else proposals[: max(take, SHOWN)]
+    for number, proposal in enumerate(shown, start=1):
+        separated, pairs = proposal.separated
+        table.add_row(
+            f"[green]{number}[/]" if number == take else str(number),
+            proposal.variation.what,
+            proposal.size,
+            duration(proposal.hours * 3600.0),
+            f"{separated} of {pairs}" if pairs else "-",
+            "-" if proposal.nearest is None else _weakest(*proposal.nearest),
+            _weakest(*proposal.shown),
+        )
+    out.print(table)
+    out.print(
+        f"  pairs separated: with probability {SURE:.0%} or more; nearest pair, and weakest cause against none: "
+        "expected standard errors, and the probability that they are enough",
+        soft_wrap=True,
+    )
+    if len(proposals) > len(shown):
+        out.print(f"  and {len(proposals) - len(shown)} more: --list shows them")
+    for line in otherwise(first, proposals[take - 1], never):
+        out.print(f"  [yellow]run {take}: {escape(line)}[/]", soft_wrap=True)
+
+
+def _weakest(chance: float, sigmas: float) -> str:
+    from rig.closed_loop.confirm.proposal import SURE  # noqa: PLC0415
+
+    text = f"{sigmas:.1f} ({chance:.0%})" if sigmas < 100 else f"{sigmas:.0f} ({chance:.0%})"
+    return f"[green]{text}[/]" if chance >= SURE else text
+
+
+def show(confirmed: Confirmed, listed: Mapping[str, Any], report: Path | None, *, as_json: bool) -> int:
+    """Verdicts, errors and sentences, and the report; returns the exit code."""
+    from rig.closed_loop.confirm.answers import chance, sentences, sizes  # noqa: PLC0415
+
+    code = ExitCode.DONE if confirmed.settled else ExitCode.OUTSIDE_ACCEPTANCE
+    if as_json:
+        print_json({**listed, **confirmed.to_json()})
+        _write_report(confirmed, report)
+        return code
+    by = ", ".join(map(str, confirmed.paths)) + f" ({duration(3600.0 * confirmed.bench_h)} of bench time)"
+    out.print(f"\n{mark(confirmed.first.simulated)}judged by {escape(by)}", soft_wrap=True)
+    for answer in confirmed.answers:
+        out.print(f"\n[bold]{escape(answer.effect)}[/]: [bold]{answer.verdict}[/]")
+        shown = "shown by"
+        table = Table(Column("cause", no_wrap=True), "behind by", shown, "same size?", "size in the further run, 95 %")
+        for member in answer.members:
+            table.add_row(
+                f"[green]{escape(member.effect)}[/]" if member.holds else escape(member.effect),
+                f"{member.sigmas:.1f} sd",
+                f"{member.shown:.1f} sd (limit {member.limit:.1f}), p {chance(member.p_shown)}",
+                f"p {member.p_changed:.2g}" + ("" if member.fits else ", does not fit"),
+                escape("\n".join(sizes(member)) or "not told"),
+            )
+        out.print(table)
+        if answer.outliers:
+            which = ", ".join(str(row + 1) for row in answer.outliers)
+            out.print(
+                f"  [yellow]observations {which} of the further run are outliers and were left out[/]", soft_wrap=True
+            )
+    columns = ("declared model", "with the effects", "scatter of a reading")
+    errors = Table(f"error on the further run / {confirmed.unit}", *columns)
+    for name, e in confirmed.judged.errors.items():
+        errors.add_row(escape(name), *(f"{confirmed.inferred(e, v):.3g}" for v in (e.before, e.after, e.sigma)))
+    out.print()
+    out.print(errors)
+    if confirmed.own:
+        out.print(f"  of both models: {confirmed.own}", soft_wrap=True)
+    out.print()
+    for sentence in sentences(confirmed):
+        out.print(escape(sentence), soft_wrap=True)
+    _write_report(confirmed, report)
+    return code
+
+
+def _write_report(confirmed: Confirmed, report: Path | None) -> None:
+    if report is None:
+        return
+    from rig.report.confirm import write_confirm_report  # noqa: PLC0415
+
+    write_confirm_report(report, confirmed)
+    err.print(f"report: {escape(str(report))}", soft_wrap=True)

@@ -1,0 +1,217 @@
+"""Hard factors that are no temperatures: a fixture that a person changes, a line pressure that a source holds."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from types import SimpleNamespace
+
+import general_lab as lab
+import pytest
+from command import rig
+from few_points import Killed, kill_where, records
+from general_lab import run_dry, written
+
+from drivers.roles import SourceState
+from procedures.run_list import Factor
+from rig.controller import resume_run
+from rig.engine.actions import BenchActions
+from rig.engine.axes import SourceMover
+from rig.engine.session import Outcome, Signals
+from rig.errors import ConfigurationError
+from rig.examples import example
+from rig.plans import load_plan
+from rig.run_file.events.by_hand import AskedToSet
+from rig.run_file.events.points import WholePlotBegan, WholePlotLost
+from rig.run_file.reader import RunReader
+from rig.run_file.sense import judged
+from rig.tables import run_table
+
+FIXTURE = (
+    lab.SOURCE.replace('input_V = "calibrator"', 'input_V = "calibrator"\ngap_mm = "operator"').replace(
+        "input_V = [-8, 8]", "input_V = [-8, 8]\ngap_mm = [0, 5]"
+    )
+    + '[instruments.operator]\ndriver = "person"\nsay = "put the shim of {value} mm under the probe"\n'
+)
+FIXTURE_WORLD = """seed = 2
+[sensors.meter]
+formula = "0.01 + 0.02*gap_mm + 1.00002*input_V + seat"
+noise = 1e-6
+[draws.seat]
+of = "gap_mm"
+sd = 0.003
+[sources.input_V]
+time_constant_s = 0.3
+[person]
+sets_s = 20
+"""
+FIXTURE_PROCEDURE = """kind = "general"
+name = "shims"
+seed = 3
+replications = REPLICATIONS
+[factors.input_V]
+levels = [-5, 0, 5]
+[factors.gap_mm]
+levels = [1, 2]
+hard = true
+[settle]
+dwell_s = 3
+[model]
+formula = "1 + input_V + gap_mm"
+"""
+
+
+PLOTS = "gap_mm,input_V,whole_plot\n" + "".join(
+    f"{gap},{volts},{plot}\n" for plot, gap in ((1, 1), (2, 1), (3, 2)) for volts in (-5, 5)
+)
+
+
+def fixture(replications=2):
+    return FIXTURE_PROCEDURE.replace("REPLICATIONS", str(replications)), FIXTURE, FIXTURE_WORLD
+
+
+def events(path, kind):
+    return [r.event for r in records(path) if isinstance(r.event, kind)]
+
+
+def makes_sense(path):
+    with RunReader.open(path) as reader:
+        assert judged(reader, 9).findings == ()
+
+
+def killed_at(folder, done, procedure):
+    with pytest.raises(Killed):
+        run_dry(folder, procedure, FIXTURE, FIXTURE_WORLD, on_progress=kill_where(lambda news: news.done == done))
+    (path,) = folder.glob("*.sqlite")
+    assert resume_run(path, signals=Signals(), on_progress=lambda _: None).outcome is Outcome.COMPLETE
+    makes_sense(path)
+    return path
+
+
+def test_a_person_sets_a_fixture_for_every_whole_plot_and_its_error_is_that_of_whole_plots(tmp_path):
+    path, result = run_dry(tmp_path, *fixture(4))
+    assert result.outcome is Outcome.COMPLETE, result.message
+    makes_sense(path)
+    gaps = [event.settings["gap_mm"] for event in events(path, WholePlotBegan)]
+    assert gaps == [event.setpoint for event in events(path, AskedToSet)] == [2, 1] * 4
+    fitted = json.loads(rig("fit", path, "--json").stdout)
+    assert fitted["sigma_wholeplot"] == pytest.approx(0.003, rel=0.5)
+    assert fitted["sigma_subplot"] < 2e-5
+    assert fitted["coefficients"]["gap_mm"]["df"] == pytest.approx(6)
+
+
+def test_a_fixture_that_stands_already_is_undone_first(tmp_path):
+    procedure = FIXTURE_PROCEDURE.replace("REPLICATIONS", "1").replace("levels = [1, 2]", 'order = "as written"')
+    procedure = procedure.replace("levels = [-5, 0, 5]", "") + '[design]\ntype = "file"\npoints = "p.csv"\n'
+    (tmp_path / "p.csv").write_text(PLOTS)
+    path, result = run_dry(tmp_path, procedure, FIXTURE, FIXTURE_WORLD)
+    assert result.outcome is Outcome.COMPLETE, result.message
+    makes_sense(path)
+    asked = [(event.setpoint, event.say) for event in events(path, AskedToSet)]
+    assert [gap for gap, _ in asked] == [1, 1, 2]
+    assert [say.startswith("undo it") for _, say in asked] == [False, True, False]
+    table = run_table(path).columns
+    assert (
+        len(
+            {
+                round(v - 1.00002 * u - 0.02 * g, 4)
+                for v, u, g in zip(*(table[n] for n in ("meter_V", "input_V", "gap_mm")), strict=True)
+            }
+        )
+        == 3
+    )
+
+
+def test_a_fixture_stands_over_a_short_interruption_and_is_asked_for_again_where_that_is_not_to_be_relied_on(tmp_path):
+    procedure = FIXTURE_PROCEDURE.replace("REPLICATIONS", "1")
+    stood = killed_at(tmp_path / "stood", 4, procedure)
+    assert len(events(stood, AskedToSet)) == len(events(stood, WholePlotBegan)) == 2
+    asked = killed_at(tmp_path / "asked", 4, procedure + "[recovery]\ncontinue_gap_s = 0\n")
+    assert [event.setpoint for event in events(asked, AskedToSet)] == [2, 1, 1]
+    (lost,) = events(asked, WholePlotLost)
+    assert lost.kept == 1
+    assert len(run_table(asked).columns["meter_V"]) == 7, "the reading of the lost whole plot is kept"
+
+
+def test_a_fixture_is_asked_for_again_after_a_time_in_which_the_controller_had_no_turn(tmp_path, monkeypatch):
+    measure, calls = BenchActions.measure, itertools.count()
+
+    def late(self, *args):
+        if next(calls) == 1:
+            self._clock._clock.sleep(1000.0)  # nobody waits for it
+        return measure(self, *args)
+
+    monkeypatch.setattr(BenchActions, "measure", late)
+    path, result = run_dry(tmp_path, FIXTURE_PROCEDURE.replace("REPLICATIONS", "1"), FIXTURE, FIXTURE_WORLD)
+    assert result.outcome is Outcome.COMPLETE, result.message
+    makes_sense(path)
+    assert [(event.kept, "left alone for" in event.reason) for event in events(path, WholePlotLost)] == [(1, True)]
+    assert [event.setpoint for event in events(path, AskedToSet)] == [2, 2, 1]
+
+
+@pytest.mark.parametrize(("value", "stopped"), [(3.995, False), (3.9, True)])
+def test_a_source_at_its_setting_is_left_alone_when_motion_stops(value, stopped):
+    """Commanding its present value would be another setting, with an error of its own."""
+    stops = []
+    state = SourceState(setpoint=4.0, value=value, settled=False, output=True, safe=False, faults=())
+    source = SimpleNamespace(read=lambda: state, stop=lambda: stops.append(1))
+    SourceMover(source, Factor("line_bar", "line", hard=True), 0.01).stop()
+    assert stops == [1] * stopped
+
+
+LINE = (
+    lab.SOURCE.replace('input_V = "calibrator"', 'input_V = "calibrator"\nline_psia = "supply"').replace(
+        "input_V = [-8, 8]", "input_V = [-8, 8]\nline_psia = [0, 15.5]"
+    )
+    + lab.PACE
+)
+LINE_WORLD = """seed = 2
+[sensors.meter]
+formula = "0.01 + 0.02*line_psia + 1.00002*input_V"
+noise = 1e-6
+[sources.input_V]
+time_constant_s = 0.3
+"""
+LINE_PROCEDURE = FIXTURE_PROCEDURE.replace("gap_mm", "line_psia").replace("REPLICATIONS", "1")
+LINE_PROCEDURE = LINE_PROCEDURE.replace("levels = [1, 2]", "levels = [2, 4]\nband = 0.05\ndrift_per_s = 0.05")
+
+
+@pytest.mark.parametrize("faults", ["", '[[faults]]\nkind = "power-cycle"\non = "supply"\nat_s = 55\n'])
+def test_an_instrument_holds_a_pressure_for_a_whole_plot_which_is_measured_again_where_it_was_lost(tmp_path, faults):
+    path, result = run_dry(tmp_path, LINE_PROCEDURE, LINE, LINE_WORLD + faults)
+    assert result.outcome is Outcome.COMPLETE, result.message
+    makes_sense(path)
+    pressures = [event.settings["line_psia"] for event in events(path, WholePlotBegan)]
+    assert pressures == ([4, 4, 2] if faults else [4, 2])
+    assert [event.kept for event in events(path, WholePlotLost)] == ([1] if faults else [])
+    table = run_table(path).columns
+    assert len(table["meter_V"]) == (7 if faults else 6)
+    assert table["line_readback_psia"] == pytest.approx(table["line_psia"], abs=1e-3)
+
+
+def test_a_pressure_that_stands_is_left_before_it_is_set_for_another_whole_plot(tmp_path):
+    points = PLOTS.replace("gap_mm", "line_psia")
+    procedure = LINE_PROCEDURE.replace("levels = [2, 4]", 'order = "as written"').replace("levels = [-5, 0, 5]", "")
+    (tmp_path / "p.csv").write_text(points)
+    told = []
+    path, result = run_dry(
+        tmp_path,
+        procedure + '[design]\ntype = "file"\npoints = "p.csv"\n',
+        LINE,
+        LINE_WORLD,
+        on_progress=lambda news: told.append(news.message),
+    )
+    assert result.outcome is Outcome.COMPLETE, result.message
+    makes_sense(path)
+    assert [event.settings["line_psia"] for event in events(path, WholePlotBegan)] == [1, 1, 2]
+    assert "setting whole plot 2 of 3" in told
+
+
+def test_an_angle_of_a_head_cannot_be_hard_to_change(tmp_path):
+    bench = lab.SOURCE.replace('input_V = "calibrator"', 'input_V = "calibrator"\npitch_deg = "head"')
+    head = (example("attitude-lab") / "bench.toml").read_text()
+    head = head[head.index("[instruments.head]") : head.index("[instruments.", head.index("[instruments.head]") + 5)]
+    procedure = FIXTURE_PROCEDURE.replace("gap_mm", "pitch_deg").replace("REPLICATIONS", "1")
+    files = written(tmp_path, procedure, bench + head)
+    with pytest.raises(ConfigurationError, match="pitch_deg is an angle of a head, which cannot be hard to change"):
+        load_plan(files[0], files[1])
