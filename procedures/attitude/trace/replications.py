@@ -156,8 +156,8 @@ def between_replications(
         slow: the tested candidates.
         chosen: candidates already in the model.
         gamma: their coefficients.
-        only: tested units, against the walk of the offset too that remains within replications beside each; None for all
-            units, without it, which is faster and seldom less strict.
+        only: tested units, against the walk of the offset too that remains within replications beside each; None for
+            all units, without it, which is faster and seldom less strict.
     """
     slow = slow if only is None else slow.of([q for q, j in enumerate(slow.columns) if problem.unit_of[j] in only])
     out = Between(*(np.full(len(problem.units), value) for value in (1.0, 0.0, 0.0)))
