@@ -123,14 +123,18 @@ class AttitudeJudge:
         """
         problem, chosen = self.problem, tuple(sorted((*group, *rest)))
         effect = self.candidates[group[0]].effect.name
-        every = np.arange(len(problem.candidates))
         sigma = errors(problem, chosen)
-        left = beside(problem, estimate(problem, chosen).level, rest, every, sigma)
-        length2 = np.sum((problem.length / sigma[:, None]) ** 2, axis=0)
-        products = Products(left.columns.sum(axis=0), left.outputs.sum(axis=0), self.signs).without(length2)
         sensors = {problem.sensors[i] for j in group for i in np.flatnonzero(concerns(problem, j) > 0.01)}
-        barred = (self.shut | NAMELESS) - {effect}
-        named = [unit for unit in problem.units if self._may(unit, frozenset(barred))]
+        barred = frozenset((self.shut | NAMELESS) - {effect})
+        able_to = [unit for unit in problem.units if self.candidates[unit[0]].sensor in {None, *sensors}]
+        named = [unit for unit in able_to if self._may(unit, barred)]
+        # products of all other candidates would be most of the work, and nobody asks for them
+        asked = np.array(sorted({*group, *(j for unit in named for j in unit)}), np.int64)
+        left = beside(problem, estimate(problem, chosen).level, rest, asked, sigma)
+        length2 = np.sum((problem.length[:, asked] / sigma[:, None]) ** 2, axis=0)
+        some = Products(left.columns.sum(axis=0), left.outputs.sum(axis=0)).without(length2)
+        products = Products(np.zeros((len(self.candidates),) * 2), np.zeros(len(self.candidates)), self.signs)
+        products.columns[asked[:, None], asked], products.outputs[asked] = some.columns, some.outputs
         found = rivals(problem.candidates, products, group, rest, sensors, named, self.searched)
         able = [r for r in found if r.effect == effect or self._reachable(products, r)]
         best = min(r.sigmas for r in able if not r.refused)
