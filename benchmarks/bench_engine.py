@@ -85,7 +85,7 @@ def nobody_watches() -> Iterator[None]:
 
 
 def point_s(folder: Path) -> float:
-    """Wall seconds between two records of a run, the first quartile: what else the machine does lengthens the others."""
+    """Wall seconds between two records of a run, the first quartile: other work lengthens the other points."""
     moments: list[float] = []
     recording = AtPoint.recording
 
