@@ -40,6 +40,7 @@ class HandStep:
         timeout_h: hours after which the run is parked; None for the longest hold of the procedure.
         low: smallest number that is accepted, in its unit; None for any.
         high: the largest; None for any.
+        again: whether it is done again where its whole plot is measured again.
     """
 
     before: int
@@ -49,6 +50,7 @@ class HandStep:
     timeout_h: float | None = None
     low: float | None = None
     high: float | None = None
+    again: bool = False
 
     @property
     def instruction(self) -> str:
@@ -80,7 +82,7 @@ class HandStep:
     def as_json(self) -> dict[str, Any]:
         """Its values for the run file; those without meaning are left out."""
         values: dict[str, Any] = {"before": self.before, "say": self.say, "change": self.change, "value": self.value}
-        values |= {"timeout_h": self.timeout_h, "low": self.low, "high": self.high}
+        values |= {"timeout_h": self.timeout_h, "low": self.low, "high": self.high, "again": self.again or None}
         return {k: v for k, v in values.items() if v is not None and v != ""}
 
 
@@ -112,9 +114,13 @@ class Made:
 
 
 def next_step(steps: Sequence[HandStep], done: Collection[int]) -> int | None:
-    """Ordinal of the first step that is not done, from 1; None if there is none. Steps are done in order."""
-    number = len(done) + 1
-    return number if number <= len(steps) else None
+    """Ordinal of the first step that is not done, from 1; None if there is none."""
+    return next((number for number in range(1, len(steps) + 1) if number not in done), None)
+
+
+def undone(steps: Sequence[HandStep], lost: range) -> list[int]:
+    """Ordinals of the steps that are done again, from 1, if these points of a lost whole plot are measured again."""
+    return [number for number, step in enumerate(steps, 1) if step.again and step.before in lost]
 
 
 class HandSettings(Strict):
@@ -124,7 +130,9 @@ class HandSettings(Strict):
     before_replication: int | None = Field(None, ge=1, description="instead: before the first point of a replication")
     before_whole_plot: int | None = Field(None, ge=1, description="instead: before a whole plot, and before its soak")
     before_every: Literal["replication", "whole plot"] | None = Field(
-        None, description="instead: before every replication, or before every whole plot and its soak"
+        None,
+        description="instead: before every replication, or before every whole plot and its soak, then also before one "
+        "that is measured again",
     )
     say: str = Field(min_length=1, max_length=300, description="what the person has to do, one sentence")
     change: str = Field(
@@ -204,7 +212,8 @@ class HandSettings(Strict):
     def step(self, index: int) -> HandStep:
         """The step before a point of the run list."""
         low, high = self.range or (None, None)
-        return HandStep(index, self.say, self.change, self.value or "", self.timeout_h, low, high)
+        again = self.before_every == WHOLE_PLOT
+        return HandStep(index, self.say, self.change, self.value or "", self.timeout_h, low, high, again)
 
 
 Steps = Annotated[tuple[HandSettings, ...], Field(max_length=MOST_STEPS)]

@@ -10,6 +10,7 @@ import pytest
 from rig.cli import app  # noqa: F401 - commands are registered
 from rig.dcc.reader import parsed
 from rig.dcc.si_units import ratio
+from rig.errors import UsageError
 from rig.inference import read_calibration
 from rig.register import parse_register
 from rig.register.from_dcc import Wanted, equipment_text
@@ -160,6 +161,19 @@ def test_a_setting_that_was_taken_twice_is_not_two_corrections(tmp_path):
     assert (done.returncode, "has a setting more than once" in done.stderr, done.stdout) == (2, True, "")
 
 
+def test_single_values_of_one_name_are_rows():
+    """As a list of quantities has them; a certificate of a force machine from the Philippines does."""
+    body = "<s:real><s:value>{}</s:value><s:unit>\\newton</s:unit></s:real>"
+    one = f"<quantity><name><content>{{}}</content></name>{body}</quantity>"
+    xml = others(body.format(2).replace("\\", "\\\\")).decode()
+    values = (100.76, 200.19, 300.12)
+    rows = xml.replace("</data>", f"{''.join(one.format('applied', value) for value in values)}</data>")
+    assert tuple(number.value for number in parsed(rows.encode(), "x.xml").find("applied").numbers) == values
+    twice = parsed(xml.replace("</data>", f"{one.format('error', 1)}</data>").encode(), "x.xml")
+    with pytest.raises(UsageError, match="several values 'error'"):  # of another refType
+        twice.find("error")
+
+
 def test_a_standard_uncertainty_alone_is_one_standard_deviation():
     unc = "<s:measurementUncertaintyUnivariate><s:standardMU><s:valueStandardMU>0.5</s:valueStandardMU></s:standardMU>"
     body = f"<s:real><s:value>2</s:value><s:unit>\\\\kelvin</s:unit>{unc}</s:measurementUncertaintyUnivariate></s:real>"
@@ -176,6 +190,7 @@ def test_a_standard_uncertainty_alone_is_one_standard_deviation():
         ("kg*m^2/s^3/A", "mV", 1e3),
         ("kg/m/s^2", "psi", 1 / 6894.757293168),  # NIST SP 811, B.8
         ("", "%", 100.0),
+        ("", "pct", 100.0),
         ("mV/V", "ppm", 1e3),
         ("1/K", "1/degC", 1.0),
         ("deg", "rad", 0.017453292519943),

@@ -9,9 +9,11 @@
     columns = ["exp(cos(pitch))*sin(3*roll)"]
     separate_by = "close the door"
     usual_size = "1e-5 V"
+    by_hand = { change = "door-closed", say = "close the door", does = "removes" }
 
-The stratum determines the kind of calibration of the effect. Each kind defines its strata, its scopes and the variables
-of columns in a `Grammar`; the arithmetic is that of `fitter.arithmetic`.
+`by_hand` may be left out: a change by a person that removes or resizes the effect. The stratum determines the kind of
+calibration of the effect. Each kind defines its strata, its scopes and the variables of columns in a `Grammar`; the
+arithmetic is that of `fitter.arithmetic`.
 """
 
 from __future__ import annotations
@@ -22,10 +24,12 @@ from dataclasses import dataclass
 from typing import Any, NoReturn
 
 from fitter.effects.entry import Entry
+from fitter.effects.hands import ByHand, Change
 from fitter.effects.own_formula import OwnFormula
 from fitter.effects.sizes import each
 from fitter.errors import FitError
 
+_HAND, _CHANGE, _DOES = "by_hand", ("change", "say", "does"), ("removes", "resizes")
 _WORDS = ("name", "cause", "scope", "stratum", "unit", "columns", "separate_by", "usual_size")
 
 
@@ -67,8 +71,8 @@ def _effect(table: Any, grammars: Sequence[Grammar]) -> Entry:
     if not isinstance(table, Mapping):
         raise FitError(f"an effect is a table, [[effect]], not {table!r:.40}")
     name = table.get("name", "without a name")
-    if set(table) != set(_WORDS):
-        wrong = sorted(set(table) ^ set(_WORDS))
+    if set(table) - {_HAND} != set(_WORDS):
+        wrong = sorted((set(table) - {_HAND}) ^ set(_WORDS))
         raise FitError(f"effect {name}: missing or unknown: {', '.join(wrong)}; it has {', '.join(_WORDS)}")
     for field in _WORDS:
         if field != "columns" and (not isinstance(table[field], str) or not table[field]):
@@ -82,7 +86,20 @@ def _effect(table: Any, grammars: Sequence[Grammar]) -> Entry:
         _refuse(name, "scope", table["scope"], grammar.scopes)
     formulas = [OwnFormula.of(name, column, grammar.names) for column in table["columns"]]
     fields: dict[str, Any] = {key: table[key] for key in _WORDS if key != "columns"}
+    if _HAND in table:
+        fields["hand"] = (_by_hand(name, table[_HAND]),)
     return grammar.make(fields | {"size": each(table["unit"]), "known_aliases": {}, "own": True}, formulas)
+
+
+def _by_hand(name: str, told: Any) -> ByHand:
+    """Influence of a change by a person on it. Raises `FitError`."""
+    words = told if isinstance(told, Mapping) else {}
+    texts = all(isinstance(value, str) and value for value in words.values())
+    if set(words) != set(_CHANGE) or not texts or words["does"] not in _DOES:
+        raise FitError(
+            f"effect {name}: by_hand is a table with {', '.join(_CHANGE)}, all texts; does is {' or '.join(_DOES)}"
+        )
+    return ByHand(Change(words["change"], words["say"]), words["does"])
 
 
 def _refuse(name: str, field: str, value: str, allowed: Sequence[str]) -> NoReturn:

@@ -13,11 +13,15 @@ COVER = (
 TRACEABILITY = (
     "The results are traceable to the International System of Units (SI) through the certificates in this table.",
 )
+UNTRACED = (
+    "Instruments without a certificate keep or watch conditions: no output is read and no factor is set by them alone.",
+)
 UNCERTAINTY = (
     "The expanded uncertainty is the combined standard uncertainty times the coverage factor k. The value of the "
     "quantity lies within it with the stated coverage probability. It was evaluated after JCGM 100:2008 (GUM) from the "
     "scatter of the run and the certificates of the equipment; it does not include the behaviour of the item after the "
     "calibration.",
+    "Coefficients of one item are correlated: the uncertainty of an output does not follow from theirs alone. "
     "A result that is called inferred is the quantity for one reading in use at the point: its value is the point, and "
     "its uncertainty that of the quantity that the reading gives.",
 )

@@ -6,7 +6,7 @@ Numbers are found by their path of names, or by their `refType`. What a certific
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import date
 from math import isfinite
 from pathlib import Path
@@ -104,14 +104,17 @@ class Read:
     def find(self, where: str) -> Quantity:
         """A quantity of the results by the end of its path (`Calibration / error`), its name, or its refType.
 
+        Several with one path and one refType, a value each, are the rows of one.
+
         Raises:
             UsageError: none or several match; the message lists them.
         """
         wanted = tuple(part.strip() for part in where.split(" / "))
         results = [one for one in self.quantities if one.where == "results" and one.numbers]
         found = [one for one in results if one.path[-len(wanted) :] == wanted or where in one.ref_types]
-        if len(found) == 1:
-            return found[0]
+        rows = {(one.path, one.ref_types, len(one.numbers)) for one in found}
+        if len(rows) == 1 and (len(found) == 1 or len(found[0].numbers) == 1):
+            return replace(found[0], numbers=tuple(number for one in found for number in one.numbers))
         what = "several values" if found else "no value"
         listed = "; ".join(f"{one.name} ({', '.join(one.ref_types)})" for one in (found or results)[:12])
         raise UsageError(f"{self.file} has {what} {where!r}. It has: {listed or 'none'}")

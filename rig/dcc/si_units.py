@@ -141,7 +141,7 @@ _BASE: Mapping[str, tuple[float, Mapping[str, int]]] = {
     "min": (60.0, {"s": 1}),
     "h": (3600.0, {"s": 1}),
     "d": (86400.0, {"s": 1}),
-    "%": (1e-2, {}),
+    **dict.fromkeys(("%", "pct"), (1e-2, {})),
     **dict.fromkeys(("l", "L"), (1e-3, {"m": 3})),
     "Hz": (1.0, {"s": -1}),
     "N": (1.0, {"kg": 1, "m": 1, "s": -2}),

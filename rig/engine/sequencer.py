@@ -300,6 +300,8 @@ class Sequencer:
     def _preparing(self) -> str:
         self._put_back()
         following = self._queue.peek()
+        if self._by_hand.due(following):
+            return self._by_hand.ask()  # a step that belongs to a whole plot which is measured again
         if self._soaking is not None and following is not None and self._by_hand.unset_for_plot(following):
             return self._by_hand.ask_to_set(following)  # before a soak, which a person would disturb
         # homing does not disturb the environment

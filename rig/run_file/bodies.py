@@ -80,6 +80,7 @@ def _is_step(value: Any) -> bool:
         return False
     numbers = (value.get(name) for name in ("timeout_h", "low", "high"))
     named = bool(value.get("say")) and bool(value.get("change"))
+    named &= value.get("again", True) is True
     return named and COUNT.holds(value.get("before")) and all(n is None or _finite(n) for n in numbers)
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from math import inf
 from typing import Any
 
+from procedures.by_hand import HandStep, undone
 from rig.run_file.bodies import ContentsError
 from rig.run_file.chain import Record
 from rig.run_file.events.bench import Fault, MadeSafe, Prepared, Preparing
@@ -92,6 +93,7 @@ class RunState:
     simulated: bool = False
     run_id: str = ""
     last_fault: str | None = None
+    _by_hand: tuple[HandStep, ...] = ()
 
     @property
     def remaining(self) -> int:
@@ -115,6 +117,7 @@ class RunState:
         match event:
             case RunCreated():
                 self.points, self.simulated, self.run_id = event.points, event.simulated, event.run_id
+                self._by_hand = event.steps
                 self.steps = len(event.steps)
             case DoneByHand():
                 self.by_hand[event.step] = event
@@ -184,6 +187,8 @@ class RunState:
                     self.skipped.pop(index, None)
                 assert record.whole_plot is not None
                 self.lost[record.whole_plot] = event.reason
+                for number in undone(self._by_hand, event.points):
+                    self.by_hand.pop(number, None)
                 self.whole_plot = self.planned = None
 
 

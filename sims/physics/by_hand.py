@@ -17,6 +17,11 @@ from sims.physics.undeclared import Effects
 
 PADS_LOCKED, REMOUNTED, OTHER_VOLTMETER, OTHER_GAUGE = "pads-locked", "remount", "voltmeter-swapped", "gauge-swapped"
 
+CHANGES = {
+    word: word.replace("-", "_") for word in ("meter-swapped", "reference-swapped", "channel-swapped", REMOUNTED)
+}
+"""Changes by a person that formulas of any laboratory know, by word: the number of times so far."""
+
 _GAIN, _ZERO_PSI, _WIDER = 2e-5, 1e-4, 3.0
 _SPREAD = 0.3
 """Size of an instrument's error in another instrument of its kind, as a fraction: mean 0, this standard deviation."""

@@ -2,7 +2,8 @@
 
 Variables of formulas are true values of the bench's factors, such as `force_kN`; `force_side`, the direction of its
 last change (1, -1 or 0); `force_for_s`, the time since then; the lags of the world file; `elapsed_h` since the world
-began; and `lab_degC`. Pure functions of virtual time between commands.
+began; `lab_degC`; and `meter_swapped`, the number of such changes by a person (`sims.physics.by_hand`). Pure functions
+of virtual time between commands.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from math import sqrt
 from typing import Any
 
 from sims.noise import event_at, normal
+from sims.physics.by_hand import CHANGES
 from sims.physics.chamber import Chamber
 from sims.physics.expression import Formula
 from sims.physics.fields import WorldError, known_keys
@@ -130,6 +132,7 @@ class Laboratory:
         self._chambers: dict[str, Chamber] = {}
         self._others: dict[str, Callable[[float], float]] = {}
         self._by_hand: dict[str, Source] = {}
+        self._changes = dict.fromkeys(CHANGES.values(), 0)
         self.sensors = {n: s for n, s in truth.sensors.items() if isinstance(s, AnySensorTruth)}
         tables = bench.get("sensors", {})
         self._units = {name: str(tables[name].get("unit", "V")) for name in self.sensors}
@@ -140,7 +143,7 @@ class Laboratory:
             self._read_formulas(bench)
 
     def _read_formulas(self, bench: Mapping[str, Any]) -> None:
-        known = [*self._factors, *self._truth.lags, *self._truth.draws, "elapsed_h", "lab_degC"]
+        known = [*self._factors, *self._truth.lags, *self._truth.draws, *CHANGES.values(), "elapsed_h", "lab_degC"]
         stems = [_stem(factor) for factor in self._factors]
         known += [f"{stem}{what}" for stem in stems for what in ("_side", "_for_s")]
         for name, sensor in self.sensors.items():
@@ -189,6 +192,11 @@ class Laboratory:
     def by_hand(self, factor: str, value: float, now: float) -> None:
         """A person sets a factor."""
         self._hand(factor).set(now, value)
+
+    def changed(self, change: str) -> None:
+        """A person changed a part: formulas know how often."""
+        if change in CHANGES:
+            self._changes[CHANGES[change]] += 1
 
     def _hand(self, factor: str) -> Source:
         if factor not in self._by_hand:
@@ -249,6 +257,7 @@ class Laboratory:
             found[name] = self._steps(lag.of).behind(t, lag.time_constant_s)
         for name, draw in self._truth.draws.items():
             found[name] = draw.sd * normal(self._truth.seed, f"draw {name}", event_at(self._steps(draw.of).since(t)))
+        found |= self._changes
         return found | {"elapsed_h": (t - self._start) / 3600.0, "lab_degC": self._lab.degC(t)}
 
     def clean(self, sensor: str, t0: float, t1: float) -> float:

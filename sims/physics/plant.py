@@ -123,6 +123,7 @@ class Plant:
         elif change == OTHER_VOLTMETER:
             self._voltmeter = self._drawn.voltmeter(self.truth.voltmeter)
         self.stand.by_hand(change, self._drawn)
+        self.laboratory.changed(change)
 
     def pressure_line(self, instrument: str) -> PressureLine:
         """The line behind a pressure controller of the bench."""

@@ -8,6 +8,7 @@ from typing import Any
 
 from fitter.effects.entry import Source
 from procedures.general.effects.catalogue import TABLE_CATALOGUE
+from procedures.general.effects.hands import HANDS
 from procedures.general.effects.kind import Of, TableEffect, TableKind
 from procedures.general.effects.scene import TableScene, is_temperature
 
@@ -40,6 +41,7 @@ def _effect(kind: TableKind, names: tuple[str, ...], response: str) -> TableEffe
         separate_by=kind.separate_by.format(*names, **words),
         usual_size=kind.usual_size,
         known_aliases={},
+        hand=HANDS.get(kind.name),
         kind=kind,
         columns=names,
         family="temperature" if warm else kind.family,
