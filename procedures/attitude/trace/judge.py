@@ -62,7 +62,12 @@ class AttitudeJudge:
     def refined(self, chosen: tuple[int, ...]) -> AttitudeJudge:
         """With refined values of the searched constants of `chosen`."""
         problem = refined(self.problem, chosen)
-        return self if problem is self.problem else replace(self, problem=problem)
+        if problem is self.problem:
+            return self
+        placed = replace(self, problem=problem)
+        # placed by what is seen within replications, which must not cost what is seen between them
+        lost = any(placed.p_adjusted(chosen, j) > ALPHA >= self.p_adjusted(chosen, j) for j in chosen)
+        return self if lost else placed
 
     @cached_property
     def signs(self) -> FloatArray:
@@ -221,9 +226,13 @@ class AttitudeJudge:
         p, sign = between.p.copy(), between.sign.copy()
         for u in both:
             p[u], sign[u] = _together(between, u, scores.p[u], scores.sign[u])
-            if p[u] * price[u] <= ALPHA:
-                again = second_thoughts(self.problem, chosen, u, scores, 1.0)
-                p[u], sign[u] = _together(between, u, again, scores.sign[u])
+        near = tuple(np.flatnonzero(p * price <= ALPHA).tolist())
+        again = between_replications(self.problem, self._slow, chosen, gamma, near) if near else between
+        for u in near:
+            p[u] = again.p[u]
+            if self.problem.judged_at[self.problem.units[u][0]] == "points":
+                within = second_thoughts(self.problem, chosen, u, scores, 1.0)
+                p[u], sign[u] = _together(again, u, within, scores.sign[u])
         p = np.where(sign * self._unit_signs < 0, 1.0, p)
         return np.asarray(np.minimum(p * price, 1.0))
 
@@ -246,8 +255,9 @@ class AttitudeJudge:
     def _price(self) -> FloatArray:
         """(U,) number of tests of a unit's kind over their share of the family."""
         given, sought = (count / share for count, share in zip(self.family.between, BETWEEN, strict=True))
-        effects = [self.candidates[unit[0]].effect for unit in self.problem.units]
-        return np.array([sought if e.searched and e.stratum != "replication" else given for e in effects])
+        first = [self.candidates[unit[0]] for unit in self.problem.units]
+        any_value = [c.effect.name in self.problem.any_value and c.effect.stratum != "replication" for c in first]
+        return np.where(any_value, sought, given)
 
 
 def _together(between: Between, u: int, within: float, sign: float) -> tuple[float, float]:
