@@ -70,7 +70,7 @@ def main() -> None:
     took = [night(asked.lab, poll_s, counted=False)[0] for _ in range(3)]
     wall, processor = (statistics.median(column) for column in zip(*took, strict=True))
     print(
-        f"{points} points, {sent / points:.1f} exchanges a point: {processor:.2f} s of processor time, {wall:.2f} s "
+        f"{points} points, {sent / points:.0f} exchanges a point: {processor:.2f} s of processor time, {wall:.2f} s "
         f"(medians of 3)"
     )
     each = f"{1e6 * processor / sent:.1f} us of processor time, {1e6 * wall / sent:.1f} us an exchange"

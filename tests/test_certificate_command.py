@@ -19,7 +19,9 @@ from fitter.budget.rounding import rounded
 from fitter.trace.outcome import Finding
 from rig.certificate.assembly import conditions, decimal_text, doubtful, effects
 from rig.certificate.files import write_once
+from rig.certificate.layout import sections
 from rig.certificate.numbers import plain
+from rig.certificate.words import UNTRACED
 from rig.dcc.reader import read_dcc
 from rig.dcc.si_units import per_term
 from rig.errors import ConfigurationError, UsageError
@@ -106,6 +108,17 @@ def test_what_is_read_or_set_without_a_stated_error_is_refused(run, tmp_path, as
     assert any(one.startswith(f"{column}: the register states") for one in reasons(run, tmp_path, equipment=register))
     told = f"the register states no errors of {column}: none are in these uncertainties"
     assert told in budget(run, equipment=register).notes()
+
+
+def test_the_page_says_what_an_instrument_without_a_certificate_is_for(run, tmp_path, made):
+    def page(of: Made) -> str:
+        return "".join(str(block) for section in sections(of.document) for block in section.blocks)
+
+    assert UNTRACED[0] not in page(made)
+    document = replace(
+        made.document, equipment=(*made.document.equipment, replace(made.document.equipment[0], laboratory=""))
+    )
+    assert UNTRACED[0] in page(replace(made, document=document))
 
 
 def test_two_statements_of_one_sort_are_two_influences(run, tmp_path):

@@ -13,6 +13,7 @@ from rig.closed_loop.promised import expired, promised
 from rig.controller import start_run
 from rig.engine.session import Signals
 from rig.errors import ConfigurationError
+from rig.examples import example
 from rig.plans import Plan, load_plan
 from rig.register import DOCUMENT
 from rig.results.budget import budget
@@ -121,6 +122,29 @@ def test_a_plan_names_what_the_register_says_nothing_of(tmp_path):
     told = promised(replace(plan, documents={**plan.documents, DOCUMENT: without}), TODAY)
     assert "the register states no errors of force_kN: none are in these uncertainties" in told.notes
     assert not any("states no errors" in note for note in promised(plan, TODAY).notes)
+
+
+def test_outputs_are_promised_where_no_reading_determines_a_quantity(tmp_path):
+    """Thermometers in the bath at several currents: a voltage alone gives neither the temperature nor the current."""
+    lab = example("bath-lab")
+    procedure, bench = ((lab / f"{name}.toml").read_text() for name in ("procedure", "bench"))
+    (tmp_path / "procedure.toml").write_text(
+        f'{procedure}\noutput = {{ prt_1 = "1e5*current_A*(1 + 4e-3*bath_degC)" }}\n'
+    )
+    (tmp_path / "bench.toml").write_text(
+        bench.replace("[references.bath_degC]", '[references.bath_degC]\nasset = "X"', 1)
+    )
+    said = 'quantity = "bath_degC"\nunit = "K"\nstandard = 0.005\n'
+    certificate = '[equipment.X.certificate]\nnumber = "1"\ndate = 2025-01-01\nlaboratory = "l"\n'
+    (tmp_path / "equipment.toml").write_text(f"[equipment.X]\n{certificate}[[equipment.X.says]]\n{said}")
+    told = promised(load_plan(tmp_path / "procedure.toml", tmp_path / "bench.toml", dry=True), TODAY)
+    (one,) = told.results
+    assert one.name == "prt_1 output at current 0.00125 A, bath 50 degC"
+    assert one.dominant == "X offset of bath_degC"
+    # 5 mK at 400 ohm/K and 1.25 mA: 2.5 uV
+    assert one.expanded == pytest.approx(1.96 * 1e5 * 1.25e-3 * 4e-3 * 0.005, rel=0.01)
+    assert "one draw of the errors of whole plots" in told.notes[0]
+    assert any("states no errors of current_A, prt_1_mV" in note for note in told.notes)
 
 
 def test_an_expected_output_of_no_sensor_is_refused(tmp_path):

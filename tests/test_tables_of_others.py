@@ -6,16 +6,20 @@ All tables here are written by hand, after what instruments and spreadsheets wri
 from __future__ import annotations
 
 import json
+import re
 import shlex
+from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.stats
 from command import rig
 
 from fitter.errors import FitError
 from procedures.attitude.table import attitude_data
 from procedures.errors import DataError
 from procedures.general.clock_texts import seconds_of
+from procedures.general.fit import fit_general
 from rig.errors import UsageError
 from rig.results.seen import look_at
 from rig.tables import Asked, FileSource, read_any_csv, read_gappy_csv, read_table
@@ -416,11 +420,11 @@ EVEN = np.linspace(54, 59, 24)
 SHAPES = {
     "row names, as R writes them": (
         a_table(rownames=range(1, 25), conc=np.repeat([0.02, 0.06, 0.11, 0.22, 0.56, 1.1], 4), rate=100 * NOISE),
-        "--response rate --formula '1 + conc'", {"rownames": "order"},
+        "--response rate --formula '1 + conc'", {"rownames": "row number"},
     ),
     "an index without a name": (
         a_table(**{"": range(24), "speed": np.sort(NOISE), "way": np.sort(NOISE) * 2 + NOISE**2}),
-        "--response way --formula '1 + speed'", {"column_1": "order"},
+        "--response way --formula '1 + speed'", {"column_1": "row number"},
     ),
     "subjects and classes are numbered": (
         a_table(weight=100 + NOISE, Days=np.tile([0, 2, 4, 6.5], 6), Chick=np.repeat(range(1, 7), 4), Diet=[1, 2] * 12),
@@ -451,6 +455,7 @@ def test_roles_in_tables_shaped_like_those_that_others_publish(tmp_path, shape):
     told = look_at(FileSource(written(tmp_path, text)), "fit", {})
     assert told.command.endswith(command)
     assert roles.items() <= {each.name: each.role for each in told.seen.columns}.items()
+    assert not {"time", "group"} & told.seen.trace.keys(), "nothing shows the order of these rows"
 
 
 @pytest.mark.parametrize("seed", range(200))
@@ -519,6 +524,16 @@ def test_rows_under_a_table_that_are_no_observations_are_left_out_and_named(tmp_
     assert table.understood["rows_of_summaries"] == FOOTERS[footer]
     for row, cell in FOOTERS[footer].items():
         assert f"row {row} ({cell})" in table.understood["sentence"]
+
+
+@pytest.mark.parametrize(("footer", "kept"), [("3,6.08", 5), ("15,30.4", 5), ("6,11.9", 6), ("3,6.1\n1.58,3.15", 5)])
+def test_numbers_alone_after_a_blank_line(tmp_path, footer, kept):
+    """Means, sums and deviations are no observations; a point is one."""
+    rows = "x,y\n1,2.1\n2,4.0\n3,6.2\n4,8.1\n5,10.0\n"
+    table = read_any_csv(written(tmp_path, rows + "\n" + footer + "\n"), ("x", "y"))
+    assert len(table) == kept
+    assert bool(table.understood) == (kept == 5)
+    assert len(read_any_csv(written(tmp_path, rows + footer.partition("\n")[0] + "\n"), ("x", "y"))) == 6
 
 
 def test_rows_of_another_number_of_cells_under_a_table(tmp_path):
@@ -615,3 +630,18 @@ def test_an_empty_row_of_a_spreadsheet_is_no_row(tmp_path):
     said = rig("fit", path)
     assert said.returncode == 2, "nothing was fitted: it says what it sees"
     assert "--response f_Hz --formula '1 + flow_Lpm'" in said.stdout
+
+
+def test_a_file_of_nist_as_it_is_published():
+    """Norris.dat of NIST StRD, which SciPy's own tests bring: preamble, certified values, and data in one file."""
+    path = Path(scipy.stats.__file__).parent / "tests" / "data" / "nist_linregress" / "Norris.dat"
+    if not path.is_file():
+        pytest.skip("this SciPy has no tests")
+    certified = dict(re.findall(r"^ +(B0|B1|Standard Deviation) +(\S+)", path.read_text(), re.MULTILINE))
+    told = look_at(FileSource(path), "fit", {})
+    assert told.command.endswith("--response y --formula '1 + x'")
+    assert len(told.table) == 36
+    found = fit_general(FileSource(path).read, "y", "1 + x")
+    assert found["coefficients"]["1"]["estimate"] == pytest.approx(float(certified["B0"]), rel=1e-11)
+    assert found["coefficients"]["x"]["estimate"] == pytest.approx(float(certified["B1"]), rel=1e-13)
+    assert found["sigma_E"] == pytest.approx(float(certified["Standard Deviation"]), rel=1e-11)

@@ -24,11 +24,8 @@ from procedures.table import Table
 _TIME = re.compile(
     r"time|elapsed|timestamp|(^|[ _])(?-i:t)$|(^|[ _])t[ _(\[]+(s|sec|min|h)[)\]]?$|zeit|^date", re.IGNORECASE
 )
-_ORDER = re.compile(
-    r"^(seq|sequence|order|index|id|row|row_?names?|unnamed: ?0|reading|"
-    r"n|no\.?|nr\.?|number|pt|point|run_?order|#|column_1)$",
-    re.IGNORECASE,
-)
+_ORDER = re.compile(r"^(seq|sequence|order|reading|scan|n|no\.?|nr\.?|number|pt|point|run_?order)$", re.IGNORECASE)
+_ROW = re.compile(r"^(row|row_?(names?|number|id)|index|id|unnamed: ?0|#|column_1)$", re.IGNORECASE)
 _REPLICATE = re.compile(r"repl|^rep(eat)?s?$|cycle|series|trial|^run$|^pass$", re.IGNORECASE)
 _GROUP = re.compile(
     r"whole_?plot|batch|block|group|operator|serial|sensor|channel|^day$|shape|type|"
@@ -60,13 +57,17 @@ def likely(source: Source, table: Table) -> Seen:
     groups = [name for name, role in roles.items() if role in ("group", "direction") and "" not in _values(table, name)]
     if len(free) == 1:  # a quantity over time
         times = [name for name, role in roles.items() if role == "time" and name in table.columns]
-        free = [*(times or [name for name, role in roles.items() if role == "order" and not groups]), *free]
+        free = [
+            *(times or [name for name, role in roles.items() if role in ("order", "row number") and not groups]),
+            *free,
+        ]
         roles = {name: role for name, role in roles.items() if name not in free}
     tried = ""
     for response, terms in _pairs(table, free, groups):
         formula = " + ".join(["1", *terms])
         fit = {"response": response, "formula": formula}
-        trace = {**fit, "response": _quoted(response), **_options(table, roles)}
+        others = {name: role for name, role in roles.items() if f"C({_quoted(name)})" not in terms}
+        trace = {**fit, "response": _quoted(response), **_options(table, others)}
         try:
             fit_general(source.read, response, formula)
             trace, without = _readable(source, trace)
@@ -124,8 +125,10 @@ def _fixed(table: Table) -> Iterator[tuple[str, str]]:
             yield name, "constant"
         elif set(distinct.tolist()) <= {-1.0, 0.0, 1.0} and _DIRECTION.search(name):
             yield name, "direction"
-        elif (whole and _ORDER.search(name) and (np.diff(known) > 0).mean() > 0.7) or _counts_rows(name, table):
+        elif whole and _ORDER.search(name) and (np.diff(known) > 0).mean() > 0.7:
             yield name, "order"
+        elif (whole and _ROW.search(name) and (np.diff(known) > 0).all()) or _counts_rows(name, table):
+            yield name, "row number"
         elif _is_uncertainty(name, table):
             yield name, "uncertainty"
         elif whole and distinct.size <= known.size // 2 and _REPLICATE.search(name):

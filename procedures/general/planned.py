@@ -62,7 +62,7 @@ def expected_run(procedure: GeneralProcedure, run_list: RunList, sensors: Mappin
         outputs={known[name]: name for name in told},
         factors=tuple(names),
     )
-    return Expected(table, meter=True, assuming=" ".join(_words(procedure, told, known)))
+    return Expected(table, meter=True, assuming="; ".join(_words(procedure, told, known)))
 
 
 def _ideal(where: str, text: str, columns: Mapping[str, FloatArray], n: int) -> FloatArray:
@@ -102,7 +102,7 @@ def _words(procedure: GeneralProcedure, told: list[str], known: Mapping[str, str
     each = (f"{name} = {procedure.expect.output[name]} with sd {procedure.expect.sigma[name]:g}" for name in told)
     yield f"outputs as expected, {'; '.join(each)} ([expect])"
     if any(factor.hard for factor in procedure.factors.values()):
-        yield "and one draw of the errors of whole plots"
+        yield "one draw of the errors of whole plots"
     left = [name for name in known if name not in told]
     if left:
-        yield f"; {', '.join(left)} without a forecast: expect.output and expect.sigma have not both"
+        yield f"{', '.join(left)} without a forecast: expect.output and expect.sigma have not both"

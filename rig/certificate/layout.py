@@ -195,7 +195,8 @@ def _equipment(document: Document) -> Iterator[Block]:
         )
         for one in document.equipment
     ]
-    yield _texts("", heads, rows, notes=words.TRACEABILITY)
+    traced = all(one.laboratory for one in document.equipment)
+    yield _texts("", heads, rows, notes=words.TRACEABILITY if traced else (*words.TRACEABILITY, *words.UNTRACED))
 
 
 def _results(document: Document) -> Iterator[Block]:

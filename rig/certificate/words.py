@@ -13,6 +13,9 @@ COVER = (
 TRACEABILITY = (
     "The results are traceable to the International System of Units (SI) through the certificates in this table.",
 )
+UNTRACED = (
+    "Instruments without a certificate keep or watch conditions: no output is read and no factor is set by them alone.",
+)
 UNCERTAINTY = (
     "The expanded uncertainty is the combined standard uncertainty times the coverage factor k. The value of the "
     "quantity lies within it with the stated coverage probability. It was evaluated after JCGM 100:2008 (GUM) from the "

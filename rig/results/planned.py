@@ -157,12 +157,12 @@ class Plan(Result):
         found = self.forecast
         yield Line(f"  started now, it ends {_when(self.finish)} ({duration(found.total_s)}),")
         yield Line(f"  at the latest {_when(self.finish_latest)}")
-        soaks = "" if found.soak_s is None else f", {duration(found.soak_s)} per soak between whole plots"
+        soaks = "" if found.soak_s is None else f", {duration(found.soak_s)} to set each whole plot"
         yield Line(
             f"  {found.point_s:.1f} s per point (sd {found.point_sd_s:.1f} s, {found.rehearsed} points rehearsed),"
         )
         yield Line(f"  {duration(found.preparation_s)} of preparation{soaks};")
-        for_soaks = "" if found.soak_s is None else f" and {SOAK_ALLOWANCE:.0%} for soaks"
+        for_soaks = "" if found.soak_s is None else f" and {SOAK_ALLOWANCE:.0%} for setting whole plots"
         yield Line(f"  the latest allows {ALLOWANCE:.0%} for repeats and retries{for_soaks}")
         yield from (Line(f"  {escape(line)}") for line in found.assumed)
 

@@ -87,7 +87,7 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False) ->
         skipped = [] if salvage else _skipped(reader, run_list)
     if not rows:
         raise RunFileError(f"{path} holds no observations yet; `rig resume {path}` measures some")
-    _fill_setpoints(rows, run_list)
+    _fill(rows, run_list, made, bench)
     columns = {name: np.array([row.get(name, math.nan) for row in rows], float) for name in _all_names(rows)}
     provenance = {
         "file": path.name,
@@ -112,8 +112,8 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False) ->
         **({"observations_rejected": rejected} if rejected else {}),
     }
     about = Table(str(path), _package_temperature(columns, bench), run.simulated, provenance)
-    about = replace(about, declared=declared_model(documents), kind=kind_of_run(documents), by_hand=made)
-    return _of_sensors(about, bench, run_list)
+    about = _of_sensors(about, bench, run_list)
+    return replace(about, declared=declared_model(documents), kind=kind_of_run(documents), by_hand=made)
 
 
 def _of_sensors(table: Table, bench: Stored, run_list: RunList) -> Table:
@@ -147,6 +147,21 @@ def _by_hand(reader: RunReader) -> tuple[Made, ...]:
         for record, done in found
         if isinstance(done, DoneByHand)
     )
+
+
+def _fill_stated(rows: Sequence[dict[str, float]], made: Sequence[Made], bench: Stored) -> None:
+    """Give every row the numbers that a person stated at steps by hand before it.
+
+    They are columns where they were stated before the first row. One in the unit of a sensor is none: there it would
+    be an output.
+    """
+    outputs = {s.text("unit", "V") for _, s in bench.table("sensors").tables()}
+    numbers = [(one.elapsed_s, one.value, one.number) for one in made if one.number is not None]
+    said = [one for one in numbers if split_unit(one[1])[1] not in outputs]
+    for name in {value for since, value, _ in said if since <= rows[0]["elapsed_s"]}:
+        for row in rows:
+            known = [number for since, value, number in said if value == name and since <= row["elapsed_s"]]
+            row.setdefault(name, known[-1])
 
 
 def _operators(reader: RunReader) -> list[str]:
@@ -246,14 +261,14 @@ def _row(record: Record, run_list: RunList, order: int, factors: Mapping[str, st
     return row | {"block": record.session, "run_index": point.index}
 
 
-def _fill_setpoints(rows: Iterable[dict[str, float]], run_list: RunList) -> None:
-    """Give every row the setpoint of a factor that was measured in some of them: there it was the value."""
-    rows = list(rows)
+def _fill(rows: Sequence[dict[str, float]], run_list: RunList, made: Sequence[Made], bench: Stored) -> None:
+    """Give every row the setpoint of a factor that was measured in some of them, and what a person stated before it."""
     for factor in run_list.factors:
         if any(factor.set_name in row for row in rows):
             for row in rows:
                 if factor.set_name not in row and "run_index" in row:
                     row[factor.set_name] = run_list.setting(run_list.points[int(row["run_index"])])[factor.name]
+    _fill_stated(rows, made, bench)
 
 
 def _readback_name(quantity: str) -> str:

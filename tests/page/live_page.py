@@ -184,3 +184,38 @@ def test_an_interrupted_run_says_how_to_carry_on_and_a_folder_lists_it(tmp_path:
         wait(0.5)
         page.picture(PICTURES / "interrupted-1280.png")
         assert [c for c in page.complaints if "favicon" not in c] == []
+
+
+def test_a_person_reads_the_task_does_it_and_the_run_goes_on(tmp_path: Path) -> None:
+    where, files = example("load-cell-lab"), {}
+    for name in ("procedure", "bench", "world"):
+        files[name] = tmp_path / f"{name}.toml"
+        files[name].write_text((where / f"{name}.toml").read_text().replace("[person]", "[person]\ncomes = false"))
+    rig = [sys.executable, "-m", "rig"]
+    command = [*rig, "run", str(files["procedure"]), "--bench", str(files["bench"]), "--dry"]
+    command += ["--world", str(files["world"]), "--out", str(tmp_path / "runs")]
+    run = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+    assert run.stdout is not None
+    path = run.stdout.readline().strip()
+    doing = "(document.getElementById('doing')?.textContent ?? '')"
+    try:
+        with chromium(tmp_path / "profile") as page, serving(Path(path), free_port()) as address:
+            page.size(1280, 900)
+            page.open(address)
+            for weights in (0, 1, 2):
+                page.until(f"{doing}.includes('put weights of {weights} kN on the cell')", 60)
+                assert page.ask("document.querySelector('#notrunning code').textContent") == f"rig done {path}"
+                page.picture(PICTURES / f"person-{weights}.png")
+                subprocess.run([*rig, "done", path], check=True, stdout=subprocess.DEVNULL)
+            page.size(320, 800, dark=True)
+            wait(0.7)
+            no_sideways(page, 320)
+            page.picture(PICTURES / "person-320-dark.png")
+            run.terminate()
+            run.wait(30)
+            page.until("document.querySelector('#notrunning code').textContent.startsWith('rig resume')", 30)
+            assert page.complaints == []
+    finally:
+        run.kill()
+        run.wait(15)
+        run.stdout.close()

@@ -45,7 +45,7 @@ class Both(Shared):
     def _of(self) -> tuple[IntArray, FloatArray]:
         """(G,) index in the wander's grid, and ratio of the common error of groups."""
         grid = [0, *(self.wander.nearest(c, share) for c, share in WANDERS), *map(self.wander.walk, STEPS)]
-        pairs = [(w, r) for w in grid for r in RATIOS]
+        pairs = [(w, r * self.scale) for w in grid for r in RATIOS]
         wanted = pairs if self.picked is None else pairs[self.picked : self.picked + 1]
         return np.array([w for w, _ in wanted]), np.array([r for _, r in wanted])
 
@@ -131,11 +131,11 @@ class Both(Shared):
     def rows(self, kept: IntArray) -> Both:
         """See `Noise`."""
         group = np.asarray(np.unique(self.group[kept], return_inverse=True)[1], np.int64)
-        return Both(group, self.picked, when=self.when[kept])
+        return Both(group, self.picked, when=self.when[kept], scale=self.scale)
 
     def only(self, at: int) -> Both:
         """See `Noise`."""
-        return Both(self.group, at, when=self.when)
+        return Both(self.group, at, when=self.when, scale=self.scale)
 
 
 def _stretched(columns: FloatArray, basis: FloatArray, by: FloatArray) -> FloatArray:

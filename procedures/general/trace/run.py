@@ -23,7 +23,7 @@ from procedures.general.trace.likelihood import Grid
 from procedures.general.trace.noise import Independent, Noise, Wandering
 from procedures.general.trace.problem import Problem, candidates_of
 from procedures.general.trace.refine import refined
-from procedures.general.trace.shared import Shared
+from procedures.general.trace.shared import Shared, scale_of
 
 ROUNDS = 3
 ORDERS = ("second-order", "third-order", "fourth-order", "fifth-order")
@@ -234,7 +234,7 @@ def _left(judge: TableJudge, chosen: tuple[int, ...]) -> tuple[FloatArray, Float
 
 def _noise(data: TableData) -> Noise:
     if data.shared is not None:
-        return Shared(data.shared)
+        return Shared(data.shared, scale=scale_of(data.shared, data.y, data.columns))
     when = times_of(data)
     return Independent(len(data.y)) if when is None else Wandering(when)
 
@@ -262,7 +262,8 @@ def _alike(data: TableData, found: Found) -> Both | None:
     if data.shared is None or when is None or int(data.shared.max()) + 1 >= len(data.y) // FEWEST_TO_A_GROUP:
         return None
     beside = tuple(j for j in found.chosen if judge.candidates[j].effect.source != "time")
-    noise, sd = Both(data.shared, when=when), judge.problem.sd
+    scale = scale_of(data.shared, data.y, data.columns)
+    noise, sd = Both(data.shared, when=when, scale=scale), judge.problem.sd
     model = judge.problem.model(beside) / sd[:, None]
     reml = Grid.of(noise, judge.held(beside) / sd, model).beside().reml
     return noise if reml.max() - reml[noise.alone].max() > ALIKE else None

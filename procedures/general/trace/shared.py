@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -12,6 +12,36 @@ from procedures.general.trace.noise import BoolArray
 
 RATIOS = (0.02, 0.05, 0.1, 0.2, 0.4, 0.7, 1.2, 2.0, 4.0, 8.0, 16.0, 40.0, 100.0, 400.0)
 """Variance of the common error of a group over that of a row in it."""
+_LARGE, _PLACE, _MOST = 100.0, 8.0, 1e7
+"""Ratio from which on the grid is moved, which ratio of the grid it is then at, and the largest factor."""
+
+
+def scale_of(group: IntArray, y: FloatArray, declared: FloatArray) -> float:
+    """Factor of the ratios for a response whose groups differ by far more than rows in them; 1 for any other.
+
+    Args:
+        group: (n,) group of each row, from zero.
+        y: (n,) the response.
+        declared: (n, k) columns of the declared model.
+    """
+    count = np.bincount(group).astype(np.float64)
+    rows = np.column_stack([y, declared])
+    means = np.column_stack([np.bincount(group, column) / count for column in rows.T])
+    within, between = _variance(rows - means[group], len(count)), _variance(means, 0)
+    if within is None or between is None:
+        return 1.0
+    ratio = between / max(within, between / (_MOST * _PLACE)) - float(np.mean(1.0 / count)) if between else 0.0
+    return min(ratio / _PLACE, _MOST) if ratio > _LARGE else 1.0
+
+
+def _variance(rows: FloatArray, taken: int) -> float | None:
+    """Variance of the first column beside the others; None without degrees of freedom."""
+    y, columns = rows[:, 0], rows[:, 1:]
+    largest = np.abs(columns).max(axis=0, initial=0.0)
+    columns = columns / np.where(largest > 0.0, largest, 1.0)
+    found, _, rank, _ = np.linalg.lstsq(columns, y, rcond=1e-9)
+    df = len(y) - taken - int(rank)
+    return float(np.sum((y - columns @ found) ** 2)) / df if df > 0 else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,14 +51,16 @@ class Shared:
     Attributes:
         group: (n,) group of each row, from zero.
         picked: the only used ratio of the grid; None for all.
+        scale: factor of the ratios, for groups that differ by far more than rows in them.
     """
 
     group: IntArray
     picked: int | None = None
+    scale: float = field(default=1.0, kw_only=True)
 
     @cached_property
     def _ratio(self) -> FloatArray:
-        every = np.array([0.0, *RATIOS])
+        every = self.scale * np.array([0.0, *RATIOS])
         return every if self.picked is None else every[self.picked : self.picked + 1]
 
     @cached_property
@@ -81,11 +113,13 @@ class Shared:
 
     def rows(self, kept: IntArray) -> Shared:
         """See `Noise`."""
-        return Shared(np.asarray(np.unique(self.group[kept], return_inverse=True)[1], np.int64), self.picked)
+        return Shared(
+            np.asarray(np.unique(self.group[kept], return_inverse=True)[1], np.int64), self.picked, scale=self.scale
+        )
 
     def only(self, at: int) -> Shared:
         """See `Noise`."""
-        return Shared(self.group, at)
+        return Shared(self.group, at, scale=self.scale)
 
     def _means(self, columns: FloatArray) -> FloatArray:
         """(groups, m)."""
