@@ -526,6 +526,16 @@ def test_rows_under_a_table_that_are_no_observations_are_left_out_and_named(tmp_
         assert f"row {row} ({cell})" in table.understood["sentence"]
 
 
+@pytest.mark.parametrize(("footer", "kept"), [("3,6.08", 5), ("15,30.4", 5), ("6,11.9", 6), ("3,6.1\n1.58,3.15", 5)])
+def test_numbers_alone_after_a_blank_line(tmp_path, footer, kept):
+    """Means, sums and deviations are no observations; a point is one."""
+    rows = "x,y\n1,2.1\n2,4.0\n3,6.2\n4,8.1\n5,10.0\n"
+    table = read_any_csv(written(tmp_path, rows + "\n" + footer + "\n"), ("x", "y"))
+    assert len(table) == kept
+    assert bool(table.understood) == (kept == 5)
+    assert len(read_any_csv(written(tmp_path, rows + footer.partition("\n")[0] + "\n"), ("x", "y"))) == 6
+
+
 def test_rows_of_another_number_of_cells_under_a_table(tmp_path):
     table = read_any_csv(written(tmp_path, FIVE + "\nSlope,1.99\nIntercept,0.11\n"), ("x", "y"))
     assert table.columns["x"].tolist() == [1, 2, 3, 4, 5]

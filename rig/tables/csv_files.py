@@ -28,6 +28,7 @@ from rig.tables.of_others.numbers import OVERLOAD, Notation, is_missing, is_over
 _MOST_COLUMNS = 2000
 _BLANK = frozenset(("\n", "\r\n", "\r"))
 _LONGEST_LINE = 1 << 20
+_FOOTER, _MANY = 3, 100_000
 _MOST_NUMBERS, _MOST_CELLS = 2 << 30, 32 << 20
 """Maximum size in bytes of a table of numbers, and of one read cell by cell, which needs much more memory."""
 
@@ -247,6 +248,9 @@ def _all_numbers(path: Path) -> tuple[dict[str, FloatArray], Sequence[int]] | No
     named = len(set(names)) == len(names) == values.shape[1] and all(name and '"' not in name for name in names)
     if not named or not np.isfinite(values).all() or (np.abs(values) >= OVERLOAD).any():
         return None
+    last = len(values) + len(blank) + 1
+    if any(last - _FOOTER <= row < last for row in blank) and len(values) < _MANY:
+        return None  # there may be a row of means or sums after the blank line
     rows = np.setdiff1d(np.arange(len(values) + len(blank)) + 2, blank).tolist() if blank else ()
     return dict(zip(names, np.ascontiguousarray(values.T), strict=True)), rows
 

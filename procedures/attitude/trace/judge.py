@@ -62,7 +62,12 @@ class AttitudeJudge:
     def refined(self, chosen: tuple[int, ...]) -> AttitudeJudge:
         """With refined values of the searched constants of `chosen`."""
         problem = refined(self.problem, chosen)
-        return self if problem is self.problem else replace(self, problem=problem)
+        if problem is self.problem:
+            return self
+        placed = replace(self, problem=problem)
+        # placed by what is seen within replications, which must not cost what is seen between them
+        lost = any(placed.p_adjusted(chosen, j) > ALPHA >= self.p_adjusted(chosen, j) for j in chosen)
+        return self if lost else placed
 
     @cached_property
     def signs(self) -> FloatArray:
@@ -118,14 +123,18 @@ class AttitudeJudge:
         """
         problem, chosen = self.problem, tuple(sorted((*group, *rest)))
         effect = self.candidates[group[0]].effect.name
-        every = np.arange(len(problem.candidates))
         sigma = errors(problem, chosen)
-        left = beside(problem, estimate(problem, chosen).level, rest, every, sigma)
-        length2 = np.sum((problem.length / sigma[:, None]) ** 2, axis=0)
-        products = Products(left.columns.sum(axis=0), left.outputs.sum(axis=0), self.signs).without(length2)
         sensors = {problem.sensors[i] for j in group for i in np.flatnonzero(concerns(problem, j) > 0.01)}
-        barred = (self.shut | NAMELESS) - {effect}
-        named = [unit for unit in problem.units if self._may(unit, frozenset(barred))]
+        barred = frozenset((self.shut | NAMELESS) - {effect})
+        able_to = [unit for unit in problem.units if self.candidates[unit[0]].sensor in {None, *sensors}]
+        named = [unit for unit in able_to if self._may(unit, barred)]
+        # products of all other candidates would be most of the work, and nobody asks for them
+        asked = np.array(sorted({*group, *(j for unit in named for j in unit)}), np.int64)
+        left = beside(problem, estimate(problem, chosen).level, rest, asked, sigma)
+        length2 = np.sum((problem.length[:, asked] / sigma[:, None]) ** 2, axis=0)
+        some = Products(left.columns.sum(axis=0), left.outputs.sum(axis=0)).without(length2)
+        products = Products(np.zeros((len(self.candidates),) * 2), np.zeros(len(self.candidates)), self.signs)
+        products.columns[asked[:, None], asked], products.outputs[asked] = some.columns, some.outputs
         found = rivals(problem.candidates, products, group, rest, sensors, named, self.searched)
         able = [r for r in found if r.effect == effect or self._reachable(products, r)]
         best = min(r.sigmas for r in able if not r.refused)
@@ -221,9 +230,13 @@ class AttitudeJudge:
         p, sign = between.p.copy(), between.sign.copy()
         for u in both:
             p[u], sign[u] = _together(between, u, scores.p[u], scores.sign[u])
-            if p[u] * price[u] <= ALPHA:
-                again = second_thoughts(self.problem, chosen, u, scores, 1.0)
-                p[u], sign[u] = _together(between, u, again, scores.sign[u])
+        near = tuple(np.flatnonzero(p * price <= ALPHA).tolist())
+        again = between_replications(self.problem, self._slow, chosen, gamma, near) if near else between
+        for u in near:
+            p[u] = again.p[u]
+            if self.problem.judged_at[self.problem.units[u][0]] == "points":
+                within = second_thoughts(self.problem, chosen, u, scores, 1.0)
+                p[u], sign[u] = _together(again, u, within, scores.sign[u])
         p = np.where(sign * self._unit_signs < 0, 1.0, p)
         return np.asarray(np.minimum(p * price, 1.0))
 
@@ -246,8 +259,9 @@ class AttitudeJudge:
     def _price(self) -> FloatArray:
         """(U,) number of tests of a unit's kind over their share of the family."""
         given, sought = (count / share for count, share in zip(self.family.between, BETWEEN, strict=True))
-        effects = [self.candidates[unit[0]].effect for unit in self.problem.units]
-        return np.array([sought if e.searched and e.stratum != "replication" else given for e in effects])
+        first = [self.candidates[unit[0]] for unit in self.problem.units]
+        any_value = [c.effect.name in self.problem.any_value and c.effect.stratum != "replication" for c in first]
+        return np.where(any_value, sought, given)
 
 
 def _together(between: Between, u: int, within: float, sign: float) -> tuple[float, float]:

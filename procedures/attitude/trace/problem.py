@@ -103,6 +103,11 @@ class Problem:
         return tuple(where[j] for j in range(len(self.candidates)))
 
     @cached_property
+    def any_value(self) -> frozenset[str]:
+        """Effects with a searched constant that can have any value, not only that of one of a few boundaries."""
+        return frozenset(c.effect.name for c in self.candidates if c.term.finer is not None)
+
+    @cached_property
     def estimates(self) -> dict[tuple[int, ...], Any]:
         """Cache of fits, by the candidates in them: `estimate`."""
         return {}

@@ -11,6 +11,7 @@ sensors, give the error for its test.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,9 +20,10 @@ from numpy.typing import NDArray
 from fitter.arrays import FloatArray, IntArray
 from fitter.linear import orthonormal
 from fitter.quantiles import f_tail
-from procedures.attitude.trace.offsets import slopes
+from procedures.attitude.trace.offsets import VARIANCES, slopes, wandering
 from procedures.attitude.trace.problem import Problem
-from procedures.attitude.trace.score import errors
+from procedures.attitude.trace.score import errors, whiten
+from procedures.attitude.trace.walks import STEPS
 
 FEWEST = 4
 """Minimum number of replications for tests at this level."""
@@ -31,6 +33,10 @@ test gains nothing.
 """
 REACHES = 0.05
 """Minimum share of a column's influence on a sensor for that sensor to be included."""
+IS_OFFSET = 0.5
+"""Minimum share of the offset in a direction for it to walk as the offset does within replications."""
+SLOWEST = 20.0
+"""Ratio of the smallest tried step of a walk within replications to one that cannot be seen there."""
 MOVES = 1e-4
 """Minimum share of a column's square that is a change of replications' own parameters."""
 
@@ -41,7 +47,7 @@ class Slow:
 
     Attributes:
         columns: (Q,) the candidates.
-        searched: (Q,) whether they have a searched constant.
+        searched: (Q,) whether they have a searched constant of any value; few boundaries are counted as known moments.
         x: (S, n, Q) size of the change along the direction of a column's largest influence on a sensor's parameters,
             centred; for sensors that a column does not concern, that of the same term on them.
         direction: (S, L, Q) these directions.
@@ -59,6 +65,20 @@ class Slow:
     others: NDArray[np.bool_]
     share: FloatArray
     slips: tuple[int, ...]
+
+    def of(self, picked: Sequence[int]) -> Slow:
+        """The same for some of the columns."""
+        at = np.array(picked, np.int64)
+        return Slow(
+            self.columns[at],
+            self.searched[at],
+            self.x[..., at],
+            self.direction[..., at],
+            self.tested[:, at],
+            self.others[:, at],
+            self.share[at],
+            self.slips,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +136,7 @@ def slow_of(problem: Problem) -> Slow:
     columns = np.array(picked, np.int64)[kept]
     return Slow(
         columns=columns,
-        searched=np.array([problem.candidates[j].effect.searched for j in columns], np.bool_),
+        searched=np.array([problem.candidates[j].effect.name in problem.any_value for j in columns], np.bool_),
         x=x[..., kept],
         direction=np.moveaxis(direction, 1, 2)[..., kept],
         tested=tested[:, kept],
@@ -126,7 +146,9 @@ def slow_of(problem: Problem) -> Slow:
     )
 
 
-def between_replications(problem: Problem, slow: Slow, chosen: tuple[int, ...], gamma: FloatArray) -> Between:
+def between_replications(
+    problem: Problem, slow: Slow, chosen: tuple[int, ...], gamma: FloatArray, only: tuple[int, ...] | None = None
+) -> Between:
     """Tests between replications of every unit beside the `chosen` candidates.
 
     Args:
@@ -134,17 +156,28 @@ def between_replications(problem: Problem, slow: Slow, chosen: tuple[int, ...], 
         slow: the tested candidates.
         chosen: candidates already in the model.
         gamma: their coefficients.
+        only: tested units, against the walk of the offset too that remains within replications beside each; None for
+            all units, without it, which is faster and seldom less strict.
     """
+    slow = slow if only is None else slow.of([q for q, j in enumerate(slow.columns) if problem.unit_of[j] in only])
     out = Between(*(np.full(len(problem.units), value) for value in (1.0, 0.0, 0.0)))
     sigma = errors(problem, chosen)
     own = (problem.own_outputs - problem.own[..., list(chosen)] @ gamma) / sigma[:, None]
     in_model = {problem.unit_of[j] for j in chosen}
     known = errors(problem, ())
     scale = (known / sigma)[:, None, None]
-    values = np.einsum("nsl,slq->snq", own, slow.direction)
-    # only the offset walks, the first parameter; a row's step, in squares of a replication's own error
-    walk = slow.direction[:, 0] ** 2 * problem.wander[:, None] * (len(problem.scene.data) / len(own)) ** 2
-    p, sign = slopes(slow.x * scale, values, slow.tested, slow.others, walk)
+    share, direction = slow.direction[:, 0] ** 2, slow.direction.copy()
+    # an offset that wanders, the first parameter, would show by its share in every other direction
+    wanders = np.where(share < IS_OFFSET, wandering(own[:, :, 0].T)[:, None], 0.0)
+    without = wanders > 0.0
+    direction[:, 0][without] = 0.0
+    size = np.where(without, np.sqrt(1.0 - share), 1.0)[:, None]
+    values = np.einsum("nsl,slq->snq", own, direction / size)
+    # only the offset walks; a row's step, in squares of a replication's own error
+    walk = np.where(without, 0.0, share) * problem.wander[:, None] * (len(problem.scene.data) / len(own)) ** 2
+    within = None if only is None else _walks_within(problem, chosen, slow.columns, share)
+    wanders = np.max(np.where(slow.tested, wanders, 0.0), axis=0)
+    p, sign = slopes(slow.x * scale * size, values, slow.tested, slow.others, walk, within, wanders)
     for q, j in enumerate(slow.columns.tolist()):
         u = problem.unit_of[j]
         columns = len(problem.units[u])
@@ -152,11 +185,33 @@ def between_replications(problem: Problem, slow: Slow, chosen: tuple[int, ...], 
             out.p[u], out.share[u] = min(columns * p[q], 1.0), slow.share[q]
             out.sign[u] = sign[q] if columns == 1 else 0.0
     for u in slow.slips:
-        if u not in in_model:
+        if u not in in_model and (only is None or u in only):
             moves = problem.own[..., problem.units[u]] / sigma[:, None, None]
             out.p[u] = _p_turn(moves.reshape(len(own), -1, moves.shape[3]), own.reshape(len(own), -1))
             out.share[u] = 1.0
     return out
+
+
+def _walks_within(problem: Problem, chosen: tuple[int, ...], tested: IntArray, share: FloatArray) -> FloatArray:
+    """(T, S, Q) evidence for each t of a walk of the offset, within replications and beside each of Q `tested` columns.
+
+    Only directions that are offsets, by their `share` (S, Q), have it. Evidence against a walk is not used: offsets may
+    change while the run pauses between replications.
+    """
+    out = np.zeros((VARIANCES.size, *share.shape))
+    if not tested.size or problem.levels.df("points") <= 0:
+        return out
+    walks, each = problem.levels.walks("points"), len(problem.scene.data) / len(problem.own)
+    step = np.log(VARIANCES[1:, None] / np.maximum(share, IS_OFFSET)[:, None] / each**2)
+    known = np.log([STEPS[1] / SLOWEST, *STEPS[1:]])
+    white = whiten(problem, "points", chosen, errors(problem, chosen), tested.tolist())
+    length2 = np.maximum(np.sum(white.columns**2, axis=(0, 1)), np.finfo(float).tiny)
+    fitted = np.einsum("snq,sn->q", white.columns, white.outputs) / length2
+    for s, left in enumerate(white.outputs[:, :, None] - white.columns * fitted):
+        for q in np.flatnonzero(share[s] >= IS_OFFSET):
+            likelihood = walks.log_likelihood(walks.products(left[:, [q]])[:, 0, 0])
+            out[1:, s, q] = np.interp(step[s, :, q], known, likelihood - likelihood[0])
+    return np.maximum(out, 0.0)
 
 
 def _p_turn(moves: FloatArray, y: FloatArray) -> float:

@@ -172,7 +172,8 @@ def _unnamed(table: _Rows) -> None:
         blank = [c for c in range(max(map(len, table.cells))) if not _cell(row, c)]
         full = [c for c in blank if above and all(_cell(table.cells[j], c) for j in above)]
         given = [cell for cell in row if cell]
-        if len(above) < _ENOUGH or not full or not given or not all(map(looks_like_number, given)):
+        whole = any(table.apart[i - 1 : i + 1]) and len(given) > 1  # a row of its own, after a blank line
+        if len(above) < _ENOUGH or not (full or whole) or not given or not all(map(looks_like_number, given)):
             continue
         kinds = [kind for kind in ("mean", "sum", "sd") if _holds(table, row, kind, above, wholly=True)]
         if kinds:
