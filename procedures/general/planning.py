@@ -13,6 +13,7 @@ from fitter.errors import FitError
 from fitter.formula import Formula
 from fitter.split_plot import plan_precision
 from procedures.advice import Advice
+from procedures.general.factors import AS_WRITTEN
 from procedures.general.models.named import standard_model
 from procedures.general.settings import GeneralProcedure, SensorModel
 from procedures.general.swept import swept
@@ -163,9 +164,15 @@ def advice(procedure: GeneralProcedure) -> list[Advice]:
 def _of_order(procedure: GeneralProcedure, run_list: RunList) -> Iterator[str]:
     """Orders that confound an effect with time."""
     places = np.arange(float(len(run_list)))
-    for name in procedure.factors:
+    for name, factor in procedure.factors.items():
+        once = procedure.replications == 1 and factor.order == AS_WRITTEN and not factor.hard
         if swept(np.array(run_list.column(name)), places):
             yield (
                 f"{name} changes in one direction only: its effect and a drift of any shape look alike; use "
+                f'order = "up-down" or "random", or replications'
+            )
+        elif once and len(run_list.levels(run_list.factor(name))) > 2:
+            yield (
+                f"{name} is set in one order, once: its effect and a drift look alike; use "
                 f'order = "up-down" or "random", or replications'
             )
