@@ -378,7 +378,7 @@ MEMBERS = {
     "Data": {"table", "fit", "trace"},
     "Calibration": RESULT | {"infer", "inside", "report", "save"},
     "Trace": RESULT | {"report", "verdicts"},
-    "ControlChart": RESULT | {"report"},
+    "ControlChart": RESULT | {"as_drift", "report"},
     "Inferred": RESULT | {"columns", "words"},
     "Observations": RESULT | {"columns", "provenance", "simulated"},
     "Plan": RESULT | {"finish", "finish_latest", "overdue"},
