@@ -15,12 +15,18 @@ CHAMBERS = dict(zip((f.name for f in RUN_LIST.hard), ("cold_box", "hot_box"), st
 POINT = RUN_LIST.points[0]
 GAP_S = PROCEDURE.recovery.continue_gap_s
 LONGER = f"min, longer than continue_gap_s = {GAP_S:g} s"
-RESTARTED = "the controller's machine was restarted, so it is not known how long the chambers were left alone"
+RESTARTED = "the controller's machine was restarted, so it is not known how long the bench was left alone"
 
 
 def rules(steps):
     """After eight points of one whole plot, at which the cold box read so much more than its setpoint."""
-    bench = SimpleNamespace(soaks=lambda factor: (CHAMBERS[factor], None), temperatures={})
+    bench = SimpleNamespace(
+        soaks=lambda factor: (CHAMBERS[factor], None),
+        temperatures={},
+        instruments={},
+        by_hand=lambda factor: None,
+        config=SimpleNamespace(factors={}),
+    )
     found = WholePlots(bench, RUN_LIST, PROCEDURE.conduct.whole_plots)
     for off in steps:
         found.note(1, states(found, off))
@@ -98,9 +104,9 @@ def test_what_was_read_while_it_stood_is_in_doubt_however_the_loss_is_found():
     assert found.lost_now(POINT, states(found, 0.01), {}) == ""
     assert found.doubted_s == 0.0
     as_found = {"chambers": states(found, 1.5, stood_ago_s=20.0)}
-    assert "is at" in found.lost_meanwhile(POINT, 1.0, certain=True, restarted=[], as_found=as_found)
+    assert "is at" in found.lost_meanwhile(POINT, 1.0, certain=True, watched=False, restarted=[], as_found=as_found)
     assert found.doubted_s == 20.0
-    assert found.lost_meanwhile(POINT, 1e9, certain=True, restarted=[], as_found=as_found)
+    assert found.lost_meanwhile(POINT, 1e9, certain=True, watched=False, restarted=[], as_found=as_found)
     assert found.doubted_s == 0.0
 
 
@@ -138,7 +144,10 @@ def test_a_loss_without_a_chamber_that_stood_doubts_nothing():
 def test_why_a_whole_plot_may_not_go_on(idle_s, certain, restarted, why):
     found = rules([])
     as_found = {"chambers": states(found, 0.0)}
-    assert found.lost_meanwhile(POINT, idle_s, certain=certain, restarted=restarted, as_found=as_found) == why
+    assert (
+        found.lost_meanwhile(POINT, idle_s, certain=certain, watched=False, restarted=restarted, as_found=as_found)
+        == why
+    )
 
 
 @pytest.mark.parametrize(("target", "left"), [(-90.0, -85.0), (22.9, 27.9), (23.0, 18.0), (60.0, 55.0)])
@@ -147,7 +156,13 @@ def test_a_temperature_that_stands_is_left_towards_ambient(target, left):
 
 
 def with_thermometers():
-    bench = SimpleNamespace(soaks=lambda factor: (CHAMBERS[factor], None), temperatures=dict.fromkeys(CHAMBERS))
+    bench = SimpleNamespace(
+        soaks=lambda factor: (CHAMBERS[factor], None),
+        temperatures=dict.fromkeys(CHAMBERS),
+        instruments={},
+        by_hand=lambda factor: None,
+        config=SimpleNamespace(factors={}),
+    )
     return WholePlots(bench, RUN_LIST, PROCEDURE.conduct.whole_plots)
 
 

@@ -216,7 +216,7 @@ def test_smaller_designs_are_subsets():
 
 @pytest.fixture(scope="module")
 def without_roll() -> Measured:
-    return measure(1, say=lambda _: None, watch=lambda: nullcontext(lambda _: None), nights=NO_ROLL)
+    return measure(2, say=lambda _: None, watch=lambda: nullcontext(lambda _: None), nights=NO_ROLL)
 
 
 def test_experiments_without_roll_show_the_pattern(without_roll):
