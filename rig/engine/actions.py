@@ -289,8 +289,10 @@ class BenchActions:
             for s in [settings(axis)]
         }
 
+        shared = [self.axes_now]  # the first look may be the one that ended the motion; every later one is its own
+
         def read() -> dict[str, float]:
-            readings = self.axes_now()
+            readings = (shared.pop() if shared else self.axes)()
             self._check_control(readings)
             return {axis: reading.value for axis, reading in readings.items()}
 
