@@ -138,7 +138,7 @@ def _exchange(_: Path) -> Pair:
             twin.on_rx(b"1TP?\r", heard.append)
             world.run_until(None, lambda heard=heard: bool(heard))
 
-    return Pair(lambda: [head._line.query("1TP?") for _ in range(1000)], alone)
+    return Pair(lambda: [head._line.query("1TP?") for _ in range(1000)], alone, (1000, 1000))
 
 
 @ratio("night", "an exchange of a dry night, everything included / one query through driver, wire and twin", rounds=3)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import random
 import re
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
@@ -28,7 +29,7 @@ def _resized(of: random.Random, register: str) -> str:
     return re.sub(r"^due = .*$", "due = 2040-01-01", told, flags=re.MULTILINE)
 
 
-class LabStand:
+class LabStand(ABC):
     """What both laboratories have in common.
 
     Attributes:
@@ -68,14 +69,14 @@ class LabStand:
     def _kept(self, names: Sequence[str]) -> Sequence[str]:
         return sorted(self._of.sample(names, self._of.randint(1, 3)))
 
-    def _points(self) -> Sequence[Mapping[str, float]]:
-        raise NotImplementedError
+    @abstractmethod
+    def _points(self) -> Sequence[Mapping[str, float]]: ...
 
-    def _tolerance(self) -> tuple[tuple[float, float], Mapping[str, object]]:
-        raise NotImplementedError
+    @abstractmethod
+    def _tolerance(self) -> tuple[tuple[float, float], Mapping[str, object]]: ...
 
-    def _procedure(self) -> str:
-        raise NotImplementedError
+    @abstractmethod
+    def _procedure(self) -> str: ...
 
     def again(self, run: Path, printed: Mapping[str, Mapping[str, float]]) -> Iterator[tuple[str, str, float]]:
         """Sensor, label and value of results that are computed a second time; none where that takes a program."""
