@@ -270,14 +270,24 @@ def test_a_doubtful_name_is_refused_until_it_is_confirmed(made, monkeypatch, run
     monkeypatch.setitem(make.__globals__, "_traced", with_doubt)
     (reason,) = reasons(run, tmp_path)
     assert "the name of effect creep is doubtful: a curve fits as well; confirm it" in reason
-    outcomes, _ = with_doubt(run, None, quick=False)
+    outcomes, _ = with_doubt(run, (), quick=False)
     answer = SimpleNamespace(effect="creep", verdict="confirmed")
     assert list(doubtful(outcomes, None)) == [("cell_V", finding)]
-    confirmed = SimpleNamespace(answers=(answer,), path=Path("later.sqlite"))
+    heads = {Path("later.sqlite"): "f0" * 32, Path("last.sqlite"): "1e" * 32}
+    confirmed = SimpleNamespace(answers=(answer,), paths=tuple(heads))
     assert list(doubtful(outcomes, confirmed)) == []
-    (effect,) = effects(made.budgets[0], outcomes, confirmed, "", "f0" * 32)
+    (effect,) = effects(made.budgets[0], outcomes, confirmed, "", heads)
     assert (effect.sensor, effect.confirmed) == ("cell", True)
-    assert effect.how == "confirmed by later.sqlite, head f0f0f0f0f0f0f0f0"
+    files = "later.sqlite, head f0f0f0f0f0f0f0f0 and last.sqlite, head 1e1e1e1e1e1e1e1e"
+    assert effect.how == f"confirmed by {files}"
+    other = SimpleNamespace(effect="curve", sizes={"cell_V": "2 mV"})
+    confirmed.answers = (SimpleNamespace(effect="creep", verdict="replaced", members=(other,)),)
+    assert list(doubtful(outcomes, confirmed)) == []
+    (effect,) = effects(made.budgets[0], outcomes, confirmed, "", heads)
+    assert (effect.name, effect.size, effect.how) == ("curve", "2 mV", f"distinguished from creep by {files}")
+    assert effect.cause == "what the trace of the run named creep"
+    confirmed.answers = (SimpleNamespace(effect="creep", verdict="undecided", members=(other,)),)
+    assert list(doubtful(outcomes, confirmed)) == [("cell_V", finding)]
 
 
 @pytest.mark.parametrize(
