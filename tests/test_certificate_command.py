@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import re
 from dataclasses import replace
@@ -14,6 +15,7 @@ import numpy as np
 import pytest
 from certificate_lab import ISSUED, REGISTER, SETTINGS, settled, stand
 from command import rig
+from general_lab import BENCH, WORLD
 
 from fitter.budget.rounding import rounded
 from fitter.trace.outcome import Finding
@@ -377,9 +379,42 @@ def test_an_amendment_says_what_changed(made, tmp_path):
     assert (amends.number, amends.issued) == (first.number, DAY)
     assert b"<dcc:referralID>S-2026-001<" in (tmp_path / "S-2026-001-1.xml").read_bytes()
     with pytest.raises(UsageError, match="nothing changed"):
-        issue(made, Issue(tmp_path, amends=first.number))
+        issue(replace(made, document=corrected), Issue(tmp_path, amends=second.document.number))
+    with pytest.raises(UsageError, match="S-2026-001 was replaced by S-2026-001-1: --amends S-2026-001-1"):
+        issue(made, Issue(tmp_path, amends=first.number, because="Another word."))
     with pytest.raises(UsageError, match="S-9 cannot be amended"):
         issue(made, Issue(tmp_path, amends="S-9"))
+
+
+def test_a_point_outside_the_run_is_refused(run, tmp_path):
+    (reason,) = reasons(run, tmp_path, SETTINGS.replace("force_kN = 4", "force_kN = 25"))
+    assert reason == (
+        "force_kN = 25 is outside the run, which has 0 to 5: nothing shows that the model holds there; correct `at`"
+    )
+
+
+def test_another_register_than_that_of_the_run_is_on_the_certificate(run, tmp_path):
+    given = tmp_path / "other.toml"
+    given.write_text(REGISTER.replace("expanded = 0.01", "expanded = 0.001"))
+    document = make(asked(run, settled(tmp_path), equipment=given)).document
+    digest = hashlib.sha256(given.read_bytes()).hexdigest()
+    assert document.deviations[0] == (
+        f"The register of equipment kept with the run was replaced after it by other.toml, SHA-256 {digest}: equipment "
+        "W-1 says 1 expanded: 0.01 is now 0.001."
+    )
+    given.write_text(REGISTER)
+    assert make(asked(run, settled(tmp_path), equipment=given)).document.deviations == ()
+
+
+def test_two_items_with_one_serial_number_are_refused(tmp_path):
+    item = REGISTER.partition("[sensors.cell]")[2]
+    second = '[instruments.dvm_2]\ndriver = "keysight-34401a"\naddress = "/dev/rig/dvm_2"\nasset = "DVM-1"\n'
+    bench = BENCH.replace("[factors]", f'{second}[sensors.other]\nreader = "dvm_2"\n[factors]')
+    world = WORLD.replace("[person]", '[sensors.other]\nformula = "0.5*force_kN"\nnoise = 1e-5\n[person]')
+    run = stand(tmp_path, register=f"{REGISTER}[sensors.other]{item}", bench=bench, world=world)
+    assert "cell and other have one serial number, 77: correct sensors.other.serial in equipment.toml" in reasons(
+        run, tmp_path
+    )
 
 
 def test_the_command(run, tmp_path):

@@ -116,7 +116,8 @@ def certificate(
     from rig.atomic import check_files  # noqa: PLC0415
     from rig.results.certificate import Asked, Issue, all_files, check_extras, issue, make  # noqa: PLC0415
 
-    asked = Asked(tuple(runs), _date(issued), equipment, settings, tuple(confirmed_by or ()), calibrated_by, approved_by, adjustment)
+    later = tuple(confirmed_by or ())
+    asked = Asked(tuple(runs), _date(issued), equipment, settings, later, calibrated_by, approved_by, adjustment)
     how = Issue(out_folder, number or "", amends or "", because, template, paper, key, key_certificate, schema)
     check_files([], list(all_files(asked, how)))
     check_extras(how)

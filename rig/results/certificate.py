@@ -100,6 +100,7 @@ class _Run:
     stage: Stage
     state: RunState
     records: int
+    register: str | None = None
     budget: RunBudget | None = None
     outcomes: Sequence[Outcome] = ()
     confirmed: Confirmed | None = None
@@ -137,7 +138,7 @@ def _read(path: Path, stage: Stage, asked: Asked, settings: CertificateSettings,
         reasons.append(f"{path} is not verified: {found.findings[0]}; see rig verify")
         return None
     with RunReader.open(path) as reader:
-        run = _Run(path, stage, read_state(reader), found.records)
+        run = _Run(path, stage, read_state(reader), found.records, reader.documents().get(DOCUMENT))
     if run.state.ended != "complete":
         reasons.append(f"{path} is not complete: {run.state.remaining} points are missing; rig resume {path}")
     try:
@@ -167,6 +168,8 @@ def _read(path: Path, stage: Stage, asked: Asked, settings: CertificateSettings,
 
 
 def _of_budget(budget: RunBudget, settings: CertificateSettings) -> Iterator[str]:
+    for point in budget.outside:
+        yield f"{point}; correct `at`"
     for name in assembly.repeatability_only(budget):
         yield f"{name}: its uncertainty is repeatability only; state the errors of its instruments in the register"
     table = budget.of.table
@@ -244,12 +247,14 @@ def _document(
         evidence=evidence,
         statements=tuple(statements),
         effects=tuple(
-            e
-            for one, b in with_budget
-            for e in assembly.effects(b, one.outcomes, one.confirmed, one.stage, one.heads)
+            e for one, b in with_budget for e in assembly.effects(b, one.outcomes, one.confirmed, one.stage, one.heads)
         ),
         adjustment=asked.adjustment.strip() if len(runs) > 1 else "",
-        deviations=tuple(d for one, b in with_budget for d in about.deviations(b.of, one.state, one.stage)),
+        deviations=tuple(
+            d
+            for one, b in with_budget
+            for d in about.deviations(b.of, one.state, one.stage, (one.register, asked.equipment))
+        ),
         notes=tuple(dict.fromkeys(n for _, b in with_budget for n in assembly.notes(b))),
         next_due=settings.next_due,
         remarks=settings.remarks,
