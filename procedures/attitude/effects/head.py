@@ -41,9 +41,9 @@ MOST_TEETH = 180.0
 """Periods a turn that are searched, at most: those of a grid of 1 deg. Angles that were never visited twice would tell
 thousands, and a search of so many takes hours."""
 UNEVEN = 0.05
-"""Of the median step; where a step is no multiple of it within this, the angles are no grid."""
+"""Part of the median step: angles with a step that is no multiple of it within this are no grid."""
 NEARLY = 0.05
-"""Of half a turn: what is nearly visited counts as visited."""
+"""Part of half a turn that may lack where it counts as visited."""
 
 Error = Callable[[Scene], FloatArray]
 
