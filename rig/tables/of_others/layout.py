@@ -110,8 +110,8 @@ def _one_column(lines: Sequence[Line], name: str, asked: Asked) -> Layout | None
     head, body = plain[0].cells(NO_SEPARATOR)[0], plain[1:]
     if asked.header == 0 or looks_like_number(head):
         head, body = "", plain
-    cells, after = [line.cells(NO_SEPARATOR)[0] for line in body], ()
-    end = len(body)
+    cells, end = [line.cells(NO_SEPARATOR)[0] for line in body], len(body)
+    after: tuple[int, ...] = ()
     while end and not (is_missing(cells[end - 1]) or looks_like_number(cells[end - 1])):
         end -= 1
     if any(line.apart for line in body[end : end + 1]) or all(cell[0].isalpha() for cell in cells[end:]):
