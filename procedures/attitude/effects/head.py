@@ -37,6 +37,13 @@ _ONE_DEGREE = Largest(1.0, "1 deg")
 
 FEWEST_TEETH = 3
 """Periods a turn of a gear or a scale, at least: fewer are an eccentric or an elliptic one, which have their names."""
+MOST_TEETH = 180.0
+"""Periods a turn that are searched, at most: those of a grid of 1 deg. Angles that were never visited twice would tell
+thousands, and a search of so many takes hours."""
+UNEVEN = 0.05
+"""Part of the median step: angles with a step that is no multiple of it within this are no grid."""
+NEARLY = 0.05
+"""Part of half a turn that may lack where it counts as visited."""
 
 Error = Callable[[Scene], FloatArray]
 
@@ -62,19 +69,22 @@ def _waves(of: Callable[..., Term], angle: str, k: float) -> tuple[Term, Term]:
 
 
 def periods(angle_deg: FloatArray) -> tuple[float, ...]:
-    """Periods a turn that a search over the angles visited tries: whole numbers from three on.
+    """Periods a turn that a search over the angles visited tries: whole numbers from three to `MOST_TEETH`.
 
     Up to where half a period is one step of the design; errors of more periods look like one of fewer, of halves too
-    where a turn is no whole number of steps. Where less than a turn is visited, no closer than half a period over what
-    is.
+    where a turn is no whole number of steps. Uneven steps have no such aliases; there half a period is the mean step.
+    Where less than a turn is visited, no closer than half a period over what is.
     """
     setting = settings_of(angle_deg)
     at = np.bincount(setting, angle_deg) / np.bincount(setting)
     if at.size < 5:
         return ()
-    step, turn = float(np.median(np.diff(at))), float(at[-1] - at[0])
-    spacing = max(1.0 if (360.0 / step) % 1.0 < 1e-6 else 0.5, np.ceil(2 * 180.0 / turn) / 2)
-    tried = np.arange(spacing, 180.0 / step + 1e-6, spacing)
+    steps, turn = np.diff(at), float(at[-1] - at[0])
+    step = float(np.median(steps))
+    even = bool(np.all(np.abs(steps / step - np.rint(steps / step)) < UNEVEN))
+    step = step if even else turn / steps.size
+    spacing = max(0.5 if even and (360.0 / step) % 1.0 >= 1e-6 else 1.0, np.ceil(2 * 180.0 / turn - NEARLY) / 2)
+    tried = np.arange(spacing, min(180.0 / step, MOST_TEETH) + 1e-6, spacing)
     return tuple(tried[tried >= FEWEST_TEETH].tolist())
 
 
