@@ -121,16 +121,16 @@ class Rows:
         left = off(off(centred(self.extra, self.point), own), own)
         return np.column_stack([own, orthonormal(left, np.linalg.norm(self.extra, axis=0))])
 
-    @cached_property
     def every(self) -> FloatArray:
         """(n, rank) the same without removing the points' means."""
         own = own_parameters(self.columns, self.replicate)
         return orthonormal(own if self.extra is None else np.column_stack([self.extra, own]))
 
     @cached_property
-    def time(self) -> IntArray:
-        """(n,) rows in the order of measurement."""
-        return np.arange(len(self.point)) if self.order is None else np.argsort(self.order)
+    def time(self) -> IntArray | slice:
+        """The rows in the order of measurement; a slice, which copies nothing, where that is their own."""
+        ahead = self.order is None or not np.any(np.diff(self.order) < 0)
+        return slice(None) if ahead or self.order is None else np.argsort(self.order)
 
     @cached_property
     def joined(self) -> FloatArray:
@@ -183,8 +183,9 @@ def blind(rows: Rows, output: FloatArray, drift: FTest, pure_error: float) -> Bl
         return None
     bias = FTest(NAN, 0, drift.df_below)
     if drifts:
-        beyond = float(np.sum(off(output, rows.every) ** 2))
-        bias = ratio(beyond - rest, len(output) - rows.every.shape[1] - drift.df_below, rest, drift.df_below)
+        every = rows.every()
+        beyond = float(np.sum(off(output, every) ** 2))
+        bias = ratio(beyond - rest, len(output) - every.shape[1] - drift.df_below, rest, drift.df_below)
     return Blind(inflation if drifts else 1.0, bias, wander if p < _WANDERS else 0.0)
 
 
