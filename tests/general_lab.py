@@ -98,8 +98,8 @@ def run_dry(
     files = written(folder, procedure, bench, world)
     plan = load_plan(files[0], files[1], dry=True, world=files[2])
     paths: list[Path] = []
-    told = {"on_progress": lambda _: None, **options}
-    result = start_run(plan, folder, signals=Signals(), announce=paths.append, **told)  # type: ignore[arg-type]
+    told = {"on_progress": lambda _: None, "signals": Signals(), **options}
+    result = start_run(plan, folder, announce=paths.append, **told)  # type: ignore[arg-type]
     return paths[0], result
 
 

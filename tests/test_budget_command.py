@@ -5,10 +5,16 @@ from __future__ import annotations
 import json
 from datetime import date
 
+import numpy as np
 import pytest
 
+from procedures.table import Table
+from rig.closed_loop.budget import outside_of
+from rig.controller import resume_run
+from rig.engine.session import Outcome, Signals
 from rig.errors import ConfigurationError
 from rig.results.budget import budget, points
+from sims.twins.keysight_34401a import Keysight34401ATwin
 from tests.command import rig
 from tests.general_lab import BENCH, run_dry
 
@@ -44,13 +50,16 @@ standard = 0.1
 """
 
 
-@pytest.fixture(scope="module")
-def run(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("stand")
+def stand(folder, **options):
     bench = BENCH.replace('driver = "person"', 'driver = "person"\nasset = "W-1"')
     bench = bench.replace("nplc = 1", 'nplc = 1\nasset = "DVM-1"')
     (folder / "equipment.toml").write_text(REGISTER)
-    return run_dry(folder, bench=bench)[0]
+    return run_dry(folder, bench=bench, **options)[0]
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    return stand(tmp_path_factory.mktemp("stand"))
 
 
 def contribution(result, name):
@@ -132,6 +141,34 @@ def test_a_register_that_contradicts_the_bench_of_the_run_is_refused(run, tmp_pa
     path.write_text(REGISTER.replace("W-1", "W-9"))
     with pytest.raises(ConfigurationError, match=r"equipment\.W-1 is missing, and bench\.toml names it"):
         budget(run, equipment=path)
+
+
+def test_an_instrument_that_was_exchanged_during_the_run_has_no_register(tmp_path, monkeypatch):
+    signals = Signals()
+
+    def stop(news):
+        signals.interrupt = "SIGTERM" if news.done == 2 else ""
+
+    path = stand(tmp_path, signals=signals, on_progress=stop)
+    monkeypatch.setattr(Keysight34401ATwin, "identity", "KEYSIGHT,34401A,MY4,10-5-2")
+    accept = frozenset({"dvm"})
+    assert resume_run(path, signals=Signals(), accept=accept, on_progress=lambda _: None).outcome is Outcome.COMPLETE
+    told = r"DVM-1 is one instrument, .*dvm was exchanged \(HEWLETT-PACKARD 34401A 0, then KEYSIGHT 34401A MY4\)"
+    with pytest.raises(ConfigurationError, match=told):
+        budget(path)
+
+
+@pytest.mark.parametrize(
+    ("pitch", "at", "outside"),
+    [
+        (np.arange(-60.0, 61.0, 20.0), [{"pitch_deg": 60.9}, {"pitch_deg": -300.0}, {"roll_deg": 9.0}], 0),
+        (np.arange(-60.0, 61.0, 20.0), [{"pitch_deg": 62.0}, {"pitch_deg": 62.0}, {"pitch_deg": -90.0}], 2),
+        (np.arange(-180.0, 151.0, 30.0), [{"pitch_deg": 175.0}], 0),
+        (np.arange(-180.0, 121.0, 30.0), [{"pitch_deg": 175.0}], 1),
+    ],
+)
+def test_points_beyond_the_run_are_told(pitch, at, outside):
+    assert len(list(outside_of(Table("run", {"pitch_deg": pitch}, simulated=False, provenance={}), at))) == outside
 
 
 def test_drift_of_a_standard_is_by_its_history_and_its_age(run, tmp_path):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import re
 from dataclasses import replace
@@ -14,6 +15,7 @@ import numpy as np
 import pytest
 from certificate_lab import ISSUED, REGISTER, SETTINGS, settled, stand
 from command import rig
+from general_lab import BENCH, WORLD
 
 from fitter.budget.rounding import rounded
 from fitter.trace.outcome import Finding
@@ -270,14 +272,24 @@ def test_a_doubtful_name_is_refused_until_it_is_confirmed(made, monkeypatch, run
     monkeypatch.setitem(make.__globals__, "_traced", with_doubt)
     (reason,) = reasons(run, tmp_path)
     assert "the name of effect creep is doubtful: a curve fits as well; confirm it" in reason
-    outcomes, _ = with_doubt(run, None, quick=False)
+    outcomes, _ = with_doubt(run, (), quick=False)
     answer = SimpleNamespace(effect="creep", verdict="confirmed")
     assert list(doubtful(outcomes, None)) == [("cell_V", finding)]
-    confirmed = SimpleNamespace(answers=(answer,), path=Path("later.sqlite"))
+    heads = {Path("later.sqlite"): "f0" * 32, Path("last.sqlite"): "1e" * 32}
+    confirmed = SimpleNamespace(answers=(answer,), paths=tuple(heads))
     assert list(doubtful(outcomes, confirmed)) == []
-    (effect,) = effects(made.budgets[0], outcomes, confirmed, "", "f0" * 32)
+    (effect,) = effects(made.budgets[0], outcomes, confirmed, "", heads)
     assert (effect.sensor, effect.confirmed) == ("cell", True)
-    assert effect.how == "confirmed by later.sqlite, head f0f0f0f0f0f0f0f0"
+    files = "later.sqlite, head f0f0f0f0f0f0f0f0 and last.sqlite, head 1e1e1e1e1e1e1e1e"
+    assert effect.how == f"confirmed by {files}"
+    other = SimpleNamespace(effect="curve", sizes={"cell_V": "2 mV"})
+    confirmed.answers = (SimpleNamespace(effect="creep", verdict="replaced", members=(other,)),)
+    assert list(doubtful(outcomes, confirmed)) == []
+    (effect,) = effects(made.budgets[0], outcomes, confirmed, "", heads)
+    assert (effect.name, effect.size, effect.how) == ("curve", "2 mV", f"distinguished from creep by {files}")
+    assert effect.cause == "what the trace of the run named creep"
+    confirmed.answers = (SimpleNamespace(effect="creep", verdict="undecided", members=(other,)),)
+    assert list(doubtful(outcomes, confirmed)) == [("cell_V", finding)]
 
 
 @pytest.mark.parametrize(
@@ -367,9 +379,42 @@ def test_an_amendment_says_what_changed(made, tmp_path):
     assert (amends.number, amends.issued) == (first.number, DAY)
     assert b"<dcc:referralID>S-2026-001<" in (tmp_path / "S-2026-001-1.xml").read_bytes()
     with pytest.raises(UsageError, match="nothing changed"):
-        issue(made, Issue(tmp_path, amends=first.number))
+        issue(replace(made, document=corrected), Issue(tmp_path, amends=second.document.number))
+    with pytest.raises(UsageError, match="S-2026-001 was replaced by S-2026-001-1: --amends S-2026-001-1"):
+        issue(made, Issue(tmp_path, amends=first.number, because="Another word."))
     with pytest.raises(UsageError, match="S-9 cannot be amended"):
         issue(made, Issue(tmp_path, amends="S-9"))
+
+
+def test_a_point_outside_the_run_is_refused(run, tmp_path):
+    (reason,) = reasons(run, tmp_path, SETTINGS.replace("force_kN = 4", "force_kN = 25"))
+    assert reason == (
+        "force_kN = 25 is outside the run, which has 0 to 5: nothing shows that the model holds there; correct `at`"
+    )
+
+
+def test_another_register_than_that_of_the_run_is_on_the_certificate(run, tmp_path):
+    given = tmp_path / "other.toml"
+    given.write_text(REGISTER.replace("expanded = 0.01", "expanded = 0.001"))
+    document = make(asked(run, settled(tmp_path), equipment=given)).document
+    digest = hashlib.sha256(given.read_bytes()).hexdigest()
+    assert document.deviations[0] == (
+        f"The register of equipment kept with the run was replaced after it by other.toml, SHA-256 {digest}: equipment "
+        "W-1 says 1 expanded: 0.01 is now 0.001."
+    )
+    given.write_text(REGISTER)
+    assert make(asked(run, settled(tmp_path), equipment=given)).document.deviations == ()
+
+
+def test_two_items_with_one_serial_number_are_refused(tmp_path):
+    item = REGISTER.partition("[sensors.cell]")[2]
+    second = '[instruments.dvm_2]\ndriver = "keysight-34401a"\naddress = "/dev/rig/dvm_2"\nasset = "DVM-1"\n'
+    bench = BENCH.replace("[factors]", f'{second}[sensors.other]\nreader = "dvm_2"\n[factors]')
+    world = WORLD.replace("[person]", '[sensors.other]\nformula = "0.5*force_kN"\nnoise = 1e-5\n[person]')
+    run = stand(tmp_path, register=f"{REGISTER}[sensors.other]{item}", bench=bench, world=world)
+    assert "cell and other have one serial number, 77: correct sensors.other.serial in equipment.toml" in reasons(
+        run, tmp_path
+    )
 
 
 def test_the_command(run, tmp_path):

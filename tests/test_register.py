@@ -88,6 +88,14 @@ def test_a_register_that_contradicts_the_bench_is_refused(change, says):
         check_register(parse_register(GOOD, "equipment.toml"), config, "equipment.toml", "bench.toml")
 
 
+def test_two_pieces_of_equipment_with_one_serial_number_are_refused():
+    other = GOOD.partition("[equipment.DVM-0102]")[2].partition("[equipment.DVM-0102.certificate]")[0]
+    second = '[instruments.other]\ndriver = "keysight-34401a"\naddress = "/dev/rig/other"\nasset = "DVM-2"\n'
+    register = parse_register(f"{GOOD}\n[equipment.DVM-2]{other}", "equipment.toml")
+    with pytest.raises(ConfigurationError, match=r"DVM-0102\.serial and equipment\.DVM-2\.serial are both 'MY4"):
+        check_register(register, parse_bench(BENCH + second, "bench.toml"), "equipment.toml", "bench.toml")
+
+
 @pytest.mark.parametrize(
     ("first", "last", "says"),
     [

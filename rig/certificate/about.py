@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import date
@@ -9,15 +10,16 @@ from pathlib import Path
 from typing import Any
 
 from rig.certificate.document import Equipment, Evidence, Item, Laboratory, Logo, Method, Party, Person, Stage
+from rig.certificate.files import changes
 from rig.certificate.settings import CertificateSettings
 from rig.closed_loop.budget import OfRun
-from rig.config import SensorConfig
-from rig.register import Register, SensorItem
+from rig.config import SensorConfig, parse_toml, read_text
+from rig.register import DOCUMENT, Register, SensorItem
 from rig.register.check import entries
 from rig.run_file.state import RunState
 from rig.version import VERSION
 
-_LARGEST_LOGO = 2 << 20
+_LARGEST_LOGO, _MOST_OF_REGISTER = 2 << 20, 5
 
 
 @dataclass
@@ -101,6 +103,7 @@ def items(
 ) -> tuple[tuple[Item, ...], tuple[SensorItem, ...]]:
     """The calibrated sensors, and what the register says of each."""
     of, found, known = runs[-1], [], []
+    bearers: dict[tuple[str, str, str], str] = {}
     described = missing.given(settings.item, "what the items are", f'item = "..." in {origin.settings}')
     for name in of.table.outputs.values():
         sensor = of.config.sensors.get(name)
@@ -109,6 +112,11 @@ def items(
             missing.reasons.append(f"sensor {name} is missing: add [sensors.{name}] in {origin.register}")
             continue
         where = f"sensors.{key}.{{}} in {origin.register}"
+        same = bearers.setdefault((one.maker, one.model, one.serial), name) if one.serial else name
+        if same != name:
+            missing.reasons.append(
+                f"{same} and {name} have one serial number, {one.serial}: correct {where.format('serial')}"
+            )
         found.append(
             Item(
                 name,
@@ -204,10 +212,18 @@ def equipment(runs: Sequence[OfRun]) -> tuple[Equipment, ...]:
     return tuple(found.values())
 
 
-def deviations(of: OfRun, state: RunState, stage: Stage) -> Iterator[str]:
-    """Departures from the procedure, one sentence each."""
+def deviations(of: OfRun, state: RunState, stage: Stage, registers: tuple[str | None, Path | None]) -> Iterator[str]:
+    """Departures from the procedure, one sentence each.
+
+    Args:
+        of: the run.
+        state: of its points.
+        stage: of it.
+        registers: text of the one kept with the run, if any, and the other one that was used, if any.
+    """
     p = of.table.provenance
     at = f" ({stage})" if stage else ""
+    yield from _register_used(*registers, at)
     for one in p.get("skipped", ()):
         yield f"Point {one['point']} ({one['where']}) was skipped{at}: {one['reason']}."
     for why in state.lost.values():
@@ -225,6 +241,20 @@ def deviations(of: OfRun, state: RunState, stage: Stage) -> Iterator[str]:
     if of.corrected:
         columns = ", ".join(of.corrected)
         yield f"Recorded values were corrected by the certificates of the equipment{at}: {columns}."
+
+
+def _register_used(kept: str | None, given: Path | None, at: str) -> Iterator[str]:
+    """That another register was used than the one kept with the run, and what differs, a sentence."""
+    text = "" if given is None else read_text(given, "equipment")
+    if given is None or text == kept:
+        return
+    named = f"{given.name}, SHA-256 {hashlib.sha256(text.encode()).hexdigest()}"
+    if kept is None:
+        yield f"The run has no register of equipment{at}: that of {named} was used."
+        return
+    differs = changes(parse_toml(kept, DOCUMENT), parse_toml(text, str(given)), _MOST_OF_REGISTER)
+    told = "; ".join(differs) or "only comments differ"
+    yield f"The register of equipment kept with the run was replaced after it{at} by {named}: {told}."
 
 
 def _told(one: Any) -> str:

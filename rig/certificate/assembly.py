@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from decimal import Decimal
+from pathlib import Path
 
 import numpy as np
 
@@ -253,19 +254,22 @@ def conditions(run: RunBudget, stage: Stage) -> tuple[Condition, ...]:
 
 
 def effects(
-    run: RunBudget, outcomes: Iterable[Outcome], confirmed: Confirmed | None, stage: Stage, head: str = ""
+    run: RunBudget, outcomes: Iterable[Outcome], confirmed: Confirmed | None, stage: Stage, heads: Mapping[Path, str]
 ) -> Iterator[Effect]:
-    """Effects that a trace found, and whether a further run confirmed them; remainders without a name, too.
+    """Effects that a trace found, and what further runs say of them; remainders without a name, too.
+
+    An effect that further runs distinguish from the one named stands there with its own name and size.
 
     Args:
         run: with its budgets.
         outcomes: of the trace.
-        confirmed: results of the further run; None if none was made.
+        confirmed: results of the further runs; None if none was made.
         stage: of the run.
-        head: head hash of the further run.
+        heads: head hash of each further run.
     """
-    answers = {} if confirmed is None else {one.effect: one.verdict for one in confirmed.answers}
-    by = "" if confirmed is None else f" by {confirmed.path.name}, head {head[:16]}"
+    answers = {} if confirmed is None else {one.effect: one for one in confirmed.answers}
+    files = [] if confirmed is None else [f"{path.name}, head {heads[path][:16]}" for path in confirmed.paths]
+    by = f" by {' and '.join(files)}"
     for outcome in outcomes:
         sensor = sensor_of(outcome.sensor, run)
         for one in outcome.findings:
@@ -273,17 +277,23 @@ def effects(
                 size = f"{100 * one.share:.2g} % of the error beyond scatter"
                 yield Effect(sensor, "no name", one.cause, size, False, "no cause of the catalogue explains it", stage)
                 continue
-            verdict = answers.get(one.effect, "")
-            how = f"{verdict}{by}" if verdict else "no further run was made"
+            answer = answers.get(one.effect)
+            how = f"{answer.verdict}{by}" if answer is not None else "no further run was made"
+            if answer is not None and answer.verdict == "replaced":
+                found, cause = answer.members[0], f"what the trace of the run named {one.effect}"
+                size = found.sizes.get(outcome.sensor, "size not determined")
+                yield Effect(sensor, found.effect, cause, size, True, f"distinguished from {one.effect}{by}", stage)
+                continue
             size = one.size + (f" ({one.size_95})" if one.size_95 else "")
             cause = one.cause.partition(": ")[0].partition("; ")[0]
-            yield Effect(sensor, one.effect, cause, size, verdict == "confirmed", how, stage)
+            confirms = answer is not None and answer.verdict == "confirmed"
+            yield Effect(sensor, one.effect, cause, size, confirms, how, stage)
 
 
 def doubtful(outcomes: Iterable[Outcome], confirmed: Confirmed | None) -> Iterator[tuple[str, Finding]]:
-    """Sensor and finding of every name that is doubtful and not confirmed since."""
+    """Sensor and finding of every name that is doubtful, and that no further run has confirmed or replaced."""
     settled: Mapping[str, str] = {} if confirmed is None else {one.effect: one.verdict for one in confirmed.answers}
     for outcome in outcomes:
         for one in outcome.named:
-            if one.doubtful and settled.get(one.effect) != "confirmed":
+            if one.doubtful and settled.get(one.effect) not in ("confirmed", "replaced"):
                 yield outcome.sensor, one

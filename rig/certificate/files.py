@@ -106,7 +106,11 @@ class Before:
 
 
 def amended(folder: Path, number: str) -> Before:
-    """The certificate that an amendment replaces. Raises `UsageError` if its files are not there."""
+    """The certificate that an amendment replaces.
+
+    Raises:
+        UsageError: its files are not there, or another amendment has replaced it.
+    """
     path = folder / f"{number}.json"
     try:
         told = json.loads(path.read_text(encoding="utf-8"))
@@ -115,6 +119,11 @@ def amended(folder: Path, number: str) -> Before:
             raise ValueError(f"it is of number {told['number']}")
     except (OSError, UnicodeDecodeError, ValueError, KeyError, TypeError) as error:
         raise UsageError(f"certificate {number} cannot be amended: {path} cannot be read ({error})") from error
+    for other in sorted(folder.glob("*.json")):
+        with contextlib.suppress(OSError, ValueError, AttributeError):
+            later = json.loads(other.read_text(encoding="utf-8"))
+            if (later.get("amends") or {}).get("number") == number:
+                raise UsageError(f"certificate {number} was replaced by {later['number']}: --amends {later['number']}")
     xml = folder / f"{number}.xml"
     return Before(told, hash_of(xml if xml.exists() else path))
 
@@ -130,14 +139,19 @@ def amendment(before: Before, now: Mapping[str, Any], because: str) -> Amendment
     Raises:
         UsageError: nothing changed, and there is no reason.
     """
-    changes = [f"{where}: {_shown(old)} is now {_shown(new)}" for where, old, new in _changes(before.told, now)]
-    if not changes and not because:
+    changed = changes(before.told, now)
+    if not changed and not because:
         raise UsageError("nothing changed: an amendment needs a change, or a reason (--because)")
-    left = len(changes) - _MOST_CHANGES
-    more = [f"and {left} further values"] if left > 0 else []
     told = [because.strip()] if because.strip() else []
     issued = date.fromisoformat(before.told["dates"]["issued"])
-    return Amendment(str(before.told["number"]), issued, (*told, *changes[:_MOST_CHANGES], *more), before.sha256)
+    return Amendment(str(before.told["number"]), issued, (*told, *changed), before.sha256)
+
+
+def changes(old: Mapping[str, Any], new: Mapping[str, Any], most: int = _MOST_CHANGES) -> tuple[str, ...]:
+    """Differences of two trees of values, as sentences; of more than `most` the first, and their number."""
+    found = [f"{where}: {_shown(one)} is now {_shown(other)}" for where, one, other in _changes(old, new)]
+    left = len(found) - most
+    return (*found[:most], *([f"and {left} further values"] if left > 0 else []))
 
 
 def _changes(old: Any, new: Any, where: tuple[str, ...] = ()) -> Iterator[tuple[str, Any, Any]]:

@@ -48,7 +48,9 @@ def certificate(
         typer.Option(help="number of a certificate in the folder that this one replaces", show_default=False),
     ] = None,
     because: Annotated[str, typer.Option(help="reason of the amendment, a sentence", show_default=False)] = "",
-    confirmed_by: Annotated[Path | None, _file("a later run that confirms the effects found")] = None,
+    confirmed_by: Annotated[
+        list[Path] | None, _file("a later run that confirms the effects found; repeatable: all are judged together")
+    ] = None,
     adjustment: Annotated[
         str, typer.Option(help="adjustment between as found and as left, a sentence", show_default=False)
     ] = "",
@@ -114,7 +116,8 @@ def certificate(
     from rig.atomic import check_files  # noqa: PLC0415
     from rig.results.certificate import Asked, Issue, all_files, check_extras, issue, make  # noqa: PLC0415
 
-    asked = Asked(tuple(runs), _date(issued), equipment, settings, confirmed_by, calibrated_by, approved_by, adjustment)
+    later = tuple(confirmed_by or ())
+    asked = Asked(tuple(runs), _date(issued), equipment, settings, later, calibrated_by, approved_by, adjustment)
     how = Issue(out_folder, number or "", amends or "", because, template, paper, key, key_certificate, schema)
     check_files([], list(all_files(asked, how)))
     check_extras(how)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import date
 from pathlib import Path
@@ -14,6 +14,7 @@ from fitter.arrays import FloatArray
 from fitter.budget import Budgeted, Check, Influence, Shapes, TypeA, budgets, monte_carlo
 from fitter.errors import FitError
 from procedures.budgeting import Evaluation, Shift, Shifts
+from procedures.column_names import unit_of
 from procedures.errors import DataError
 from procedures.influences import corrected, explain, influences, with_more
 from procedures.kind import Kind, kind_of_table
@@ -32,6 +33,7 @@ from rig.register import (
     stated_of,
 )
 from rig.register.drift import drift_of_sensor
+from rig.run_file.events.event import Event
 from rig.run_file.events.sessions import Identified
 from rig.run_file.reader import RunReader
 from rig.tables import is_run, run_table
@@ -54,6 +56,8 @@ SIMULATED = (
     "simulation (JCGM 101): {trials} trials, seed {seed}; the budget's interval agrees for {agree} of {count} results "
     "within half a unit of the second digit of the standard uncertainty"
 )
+SLACK = 0.01
+"""How far a point may be outside the recorded settings, as a share of their range: readbacks are not set points."""
 SAME_METER, OTHER_METER = (
     "readings in use are taken to be by the meter of the run, with the same errors, which are taken once",
     "errors of the meter that reads the sensors in use are not in these uncertainties; those of the run's meter are",
@@ -95,6 +99,7 @@ class RunBudget:
         notes: sentences for readers.
         checks: of each result by simulation; empty if none was asked for.
         unstated: columns whose errors the register does not state.
+        outside: points beyond the settings of the run, as sentences.
     """
 
     of: OfRun
@@ -106,6 +111,7 @@ class RunBudget:
     notes: tuple[str, ...]
     checks: tuple[Check, ...] = ()
     unstated: tuple[str, ...] = ()
+    outside: tuple[str, ...] = ()
 
 
 def run_with_register(path: Path, equipment: Path | None = None) -> OfRun:
@@ -125,15 +131,14 @@ def run_with_register(path: Path, equipment: Path | None = None) -> OfRun:
     table = run_table(path)
     with RunReader.open(path) as reader:
         documents = reader.documents()
-        serials = _serials(reader)
+        identities = [record.event for record in reader.records(Identified.kind)]
     register = register_of(documents, equipment, run=str(path))
     where = str(equipment) if equipment is not None else f"{path} ({DOCUMENT})"
     if "bench.toml" not in documents:
         raise UsageError(f"{path} has no bench file, which says what reads what: no budget can be made of it")
     config = parse_bench(documents["bench.toml"], f"{path} (bench.toml)", strict=False)
     check_register(register, config, where, "bench.toml")
-    if not table.simulated:
-        _check_serials(register, config, serials, where)
+    _check_identities(register, config, identities, where, simulated=table.simulated)
     first, last = (date.fromisoformat(table.provenance[key][:10]) for key in ("began_utc", "last_observation_utc"))
     check_validity(register, config, where, first, last)
     kind = kind_of_table(table)
@@ -156,25 +161,49 @@ def constants_of(stated: Statements) -> Mapping[str, float]:
     return {name: one.value for name, one in stated.place.items()}
 
 
-def _serials(reader: RunReader) -> Mapping[str, str]:
-    """Serial numbers that the instruments reported, by name; of the last one if it was replaced."""
-    found: dict[str, str] = {}
-    for event in (record.event for record in reader.records(Identified.kind)):
+def _check_identities(
+    register: Register, config: BenchConfig, identities: Iterable[Event], where: str, *, simulated: bool
+) -> None:
+    """Refuse an instrument that was exchanged during the run, and one that is not that of the register."""
+    for event in identities:
         assert isinstance(event, Identified)
-        if event.confirmed and event.serial:
-            found[event.instrument] = event.serial
-    return found
-
-
-def _check_serials(register: Register, config: BenchConfig, serials: Mapping[str, str], where: str) -> None:
-    for name, serial in serials.items():
+        name, before = event.instrument, event.replaces
         asset = config.instruments[name].asset if name in config.instruments else ""
         known = register.equipment.get(asset)
-        if known is not None and known.serial and known.serial != serial:
+        if known is None:
+            continue
+        if before is not None:
             raise ConfigurationError(
-                f"{where}: equipment.{asset}.serial = {known.serial!r}, and in the run {name} reported {serial!r}: "
-                f"name the register of the instrument that was used"
+                f"{where}: equipment.{asset} is one instrument, and in the run {name} was exchanged "
+                f"({before['maker']} {before['model']} {before['serial']}, then {event.maker} {event.model} "
+                f"{event.serial}): measure again with one of them"
             )
+        if not simulated and event.confirmed and event.serial and known.serial not in ("", event.serial):
+            raise ConfigurationError(
+                f"{where}: equipment.{asset}.serial = {known.serial!r}, and in the run {name} reported "
+                f"{event.serial!r}: name the register of the instrument that was used"
+            )
+
+
+def outside_of(table: Table, at: Sequence[Mapping[str, float]]) -> Iterator[str]:
+    """Points of results that are outside the settings of a run, one sentence each.
+
+    An angle may be a whole turn away, and anything if the settings divide a turn into equal steps.
+    """
+    for name in dict.fromkeys(key for one in at for key in one if key in table.columns):
+        values = np.unique(table.columns[name])
+        low, high = float(values[0]), float(values[-1])
+        turn = 360.0 if unit_of(name) == "deg" else 0.0
+        step = float(np.max(np.diff(values), initial=0.0))
+        if turn and high - low + step >= turn * (1.0 - SLACK):
+            continue
+        slack = SLACK * (high - low)
+        for value in dict.fromkeys(one[name] for one in at if name in one):
+            if not any(low - slack <= value + n * turn <= high + slack for n in (-1, 0, 1)):
+                yield (
+                    f"{name} = {value:g} is outside the run, which has {low:.6g} to {high:.6g}: nothing shows that the "
+                    f"model holds there"
+                )
 
 
 def budget_run(
@@ -250,6 +279,8 @@ def budget_of(
     notes = [SAME_METER if same_meter else OTHER_METER, *found.notes, *of.stated.unused]
     unstated = unstated_of(evaluation, of.stated)
     notes += [UNSTATED.format(names=", ".join(unstated))] if unstated else []
+    outside = tuple(outside_of(of.table, at))
+    notes += outside
     if of.corrected:
         notes.insert(0, f"corrected by the certificates: {', '.join(of.corrected)}")
     if of.stated.example:
@@ -268,7 +299,8 @@ def budget_of(
         except FitError as error:
             raise DataError(f"simulation of the budgets: {error}") from error
         notes += simulated_notes(made, checks, seed)
-    return RunBudget(of, evaluation, made, results.sensors, type_a, found.influences, tuple(notes), checks, unstated)
+    told = (tuple(notes), checks, unstated, outside)
+    return RunBudget(of, evaluation, made, results.sensors, type_a, found.influences, *told)
 
 
 def of_drift(of: OfRun, evaluation: Evaluation, days: float) -> Iterator[tuple[str, str, Shifts]]:

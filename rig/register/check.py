@@ -37,6 +37,12 @@ def check_register(register: Register, config: BenchConfig, where: str, bench: s
 
 
 def _contradictions(register: Register, config: BenchConfig, where: str, bench: str) -> Iterator[str]:
+    bearers: dict[tuple[str, str, str], str] = {}
+    for asset in dict.fromkeys(entry.asset for _, entry in entries(config) if entry.asset in register.equipment):
+        one = register.equipment[asset]
+        same = bearers.setdefault((one.maker, one.model, one.serial), asset) if one.serial else asset
+        if same != asset:
+            yield f"{where}: equipment.{same}.serial and equipment.{asset}.serial are both {one.serial!r}: correct one"
     for key, entry in entries(config):
         if not entry.asset:
             continue

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -30,7 +30,7 @@ from rig.register import DOCUMENT
 from rig.results.data import Data
 from rig.run_file.reader import RunReader
 from rig.run_file.state import RunState, read_state
-from rig.run_file.verification import Verification, verify_file
+from rig.run_file.verification import verify_file
 
 if TYPE_CHECKING:
     from fitter.trace.outcome import Outcome
@@ -59,7 +59,7 @@ class Asked:
         issued: date of issue.
         equipment: another register than the one kept with the runs.
         settings: certificate.toml; None for that in the working folder.
-        confirmed_by: a later run that confirms effects of the last run.
+        confirmed_by: later runs that confirm effects of the last run.
         calibrated_by: instead of that of the settings.
         approved_by: instead of that of the settings.
         adjustment: between as found and as left, a sentence.
@@ -69,7 +69,7 @@ class Asked:
     issued: date
     equipment: Path | None = None
     settings: Path | None = None
-    confirmed_by: Path | None = None
+    confirmed_by: tuple[Path, ...] = ()
     calibrated_by: str = ""
     approved_by: str = ""
     adjustment: str = ""
@@ -100,10 +100,11 @@ class _Run:
     stage: Stage
     state: RunState
     records: int
+    register: str | None = None
     budget: RunBudget | None = None
     outcomes: Sequence[Outcome] = ()
     confirmed: Confirmed | None = None
-    later: Verification | None = None
+    heads: Mapping[Path, str] = field(default_factory=dict)
 
 
 def make(asked: Asked) -> Made:
@@ -137,7 +138,7 @@ def _read(path: Path, stage: Stage, asked: Asked, settings: CertificateSettings,
         reasons.append(f"{path} is not verified: {found.findings[0]}; see rig verify")
         return None
     with RunReader.open(path) as reader:
-        run = _Run(path, stage, read_state(reader), found.records)
+        run = _Run(path, stage, read_state(reader), found.records, reader.documents().get(DOCUMENT))
     if run.state.ended != "complete":
         reasons.append(f"{path} is not complete: {run.state.remaining} points are missing; rig resume {path}")
     try:
@@ -152,11 +153,13 @@ def _read(path: Path, stage: Stage, asked: Asked, settings: CertificateSettings,
             shapes=assembly.shapes(settings.probability),
         )
         reasons.extend(_of_budget(run.budget, settings))
-        later = asked.confirmed_by if path == asked.runs[-1] else None
-        if later is not None:
-            run.later = verify_file(later)
-            if not run.later.whole:
-                reasons.append(f"{later} is not verified: {run.later.findings[0]}; see rig verify")
+        later = asked.confirmed_by if path == asked.runs[-1] else ()
+        verified = [verify_file(one) for one in later]
+        broken = [(one, v.findings[0]) for one, v in zip(later, verified, strict=True) if not v.whole]
+        reasons.extend(f"{one} is not verified: {finding}; see rig verify" for one, finding in broken)
+        if broken:
+            return run
+        run.heads = {one: v.head for one, v in zip(later, verified, strict=True)}
         run.outcomes, run.confirmed = _traced(path, later, quick="quick" in of.kind.trace_options.model_fields)
         reasons.extend(_doubts(run))
     except (RigError, DataError, FitError) as error:
@@ -165,6 +168,8 @@ def _read(path: Path, stage: Stage, asked: Asked, settings: CertificateSettings,
 
 
 def _of_budget(budget: RunBudget, settings: CertificateSettings) -> Iterator[str]:
+    for point in budget.outside:
+        yield f"{point}; correct `at`"
     for name in assembly.repeatability_only(budget):
         yield f"{name}: its uncertainty is repeatability only; state the errors of its instruments in the register"
     table = budget.of.table
@@ -174,19 +179,19 @@ def _of_budget(budget: RunBudget, settings: CertificateSettings) -> Iterator[str
     yield from assembly.without_result(budget, settings)
 
 
-def _traced(path: Path, later: Path | None, *, quick: bool) -> tuple[Sequence[Outcome], Confirmed | None]:
-    """Effects of a run, and what a later run says about them.
+def _traced(path: Path, later: Sequence[Path], *, quick: bool) -> tuple[Sequence[Outcome], Confirmed | None]:
+    """Effects of a run, and what later runs say about them together.
 
     The findings are those of a whole trace; where the kind has a quick one, errors that a certificate does not have are
     not computed.
     """
     options = {"quick": True} if quick else {}
-    if later is None:
+    if not later:
         return Data(path).trace(**options).traced.outcomes, None
     from rig.closed_loop.confirm import judge, open_traced  # noqa: PLC0415 - few certificates have it
 
     first = open_traced(path, **options)
-    return first.traced.outcomes, judge(first, later)
+    return first.traced.outcomes, judge(first, *later)
 
 
 def _doubts(run: _Run) -> Iterator[str]:
@@ -242,12 +247,14 @@ def _document(
         evidence=evidence,
         statements=tuple(statements),
         effects=tuple(
-            e
-            for one, b in with_budget
-            for e in assembly.effects(b, one.outcomes, one.confirmed, one.stage, one.later.head if one.later else "")
+            e for one, b in with_budget for e in assembly.effects(b, one.outcomes, one.confirmed, one.stage, one.heads)
         ),
         adjustment=asked.adjustment.strip() if len(runs) > 1 else "",
-        deviations=tuple(d for one, b in with_budget for d in about.deviations(b.of, one.state, one.stage)),
+        deviations=tuple(
+            d
+            for one, b in with_budget
+            for d in about.deviations(b.of, one.state, one.stage, (one.register, asked.equipment))
+        ),
         notes=tuple(dict.fromkeys(n for _, b in with_budget for n in assembly.notes(b))),
         next_due=settings.next_due,
         remarks=settings.remarks,
@@ -393,5 +400,5 @@ def _signed(xml: bytes, how: Issue) -> bytes:
 
 def all_files(asked: Asked, how: Issue) -> Iterable[Path | None]:
     """Every file that is read, so that none is overwritten."""
-    yield from (*asked.runs, asked.equipment, asked.settings, asked.confirmed_by)
+    yield from (*asked.runs, asked.equipment, asked.settings, *asked.confirmed_by)
     yield from (how.template, how.key, how.certificate, how.schema)
