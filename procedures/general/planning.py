@@ -6,7 +6,6 @@ from collections.abc import Collection, Iterator, Mapping
 
 import numpy as np
 
-from fitter.arithmetic_text import parse_expression
 from fitter.arrays import FloatArray
 from fitter.designs import Evaluation, evaluate
 from fitter.designs.advice import advice as of_design
@@ -56,14 +55,7 @@ def formulas_of(procedure: GeneralProcedure) -> Mapping[str, Formula]:
 
 
 def misfit(procedure: GeneralProcedure, sensors: Mapping[str, str], thermometers: Collection[str]) -> str:
-    """See `Conduct.misfit`: variables that nothing reads, units that a standard model does not convert, bad forecasts."""
-    for name, text in procedure.expect.output.items():
-        try:
-            other = [one for one in parse_expression(text).names if one not in procedure.factors]
-        except FitError as error:
-            return f"expect.output.{name}: {error}"
-        if other:
-            return f"expect.output.{name}: {other[0]} is not a factor ({', '.join(procedure.factors)})"
+    """See `Conduct.misfit`: variables that nothing reads, and units that a standard model does not convert."""
     known = [*procedure.factors, *thermometers]
     for name, column in sensors.items():
         model = procedure.model.of(name)
