@@ -113,9 +113,8 @@ def calibrate_package(
         wrong = [e for e, v in shapes.items() if len(v) != len(data)]
         if wrong:
             raise ValueError(f"{wrong[0]} of {name}: expected {len(data)} observations, found {shapes[wrong[0]].shape}")
-        if merge and (alike := _not_told(base, y, shapes)):
-            merged.append(f"{' and '.join(alike)} of {name}")
-            shapes = {e: v for e, v in shapes.items() if e not in alike}
+        if merge:
+            shapes = _told_apart(base, y, shapes, name, merged)
         fit, columns, owners = _beside(base, plain.names, y, shapes)
         behind = (_LEFT_BEHIND | set(left_behind)) & set(shapes)
         left |= behind
@@ -175,17 +174,19 @@ def _columns(volts: FloatArray) -> FloatArray:
     return given[:, None] if given.ndim == 1 else given[:, np.any(given != 0, axis=0)]
 
 
-def _not_told(base: FloatArray, y: FloatArray, shapes: Mapping[str, FloatArray]) -> list[str]:
-    """Effects that the points cannot tell from the model and the effects before them, in their order."""
-    kept, alike = [base], list[str]()
+def _told_apart(
+    base: FloatArray, y: FloatArray, shapes: Mapping[str, FloatArray], sensor: str, merged: list[str]
+) -> dict[str, FloatArray]:
+    """Effects that the points tell from the model and the effects before them; others are added to `merged`."""
+    kept: dict[str, FloatArray] = {}
     for effect, columns in shapes.items():
-        told = np.column_stack([*kept, columns.sum(axis=1)])
+        told = np.column_stack([base, *(one.sum(axis=1) for one in kept.values()), columns.sum(axis=1)])
         try:
             least_squares(told, y, tuple(map(str, range(told.shape[1]))))
-            kept.append(columns.sum(axis=1)[:, None])
+            kept[effect] = columns
         except RankError:
-            alike.append(effect)
-    return alike
+            merged.append(f"{effect} of {sensor}")
+    return kept
 
 
 def _beside(
