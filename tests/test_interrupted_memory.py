@@ -57,6 +57,9 @@ def test_creep_over_an_interruption_leaves_the_noise_and_nothing_else():
     size, start = found.coefficients
     assert size == pytest.approx(SIZE, rel=0.25), "the loads jump, and the column is linear between rows"
     assert abs(start) > 10.0 * found.stderr[1]
+    labels = [row.label for row in result.after.rows()]
+    assert {"within replications", "between replications"} <= {*labels}, "it has no whole plots"
+    assert result.left_out == "replications"
 
 
 def _term(columns):

@@ -44,8 +44,9 @@ def _of_two_sizes(nameless: Nameless) -> dict[str, str]:
     for j, k in permutations(nameless.chosen, 2):
         wide, own = problem.candidates[j], problem.candidates[k]
         if wide.sensor is None and own.sensor is not None:
-            gram = problem.products[nameless.level_of(wide.effect.name)].columns[problem.sensors.index(own.sensor)]
-            if gram[j, k] ** 2 > ALIKE**2 * gram[j, j] * gram[k, k] > 0.0:
+            products = problem.products[nameless.level_of(wide.effect.name)]
+            both, one, other = products.of([j, j, k], [k, j, k])[problem.sensors.index(own.sensor)]
+            if both**2 > ALIKE**2 * one * other > 0.0:
                 names = (wide.effect.name, own.effect.name)
                 out |= dict.fromkeys(names, two_sizes(names, own.sensor))
     return out
