@@ -281,7 +281,7 @@ def test_a_doubtful_name_is_refused_until_it_is_confirmed(made, monkeypatch, run
     (effect,) = effects(made.budgets[0], outcomes, confirmed, "", heads)
     assert (effect.sensor, effect.confirmed) == ("cell", True)
     files = "later.sqlite, head f0f0f0f0f0f0f0f0 and last.sqlite, head 1e1e1e1e1e1e1e1e"
-    assert effect.how == f"confirmed by {files}"
+    assert effect.how == f"by {files}"
     other = SimpleNamespace(effect="curve", sizes={"cell_V": "2 mV"})
     confirmed.answers = (SimpleNamespace(effect="creep", verdict="replaced", members=(other,)),)
     assert list(doubtful(outcomes, confirmed)) == []
