@@ -33,9 +33,13 @@ class Seen:
         fit: options of `rig fit`, by name; {} if nothing can be fitted.
         trace: options of `rig trace`, by name.
         why_not: why there are no options, or why those of a trace have no time; "" if there is no reason to tell.
+        curve: why the formula is no straight line; "" if it is one.
+        responses: outputs of the same sort as that of the options, with it.
     """
 
     columns: tuple[SeenColumn, ...]
     fit: Mapping[str, str]
     trace: Mapping[str, str]
     why_not: str = ""
+    curve: str = ""
+    responses: tuple[str, ...] = ()

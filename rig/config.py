@@ -189,7 +189,7 @@ def parse_toml(text: str, where: str) -> dict[str, Any]:
     try:
         values = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise ConfigurationError(f"{where} is not valid TOML: {error}{_given_twice(text, str(error))}") from error
+        raise ConfigurationError(f"{where} is not valid TOML: {error}{_in_words(text, str(error))}") from error
     except ValueError:  # Python refuses to convert a text of more than 4300 digits to an integer
         raise ConfigurationError(f"{where} has a whole number of thousands of digits; TOML permits 64 bits") from None
     except RecursionError:
@@ -198,13 +198,31 @@ def parse_toml(text: str, where: str) -> dict[str, Any]:
     return values
 
 
-def _given_twice(text: str, error: str) -> str:
-    """The key that a file has twice, for the end of a message; "" for other defects."""
-    found = re.fullmatch(r"Cannot overwrite a value \(at line (\d+), column \d+\)", error)
-    if found is None:
+_HINTS = (
+    (r"[\u201c\u201d\u201e\u2018\u2019]", 'quotes are straight: "text"'),
+    (r"^\s*(;|//|%|!)", "a remark begins with #"),
+    (r"=\s*-?\d+,\d", "the decimal sign is a point"),
+    (r"=\s*\[[^\]]*\d\s+-?\d", "commas separate the values of a list"),
+    (r"=\s*(True|False|TRUE|FALSE|yes|no|on|off|Yes|No)\b", "write true or false"),
+    (r'=\s*"[^"]*\\', "a text with backslashes has single quotes"),
+    (r"^\s*\[+[^\]]*$", "a section ends with ]"),
+    (r"=\s*[A-Za-z/]", "a text has quotes"),
+    (r"^\s*[\w.-]+\s*:", "write NAME = VALUE"),
+)
+"""Frequent defects of lines that are no TOML, and what to write instead."""
+
+
+def _in_words(text: str, error: str) -> str:
+    """What to write instead of a line that is no TOML, for the end of a message; "" if that is not known."""
+    place = re.search(r"\(at line (\d+), column \d+\)$", error)
+    if place is None:
         return ""
-    key = text.splitlines()[int(found[1]) - 1].partition("=")[0].strip()
-    return f": {key:.60} has a value already; give it one"
+    line = text.splitlines()[int(place[1]) - 1]
+    if error.startswith("Cannot overwrite a value"):
+        return f": {line.partition('=')[0].strip():.60} has a value already; give it one"
+    if re.match(r"Cannot (declare|mutate)", error):
+        return f": {line.strip():.60} is there already; put its keys together"
+    return next((f": {hint}" for pattern, hint in _HINTS if re.search(pattern, line)), "")
 
 
 _DEEPEST = 50
@@ -240,20 +258,25 @@ def read_text(path: Path, what: str) -> str:
     except IsADirectoryError:
         raise ConfigurationError(f"{path} is a folder; name the {what} file in it") from None
     except UnicodeDecodeError as error:
-        raise ConfigurationError(f"{path} is not UTF-8 text (byte {error.start})") from error
+        raise ConfigurationError(f"{path} is not UTF-8 text (byte {error.start}); save it as UTF-8") from error
     except OSError as error:
         raise ConfigurationError(f"{path} cannot be read: {error.strerror}") from error
 
 
 def parse_bench(text: str, where: str, *, strict: bool = True) -> BenchConfig:
     """Check the text of a bench file; `strict` as in `validated`."""
-    return validated(BenchConfig, parse_toml(text, where), where, strict=strict)
+    values = parse_toml(text, where)
+    if "kind" in values:
+        raise ConfigurationError(f"{where} is a procedure, because it has a kind; name the bench file here")
+    return validated(BenchConfig, values, where, strict=strict)
 
 
 def parse_procedure(text: str, where: str, *, strict: bool = True) -> Procedure:
     """Check the text of a procedure file; `strict` as in `validated`."""
     values = parse_toml(text, where)
     kind = values.get("kind")
+    if kind is None and "instruments" in values:
+        raise ConfigurationError(f"{where} is a bench file, because it has instruments; name the procedure here")
     known = {name: one.settings for name, one in kinds().items() if one.settings is not None}
     if not isinstance(kind, str) or kind not in known:
         names = ", ".join(f'"{name}"' for name in known)

@@ -14,6 +14,13 @@ _PLAIN = {
     "int_type": "should be a whole number, without quotes or decimal point",
     "float_type": "should be a number, without quotes",
     "string_type": "should be a text in quotes",
+    "list_type": "should be a list in square brackets, such as [0, 10]",
+    "tuple_type": "should be a list in square brackets, such as [0, 10]",
+    "dict_type": "should be a table, { NAME = VALUE }",
+    "finite_number": "should be a finite number",
+    "date_from_datetime_parsing": "should be a date, such as 2028-05-31",
+    "date_parsing": "should be a date, such as 2028-05-31",
+    "date_type": "should be a date, such as 2028-05-31",
 }
 
 
@@ -56,7 +63,8 @@ def _line(item: Mapping[str, Any], model: type[BaseModel]) -> str:
         case "literal_error" if isinstance(got, str):
             return f"{place}: {got!r} is unknown; {_near(got, _quoted(item['ctx']['expected']))}"
         case _:
-            words = _PLAIN.get(item["type"], item["msg"].removeprefix("Value error, "))
+            said = item["msg"].removeprefix("Value error, ").removeprefix("Input ")
+            words = _PLAIN.get(item["type"], re.sub(r"^(List|Dictionary) should have at least 1 .*", "is empty", said))
             shown = "" if isinstance(got, Mapping) or not place else f" (it is {got!r})"
             return f"{place}: {words}{shown}".removeprefix(": ")
 

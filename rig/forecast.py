@@ -130,6 +130,10 @@ def rehearse(plan: Plan, on_progress: Callable[[Progress], None], *, points: int
     Raises:
         RigError: the rehearsal failed; the run itself would fail too.
     """
+
+    def rehearsing(news: Progress) -> None:
+        on_progress(news._replace(state="rehearsing", message="", detail=""))  # it asks nobody for anything
+
     soaks_between = plan.procedure.conduct.whole_plots is not None
     wanted = points or (REHEARSED_WITH_SOAKS if soaks_between else REHEARSED)
     head = RunList(plan.run_list.factors, plan.run_list.points[:wanted], plan.run_list.seed)
@@ -141,7 +145,7 @@ def rehearse(plan: Plan, on_progress: Callable[[Progress], None], *, points: int
         dry = replace(plan, run_list=head, dry=True, truth=_ordinary(plan))
         site = Site(vfs=vfs)  # nobody keeps this run file
         result = start_run(
-            dry, Path(folder), signals=Signals(), announce=paths.append, on_progress=on_progress, site=site
+            dry, Path(folder), signals=Signals(), announce=paths.append, on_progress=rehearsing, site=site
         )
         if result.outcome is not Outcome.COMPLETE:
             raise RigError(f"a rehearsal on simulated instruments failed: {result.message}")

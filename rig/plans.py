@@ -82,6 +82,10 @@ def load_plan(procedure: Path, bench: Path, *, dry: bool = False, world: Path | 
         kind_of(plan.procedure).check_design(plan.procedure, plan.run_list)
     except FitError as error:
         raise ConfigurationError(f"{procedure}: {error}") from error
+    misfit, sensors = plan.procedure.conduct.misfit, config.sensors
+    columns = {name: f"{name}_{sensor.unit}" for name, sensor in sensors.items()}
+    if misfit is not None and (defect := misfit(columns, tuple(config.temperatures))):
+        raise ConfigurationError(f"{procedure}: {defect}")
     return plan
 
 

@@ -652,7 +652,7 @@ def test_a_rehearsal_without_a_world_meets_no_fault_of_its_own(tmp_path):
 
 def test_a_sensor_that_cannot_be_traced_is_named(tmp_path):
     """It was left out of the trace without a word where another sensor had a linear model."""
-    procedure = lab.BATH_PROCEDURE + '[model.prt_2]\nstandard = "callendar"\n'
+    procedure = lab.BATH_PROCEDURE + '[model.prt_2]\nformula = "a + b*bath_degC"\nstart = { a = 0, b = 1 }\n'
     path, result = run_dry(tmp_path, procedure, lab.BATH, lab.BATH_WORLD)
     assert result.outcome is Outcome.COMPLETE, result.message
     told = json.loads(rig("trace", path, "--json").stdout)

@@ -348,6 +348,10 @@ def test_an_ambiguous_date_does_not_hide_the_proposal(tmp_path):
         ("1.5\n2.5\n", (), [1.5, 2.5]),
         ("y\n1,5\n2,5\n", (), "row 2: 1,5 may be one value, or 2 columns; say --decimal"),
         ('y\n"1,234"\n"2,345"\n', (), "1,234 may be 1.234 or 1234; say --decimal"),
+        ("y\n1.5\n2.5\nMean 2.0\n", (), [1.5, 2.5]),
+        ("y\n1.5\n2.5\nread by A. Smith, room 2\n1 of 1\n", (), "row 4: 2 values for 1 columns"),
+        ("y\n1.5\n2.5\n\n1 of 1, by A. Smith\n", (), [1.5, 2.5]),
+        ("y\n1.5\n2,5x\n", (), "row 3"),
     ],
 )
 def test_a_file_of_one_column(tmp_path, text, more, expected):
@@ -358,6 +362,52 @@ def test_a_file_of_one_column(tmp_path, text, more, expected):
             read_gappy_csv(path, ("y",), asked)
         return
     np.testing.assert_array_equal(next(iter(read_gappy_csv(path, ("y",), asked).columns.values())), expected)
+
+
+def test_a_footer_of_one_column_is_said(tmp_path):
+    table = FileSource(written(tmp_path, "y\n1.5\n2.5\nend of data\n")).all_columns()
+    assert "what follows the table from row 4 on was not read" in table.understood["sentence"]
+
+
+def test_a_first_row_with_a_word_beside_numbers_is_no_second_row_of_names(tmp_path):
+    """A table of books, whose column `course` has numbers in all rows but the first."""
+    lines = [f"Econ,{9 + i},{10 + i}.5,{9 + i}.25" for i in range(12)]
+    table = FileSource(written(tmp_path, "\n".join(["subject,course,new,used", "Am Ind,C170,27.67,27.95", *lines])))
+    read = table.all_columns()
+    assert (len(read), read.text["course"][0], read.columns["new"][0]) == (13, "C170", 27.67)
+
+
+@pytest.mark.parametrize("degree", [1, 2, 3])
+def test_a_curve_is_proposed_where_a_test_finds_it_and_what_it_is_for_is_said(tmp_path, degree):
+    x = np.tile(np.arange(8.0), 3)
+    y = 0.1 + sum(c * x**k for k, c in zip(range(1, degree + 1), (0.5, -0.02, 0.003), strict=False))
+    path = written(tmp_path, a_table(load_kN=x, cell_V=y + 1e-3 * NOISE))
+    done = rig("fit", path)
+    powers = " + ".join(["load_kN", "load_kN^2", "load_kN^3"][:degree])
+    assert f"--formula '1 + {powers}'" in done.stdout
+    assert ("a straight line is not enough" in done.stdout) == (degree > 1)
+
+
+def test_a_line_is_left_a_line_in_nearly_all_tables_of_noise(tmp_path):
+    rng = np.random.default_rng(11)
+    curved = 0
+    for i in range(60):
+        x = np.tile(np.arange(8.0), 3)
+        text = a_table(load_kN=x, cell_V=0.1 + 0.5 * x + rng.normal(0, 1e-2, 24))
+        curved += bool(look_at(FileSource(written(tmp_path, text, f"{i}.csv")), "fit", {}).seen.curve)
+    assert curved <= 1
+
+
+def test_a_column_for_each_sensor(tmp_path):
+    x = np.tile(np.arange(8.0), 3)
+    sensors = {f"prt_{i}_ohm": 100 + (0.3 + 0.1 * i) * x + NOISE * i for i in (1, 2, 3)}
+    path = written(tmp_path, a_table(bath_degC=x, **sensors, room_degC=23 + NOISE))
+    told = json.loads(rig("trace", path, "--json").stdout)
+    roles = {each["column"]: each["role"] for each in told["columns"]}
+    assert roles == {"bath_degC": "setting", **dict.fromkeys(sensors, "response"), "room_degC": "covariate"}
+    assert told["responses"] == [*sensors]
+    assert told["next"].endswith("--response prt_1_ohm --formula '1 + bath_degC' --ignore prt_2_ohm,prt_3_ohm")
+    assert "Other outputs of this sort: prt_2_ohm, prt_3_ohm. For each, the same" in rig("fit", path).stdout
 
 
 def test_an_order_that_begins_anew_in_a_trace(tmp_path):
@@ -436,11 +486,11 @@ SHAPES = {
     ),
     "uncertainties beside values": (
         a_table(**{"voltage[V]": EVEN, "gain[e]": EVEN**2 + NOISE, "err_gain[e]": NOISE**2}),
-        "--response 'gain[e]' --formula '1 + `voltage[V]`'", {"err_gain[e]": "uncertainty"},
+        "--response 'gain[e]' --formula '1 + `voltage[V]` + `voltage[V]`^2'", {"err_gain[e]": "uncertainty"},
     ),
     "sensors over a temperature T": (
         a_table(T=range(-50, 190, 10), **{"102GT": np.exp(54 - EVEN) + NOISE, "202GT": 3 * np.exp(54 - EVEN) + NOISE}),
-        "--response 202GT --formula '1 + T'", {"T": "setting"},
+        "--response 102GT --formula '1 + T + T^2 + T^3'", {"T": "setting", "202GT": "response"},
     ),
     "a level set, and what was measured at it": (
         a_table(V=np.repeat([0.1, 0.2, 0.4, 0.8], 6), V_in=np.repeat([0.1, 0.2, 0.4, 0.8], 6) + 1e-3 * NOISE),

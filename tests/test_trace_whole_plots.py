@@ -441,7 +441,7 @@ def test_what_varies_smoothly_is_shown_with_its_variable_and_order():
     wave = data.outputs[ONE] + 0.01 * np.sin(2.5 * data.pressure_psia)
     one = trace_whole_plots(replace(data, outputs={ONE: wave}), validate=False).sensors[ONE]
     assert (one.verdict, [e.effect for e in one.effects]) == ("partly explained", ["pressure-third-order"])
-    assert one.unnamed[0].where == "within whole plots, with pressure, to order 5"
+    assert one.unnamed[0].where == "within whole plots, with pressure, to order 6"
     assert not any(trace_whole_plots(simulate(seed=s), validate=False).sensors[ONE].unnamed for s in range(5))
 
 

@@ -33,6 +33,8 @@ price of a column.
 
 NOTHING_LEFT = 1e-3
 """A candidate with a smaller remaining share beside the others at a level cannot be judged there."""
+ROUNDING = 1e-9
+"""Prices that differ by less, or by less than this share, are equal: the first in the catalogue counts."""
 _RCOND = 1e-10
 """Smallest share of the largest eigenvalue that counts in products of columns of unit length."""
 
@@ -192,11 +194,12 @@ class Products:
         """The same, without columns of which next to nothing remains: that is rounding.
 
         Args:
-            length2: (J,) squared length of each column before removing others.
+            length2: (..., J) squared length of each column before removing others.
         """
-        gone = np.diag(self.columns) <= NOTHING_LEFT**2 * length2
-        kept = np.where(gone, 0.0, 1.0)
-        return replace(self, columns=self.columns * np.outer(kept, kept), outputs=self.outputs * kept)
+        kept = np.where(np.einsum("...jj->...j", self.columns) <= NOTHING_LEFT**2 * length2, 0.0, 1.0)
+        return replace(
+            self, columns=self.columns * kept[..., :, None] * kept[..., None, :], outputs=self.outputs * kept
+        )
 
     def price(self, terms: tuple[int, ...]) -> float:
         """Residual sum of squares with `terms` fitted, minus that without them, plus the price of the columns."""
@@ -217,7 +220,8 @@ class Products:
             picked = np.array([(*taken, *units[u]) for u in same], np.int64)
             gram, dot = self.columns[picked[:, :, None], picked[:, None, :]], self.outputs[picked]
             length = np.sqrt(np.maximum(np.einsum("ujj->uj", gram), np.finfo(float).tiny))
-            values, vectors = np.linalg.eigh(gram / (length[:, :, None] * length[:, None, :]))
+            unit = gram / (length[:, :, None] * length[:, None, :])
+            values, vectors = (unit[:, 0], np.ones_like(unit)) if picked.shape[1] == 1 else np.linalg.eigh(unit)
             kept = values > _RCOND * values[:, -1:]
             inverse = np.where(kept, 1.0 / np.where(kept, values, 1.0), 0.0)
             along = np.einsum("ujk,uj->uk", vectors, dot / length)
@@ -238,9 +242,10 @@ def _path(
     price, left = np.inf, list(units)
     while left:
         prices = products.prices(taken, left)
-        best = int(np.argmin(prices))
-        if not prices[best] < price:
+        least = float(np.min(prices))
+        if not least < price:
             break
+        best = int(np.argmax(prices <= least + ROUNDING * (1.0 + abs(least))))
         price = float(prices[best])
         taken = (*taken, *left.pop(best))
         path[tuple(sorted(taken))] = price + PER_COLUMN * searched

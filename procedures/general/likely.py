@@ -15,6 +15,7 @@ from procedures.errors import DataError
 from procedures.general.clock_texts import is_clock
 from procedures.general.column_roles import Roles, read_roles
 from procedures.general.directions import are_directions
+from procedures.general.first_model import alike, curved
 from procedures.general.fit import fit_general
 from procedures.general.models.units import unit_in
 from procedures.results import Source
@@ -64,19 +65,27 @@ def likely(source: Source, table: Table) -> Seen:
         roles = {name: role for name, role in roles.items() if name not in free}
     tried = ""
     for response, terms in _pairs(table, free, groups):
-        formula = " + ".join(["1", *terms])
-        fit = {"response": response, "formula": formula}
-        others = {name: role for name, role in roles.items() if f"C({_quoted(name)})" not in terms}
-        trace = {**fit, "response": _quoted(response), **_options(table, others)}
+        settings = [name for name in (*free, *groups) if {_quoted(name), f"C({_quoted(name)})"} & set(terms)]
+        sensors = alike(response, [name for name in free if name not in settings], table)
+        response = sensors[0]  # noqa: PLW2901 - the first of its sort
+        numbers = [name for name in settings if name in free]
         try:
-            fit_general(source.read, response, formula)
+            fit_general(source.read, response, " + ".join(["1", *terms]))
+            powers, curve = curved(source, table, response, numbers, [_quoted(name) for name in numbers])
+            formula = " + ".join(["1", *terms, *powers[len(numbers) :]])
+            fit = {"response": response, "formula": formula}
+            others = {name: role for name, role in roles.items() if f"C({_quoted(name)})" not in terms}
+            trace = {**fit, "response": _quoted(response), **_options(table, others)}
             trace, without = _readable(source, trace)
         except (DataError, FitError) as error:
             tried = tried or str(error)
             continue
-        settings = [name for name in (*free, *groups) if {_quoted(name), f"C({_quoted(name)})"} & set(terms)]
-        found = roles | dict.fromkeys(free, "covariate") | dict.fromkeys(settings, "setting") | {response: "response"}
-        return Seen(_columns(table, found), fit, trace, without)
+        found = roles | dict.fromkeys(free, "covariate") | dict.fromkeys(settings, "setting")
+        found |= dict.fromkeys(sensors, "response")
+        beside = [name for name in sensors if name != response and "," not in name]
+        if beside:  # what they have in common with it is the setting's error
+            trace["ignore"] = ",".join(beside)
+        return Seen(_columns(table, found), fit, trace, without, curve, sensors)
     why = tried or "it takes two columns of numbers that vary: a response and a setting"
     return Seen(_columns(table, roles | dict.fromkeys(free, "covariate")), {}, {}, why)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from fitter.split_plot import plan_precision
 from procedures.advice import Advice
 from procedures.general.factors import AS_WRITTEN
 from procedures.general.models.named import standard_model
+from procedures.general.models.units import to_model, unit_in
 from procedures.general.settings import GeneralProcedure, SensorModel
 from procedures.general.swept import swept
 from procedures.precision import Precision
@@ -45,12 +46,34 @@ def formulas_of(procedure: GeneralProcedure) -> Mapping[str, Formula]:
         if unknown and not unknown[0].endswith("_degC"):  # a temperature that the bench reads may be in the model
             raise FitError(
                 f"{where}: {unknown[0]} is not a factor ({', '.join(procedure.factors)}); a model is of factors, and "
-                f"of temperatures that the bench reads"
+                f"of temperatures that the bench reads; parameters have start values, start = {{ {unknown[0]} = 1 }}"
             )
         if not formula.terms:
             raise FitError(f"{where}: it has no terms: there is nothing to fit")
         found[sensor] = formula
     return found
+
+
+def misfit(procedure: GeneralProcedure, sensors: Mapping[str, str], thermometers: Collection[str]) -> str:
+    """See `Conduct.misfit`: variables that nothing reads, and units that a standard model does not convert."""
+    known = [*procedure.factors, *thermometers]
+    for name, column in sensors.items():
+        model = procedure.model.of(name)
+        where = f"model.{name}" if name in procedure.model.own else "model"
+        if model.standard is not None:
+            entry = standard_model(model.standard)
+            abscissa = model.abscissa or next(iter(procedure.factors))
+            try:
+                to_model(unit_in(abscissa), entry.abscissa.unit, abscissa)
+                to_model(unit_in(column), entry.response.unit, column)
+            except FitError as error:
+                return f"{where}.standard = {entry.name!r}: {error}"
+        elif model.linear and model.formula is not None:
+            unread = [one for one in Formula.parse(model.formula).names if one.endswith("_degC") and one not in known]
+            if unread:
+                there = f"[temperatures] has {', '.join(thermometers)}" if thermometers else "it has no [temperatures]"
+                return f"{where}.formula: nothing on the bench reads {unread[0]}: {there}"
+    return ""
 
 
 def _check_abscissa(sensor: str, model: SensorModel, procedure: GeneralProcedure) -> None:

@@ -11,6 +11,7 @@ from fitter.arrays import FloatArray
 from procedures.general.effects import OF_CONSTANT, TableEffect
 from procedures.general.effects.literal import Rows, column
 from procedures.general.effects.scene import Profile, TableTerm
+from procedures.general.effects.time_columns import of_start
 
 _STEP = 1e-3
 
@@ -67,8 +68,10 @@ def columns_of(effect: TableEffect, block: TableTerm, sensor: str, sizes: FloatA
         sensor: its output.
         sizes: (d,) coefficients of its columns: one constant changes them all.
     """
-    for at, label in enumerate(block.labels):
-        yield RunTerm(effect, Label(label), sensor, block, at)
+    own = np.array([not of_start(label) for label in block.labels])
+    for at in np.flatnonzero(own).tolist():
+        yield RunTerm(effect, Label(block.labels[at]), sensor, block, at)
+    sizes = sizes * own
     if block.profile is not None and np.any(_slopes(block.profile) @ sizes):
         yield RunTerm(effect, Label(f"{OF_CONSTANT}{block.labels[0]}"), sensor, block, 0, slope=tuple(sizes.tolist()))
 

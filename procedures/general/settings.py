@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import random
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from functools import cached_property
 from types import MappingProxyType
 from typing import Any, ClassVar, Literal, Self
@@ -350,7 +350,13 @@ class GeneralProcedure(Strict):
             whole_plots=whole_plots,
             response=self._response,
             any_instruments=True,
+            misfit=self._misfit,
         )
+
+    def _misfit(self, sensors: Mapping[str, str], thermometers: Collection[str]) -> str:
+        from procedures.general.planning import misfit  # noqa: PLC0415 - imports the fitter
+
+        return misfit(self, sensors, thermometers)
 
     @cached_property
     def _response(self) -> Callable[[Mapping[str, float]], tuple[float, ...]] | None:

@@ -21,6 +21,7 @@ from procedures.errors import DataError
 from procedures.general.column_roles import Roles, roles_of
 from procedures.general.effects.literal import Rows
 from procedures.general.effects.of_time import WARM_UP
+from procedures.general.effects.time_columns import BLOCK, MOST_INTERRUPTIONS, interruptions
 from procedures.general.run_terms import RunTerm
 from procedures.general.trace import TableData, TableTrace
 from procedures.general.trace.places import places_of
@@ -150,15 +151,18 @@ class Whole:
         return Rows({**self.table.columns, TIME: since}, since, self.begins)
 
     def started(self, output: str) -> FloatArray:
-        """(n, c) decays from the first row of every later run on: it is not known what stood before, for how long.
+        """(n, c) decays from the first row of every later session on: it is not known what stood before, for how long.
 
-        And the first row itself, if the direction of its approach is unknown and an explanation needs it.
+        And the first row of a later run itself, if the direction of its approach is unknown and an explanation needs
+        it.
         """
         t, known = self.table.columns[TIME], self.remembered.get(output, Remembered())
-        run = np.searchsorted(self.begins, np.arange(len(t)), side="right") - 1
-        since = t - t[list(self.begins)][run]
-        every = itertools.product(range(1, len(self.begins)), known.constants)
-        columns = [np.where(run == k, np.exp(-since / tau), 0.0) for k, tau in every]
+        inside = interruptions(self.table.columns.get(BLOCK), MOST_INTERRUPTIONS + len(self.begins) - 1)
+        begins = sorted({0, *self.begins, *inside})
+        session = np.searchsorted(begins, np.arange(len(t)), side="right") - 1
+        since = t - t[begins][session]
+        every = itertools.product(range(1, len(begins)), known.constants)
+        columns = [np.where(session == k, np.exp(-since / tau), 0.0) for k, tau in every]
         sides = [self.table.columns[name] for name in known.sides if name in self.table.columns]
         unknown = [begin for begin in self.begins[1:] if any(side[begin] == 0.0 for side in sides)]
         columns += [(np.arange(len(t)) == begin).astype(np.float64) for begin in unknown]

@@ -50,7 +50,9 @@ class SeenTable:
         data = {"file": self.table.provenance["file"], "points": len(self.table), "kind": None}
         if self.table.understood:
             data["understood"] = self.table.understood
-        return {"data": data, "columns": columns, "next": self.command or None, "why_not": self.seen.why_not or None}
+        seen = self.seen
+        told = {"next": self.command or None, "why_not": seen.why_not or None, "curve": seen.curve or None}
+        return {"data": data, "columns": columns, **told, "responses": list(seen.responses)}
 
     def blocks(self) -> Iterable[Block]:
         """Lines for people."""
@@ -65,6 +67,13 @@ class SeenTable:
         if self.command:
             yield Line("Roles are a proposal by names and values. Nothing was fitted. A command to begin with:")
             yield Line(f"  {escape(self.command)}")
+            if self.seen.curve:
+                yield Line(escape(self.seen.curve), wrapped=True)
+            if others := self.seen.responses[1:]:
+                more = f"{', '.join(others[:_NAMED])}{', ...' if len(others) > _NAMED else ''}"
+                swap = f", and {self.seen.responses[0]} after --ignore in its place" if self._of == "trace" else ""
+                words = f"Other outputs of this sort: {more}. For each, the same with its name after --response{swap}."
+                yield Line(escape(words), wrapped=True)
             if self.seen.why_not and self._of == "trace":
                 yield Line(f"Time is left out of it: {escape(self.seen.why_not)}", wrapped=True)
         else:
@@ -74,7 +83,7 @@ class SeenTable:
         return self.table.units.get(name, "") or unit_in(name)
 
 
-_SHOWN = 40
+_SHOWN, _NAMED = 40, 12
 
 
 def look_at(source: FileSource, command: str, given: Mapping[str, Any]) -> SeenTable | None:

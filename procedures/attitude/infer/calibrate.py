@@ -122,9 +122,7 @@ def calibrate_package(
         residuals.append(y - fit.predict(columns))
         alone, extra = fit.first(base.shape[1]), columns[:, base.shape[1] :]
         corrected = residuals[-1] + alone.predict(base)
-        tables.append(
-            analyse(alone, base, corrected, data.point, data.replicate_index, extra, extra.shape[1], data.order)
-        )
+        tables.append(analyse(alone, data.rows.beside(extra), corrected, extra.shape[1]))
         misfits[name] = _misfit(alone, tables[-1], letter if data.has_roll else None)
         spreads.append(replication_spread(base, corrected, data.replicate_index, alone))
     notes = [f"fitted beside the model and not applied in use: {', '.join(sorted(left))}"] if left else []

@@ -238,7 +238,7 @@ def _experiments(effect: Effect, aliases: Iterable[Effect]) -> str:
 def _size(problem: Problem, after: Estimate, k: int, i: int) -> float:
     """Size of term `k` of the model in sensor `i`, in standard errors of that sensor alone."""
     j = after.chosen[k]
-    length = np.sqrt(problem.products["declared"].columns[i, j, j])
+    length = np.sqrt(problem.products["declared"].of([j], [j])[i, 0])
     sigma = np.sqrt(_pure_variance(after.tables[i]))
     return float(abs(after.gamma[k]) * length / sigma) if concerns(problem, after.chosen[k])[i] else 0.0
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -23,6 +23,8 @@ from procedures.general.effects.scene import CYCLES, Profile, TableScene, TableT
 
 STEPS, LAGS, SETTLINGS = 60, 10, 12
 FEWEST_BESIDE_STEP = 5
+BLOCK, MOST_INTERRUPTIONS = "block", 3
+"""Column of the session of a run."""
 CYCLES_TIMES = 40
 """A third of what is looked for by itself: every period costs two columns for each setting."""
 
@@ -136,12 +138,35 @@ def lag(scene: TableScene, name: str) -> Terms:
     if not np.any(gap > 0):
         return ()
     constants = np.geomspace(0.5 * float(np.median(gap[gap > 0])), float(np.ptp(t)) / 3.0, LAGS)
+    session = scene.covariates.get(BLOCK, np.zeros(len(t)))
+    breaks = interruptions(session, MOST_INTERRUPTIONS)
 
     def at(tau: float) -> TableTerm:
         tau = rounded(tau, tau)
-        return TableTerm((f"lag({less(name, middle(v))}, {tau:.15g})",), lagging(v - middle(v), gap, tau)[:, None])
+        labels, columns = [f"lag({less(name, middle(v))}, {tau:.15g})"], [lagging(v - middle(v), gap, tau)]
+        for first in breaks:
+            start = rounded(float(t[first]), float(np.ptp(t)), 6)
+            labels.append(f"({BLOCK} == {session[first]:g}) * exp(-({less(time.name, start)})/{tau:.15g})")
+            columns.append(np.where(session == session[first], np.exp(-(t - start) / tau), 0.0))
+        return TableTerm(tuple(labels), np.column_stack(columns))
 
     return searched(constants, at, log=True)
+
+
+def of_start(label: str) -> bool:
+    """Whether a column of `lag` is what was remembered at the start of a later session: no part of the effect."""
+    return label.startswith(f"({BLOCK} == ")
+
+
+def interruptions(block: FloatArray | None, most: int) -> Sequence[int]:
+    """First row of each later session of a run; none if the sessions are unknown, or more than `most`.
+
+    What was set before it, and for how long, is in no row; each costs a column.
+    """
+    if block is None or np.any(np.diff(block) < 0):
+        return ()
+    first: list[int] = (np.flatnonzero(np.diff(block) > 0) + 1).tolist()
+    return first if len(first) <= most else ()
 
 
 def previous(scene: TableScene, name: str) -> Terms:

@@ -42,6 +42,7 @@ from procedures.pressure.trace.remainder import (
 from procedures.pressure.trace.result import FoundPressureEffect, Side, TransducerTrace
 from procedures.pressure.trace.settle import Look
 from procedures.pressure.trace.smooth import smoothest
+from procedures.pressure.trace.some_plots import in_some_plots
 from procedures.pressure.trace.strata import Level
 
 UNEXPLAINED = 1e-3
@@ -374,4 +375,7 @@ def _unnamed(finding: Finding, i: int) -> tuple[Unnamed, ...]:
     line = finding.nameless.lines[i]
     if line is not None and line.p < CLEAR:
         rest.append(Unnamed(line.where, line.share, shape=drawn_period(finding.nameless, line, i)))
+    if finding.nameless.able and all(one.stratum == "noise" for one in rest):
+        some = in_some_plots(finding.nameless, i)
+        rest += [] if some is None else [some]
     return tuple(rest)

@@ -110,7 +110,14 @@ def _one_column(lines: Sequence[Line], name: str, asked: Asked) -> Layout | None
     head, body = plain[0].cells(NO_SEPARATOR)[0], plain[1:]
     if asked.header == 0 or looks_like_number(head):
         head, body = "", plain
-    cells = [line.cells(NO_SEPARATOR)[0] for line in body]
+    cells, end = [line.cells(NO_SEPARATOR)[0] for line in body], len(body)
+    after: tuple[int, ...] = ()
+    while end and not (is_missing(cells[end - 1]) or looks_like_number(cells[end - 1])):
+        end -= 1
+    if any(line.apart for line in body[end : end + 1]) or all(cell[0].isalpha() for cell in cells[end:]):
+        after, body, cells = tuple(line.row for line in body[end:]), body[:end], cells[:end]
+    if not body:
+        return None
     named = head and not is_value(head) and not any(sign in head for sign in ",;\t|") and not body[0].apart
     if (head and not named) or not all(is_missing(cell) or looks_like_number(cell) for cell in cells):
         return None
@@ -124,7 +131,7 @@ def _one_column(lines: Sequence[Line], name: str, asked: Asked) -> Layout | None
                 f"{name}, row {line.row}: {line.text.strip()} may be one value, or {count} columns; say "
                 f"--decimal point or --decimal comma for one, or --separator {parts[0]} for several"
             )
-    return Layout(NO_SEPARATOR, (head,), plain[0].row if head else 0, (), body, 0, ())
+    return Layout(NO_SEPARATOR, (head,), plain[0].row if head else 0, (), body, 0, after)
 
 
 def _earlier(above: Sequence[Line], separator: str) -> int:
@@ -284,7 +291,11 @@ def _heads(block: _Block) -> int:
     ]
     heads = 0
     for row in block.sample[: _SAMPLE // 2]:
-        if not any(cell and not is_value(cell) for cell, value in zip(row, values, strict=False) if value):
+        given = [cell for cell, value in zip(row, values, strict=False) if value and cell]
+        units = all(is_unit(cell) or is_missing(cell) for cell in row if cell)
+        if not any(not is_value(cell) for cell in given) or (
+            heads and not units and any(map(looks_like_number, given))
+        ):
             break
         heads += 1
     if not any(values) and block.sample:

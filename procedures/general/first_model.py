@@ -1,0 +1,83 @@
+"""A first model and its sensors for an unknown table: powers that a test finds, and outputs that are alike."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Sequence
+
+import numpy as np
+
+from fitter.errors import FitError
+from fitter.quantiles import t_tail
+from procedures.errors import DataError
+from procedures.general.fit import fit_general
+from procedures.results import Source
+from procedures.table import Table
+
+_CLEAR, _HIGHEST, _SPARE = 1e-4, 3, 3
+_NUMBER = re.compile(r"\d+|(?<![A-Za-z])[A-Za-z](?![A-Za-z])|(?<=[a-z])[A-Z](?![A-Za-z])")
+
+
+def curved(
+    source: Source, table: Table, response: str, columns: Sequence[str], terms: Sequence[str]
+) -> tuple[tuple[str, ...], str]:
+    """Terms with powers of the settings, one after the other, while a t-test finds each clearly.
+
+    The power has to stand out with the probability 1e-4, and a degree needs two levels more than itself.
+
+    Args:
+        source: the file.
+        table: the same with NaN for missing values.
+        response: column.
+        columns: the settings.
+        terms: the same as they are written in a formula.
+
+    Returns:
+        The terms; and which powers were added, as a sentence, or "".
+    """
+    found, added = list(terms), []
+    highest = _HIGHEST if len(columns) == 1 else 2
+    for column, term in zip(columns, terms, strict=True):
+        v = table.columns[column][np.isfinite(table.columns[response])]
+        levels = np.unique(v[np.isfinite(v)]).size
+        for degree in range(2, highest + 1):
+            power = f"{term}^{degree}"
+            if (
+                levels < degree + 2
+                or len(v) < len(found) + 1 + _SPARE
+                or _p(source, response, [*found, power]) > _CLEAR
+            ):
+                break
+            found.append(power)
+            added.append(power)
+    why = f"{' and '.join(added)}: in the formula because a straight line is not enough (p < 0.0001)" if added else ""
+    return tuple(found), why
+
+
+def _p(source: Source, response: str, terms: Sequence[str]) -> float:
+    """Probability by chance of the last term's estimate, or of a larger one."""
+    try:
+        fit = fit_general(source.read, response, " + ".join(["1", *terms]))["coefficients"]
+    except (DataError, FitError):
+        return 1.0
+    last = list(fit.values())[-1]
+    if not last["stderr"] or not last["df"]:
+        return 1.0
+    return t_tail(last["estimate"] / last["stderr"], last["df"])
+
+
+def alike(response: str, names: Collection[str], table: Table) -> tuple[str, ...]:
+    """Outputs of the same sort, in the order of the file: names and units that differ by a number or a letter only.
+
+    Args:
+        response: column; it is one of those returned.
+        names: of columns that may be outputs.
+        table: with their units.
+    """
+
+    def sort(name: str) -> tuple[str, str]:
+        return _NUMBER.sub("#", name), table.units.get(name, "")
+
+    if not _NUMBER.search(response):
+        return (response,)
+    return tuple(name for name in table.names if name in {response, *names} and sort(name) == sort(response))
