@@ -11,7 +11,7 @@ from fitter.arrays import FloatArray
 from fitter.effects.noise import AUTOCORRELATION
 from fitter.linear import orthonormal
 from fitter.trace.aliases import DELTA
-from fitter.trace.doubts import MANY, beside_a_wander, several_causes
+from fitter.trace.doubts import MANY, beside_a_wander, by_chance, several_causes
 from fitter.trace.found import verdict
 from fitter.trace.not_kept import in_place_of
 from fitter.trace.search import names_of
@@ -95,7 +95,7 @@ def _doubt(effect: FoundTableEffect, wandering: Collection[str]) -> str | None:
     """Reason for doubt about a name that leads every shape without a name, if there is one."""
     if effect.other_causes >= MANY:
         return several_causes(effect.other_causes + 1)
-    return beside_a_wander() if effect.effect in wandering else None
+    return beside_a_wander() if effect.effect in wandering else by_chance(effect.p_adjusted)
 
 
 def _variables(data: TableData) -> dict[str, FloatArray]:
