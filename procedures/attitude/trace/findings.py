@@ -11,7 +11,7 @@ from fitter.arrays import FloatArray, IntArray
 from fitter.linear import orthonormal
 from fitter.replication import Replication
 from fitter.trace.aliases import Rival, separation
-from fitter.trace.doubts import error_rises
+from fitter.trace.doubts import by_chance, error_rises
 from fitter.trace.found import Found, Unnamed, verdict
 from fitter.trace.lines import CLEAR
 from fitter.trace.not_kept import NotKept, for_others
@@ -85,7 +85,8 @@ def sensor_trace(
             replace(
                 effect,
                 share=float(share),
-                doubtful=doubts.get(effect.effect) or (error_rises() if effect.effect in inside else None),
+                doubtful=doubts.get(effect.effect)
+                or (error_rises() if effect.effect in inside else by_chance(effect.p_adjusted)),
                 left_in=effect.effect in inside,
             )
             for effect, share in zip(shown, divided, strict=True)

@@ -143,9 +143,12 @@ class TableJudge:
         least = min(cost.values())
         return min((r for r in cost if cost[r] - least < ALIKE), key=lambda r: min(r.terms))
 
-    def beside(self, chosen: tuple[int, ...]) -> Beside:
-        """Likelihoods of common noise of rows, with the declared columns and those `chosen`."""
+    def beside(self, chosen: tuple[int, ...], extra: FloatArray | None = None) -> Beside:
+        """Likelihoods of common noise of rows, with the declared columns, those `chosen`, and `extra` ones (n, d)."""
         key = tuple(sorted(chosen))
+        if extra is not None:
+            self.beside(key)
+            return self._grids[key].beside(extra)
         if key not in self._besides:
             if key not in self._grids:
                 self._grids[key] = self._grid(key, self.held(key))

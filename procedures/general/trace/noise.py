@@ -266,6 +266,8 @@ class Wandering:
 
 def _recursion(factor: FloatArray, given: FloatArray) -> FloatArray:
     """(n, m) s with s[t] = factor[t] s[t - 1] + given[t]."""
+    if not given.shape[1]:  # LAPACK's wrapper writes beyond an array without columns
+        return given
     band = np.ones((2, len(factor)))
     band[1, :-1] = -factor[1:]
     solved, _ = dtbtrs(band, given, uplo="L", trans="N", diag="U")

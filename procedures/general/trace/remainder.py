@@ -18,6 +18,7 @@ from procedures.general.trace.drawn import drawn, drawn_period
 from procedures.general.trace.judge import TableJudge
 from procedures.general.trace.nameless import Left, Nameless
 from procedures.general.trace.noise import Wandering
+from procedures.general.trace.parts import in_parts
 from procedures.general.trace.score import NOTHING_LEFT
 from procedures.general.trace.smooth import Smooth, curve, offered
 
@@ -63,7 +64,8 @@ def unnamed(nameless: Nameless, variables: Mapping[str, FloatArray]) -> tuple[Un
         rest.append(Unnamed(levels, jumps.share, shape=_along_the_run(nameless)))
     elif clearest is not None and clearest.p < UNEXPLAINED and not (clearest.place.timed and len(rest) > 0):
         rest.append(_at(nameless, clearest, variables))
-    return tuple(rest)
+    part = in_parts(nameless) if all(one.stratum == "noise" for one in rest) else None
+    return tuple(rest) if part is None else (*rest, part)
 
 
 def _at(nameless: Nameless, left: Left, variables: Mapping[str, FloatArray]) -> Unnamed:

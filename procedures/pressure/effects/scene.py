@@ -29,6 +29,8 @@ _NITROGEN = 12e5, 10e2, 14.0
 _WEIGHT_K_PER_M = 0.02896 * 9.80665 / 8.314463
 """Of air: molar mass times gravity over the gas constant."""
 
+LAST = 3
+"""Readings with which a whole plot ends."""
 REACHES = 0.7
 """Part of the way to a whole plot's temperature that something slow goes in it."""
 TIMES_WARM = ", times T_sensor"
@@ -100,6 +102,18 @@ class PressureScene:
         """(n,) pressure minus the previous set one; zero at the first of a whole plot, for which it is unknown."""
         before = self.data.previous_pressure_psia
         return np.where(np.isnan(before), 0.0, self.p - before)
+
+    @cached_property
+    def ended_psia(self) -> FloatArray:
+        """(n,) mean pressure with which the whole plot before ended; in the first the mean of these."""
+        data = self.data
+        index, executed = data.whole_plot_index, np.argsort(data.order, kind="stable")
+        ends = [executed[index[executed] == plot][-LAST:] for plot in range(int(index.max()) + 1)]
+        last = np.array([float(np.mean(self.p[rows])) for rows in ends])
+        in_time = np.argsort([int(data.order[rows].max()) for rows in ends])
+        out = np.empty(len(last))
+        out[in_time] = np.concatenate([[float(np.mean(last))], last[in_time[:-1]]])
+        return np.asarray(out[index])
 
     @cached_property
     def loop(self) -> FloatArray:

@@ -111,6 +111,7 @@ def axes_of(scene: PressureScene, place: str) -> tuple[Axis, Axis | None] | None
     side = Axis("pressure_side", "side of approach", "", data.pressure_side.astype(np.float64), settable=True)
     change = Axis("pressure_change_psia", "change of the pressure", "psi", scene.change_psia, settable=True)
     since = Axis("since_s", "time in the whole plot", "h", scene.since_h)
+    ended = Axis("ended_psia", "pressure with which the whole plot before ended", "psia", scene.ended_psia, True)
     hours = Axis("elapsed_s", "bench time", "h", scene.hours)
     steps = {
         "sensor": Axis("sensor_step_degC", "step of the transducer's temperature", "degC", _step(scene, sensor), True),
@@ -128,6 +129,7 @@ def axes_of(scene: PressureScene, place: str) -> tuple[Axis, Axis | None] | None
         "along each whole plot, times the pressure": (since, pressure),
         "along each whole plot, times the step of the transducer's temperature before it": (since, steps["sensor"]),
         "along each whole plot, times the step of the electronics' temperature before it": (since, steps["sse"]),
+        "along each whole plot, times the pressure at which the one before ended": (since, ended),
         "with the sensitivity, along the run": (hours, pressure),
         "over the transducer's temperature": (sensor, None),
         "over the electronics' temperature": (sse, None),

@@ -75,6 +75,9 @@ def _within(scene: PressureScene) -> Iterator[Place]:
         both = np.column_stack([step * few, step * slope, step * slope * few])
         rough = np.concatenate([_rough(few), [1.0], _rough(few)])
         yield _place(f"along each whole plot, times the step of {text} before it", "subplot", (both, rough))
+    ended = _centred(scene.ended_psia)[:, None] * since[:, :4]
+    text = "along each whole plot, times the pressure at which the one before ended"
+    yield _place(text, "subplot", (ended, _rough(ended)))
     time = waves(scene.hours, TIME)
     yield _place("with the sensitivity, along the run", "subplot", (slope * time, _rough(time)), line=True, slopes=True)
 
@@ -109,6 +112,12 @@ def _place(
 def _coarse(values: FloatArray) -> FloatArray:
     """(n,) rounded to a degree: the scatter of readbacks does not make another temperature."""
     return np.asarray(np.round(values))
+
+
+def _centred(values: FloatArray) -> FloatArray:
+    """(n,) between -1 and 1; zero where it is constant."""
+    half = 0.5 * float(np.ptp(values))
+    return np.asarray((values - values.min() - half) / half if half > 0 else np.zeros_like(values))
 
 
 def _rough(columns: FloatArray) -> FloatArray:

@@ -14,7 +14,7 @@ from fitter.effects.entry import Entry
 from fitter.formula import Formula
 from fitter.linear import orthonormal
 from fitter.trace.aliases import Rival, separation
-from fitter.trace.doubts import MANY, another_law, error_rises, several_causes, something_left
+from fitter.trace.doubts import MANY, another_law, by_chance, error_rises, several_causes, something_left
 from fitter.trace.found import Unnamed, verdict
 from fitter.trace.lines import CLEAR
 from fitter.trace.not_kept import NotKept, for_others, left_to_whole_plots
@@ -42,6 +42,7 @@ from procedures.pressure.trace.remainder import (
 from procedures.pressure.trace.result import FoundPressureEffect, Side, TransducerTrace
 from procedures.pressure.trace.settle import Look
 from procedures.pressure.trace.smooth import smoothest
+from procedures.pressure.trace.some_plots import in_some_plots
 from procedures.pressure.trace.strata import Level
 
 UNEXPLAINED = 1e-3
@@ -173,7 +174,9 @@ def _doubt(finding: Finding, effect: FoundPressureEffect, i: int) -> str | None:
     """
     every = (_doubt_in(finding, effect.effect, k) for k in (i, *range(len(finding.judge.problem.sensors))))
     said = next((text for text in every if text is not None), _alike_laws(finding, effect.effect))
-    return error_rises() if said is None and _stays_in(finding, effect, i) else said
+    if said is None and _stays_in(finding, effect, i):
+        return error_rises()
+    return said or by_chance(effect.p_adjusted)
 
 
 def _alike_laws(finding: Finding, name: str) -> str | None:
@@ -374,4 +377,7 @@ def _unnamed(finding: Finding, i: int) -> tuple[Unnamed, ...]:
     line = finding.nameless.lines[i]
     if line is not None and line.p < CLEAR:
         rest.append(Unnamed(line.where, line.share, shape=drawn_period(finding.nameless, line, i)))
+    if finding.nameless.able and all(one.stratum == "noise" for one in rest):
+        some = in_some_plots(finding.nameless, i)
+        rest += [] if some is None else [some]
     return tuple(rest)

@@ -32,6 +32,8 @@ every observation, and their scatter there has no information about their effect
 """
 MOSTLY = 0.1
 """Ratio of squares of the variation within and between whole plots that makes a declared term one of subplots."""
+ROUNDED = 1e-12
+"""The same, above which a declared term varies within whole plots at all."""
 INDEPENDENT = 1e-6
 """Minimum remaining share of a column beside the others."""
 
@@ -153,12 +155,15 @@ class Strata:
 
     @cached_property
     def _mostly_between(self) -> tuple[IntArray, NDArray[np.bool_]]:
-        """Declared columns that vary mostly between whole plots, and which of them also vary within."""
+        """Declared columns that vary mostly between whole plots, and which of them also vary within.
+
+        However little they do: what a transducer shows for a tenth of a degree may be more than its reading's error.
+        """
         means, weight = self._mean(self.declared), self.total
         between = np.sum(weight[:, None] * (means - weight @ means / weight.sum()) ** 2, axis=0)
         varying, within = self.varies_within(self.declared), np.sum(self._centred(self.declared) ** 2, axis=0)
         rest = np.flatnonzero(~varying | (within < MOSTLY * between))
-        return rest, np.asarray(varying[rest])
+        return rest, np.asarray(within[rest] > ROUNDED * between[rest])
 
     @cached_property
     def _within(self) -> tuple[IntArray, FloatArray, FloatArray]:
