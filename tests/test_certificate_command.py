@@ -185,6 +185,7 @@ def test_conformity_is_stated_by_the_rule(made):
         ('rule = "simple"', "pass"),
         ('rule = "guard-band"', "conditionalPass"),
         ('rule = "guard-band"\nbinary = true', "fail"),
+        ('rule = "guard-band"\nbinary = true\nfactor = -1', "pass"),
         ('rule = "probability"\nprobability = 0.9999', "noPass"),
         ('rule = "shared-risk"', "noPass"),
     ],
@@ -196,6 +197,7 @@ def test_decision_rules(run, tmp_path, rule, verdict):
     )
     (statement,) = make(asked(run, settled(tmp_path, tolerance))).document.statements
     assert statement.verdict == verdict
+    assert ("acceptance limits outside the tolerance by 1 times" in statement.rule) == ("factor = -1" in rule)
 
 
 def test_all_reasons_are_listed_at_once(run, tmp_path):
