@@ -100,6 +100,8 @@ def _orthonormal_units(problem: Problem) -> tuple[list[tuple[int, int, int]], Fl
     Returns:
         The units, and (S, m, m) products of each sensor's share of their m columns.
     """
+    if not problem.units:
+        return [], np.zeros((len(problem.length), 0, 0))
     weight = errors(problem, ()) ** -2.0
     points = np.array([level == "points" for level in problem.judged_at], np.bool_)
     every = np.arange(points.size)
