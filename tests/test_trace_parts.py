@@ -139,3 +139,12 @@ def test_a_tenth_of_a_degree_within_whole_plots_counts():
     outputs = {ONE: data.outputs[ONE] + 0.3 * moved}
     warmer = replace(data, sensor_temperature_degC=data.sensor_temperature_degC + moved, outputs=outputs)
     assert trace_whole_plots(warmer, validate=False).sensors[ONE].verdict == "nothing to add"
+
+
+def test_one_whole_plot_that_is_off_is_no_sure_name():
+    """At an end of a temperature that was visited once it is a knee as well: that was named without a mark."""
+    for seed in (71005, 71029):
+        data = simulate(Bench(apart_mV=0.2), Run(), seed)
+        named = [e for e in trace_whole_plots(data, validate=False).sensors[ONE].effects if e.stratum != "noise"]
+        assert [e.effect for e in named] == ["offset-knee"]
+        assert "one whole plot" in (named[0].doubtful or "")
