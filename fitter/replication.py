@@ -18,7 +18,9 @@ replications cannot; it shows as correlation of neighbours in time.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from scipy import sparse, special
@@ -76,73 +78,133 @@ class Blind:
         return "; ".join(texts)
 
 
-def blind(
-    output: FloatArray,
-    extra: FloatArray,
-    columns: FloatArray,
-    within: FloatArray,
-    point: IntArray,
-    replicate: IntArray,
-    drift: FTest,
-    pure_error: float,
-) -> Blind | None:
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Rows of a replicated run with their model, and what Table 2 of any of its outputs needs of them.
+
+    Attributes:
+        columns: (n, L) rows of the declared model.
+        point: (n,) point of the design, from 0.
+        replicate: (n,) replication, from 0.
+        order: (n,) order of measurement; None if it is that of the rows.
+        extra: (n, q) columns of effects whose coefficients were fitted together with the model.
+        plain: the same without `extra`, if known.
+    """
+
+    columns: FloatArray
+    point: IntArray
+    replicate: IntArray
+    order: IntArray | None = None
+    extra: FloatArray | None = None
+    plain: Rows | None = None
+
+    def beside(self, extra: FloatArray) -> Rows:
+        """The same with columns of effects; these rows if there are none."""
+        return replace(self, extra=extra, plain=self) if extra.shape[1] else self
+
+    @cached_property
+    def n_points(self) -> int:
+        """Number of points of the design."""
+        return int(self.point.max()) + 1
+
+    @cached_property
+    def effects(self) -> FloatArray:
+        """(n, rank) orthonormal basis of the effects within points."""
+        return within_points(np.empty((len(self.point), 0)) if self.extra is None else self.extra, self.point)
+
+    @cached_property
+    def both(self) -> FloatArray:
+        """(n, rank) orthonormal basis of the span of effects and replications' own parameters within points."""
+        if self.extra is None:
+            return within_points(own_parameters(self.columns, self.replicate), self.point)
+        own = (self.plain or replace(self, extra=None)).both
+        left = off(off(centred(self.extra, self.point), own), own)
+        return np.column_stack([own, orthonormal(left, np.linalg.norm(self.extra, axis=0))])
+
+    def every(self) -> FloatArray:
+        """(n, rank) the same without removing the points' means."""
+        own = own_parameters(self.columns, self.replicate)
+        return orthonormal(own if self.extra is None else np.column_stack([self.extra, own]))
+
+    @cached_property
+    def time(self) -> IntArray | slice:
+        """The rows in the order of measurement; a slice, which copies nothing, where that is their own."""
+        ahead = self.order is None or not np.any(np.diff(self.order) < 0)
+        return slice(None) if ahead or self.order is None else np.argsort(self.order)
+
+    @cached_property
+    def joined(self) -> FloatArray:
+        """(n - 1,) half of one where a row and the next in time are of one replication."""
+        replicate = self.replicate[self.time]
+        return np.where(replicate[1:] == replicate[:-1], 0.5, 0.0)
+
+    @cached_property
+    def neighbours(self) -> tuple[float, float]:
+        """Traces, of white noise seen through the fit, of the matrix that sums products of neighbours in time, and of
+        its square.
+        """
+        n, size, joined, within = len(self.point), np.bincount(self.point), self.joined, self.both[self.time]
+        here, next_ = np.arange(n - 1), np.arange(1, n)
+        pairs = np.concatenate([here, next_]), np.concatenate([next_, here])
+        lag: Any = sparse.csr_array((np.tile(joined, 2), pairs), shape=(n, n))
+        # A row is at one point, so most of the projection is sparse: n numbers, not n times the number of points.
+        of = self.point[self.time]
+        points: Any = sparse.csr_array((1.0 / np.sqrt(size[of]), of, np.arange(n + 1)), shape=(n, len(size)))
+        lagged_points = lag @ points
+        of_points = points.T @ lagged_points
+        trace, lagged, inner = -float(of_points.trace()), _squares(lagged_points.data), _squares(of_points.data)
+        step = max(AT_ONCE // n, 1)
+        for first in range(0, within.shape[1], step):
+            lagged_within = lag @ within[:, first : first + step]
+            of_within = within.T @ lagged_within
+            trace -= float(np.trace(of_within[first : first + step]))
+            lagged += _squares(lagged_within)
+            inner += 2.0 * _squares(points.T @ lagged_within) + _squares(of_within)
+        return trace, 2.0 * _squares(joined) - 2.0 * lagged + inner
+
+
+def blind(rows: Rows, output: FloatArray, drift: FTest, pure_error: float) -> Blind | None:
     """Reasons why the test of lack of fit can miss one; None if there are none.
 
     Args:
-        output: (n,) outputs, volts, rows in order of time.
-        extra: (n, q) columns of effects fitted together with the model.
-        columns: (n, L) rows of the model.
-        within: (n, r) orthonormal basis of the span of effects and replications' own parameters within points.
-        point: (n,) point of the design, from 0.
-        replicate: (n,) replication, from 0.
+        rows: of the run.
+        output: (n,) outputs, volts.
         drift: the joint test of drift between replications.
         pure_error: mean square of readings at one point.
     """
-    left = off(centred(output[:, None], point), within)[:, 0]
+    left = off(centred(output[:, None], rows.point), rows.both)[:, 0]
     rest = float(left @ left)
     if drift.df_below <= 0 or rest <= 0.0:
         return None
     inflation = pure_error * drift.df_below / rest
     drifts = bool(drift.p < _DRIFTS) and inflation >= _INFLATED
-    wander, p = _wander(left, within, point, replicate, drift.df_below)
+    wander, p = _wander(rows, left[rows.time], drift.df_below)
     if not drifts and p >= _WANDERS:
         return None
     bias = FTest(NAN, 0, drift.df_below)
     if drifts:
-        every = orthonormal(_beside(extra, columns, replicate))
+        every = rows.every()
         beyond = float(np.sum(off(output, every) ** 2))
         bias = ratio(beyond - rest, len(output) - every.shape[1] - drift.df_below, rest, drift.df_below)
     return Blind(inflation if drifts else 1.0, bias, wander if p < _WANDERS else 0.0)
 
 
-def _wander(left: FloatArray, within: FloatArray, point: IntArray, replicate: IntArray, df: int) -> tuple[float, float]:
+def _wander(rows: Rows, left: FloatArray, df: int) -> tuple[float, float]:
     """Correlation of neighbours in time beyond that caused by the fit, and its one-sided probability.
 
     Its mean and variance for white noise seen through the projection are exact (Durbin and Watson, Biometrika 37,
     1950); its distribution is taken as normal.
+
+    Args:
+        rows: of the run.
+        left: (n,) residuals, in order of time.
+        df: their degrees of freedom.
     """
-    n, size = len(left), np.bincount(point)
-    joined = np.where(replicate[1:] == replicate[:-1], 0.5, 0.0)
-    here, next_ = np.arange(n - 1), np.arange(1, n)
-    pairs = np.concatenate([here, next_]), np.concatenate([next_, here])
-    lag = sparse.csr_array((np.tile(joined, 2), pairs), shape=(n, n))
-    # A row is at one point, so most of the projection is sparse: n numbers, not n times the number of points.
-    points = sparse.csr_array((1.0 / np.sqrt(size[point]), point, np.arange(n + 1)), shape=(n, len(size)))
-    lagged_points = lag @ points
-    of_points = points.T @ lagged_points
-    trace, lagged, inner = -float(of_points.trace()), _squares(lagged_points.data), _squares(of_points.data)
-    step = max(AT_ONCE // n, 1)
-    for first in range(0, within.shape[1], step):
-        lagged_within = lag @ within[:, first : first + step]
-        of_within = within.T @ lagged_within
-        trace -= float(np.trace(of_within[first : first + step]))
-        lagged += _squares(lagged_within)
-        inner += 2.0 * _squares(points.T @ lagged_within) + _squares(of_within)
-    square = 2.0 * _squares(joined) - 2.0 * lagged + inner
+    trace, square = rows.neighbours
     variance = 2.0 * (df * square - trace**2) / (df**2 * (df + 2.0))
     if variance <= 0.0:
         return 0.0, 1.0
-    found = 2.0 * float(np.sum(joined * left[1:] * left[:-1])) / float(left @ left) - trace / df
+    found = 2.0 * float(np.sum(rows.joined * left[1:] * left[:-1])) / float(left @ left) - trace / df
     return found, float(special.ndtr(-found / np.sqrt(variance)))
 
 
@@ -187,52 +249,32 @@ class Replication:
     blind: Blind | None = None
 
 
-def analyse(
-    fit: LinearFit,
-    columns: FloatArray,
-    output: FloatArray,
-    point: IntArray,
-    replicate: IntArray,
-    extra: FloatArray | None = None,
-    beside: int = 0,
-    order: IntArray | None = None,
-) -> Replication:
+def analyse(fit: LinearFit, rows: Rows, output: FloatArray, beside: int = 0) -> Replication:
     """Table 2 for one output.
 
     Args:
-        fit: of `output` on `columns`; offset first, sensitive axis in the remaining coefficients.
-        columns: (n, L) rows of the declared model.
-        output: (n,) volts, already free of the effects in `extra`.
-        point: (n,) point of the design, from 0.
-        replicate: (n,) replication, from 0.
-        extra: (n, q) columns of effects whose coefficients were fitted together with the model, if any.
-        beside: number of fitted coefficients beyond `columns`; they cost degrees of freedom.
-        order: (n,) order of measurement; None if it is that of the rows.
+        fit: of `output` on the model's columns; offset first, sensitive axis in the remaining coefficients.
+        rows: of the run.
+        output: (n,) volts, already free of the effects beside the model.
+        beside: number of fitted coefficients beyond those of the model; they cost degrees of freedom.
     """
-    n, k = columns.shape
-    extra = np.empty((n, 0)) if extra is None else extra
-    within_point = within_points(extra, point)
-    pe = float(np.sum(off(centred(output[:, None], point), within_point) ** 2))
-    n_points = int(point.max()) + 1
-    df_pe = n - n_points - within_point.shape[1]
+    n, k = rows.columns.shape
+    y = centred(output[:, None], rows.point)
+    pe = float(np.sum(off(y, rows.effects) ** 2))
+    df_pe = n - rows.n_points - rows.effects.shape[1]
     df_lof = n - k - beside - df_pe
     lof = max(fit.rss - pe, 0.0)
     sigma_E = float(np.sqrt(fit.rss / (n - k - beside))) if n > k + beside else NAN
     split = pe / fit.rss if fit.rss > 0 else NAN
-    alone = _each_alone(columns, output, replicate, fit.names)
+    alone = _each_alone(rows.columns, output, rows.replicate, fit.names)
     df_w, ss_w = sum(f.df for f in alone), sum(f.rss for f in alone)
     offset, sensitivity = np.eye(k)[0], np.array([0.0, *fit.coefficients[1:]])
     sigma_b, drift_b = _drift(alone, offset, ss_w, df_w)
     sigma_S, drift_S = _drift(alone, sensitivity, ss_w, df_w)
-    sigma_pr, drift, both = _joint_drift(columns, output, point, replicate, extra)
+    ss_pr, df_pr = float(np.sum(off(y, rows.both) ** 2)), n - rows.n_points - rows.both.shape[1]
+    drift = ratio(pe - ss_pr, df_pe - df_pr, ss_pr, df_pr)
     bias = ratio(lof, df_lof, pe, df_pe)
-    hidden = None
-    if df_pe > 0 and bias.value <= bias.limit_95:
-        rows = output, extra, columns, both, point, replicate
-        if order is not None and np.any(np.diff(order) < 0):
-            time = np.argsort(order)
-            rows = output[time], extra[time], columns[time], both[time], point[time], replicate[time]
-        hidden = blind(*rows, drift, pe / df_pe)
+    hidden = blind(rows, output, drift, pe / df_pe) if df_pe > 0 and bias.value <= bias.limit_95 else None
     return Replication(
         sigma_E=sigma_E,
         sigma_bias=sigma_E * float(np.sqrt(1.0 - min(split, 1.0))) if df_pe > 0 else NAN,
@@ -241,12 +283,12 @@ def analyse(
         sigma_b=sigma_b,
         sigma_S=sigma_S,
         sigma_w=float(np.sqrt(ss_w / df_w)) if df_w > 0 else NAN,
-        sigma_pr=sigma_pr,
+        sigma_pr=float(np.sqrt(ss_pr / df_pr)) if df_pr > 0 else NAN,
         drift_b=drift_b,
         drift_S=drift_S,
         drift=drift,
         n_replications=len(alone),
-        n_points=n_points,
+        n_points=rows.n_points,
         blind=hidden,
     )
 
@@ -313,22 +355,3 @@ def _drift(alone: list[LinearFit], direction: FloatArray, ss_w: float, df_w: int
     weights = np.array([1.0 / np.sum((direction @ f.root) ** 2) for f in alone])
     ss_b = float(np.sum(weights * (values - np.average(values, weights=weights)) ** 2))
     return float(np.sqrt(ss_b / df_b)), ratio(ss_b, df_b, ss_w, df_w)
-
-
-def _beside(extra: FloatArray, columns: FloatArray, replicate: IntArray) -> FloatArray:
-    """(n, q + n_rep L) effects and replications' own parameters."""
-    own = own_parameters(columns, replicate)
-    return np.column_stack([extra, own]) if extra.shape[1] else own
-
-
-def _joint_drift(
-    columns: FloatArray, output: FloatArray, point: IntArray, replicate: IntArray, extra: FloatArray
-) -> tuple[float, FTest, FloatArray]:
-    """Scatter beyond the replications' own parameters, its test, and the span of these and `extra` within points."""
-    y = centred(output[:, None], point)
-    before = within_points(extra, point)
-    both = within_points(_beside(extra, columns, replicate), point)
-    ss_0, ss_1 = float(np.sum(off(y, before) ** 2)), float(np.sum(off(y, both) ** 2))
-    df_drift = both.shape[1] - before.shape[1]
-    df_pr = len(y) - int(point.max()) - 1 - both.shape[1]
-    return float(np.sqrt(ss_1 / df_pr)) if df_pr > 0 else NAN, ratio(ss_0 - ss_1, df_drift, ss_1, df_pr), both

@@ -11,6 +11,7 @@ from fitter.linear import orthonormal
 from fitter.quantiles import f_limit, f_tail
 
 NAN = float("nan")
+AT_ONCE = 32
 
 
 @dataclass(frozen=True)
@@ -61,8 +62,14 @@ def within_points(columns: FloatArray, point: IntArray) -> FloatArray:
 
 
 def off(columns: FloatArray, basis: FloatArray) -> FloatArray:
-    """Part of `columns` outside an orthonormal basis."""
-    return np.asarray(columns - basis @ (basis.T @ columns))
+    """Part of `columns` (n,) or (n, q) outside an orthonormal basis (n, r); a few columns at a time fit the cache."""
+    if columns.ndim == 1:
+        return np.asarray(columns - basis @ (basis.T @ columns))
+    out = np.empty(columns.shape, order="F")
+    for first in range(0, columns.shape[1], AT_ONCE):
+        some = columns.T[first : first + AT_ONCE]
+        np.subtract(some, (some @ basis) @ basis.T, out=out.T[first : first + AT_ONCE])
+    return out
 
 
 def ratio(above: float, df_above: int, below: float, df_below: int) -> FTest:

@@ -270,12 +270,16 @@ class Kind(ABC):
         """
         raise FitError(f"a calibration of {self.title} does not say what the sensors of a bench should read")
 
+    def declared_of(self, declared: Mapping[str, Any], sensor: str) -> Mapping[str, Any]:
+        """`[model]` of the procedure as it is for one sensor of the bench, by name."""
+        return declared
+
     def model_columns(self, columns: Columns, declared: Mapping[str, Any]) -> FloatArray | None:
         """Columns of the declared model of the outputs, for residuals of a running run.
 
         Args:
             columns: quantities of n observations.
-            declared: `[model]` of the procedure.
+            declared: the model of these sensors, from `declared_of`.
 
         Returns:
             (n, k); None for quantities of another kind of run.

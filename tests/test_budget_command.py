@@ -8,11 +8,13 @@ from datetime import date
 import numpy as np
 import pytest
 
+from fitter.budget import Budgeted, Contribution
 from procedures.table import Table
 from rig.closed_loop.budget import outside_of
 from rig.controller import resume_run
 from rig.engine.session import Outcome, Signals
 from rig.errors import ConfigurationError
+from rig.report.budget import shares
 from rig.results.budget import budget, points
 from sims.twins.keysight_34401a import Keysight34401ATwin
 from tests.command import rig
@@ -104,6 +106,14 @@ def test_the_report_has_a_bar_chart_of_every_result(run, tmp_path):
     text = page.read_text()
     assert text.count('<img alt="shares of the influences') == 4
     assert "SIMULATED" in text
+
+
+def test_names_of_bars_are_not_cut_off():
+    lines = [Contribution(name, "x", "B", 1.0, np.inf, 0.5) for name in ("a", "levelling about the pitch axis, a")]
+    drawn = shares(Budgeted("y", "V", 1.0, 1.4, np.inf, 0.95, 1.96, 2.7, tuple(lines), by_shape=False))
+    drawn.canvas.draw()
+    left = [label.get_window_extent().x0 for label in drawn.axes[0].get_yticklabels()]
+    assert 0.0 < min(left) < 20.0
 
 
 @pytest.mark.parametrize(

@@ -232,6 +232,31 @@ def test_an_item_is_not_received_after_its_calibration(run, tmp_path):
     assert "received on 2999-01-01, after the run began" in reason
 
 
+@pytest.mark.parametrize(
+    ("issued", "reason"),
+    [
+        ("2026-11-24", None),
+        ("2026-11-25", "issued on 2026-11-25, and today is 2026-11-24 (UTC): correct --issued"),
+        ("2026-01-14", "issued on 2026-01-14, before the run ended on 2026-01-15"),
+    ],
+)
+def test_a_certificate_of_a_real_run_is_issued_between_its_end_and_today(run, tmp_path, monkeypatch, issued, reason):
+    opened = make.__globals__["run_with_register"]
+
+    def real(path, equipment):
+        of = opened(path, equipment)
+        return replace(of, table=replace(of.table, simulated=False))
+
+    monkeypatch.setitem(make.__globals__, "run_with_register", real)
+    wanted = replace(asked(run, settled(tmp_path), today=DAY), issued=date.fromisoformat(issued))
+    if reason is None:
+        assert not make(wanted).document.simulated
+        return
+    with pytest.raises(Refused) as refused:
+        make(wanted)
+    assert refused.value.reasons == (reason,)
+
+
 def test_an_expired_certificate_is_refused(run, tmp_path):
     equipment = tmp_path / "expired.toml"
     equipment.write_text(REGISTER.replace("due = 2030-01-01", "due = 2021-01-01"))
@@ -281,7 +306,7 @@ def test_a_doubtful_name_is_refused_until_it_is_confirmed(made, monkeypatch, run
     (effect,) = effects(made.budgets[0], outcomes, confirmed, "", heads)
     assert (effect.sensor, effect.confirmed) == ("cell", True)
     files = "later.sqlite, head f0f0f0f0f0f0f0f0 and last.sqlite, head 1e1e1e1e1e1e1e1e"
-    assert effect.how == f"confirmed by {files}"
+    assert effect.how == f"by {files}"
     other = SimpleNamespace(effect="curve", sizes={"cell_V": "2 mV"})
     confirmed.answers = (SimpleNamespace(effect="creep", verdict="replaced", members=(other,)),)
     assert list(doubtful(outcomes, confirmed)) == []

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from rig.certificate.as_dcc import dcc
 from rig.cli import app  # noqa: F401 - commands are registered
 from rig.dcc.reader import parsed
 from rig.dcc.si_units import ratio
@@ -15,6 +16,7 @@ from rig.inference import read_calibration
 from rig.register import parse_register
 from rig.register.from_dcc import Wanted, equipment_text
 from tests.command import rig
+from tests.sample_certificate import document
 from tests.test_dcc import LIST, keys, others  # noqa: F401 - a fixture
 
 THERMOMETER = (
@@ -62,6 +64,17 @@ def test_numbers_of_others_go_into_the_register(tmp_path):
 def test_numbers_that_cannot_go_into_the_register(tmp_path, asked, words):
     done = rig("certificate", "--read", thermometer(tmp_path / "t.xml"), "--as-equipment", "T-1", *asked)
     assert (done.returncode, words in done.stderr, done.stdout) == (2, True, "")
+
+
+def test_nothing_untraceable_goes_into_the_register(tmp_path):
+    file = tmp_path / "t.xml"
+    file.write_bytes(dcc(document(simulated=True), b"%PDF"))
+    done = rig("certificate", "--read", file, "--as-equipment", "T-1", "--quantity", "V", "--correction", "offset")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "says that it is not traceable (SIMULATED: Simulated run: no real instrument was involved." in done.stderr
+    assert "it says that it is not traceable: SIMULATED" in rig("certificate", "--read", file).stdout
+    file.write_bytes(dcc(document(), b"%PDF"))
+    assert "traceable" not in rig("certificate", "--read", file).stdout
 
 
 def test_several_coverage_factors_are_not_one(tmp_path):

@@ -5,7 +5,7 @@ import pytest
 
 from fitter import least_squares
 from fitter.misfit import lacks_fit
-from fitter.replication import analyse
+from fitter.replication import Rows, analyse
 from fitter.sums_of_squares import FTest
 from procedures.attitude.fit import fit_attitude
 from procedures.attitude.model import attitude_columns
@@ -16,7 +16,7 @@ X_ONLY = Bench(sensors=(Sensor("x"),))
 
 def table(columns, y, point, replicate):
     fit = least_squares(columns, y, [str(i) for i in range(columns.shape[1])])
-    return fit, analyse(fit, columns, y, point, replicate)
+    return fit, analyse(fit, Rows(columns, point, replicate), y)
 
 
 def test_by_hand():
@@ -209,3 +209,19 @@ def test_a_replication_cut_short_and_a_single_replication():
     assert found["T_b"] is None
     assert found["T_drift"] is None
     assert found["sigma_E"] > 0
+
+
+def test_rows_with_effects_span_what_all_their_columns_do():
+    """The basis of the model alone is used again for every output; that of all columns at once is by numpy."""
+    rng = np.random.default_rng(5)
+    data, _ = simulate(X_ONLY, D1(60, 5, 9, replications=4, order="random"), 3)
+    extra = rng.standard_normal((len(data), 2)) @ np.array([[1.0, 2.0, 1.0], [0.0, 1.0, 1.0]])
+    rows = data.rows.beside(extra)
+    own = np.hstack([data.rows.columns * (data.replicate_index == r)[:, None] for r in range(4)] + [extra])
+    means = np.eye(rows.n_points)[data.point]
+    within = own - means @ np.linalg.lstsq(means, own, rcond=None)[0]
+    left, values, _ = np.linalg.svd(within, full_matrices=False)
+    basis = left[:, values > 1e-9 * values[0]]
+    assert rows.both.shape == basis.shape
+    np.testing.assert_allclose(rows.both @ (rows.both.T @ basis), basis, atol=1e-12)
+    assert data.rows.beside(np.empty((len(data), 0))) is data.rows

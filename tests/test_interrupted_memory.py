@@ -38,8 +38,8 @@ def _night(seed: int, breaks: tuple[int, ...] = (43,), gap_s: float = 420.0) -> 
     return {"elapsed_s": times, "force_kN": force, "block": block, "cell_V": y, "replicate": np.repeat([1.0, 2, 3], 21)}
 
 
-def _data(columns):
-    roles = Roles("cell_V", "1 + force_kN + force_kN^2", replicate="replicate", time="elapsed_s")
+def _data(columns, group=()):
+    roles = Roles("cell_V", "1 + force_kN + force_kN^2", replicate="replicate", time="elapsed_s", group=group)
     return roles_of(Table("night", columns, simulated=True, provenance={}), roles)[0]
 
 
@@ -57,16 +57,20 @@ def test_creep_over_an_interruption_leaves_the_noise_and_nothing_else():
     size, start = found.coefficients
     assert size == pytest.approx(SIZE, rel=0.25), "the loads jump, and the column is linear between rows"
     assert abs(start) > 10.0 * found.stderr[1]
+    labels = [row.label for row in result.after.rows()]
+    assert {"within replications", "between replications"} <= {*labels}, "it has no whole plots"
+    assert result.left_out == "replications"
 
 
-def _term(columns):
-    scene = _data(columns).scene
+def _term(columns, group=()):
+    scene = _data(columns, group).scene
     return next(term for term in lag(scene, "force_kN") if term.profile is not None)
 
 
 def test_each_later_session_has_a_column_up_to_three_and_none_is_the_effect():
     assert [_term(_night(1, breaks=(*range(12, 12 * k, 12),))).columns.shape[1] for k in (1, 2, 4, 5)] == [1, 2, 4, 1]
     term = _term(_night(1))
+    assert _term(_night(1), ("block",)).labels == term.labels, "`rig trace` of an exported run proposes --group block"
     assert [of_start(label) for label in term.labels] == [False, True]
     rows = Rows(_night(1), _night(1)["elapsed_s"])
     for label, wanted in zip(term.labels, term.columns.T, strict=True):
@@ -84,3 +88,13 @@ def test_runs_judged_together_begin_anew_at_each_of_their_sessions():
     assert one.shape == (63, 2)
     assert [int(v.argmax()) for v in one.T] == [30, 42]
     assert one[30, 0] == one[42, 1] == 1.0
+
+
+def test_columns_that_count_the_rows_are_no_covariates():
+    """Of an exported run the trace said that a drift is in the coefficients of `order` and `run_index`."""
+    counted = {
+        "order": np.arange(1.0, 64.0),
+        "run_index": np.arange(63.0),
+        "room_degC": np.tile([22.0, 23.0, 24.0], 21),
+    }
+    assert list(_data(_night(1) | counted).scene.covariates) == ["block", "room_degC"]

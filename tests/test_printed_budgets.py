@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from fitter.budget import Correlation, Influence, TypeA, budgets, covariance
+from fitter.budget.coverage import coverage_factor
 from fitter.budget.rounding import rounded, rounded_df, rounded_uncertainty
 from fitter.linear import least_squares
 
@@ -257,6 +258,19 @@ def test_gauge_block_of_ea_4_02_s4():
     (found,) = budgets(["l"], ["nm"], np.array([49_999_080.0]), (), linear(*lines))
     assert f"{found.standard_uncertainty:.1f}" == "36.4"
     assert round(2.0 * found.standard_uncertainty) == 73
+
+
+def test_water_meter_of_ea_4_02_s12():
+    """S12, in percent: 0.060 with 2 degrees of freedom, and 0.068; u = 0.091, k = 2.28 for 95.45 %, U = 0.2.
+
+    As the tests of another program print them (test_shapes). k is of 10 degrees of freedom, cut from 10.4.
+    """
+    inputs = [Influence("a", "printed", "A", np.array([0.060]), 2.0), Influence("b", "printed", "B", np.array([0.068]))]
+    (found,) = budgets(["e"], ["%"], np.zeros(1), (), inputs, probability=0.9545)
+    assert f"{found.standard_uncertainty:.3f}" == "0.091"
+    assert rounded_df(found.df) == "10"
+    assert f"{float(coverage_factor(0.9545, 10.0)):.2f}" == "2.28"
+    assert float(f"{found.expanded_uncertainty:.1g}") == 0.2
 
 
 def test_furnace_of_ea_4_02_s5():

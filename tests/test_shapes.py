@@ -27,10 +27,36 @@ def test_one_bounded_error_has_its_exact_factor():
     assert factor(one("a", 3.0, "triangular")) == pytest.approx((1.0 - sqrt(0.05)) * sqrt(6.0), rel=0.01)
 
 
-def test_factors_of_ea_4_02():
-    """S9: 1.65 where one rectangular line dominates; S10: 1.83 for a trapezoid. From memory, as in test_monte_carlo."""
-    assert round(factor(one("a", 0.05 / sqrt(3.0), "rectangular"), one("b", 1e-3)), 2) == 1.65
-    assert round(factor(one("a", 50.0, "rectangular"), one("b", 25.0, "rectangular")), 2) == 1.83
+NORMAL, LIMITS = "normal", "rectangular"
+
+
+@pytest.mark.parametrize(
+    ("lines", "u", "of_largest", "k", "expanded"),
+    [
+        ([(1e-3, NORMAL), (2.9e-2, LIMITS), (6.4e-3, LIMITS)], "3.0e-02", 1, "1.65", 0.05),  # S9, multimeter, V
+        ([(0.46, LIMITS), (1.7 * 1.15, LIMITS), (15.0, LIMITS), (29.0, LIMITS)], "3.3e+01", 2, "1.83", 60.0),  # S10, um
+        (
+            [(15.0, NORMAL), (10.0, NORMAL), *((one, LIMITS) for one in (23.0, 29.0, 58.0, 144.0, 29.0, 17.0))],
+            "1.6e+02", 2, "1.79", 300.0,  # printed: 1.81
+        ),  # S11, block calibrator, mK
+    ],
+)  # fmt: skip
+def test_limits_that_dominate_in_ea_4_02(lines, u, of_largest, k, expanded):
+    """S9 to S11: lines, u, k and U as the tests of another program print them (a Ruby program, by a laboratory).
+
+    Their k is of the one or two largest lines alone; certificates have that of all lines, and the same expanded
+    uncertainty, which is printed with one digit. S11 prints 1.81, and its two largest lines have 1.79.
+    """
+
+    def by_shape(some):
+        inputs = [Influence(str(i), "printed", "B", np.array([one]), inf, shape) for i, (one, shape) in enumerate(some)]
+        return budgets(["y"], ["1"], np.zeros(1), (), inputs, shapes="where limits dominate")[0]
+
+    found = by_shape(lines)
+    assert found.by_shape
+    assert f"{found.standard_uncertainty:.1e}" == u
+    assert float(f"{found.expanded_uncertainty:.1g}") == expanded
+    assert f"{by_shape(sorted(lines)[-of_largest:]).coverage_factor:.2f}" == k
 
 
 def test_factors_by_shape_where_limits_dominate_alone():
@@ -72,6 +98,19 @@ def test_certificates_cover_95_percent_on_both_sides_of_where_limits_dominate():
         at = one_result.expanded_uncertainty + sqrt(3.0) * np.linspace(-1.0, 1.0, 20_001)
         exact = 2.0 * np.trapezoid(special.ndtr(at / sd), dx=1.0 / 20_000) - 1.0
         assert 0.95 <= exact <= 0.956
+
+
+@pytest.mark.parametrize(("df", "by_student", "by_shape"), [(8.0, "95.4", "94.3"), (5.0, "95.2", "93.9")])
+def test_coverage_where_the_rule_begins_beside_few_degrees_of_freedom(df, by_student, by_shape):
+    """A rectangle, and as large a normal error whose size is known from a sample: docs/uncertainty.md."""
+    parts = (np.arange(400) + 0.5) / 400.0
+    known = special.chdtri(df, 1.0 - parts) / df  # variance as the sample has it: its quantiles
+    limit = sqrt(3.0) * (2.0 * parts - 1.0)[:, None]
+    longer = (known / (known + 1.0)) ** 2 / df
+    student = coverage_factor(0.95, 1.0 / longer) * np.sqrt(known + 1.0)
+    shaped = shape_factor(0.95, longer + EXCESS["rectangular"] / (known + 1.0) ** 2) * np.sqrt(known + 1.0)
+    held = [100.0 * np.mean(special.ndtr(half - limit) - special.ndtr(-half - limit)) for half in (student, shaped)]
+    assert [f"{one:.1f}" for one in held] == [by_student, by_shape]
 
 
 def test_without_bounded_errors_it_is_welch_satterthwaite():

@@ -10,6 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+import proving.strangers
 from proving.statistics.frame import main
 from proving.strangers.columns import Products, lasso_path, stepwise, thresholded
 from proving.strangers.judge import Judged, judge_of
@@ -20,7 +21,7 @@ from proving.strangers.scoring import CLASSES, alarm, class_of, found, said_of
 from proving.strangers.sets import digest_of, load, opened, sealed
 from proving.strangers.shares import wilson
 from proving.strangers.smooth import likelier
-from proving.strangers.traced import options_of
+from proving.strangers.traced import options_of, traced
 from rig.errors import UsageError
 
 TABLE = '''"""A stranger's set, small."""
@@ -284,3 +285,12 @@ def test_the_sets_of_this_folder_are_as_they_were_sealed():
         assert judge_of(stranger).lists
         assert (place.parent / "OPENED.txt").is_file()
         assert opened(stranger)
+
+
+def test_two_names_that_one_sensor_does_not_tell_apart_are_doubtful():
+    """Squares of three sensors were a voltmeter's with a correction in one sensor, and the calibration had no rank."""
+    folder = Path(proving.strangers.__file__).parent / "sixth"
+    made = made_of(load(folder), "attitude", ("own_square",), 2, 2.0)
+    found = {e["effect"]: e["doubtful"] for e in traced(made, left_out=False)["sensors"]["x_V"]["effects"]}
+    assert "x_V alone" in found["voltmeter-nonlinearity"]
+    assert "x_V alone" in found["sensor-second-order"]

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fitter.trace import aliases
 from fitter.trace.aliases import PER_COLUMN, Products
 from procedures.attitude.trace import trace
 from proving.truth.attitude import D1, Bench, Plan, Sensor, simulate, told_the_truth
@@ -360,3 +361,20 @@ def test_errors_of_the_fitted_parameters_are_those_of_the_joint_fit():
     table = found.sensors[X].outcome().to_json()["fitted"]["coefficients"]
     np.testing.assert_allclose([e["stderr"] for e in list(table.values())[:4]], stderr[:4], rtol=0.05)
     assert next(iter(table.values()))["df"] == len(data) - 5
+
+
+def test_explanations_of_several_sensors_are_found_sensor_by_sensor():
+    """Two sensors with three columns each, one of them twice: price of each set by numpy's least squares."""
+    rng = np.random.default_rng(3)
+    own = [rng.standard_normal((40, 3)) for _ in range(2)]
+    columns = np.zeros((80, 7))
+    columns[:40, :3], columns[40:, 3:6], columns[40:, 6] = *own, own[1][:, 0]
+    y = columns @ [9.0, 0.0, 5.0, 7.0, -6.0, 0.0, 0.0] + rng.standard_normal(80)
+    products = Products(columns.T @ columns, columns.T @ y)
+    units = [(j,) for j in range(7)]
+    assert products.parts(units).tolist() == [0, 0, 0, 1, 1, 1, 1]
+    path = aliases._path(products, units)
+    assert max(path, key=len) == (0, 2, 3, 4), "of two equal columns the first"
+    for terms, price in path.items():
+        gained = y @ y - np.linalg.lstsq(columns[:, terms], y, rcond=None)[1][0]
+        assert price == pytest.approx(PER_COLUMN * len(terms) - gained, rel=1e-12)

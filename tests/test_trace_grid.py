@@ -28,7 +28,9 @@ def test_a_gear_of_ten_teeth_is_named_an_ellipse_of_the_scale_and_said_as_its_al
     assert "gear-pitch" in effect.aliases
     assert "half a step (15 deg)" in effect.separate_by
     assert "a gear error of 10 a turn" in effect.separate_by
-    assert effect.doubtful is None
+    beside = [e.effect for e in sensor.effects if e is not effect]
+    assert beside == ["sensor-third-order"], "what an effect this large leaves has its shape"
+    assert "sensor-third-order has its shape" in effect.doubtful
 
 
 def test_what_the_grid_hides(run):

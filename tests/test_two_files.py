@@ -5,10 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from command import rig
 
 from rig.errors import ConfigurationError
 from rig.plans import load_plan
-from tests.general_lab import BENCH, PROCEDURE, WORLD, run_dry, written
+from tests.general_lab import BENCH, PROCEDURE, REFERENCE, WORLD, run_dry, written
 
 _THERMOMETER = """[instruments.scanner]
 driver = "keysight-34970a"
@@ -105,3 +106,16 @@ def test_text_of_windows_says_how_to_save_it(tmp_path: Path) -> None:
         load_plan(files[0], files[1])
     files[1].write_bytes(b"\xef\xbb\xbf" + BENCH.replace("\n", "\r\n").encode())
     assert load_plan(files[0], files[1]).run_list
+
+
+@pytest.mark.parametrize(
+    ("off", "said"), [("0.3", "warning: 14 points are flagged reference; `rig status RUN` says why"), ("0", "")]
+)
+def test_a_reference_that_disagrees_at_every_point_is_said_when_the_run_ends(
+    tmp_path: Path, off: str, said: str
+) -> None:
+    world = f'{WORLD}[references.force_kN]\nformula = "force_kN / 4 + {off}"\n'
+    files = written(tmp_path, bench=BENCH + REFERENCE, world=world)
+    done = rig("run", files[0], "--bench", files[1], "--dry", "--world", files[2], "--out", tmp_path / "runs")
+    assert done.returncode == 0, done.stderr
+    assert [line for line in done.stderr.splitlines() if "flagged" in line] == ([said] if said else [])

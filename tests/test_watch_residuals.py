@@ -62,3 +62,25 @@ def test_columns_of_an_observation_without_a_temperature_are_nan():
     assert columns is not None
     assert np.isfinite(columns[0]).all()
     assert np.isnan(columns[1]).all()
+
+
+def test_residuals_of_a_sensor_with_a_model_of_its_own_are_of_that_model():
+    """The page of the bath showed the thermocouple with the thermometers' model: 1 mV where 0.3 uV are left."""
+    rng = np.random.default_rng(20261124)
+    seen = []
+    for i in range(40):
+        bath, current = float(rng.uniform(0.0, 100.0)), float(rng.uniform(5e-4, 2e-3))
+        outputs = {"prt_mV": 1e5 * current * (1.0 + 4e-3 * bath), "couple_mV": 0.04 * bath, "lamp_mV": 1.0 + current}
+        noisy = {name: (value + 3e-4 * rng.standard_normal(), 0.0, 1) for name, value in outputs.items()}
+        seen.append(Seen(i, 60.0 * i, 1.7e9, i, None, {"bath_degC": bath, "current_A": current}, noisy, {}, {}, {}, ()))
+    declared = {
+        "formula": "0 + current_A + current_A:bath_degC",
+        "couple": {"formula": "0 + bath_degC + bath_degC^2"},
+        "lamp": {"formula": "a + b*current_A", "start": {"a": 1.0, "b": 1.0}},
+    }
+    found = residuals(seen, None, "general", declared, {})
+    assert [one["name"] for one in found["sensors"]] == ["couple_mV", "prt_mV"], "lamp's is not linear: none is shown"
+    assert all(0.2 < one["rms"] < 0.4 for one in found["sensors"]), "microvolts"
+    assert "3 points are not enough" in residuals(seen[:3], None, "general", declared, {})["why_none"]
+    with_one_model = residuals(seen, None, "general", {"formula": declared["formula"]}, {})
+    assert next(one for one in with_one_model["sensors"] if one["name"] == "couple_mV")["rms"] > 100.0

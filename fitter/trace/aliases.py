@@ -13,6 +13,8 @@ from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
+from scipy import sparse
+from scipy.sparse.csgraph import connected_components
 
 from fitter.arrays import FloatArray, IntArray
 from fitter.effects.entry import Entry
@@ -33,6 +35,12 @@ price of a column.
 
 NOTHING_LEFT = 1e-3
 """A candidate with a smaller remaining share beside the others at a level cannot be judged there."""
+ROUNDING = 1e-9
+"""Prices that differ by less, or by less than this share, are equal: the first in the catalogue counts."""
+APART = 1e-14
+"""Largest cosine between columns that are orthogonal but for rounding."""
+FEW = 4
+"""Number of units below which it is faster not to look for such parts."""
 _RCOND = 1e-10
 """Smallest share of the largest eigenvalue that counts in products of columns of unit length."""
 
@@ -130,7 +138,8 @@ def _rival(
 ) -> Rival:
     terms, price = fit
     name = candidates[terms[0]].effect.name
-    return Rival(name, terms, float(np.sqrt(price - best)), name in searched)
+    behind = price - best if price - best > ROUNDING * (1.0 + abs(best)) else 0.0
+    return Rival(name, terms, float(np.sqrt(behind)), name in searched)
 
 
 def separation(explanations: Sequence[Rival], name: str) -> dict[str, float]:
@@ -192,11 +201,29 @@ class Products:
         """The same, without columns of which next to nothing remains: that is rounding.
 
         Args:
-            length2: (J,) squared length of each column before removing others.
+            length2: (..., J) squared length of each column before removing others.
         """
-        gone = np.diag(self.columns) <= NOTHING_LEFT**2 * length2
-        kept = np.where(gone, 0.0, 1.0)
-        return replace(self, columns=self.columns * np.outer(kept, kept), outputs=self.outputs * kept)
+        kept = np.where(np.einsum("...jj->...j", self.columns) <= NOTHING_LEFT**2 * length2, 0.0, 1.0)
+        return replace(
+            self, columns=self.columns * kept[..., :, None] * kept[..., None, :], outputs=self.outputs * kept
+        )
+
+    def parts(self, units: Sequence[tuple[int, ...]]) -> IntArray:
+        """(U,) number of the part of each of the units, of parts whose columns are orthogonal but for rounding.
+
+        Columns of several sensors are, and a fit to all of them is one to each.
+        """
+        if len(units) < FEW:
+            return np.zeros(len(units), np.int64)
+        columns, of = (
+            [j for unit in units for j in unit],
+            np.repeat(np.arange(len(units)), [len(unit) for unit in units]),
+        )
+        among = self.columns[columns][:, columns]
+        length = np.sqrt(np.maximum(np.diag(among), 0.0))
+        one, other = np.nonzero(np.abs(among) > APART * np.outer(length, length))
+        joined = sparse.coo_array((np.ones(one.size), (of[one], of[other])), shape=(len(units),) * 2)
+        return np.asarray(connected_components(joined, directed=False)[1], np.int64)
 
     def price(self, terms: tuple[int, ...]) -> float:
         """Residual sum of squares with `terms` fitted, minus that without them, plus the price of the columns."""
@@ -217,7 +244,8 @@ class Products:
             picked = np.array([(*taken, *units[u]) for u in same], np.int64)
             gram, dot = self.columns[picked[:, :, None], picked[:, None, :]], self.outputs[picked]
             length = np.sqrt(np.maximum(np.einsum("ujj->uj", gram), np.finfo(float).tiny))
-            values, vectors = np.linalg.eigh(gram / (length[:, :, None] * length[:, None, :]))
+            unit = gram / (length[:, :, None] * length[:, None, :])
+            values, vectors = (unit[:, 0], np.ones_like(unit)) if picked.shape[1] == 1 else np.linalg.eigh(unit)
             kept = values > _RCOND * values[:, -1:]
             inverse = np.where(kept, 1.0 / np.where(kept, values, 1.0), 0.0)
             along = np.einsum("ujk,uj->uk", vectors, dot / length)
@@ -234,18 +262,22 @@ def _path(
 ) -> dict[tuple[int, ...], float]:
     """Price of the best unit, of the best two, and so on, added one by one while the price falls."""
     path: dict[tuple[int, ...], float] = {}
+    part, prices = products.parts(units), products.prices((), units)
     taken: tuple[int, ...] = ()
-    price, left = np.inf, list(units)
-    while left:
-        prices = products.prices(taken, left)
-        best = int(np.argmin(prices))
-        if not prices[best] < price:
-            break
-        price = float(prices[best])
-        taken = (*taken, *left.pop(best))
+    of_part: dict[int, tuple[tuple[int, ...], float]] = {}
+    price, total = np.inf, 0.0
+    while prices.size and total + (least := float(np.min(prices))) < price:
+        best = int(np.argmax(prices <= least + ROUNDING * (1.0 + abs(total + least))))
+        own, paid = of_part.get(int(part[best]), ((), 0.0))
+        of_part[int(part[best])] = own, paid = (*own, *units[best]), paid + float(prices[best])
+        price = total = total + float(prices[best])
+        taken = (*taken, *units[best])
         path[tuple(sorted(taken))] = price + PER_COLUMN * searched
         if searched:
             break
+        prices[best] = np.inf
+        again = np.flatnonzero((part == part[best]) & np.array([unit[0] not in taken for unit in units]))
+        prices[again] = products.prices(own, [units[u] for u in again.tolist()]) - paid
     return path
 
 

@@ -29,6 +29,8 @@ NEAR, TRIED = 3.0, 61
 """Periods over the series about a line within which its period is placed, and how many are tried."""
 IN_TIME = 600
 """Maximum number of tried frequencies in time."""
+AT_ONCE = 32
+"""Frequencies whose waves are computed together, from those of the ones before."""
 PAUSED = 1.5
 """Frequencies up to one period in two usual waits, over those of half as many as readings, from which readings have
 pauses between them that hide what is faster than these."""
@@ -110,11 +112,14 @@ def _in_time(left: FloatArray, elapsed_s: FloatArray, white: FloatArray) -> Line
     cycles = np.arange(1, min(n // 2, IN_TIME) + 1)
     turns = (elapsed_s - elapsed_s[0]) / length
     power, known = np.empty(cycles.size), np.empty((cycles.size, white.shape[1]))
-    for first in range(0, cycles.size, 64):
-        angle = 2 * np.pi * np.outer(cycles[first : first + 64], turns)
-        cos, sin = np.cos(angle), np.sin(angle)
-        power[first : first + 64] = (cos @ left) ** 2 + (sin @ left) ** 2
-        known[first : first + 64] = (cos @ white) ** 2 + (sin @ white) ** 2
+    series = np.column_stack([left, white])
+    waves = np.exp(2j * np.pi * np.outer(cycles[:AT_ONCE], turns))
+    turned = np.exp(2j * np.pi * AT_ONCE * turns)
+    for first in range(0, cycles.size, AT_ONCE):
+        waves = waves[: cycles.size - first]
+        both = (waves.real @ series) ** 2 + (waves.imag @ series) ** 2
+        power[first : first + AT_ONCE], known[first : first + AT_ONCE] = both[:, 0], both[:, 1:]
+        waves *= turned
     at, p, value = _clearest(power, 1, _kept(known))
     return Line(length / (at + 1.0), "s", p, min(2 * value / (n * float(left @ left)), 1.0))
 

@@ -13,7 +13,9 @@ import numpy as np
 from fitter.arrays import FloatArray, IntArray
 from fitter.checked import finite, whole
 from fitter.errors import FitError
+from fitter.replication import Rows
 from procedures.attitude.angles import sin_cos
+from procedures.attitude.model import attitude_columns
 
 SAME_ANGLE_DEG = 0.02
 """Angles closer than this are one setting of the head: far above readback noise, far below a design's step."""
@@ -65,6 +67,8 @@ class AttitudeData:
     mounting: FloatArray | None = None
     temperatures: tuple[FloatArray, FloatArray] | None = field(init=False, default=None)
     """Seconds, ascending, and degC of the whole run, also for a subset of rows: input of a lag."""
+    lags: dict[float, FloatArray] = field(init=False, default_factory=dict)
+    """These behind a lag, degC, by its seconds, as far as they have been computed."""
 
     def __post_init__(self) -> None:
         count = np.size(self.order)
@@ -127,6 +131,12 @@ class AttitudeData:
         return np.unique(settings(_wrap(self.roll_deg))).size > 1
 
     @cached_property
+    def rows(self) -> Rows:
+        """Rows of the declared model, for Table 2."""
+        columns = attitude_columns(self.pitch_deg, self.roll_deg, roll=self.has_roll)
+        return Rows(columns, self.point, self.replicate_index, self.order)
+
+    @cached_property
     def turned(self) -> FloatArray | None:
         """(n, 3, 3) `mounting` and a constant roll other than zero; None for neither."""
         roll = float(self.roll_deg[0])
@@ -180,7 +190,8 @@ class AttitudeData:
         picked: dict[str, Any] = {name: v[rows] if isinstance(v, np.ndarray) else v for name, v in given.items()}
         picked["outputs"] = {name: v[rows] for name, v in self.outputs.items()}
         part = AttitudeData(**picked)
-        object.__setattr__(part, "temperatures", self.temperatures)
+        for name in ("temperatures", "lags"):
+            object.__setattr__(part, name, getattr(self, name))
         return part
 
     def _previous(self, angle: FloatArray) -> FloatArray:

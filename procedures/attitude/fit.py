@@ -172,7 +172,7 @@ def fit_attitude(
     output = data.outputs[sensor]
     if np.ptp(output) == 0:
         raise FitError(f"{sensor} reads {output[0]:g} V at every attitude: there is nothing to calibrate")
-    columns = attitude_columns(data.pitch_deg, data.roll_deg, roll=data.has_roll)
+    columns = data.rows.columns
     linear, own, beside = fit_columns(columns, output), None, np.empty((len(data), 0))
     carried = np.zeros((columns.shape[1], 2))
     if temperature:
@@ -183,7 +183,7 @@ def fit_attitude(
         linear, own = own.fitted(columns, data, output, linear.names)
         beside = own.columns(columns, data)
         output = output - own.volts(columns, data)
-    table = analyse(linear, columns, output, data.point, data.replicate_index, beside, beside.shape[1], data.order)
+    table = analyse(linear, data.rows.beside(beside), output, beside.shape[1])
     covariance, df = errors_of(linear, columns, output, data.replicate_index, table)
     if own is not None and df != linear.df:  # replications have no error of the temperature coefficients
         covariance = covariance + carried @ own.covariance @ carried.T

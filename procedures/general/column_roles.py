@@ -173,6 +173,7 @@ def _roles(table: Table, roles: Roles, formula: Formula, response: Formula) -> t
         order_unknown=along,
         numbers=table.numbers[order],
         sensors=roles.sensors,
+        shares="whole plots" if roles.whole_plot or not roles.replicate else "replications",
     )
     return data, tuple(notes)
 

@@ -236,6 +236,11 @@ class GeneralKind(Kind):
 
         return further_runs(procedure)
 
+    def declared_of(self, declared: Mapping[str, Any], sensor: str) -> Mapping[str, Any]:
+        """Its own `[model.NAME]`, or that of all sensors."""
+        own = declared.get(sensor)
+        return own if isinstance(own, Mapping) else declared
+
     def model_columns(self, columns: Columns, declared: Mapping[str, Any]) -> FloatArray | None:
         """Columns of the declared model, for the residuals of a running run."""
         from fitter.formula import Formula  # noqa: PLC0415

@@ -19,7 +19,9 @@ from procedures.table import Table
 _CLOCKS = re.compile(
     r"time|elapsed|date|^years?$|^t$|^t_?(s|sec|min|h|hours|days)$|^t_start|^hours?$|^days?$", re.IGNORECASE
 )
-_COUNTERS = re.compile(r"^(seq|sequence|order|block|index|row|reading|n|no|nr|number|run_order)$", re.IGNORECASE)
+_COUNTERS = re.compile(
+    r"^(seq|sequence|order|block|index|row|reading|n|no|nr|number|run_order|run_index)$", re.IGNORECASE
+)
 """Names of columns used as time by default."""
 _MORE = "steps, oscillations, carry-over and drifting sensitivity are looked for then too"
 _MAYBE = ", and effects had to stand out from errors that are alike along the rows, as they are if taken in this order"
@@ -148,7 +150,10 @@ def _rises(v: FloatArray) -> bool:
 
 
 def alike(v: FloatArray, time: Timeline, notes: list[str], name: str) -> bool:
-    """Whether a column is equivalent to time."""
+    """Whether a column is equivalent to time, or counts the rows in its order."""
+    if _COUNTERS.search(name) and len(v) > 1 and bool((np.diff(v) > 0).all()):
+        notes.append(f"{name} counts the rows and was not looked at by itself")
+        return True
     if np.ptp(v) == 0 or np.ptp(time.values) == 0 or abs(np.corrcoef(v, time.values)[0, 1]) < _SAME:
         return False
     notes.append(f"{name} runs with {time.name} and was not looked at by itself")

@@ -142,8 +142,9 @@ def _several(seed: int, count: int, within: float, between: float, transducers: 
 def _outcome(names: Sequence[str], sizes: Sequence[float], seed: int, transducers: int) -> Result:
     """Hide some effects and trace them.
 
-    Found by their names or among the aliases of what is; by their own names; more effects than hidden; noise-free
-    prediction error over that of a fit told the truth.
+    Found by their names or among the aliases of what is; by their own names; more effects than hidden; names that are
+    neither, without a doubt; whether something is said at all, an unnamed remainder too; noise-free prediction error
+    over that of a fit told the truth.
     """
     hidden = hide(names, sizes, seed, transducers)
     trace = trace_whole_plots(hidden.data, hidden.model, validate=False)
@@ -155,6 +156,8 @@ def _outcome(names: Sequence[str], sizes: Sequence[float], seed: int, transducer
         "named": all(any(name in (e.effect, *e.aliases) for e in every) for name in wanted),
         "leads": all(name in reported for name in wanted),
         "more": len(reported) > len(set(wanted)),
+        "wrong": sorted({e.effect for e in every if e.doubtful is None and not {e.effect, *e.aliases} & set(wanted)}),
+        "said": bool(every) or any(t.unnamed for t in trace.sensors.values()),
         "ratio": _error(trace.predict(hidden.data), hidden) / _error(_told(hidden), hidden),
         "effects": reported,
     }
@@ -167,6 +170,8 @@ def _counted(results: Results) -> Figures:
         "named": sum(one["named"] for one in results),
         "by its own name": sum(one["leads"] for one in results),
         "more": sum(one["more"] for one in results),
+        "a wrong name without a doubt": sum(bool(one["wrong"]) for one in results),
+        "silent": sum(not one["said"] for one in results),
         "of": len(results),
         "error ratio": float(median),
         "95 %": float(most),

@@ -185,7 +185,7 @@ def _person(parent: ET.Element, person: Person, *, signs: bool) -> None:
 
 def _statements(parent: ET.Element, document: Document) -> None:
     if document.simulated:
-        _declared(parent, "SIMULATED", words.PAGE["warning"])
+        _declared(parent, "SIMULATED", words.PAGE["warning"], traceable=False)
     _declared(parent, "Validity", *words.COVER)
     _declared(
         parent,

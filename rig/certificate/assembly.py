@@ -278,7 +278,9 @@ def effects(
                 yield Effect(sensor, "no name", one.cause, size, False, "no cause of the catalogue explains it", stage)
                 continue
             answer = answers.get(one.effect)
-            how = f"{answer.verdict}{by}" if answer is not None else "no further run was made"
+            confirms = answer is not None and answer.verdict == "confirmed"
+            word = "" if answer is None or confirms else answer.verdict
+            how = f"{word}{by}".strip() if answer is not None else "no further run was made"
             if answer is not None and answer.verdict == "replaced":
                 found, cause = answer.members[0], f"what the trace of the run named {one.effect}"
                 size = found.sizes.get(outcome.sensor, "size not determined")
@@ -286,7 +288,6 @@ def effects(
                 continue
             size = one.size + (f" ({one.size_95})" if one.size_95 else "")
             cause = one.cause.partition(": ")[0].partition("; ")[0]
-            confirms = answer is not None and answer.verdict == "confirmed"
             yield Effect(sensor, one.effect, cause, size, confirms, how, stage)
 
 

@@ -117,7 +117,8 @@ def certificate(
     from rig.results.certificate import Asked, Issue, all_files, check_extras, issue, make  # noqa: PLC0415
 
     later = tuple(confirmed_by or ())
-    asked = Asked(tuple(runs), _date(issued), equipment, settings, later, calibrated_by, approved_by, adjustment)
+    people = (calibrated_by, approved_by)
+    asked = Asked(tuple(runs), _date(issued), equipment, settings, later, *people, adjustment, _date(""))
     how = Issue(out_folder, number or "", amends or "", because, template, paper, key, key_certificate, schema)
     check_files([], list(all_files(asked, how)))
     check_extras(how)
@@ -201,6 +202,8 @@ def _print_table(path: Path, columns: Sequence[str], authority: Path | None) -> 
     state = _usable(path, found, authority)
     print(table_text(found, wanted), end="")
     err.print(f"{escape(str(path))}: {escape(state)}", soft_wrap=True)
+    for text in found.untraceable[:1]:
+        err.print(f"  [yellow]it says that it is not traceable: {escape(text)}[/]", soft_wrap=True)
     err.print(
         "  uncertainties of a certificate are mostly common to its rows; rig fit --u-y takes them as independent, and "
         "intervals by it are then too narrow",
@@ -244,6 +247,8 @@ def _show(found: Read, signed: tuple[Signed, ...], errors: list[str], *, checked
         out.print(f"  [{'green' if one.holds else 'bold red'}]signature {escape(one.words)}[/]", soft_wrap=True)
     if not signed:
         out.print("  [yellow]not signed: nothing shows whether it was changed[/]")
+    for text in found.untraceable[:1]:
+        out.print(f"  [yellow]it says that it is not traceable: {escape(text)}[/]", soft_wrap=True)
     for error in errors:
         out.print(f"  [bold red]schema: {escape(error)}[/]", soft_wrap=True)
     if checked and not errors:

@@ -6,6 +6,7 @@ import contextlib
 import os
 import signal
 import sys
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from types import FrameType
@@ -34,10 +35,11 @@ from rig.cli.unattended import (
 from rig.controller import Result, resume_run, start_run
 from rig.engine.early_warning import warnings_in
 from rig.engine.session import Outcome, Progress, Signals
-from rig.errors import ExitCode
+from rig.errors import ExitCode, RigError
 from rig.plans import load_plan
 from rig.present.terminal import show
 from rig.present.visible import visible
+from rig.run_file.events.points import Observed
 from rig.run_file.reader import RunReader
 from rig.run_file.state import RunState, is_simulated, read_state
 from rig.unattended import Listeners, RunFacts, ServiceManager
@@ -225,6 +227,11 @@ def conclude(result: Result) -> int:
                 f"[yellow]whole plot {number} was lost and measured again under a new identity:[/] {escape(reason)}",
                 soft_wrap=True,
             )
+        for flag, count in _flagged(result.path).items():
+            what = "1 point is" if count == 1 else f"{count} points are"
+            err.print(
+                f"[bold yellow]warning:[/] {what} flagged {escape(flag)}; `rig status RUN` says why", soft_wrap=True
+            )
         words = f"{result.outcome.value}: {len(state.accepted)} of {state.points} points observed"
         err.print(f"{mark(state.simulated)}{words} in {duration(state.elapsed_s)}")
         if result.head:
@@ -238,6 +245,16 @@ def conclude(result: Result) -> int:
         if result.outcome is Outcome.COMPLETE and (not state.accepted or _outside_acceptance(result)):
             return ExitCode.OUTSIDE_ACCEPTANCE
     return _EXIT[result.outcome]
+
+
+def _flagged(path: Path) -> Counter[str]:
+    """Number of accepted points with each flag."""
+    counts: Counter[str] = Counter()
+    with contextlib.suppress(RigError), RunReader.open(path) as reader:
+        for record in reader.records(Observed.kind):
+            if record.accepted and isinstance(record.event, Observed):
+                counts.update(record.event.flags)
+    return counts
 
 
 def _outside_acceptance(result: Result) -> bool:

@@ -82,6 +82,7 @@ class Read:
         issued: day of issue; None if not given.
         quantities: all of its values, in order.
         statements: declarations, as words.
+        untraceable: those of them that deny traceability; one "SIMULATED" if it is of a simulated run.
         conformity: words of conformity with what they are about.
         signatures: number of signatures in it; whether they hold is told by `rig.dcc.signature`.
     """
@@ -98,6 +99,7 @@ class Read:
     issued: date | None
     quantities: tuple[Quantity, ...]
     statements: tuple[str, ...]
+    untraceable: tuple[str, ...]
     conformity: tuple[tuple[str, str], ...]
     signatures: int
 
@@ -160,7 +162,7 @@ def parsed(data: bytes, name: str) -> Read:
         raise UsageError(f"{name} is no digital calibration certificate: its root is {_local(root)!r:.80}")
     core = _under(root, "administrativeData", "coreData")
     try:
-        quantities = tuple(_quantities(root))
+        quantities, statements = tuple(_quantities(root)), tuple(_statements(root))
     except ValueError as error:
         raise UsageError(f"{name}: {error}") from error
     return Read(
@@ -175,7 +177,8 @@ def parsed(data: bytes, name: str) -> Read:
         ended=_date(core, "endPerformanceDate"),
         issued=_date(core, "issueDate"),
         quantities=quantities,
-        statements=tuple(_statements(root)),
+        statements=tuple(told for told, _ in statements),
+        untraceable=tuple(told for told, denies in statements if denies),
         conformity=tuple(_conformity(root)),
         signatures=sum(_local(one) == "Signature" for one in root),
     )
@@ -233,11 +236,12 @@ def _maker(element: ET.Element) -> tuple[str, str, str]:
     return _named(_child(element, "manufacturer")), _text(_child(element, "model")), next(iter(numbers), "")
 
 
-def _statements(root: ET.Element) -> Iterator[str]:
+def _statements(root: ET.Element) -> Iterator[tuple[str, bool]]:
+    """Words of each statement, and whether it says that something is not traceable."""
     for one in _all(_under(root, "administrativeData", "statements"), "statement"):
         told = ": ".join(part for part in (_named(one), _content(_child(one, "declaration"))) if part)
         if told:
-            yield told
+            yield told, _text(_child(one, "traceable")) in ("false", "0")
 
 
 def _conformity(root: ET.Element) -> Iterator[tuple[str, str]]:

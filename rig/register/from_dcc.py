@@ -49,9 +49,13 @@ def equipment_text(read: Read, wanted: Wanted, sha256: str) -> str:
         sha256: of its file.
 
     Raises:
-        UsageError: values are not there, do not convert, or have no complete uncertainty.
+        UsageError: it is not traceable, or values are not there, do not convert, or have no complete uncertainty.
     """
     number, date = read.number, read.issued or read.ended or read.began
+    if read.untraceable:
+        raise UsageError(
+            f"{read.file} says that it is not traceable ({read.untraceable[0]}): no equipment is made of it"
+        )
     if date is None:
         raise UsageError(f"{read.file} has no date: write the entry by hand")
     maker, model, serial = read.makers[0] if read.makers else ("", "", "")

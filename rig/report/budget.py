@@ -15,9 +15,12 @@ from procedures.pictures import grid
 from procedures.results import Page
 from rig.closed_loop import known
 from rig.closed_loop.budget import RunBudget
+from rig.dcc.si_units import per_term
 
 _SHOWN = 8
 """Maximum number of influences drawn by name; the others are one bar."""
+_BESIDE = 16.0
+"""Pixels beside the names of the bars."""
 
 
 def shares(one: Budgeted) -> Figure:
@@ -35,6 +38,8 @@ def shares(one: Budgeted) -> Figure:
     axis.invert_yaxis()
     axis.set_xlabel("share of the variance / %")
     axis.set_xlim(min(0.0, *values), max(1.0, *values) * 1.05)
+    widest = max(label.get_window_extent().width for label in axis.get_yticklabels())
+    figure.subplots_adjust(left=min(0.6, (widest + _BESIDE) / figure.bbox.width))
     return figure
 
 
@@ -60,7 +65,7 @@ def _result(one: Budgeted) -> dict[str, Any]:
     ]
     return {
         "name": one.name,
-        "unit": one.unit,
+        "unit": per_term(one.unit),
         "value": value,
         "expanded": expanded,
         "k": f"{one.coverage_factor:.2f}",

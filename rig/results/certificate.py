@@ -63,6 +63,7 @@ class Asked:
         calibrated_by: instead of that of the settings.
         approved_by: instead of that of the settings.
         adjustment: between as found and as left, a sentence.
+        today: the certificate of a real run is not dated after it; None if that is not asked.
     """
 
     runs: tuple[Path, ...]
@@ -73,6 +74,7 @@ class Asked:
     calibrated_by: str = ""
     approved_by: str = ""
     adjustment: str = ""
+    today: date | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -268,6 +270,8 @@ def _document(
         )
     if document.dates.issued < document.dates.ended and not document.simulated:
         reasons.append(f"issued on {document.dates.issued}, before the run ended on {document.dates.ended}")
+    if asked.today is not None and document.dates.issued > asked.today and not document.simulated:
+        reasons.append(f"issued on {document.dates.issued}, and today is {asked.today} (UTC): correct --issued")
     return document
 
 

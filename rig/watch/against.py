@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from fitter.arrays import FloatArray
+from procedures.column_names import stem_of
 from procedures.kind import kinds
 from rig.watch.reading import Seen
 
@@ -21,7 +22,17 @@ def columns_of(seen: Sequence[Seen]) -> dict[str, FloatArray]:
     }
 
 
-def model_columns(seen: Sequence[Seen], kind: str, declared: Mapping[str, Any]) -> FloatArray | None:
-    """(n, k) columns of a kind's declared model at these observations; None if it has none, or is unknown."""
+def model_columns(
+    seen: Sequence[Seen], kind: str, declared: Mapping[str, Any], sensors: Sequence[str]
+) -> dict[str, FloatArray | None]:
+    """(n, k) columns of a kind's declared model of each sensor at these observations, by its column.
+
+    None if it has none, or is unknown. Sensors with the same model have the same array.
+    """
     known = kinds().get(kind)
-    return None if known is None else known.model_columns(columns_of(seen), declared)
+    if known is None:
+        return dict.fromkeys(sensors)
+    columns = columns_of(seen)
+    models = {name: known.declared_of(declared, stem_of(name)) for name in sensors}
+    made = {id(model): known.model_columns(columns, model) for model in models.values()}
+    return {name: made[id(model)] for name, model in models.items()}

@@ -57,26 +57,31 @@ def residuals(
 def _fitted(
     seen: Sequence[Seen], outputs: Mapping[str, FloatArray], kind: str, declared: Mapping[str, Any]
 ) -> tuple[dict[str, FloatArray], str]:
+    """Residuals by sensor, and why there are none of some."""
+    if not seen:
+        return {}, "nothing has been observed yet"
     try:
-        columns = model_columns(seen, kind, declared) if seen else None
+        every = model_columns(seen, kind, declared, tuple(outputs))
     except FitError as error:
         return {}, str(error)
-    if columns is None:
-        return {}, "" if seen else "nothing has been observed yet"
-    usable = np.all(np.isfinite(columns), axis=1)
-    columns = columns / np.abs(columns[usable]).max(axis=0, initial=1e-300)
-    rank = int(np.linalg.matrix_rank(columns[usable])) if usable.any() else 0
-    if usable.sum() < rank + _SPARE or rank < 2:
-        return {}, f"{int(usable.sum())} points are not enough for the model yet"
-    found = {}
-    for name, y in outputs.items():
-        rows = usable & np.isfinite(y)
-        left = np.full(len(y), np.nan)
-        if rows.sum() >= rank + _SPARE:
-            coefficients = np.linalg.lstsq(columns[rows], y[rows], rcond=1e-9)[0]
-            left[rows] = y[rows] - columns[rows] @ coefficients
-            found[name] = left
-    return found, ""
+    found: dict[str, FloatArray] = {}
+    few: int | None = None
+    for columns in {id(one): one for one in every.values() if one is not None}.values():
+        usable = np.all(np.isfinite(columns), axis=1)
+        scaled = columns / np.abs(columns[usable]).max(axis=0, initial=1e-300)
+        rank = int(np.linalg.matrix_rank(scaled[usable])) if usable.any() else 0
+        if usable.sum() < rank + _SPARE or rank < 2:
+            few = int(usable.sum())
+            continue
+        for name in (name for name, one in every.items() if one is columns):
+            y = outputs[name]
+            rows = usable & np.isfinite(y)
+            left = np.full(len(y), np.nan)
+            if rows.sum() >= rank + _SPARE:
+                coefficients = np.linalg.lstsq(scaled[rows], y[rows], rcond=1e-9)[0]
+                left[rows] = y[rows] - scaled[rows] @ coefficients
+                found[name] = left
+    return found, "" if few is None else f"{few} points are not enough for the model yet"
 
 
 def _sensor(name: str, values: FloatArray) -> dict[str, Any]:

@@ -62,12 +62,9 @@ def _waves(of: Callable[..., Term], angle: str, k: float) -> tuple[Term, Term]:
     """Sine and cosine of k periods per turn in "pitch" or "roll", judged together."""
     text = angle if k == 1 else f"{k:g}*{angle}"
 
-    def turned(scene: Scene) -> FloatArray:
-        return k * (scene.pitch if angle == "pitch" else scene.rolled)
-
     return (
-        of(f"sin({text})", lambda scene: np.sin(turned(scene)), group=text),
-        of(f"cos({text})", lambda scene: np.cos(turned(scene)), group=text),
+        of(f"sin({text})", lambda scene: scene.turns(angle, k)[0], group=text),
+        of(f"cos({text})", lambda scene: scene.turns(angle, k)[1], group=text),
     )
 
 

@@ -122,6 +122,17 @@ class Scene:
         """Cache of computed lagged temperatures, by time constant."""
         return {}
 
+    def turns(self, angle: str, k: float) -> tuple[FloatArray, FloatArray]:
+        """Sine and cosine (n,) of k periods per turn in "pitch" or "roll", computed once for all sensors."""
+        if (angle, k) not in self._turns:
+            turned = k * (self.pitch if angle == "pitch" else self.rolled)
+            self._turns[angle, k] = np.sin(turned), np.cos(turned)
+        return self._turns[angle, k]
+
+    @cached_property
+    def _turns(self) -> dict[tuple[str, float], tuple[FloatArray, FloatArray]]:
+        return {}
+
     @cached_property
     def _turned(self) -> dict[str, FloatArray]:
         return {}

@@ -93,15 +93,22 @@ def lagged(data: AttitudeData, tau_h: float) -> FloatArray:
     """
     if data.temperatures is None:
         raise FitError("an effect of temperature cannot be computed: no sensor temperature was recorded")
-    at, degC = data.temperatures
-    dt, tau = np.diff(at), tau_h * 3600.0
+    (at, degC), tau = data.temperatures, tau_h * 3600.0
+    if tau not in data.lags:
+        data.lags[tau] = degC + _behind(at, degC, tau)
+    return np.asarray(np.interp(data.elapsed_s, at, data.lags[tau]))
+
+
+def _behind(at: FloatArray, degC: FloatArray, tau: float) -> FloatArray:
+    """(m,) what a body lacks of temperatures (m,) at seconds (m,)."""
+    dt = np.diff(at)
     decay, slope = np.exp(-dt / tau), np.diff(degC) / np.maximum(dt, 1e-9)
     gained = np.where(dt > 0, -slope * tau * (1.0 - decay), -np.diff(degC))
     behind, last = np.zeros(at.size), 0.0
     for i, (kept, added) in enumerate(zip(decay.tolist(), gained.tolist(), strict=True)):
         last = last * kept + added
         behind[i + 1] = last
-    return np.asarray(np.interp(data.elapsed_s, at, degC + behind))
+    return behind
 
 
 def _lagged(scene: Scene, tau_h: float) -> FloatArray:

@@ -69,6 +69,7 @@ def calibrate_package(
     effects: Mapping[str, Mapping[str, FloatArray]] | None = None,
     temperature: bool = False,
     left_behind: Collection[str] = (),
+    merge: bool = False,
 ) -> AttitudeCalibration:
     """Fit the sensors of one run, with the correlation of their coefficients: head errors are common to all of them.
 
@@ -80,6 +81,8 @@ def calibrate_package(
             covariance; likewise each term's, if given.
         temperature: fit offset and sensitivity as linear in the sensor temperature (section 9, row 28(b) of Table 2).
         left_behind: effects that are fitted but not applied in use, in addition to those of head and run.
+        merge: let the others take up an effect that one sensor's points cannot tell from them, with a note. Several
+            sensors together may tell the square of a voltmeter from that of a sensor; one alone does not.
 
     Raises:
         KeyError: there is no such output.
@@ -98,6 +101,7 @@ def calibrate_package(
     tables, spreads = [], []
     left: set[str] = set()
     misfits: dict[str, Misfit] = {}
+    merged: list[str] = []
     for name in chosen:
         y = data.outputs[name]
         plain = fit_columns(base, y)
@@ -109,6 +113,8 @@ def calibrate_package(
         wrong = [e for e, v in shapes.items() if len(v) != len(data)]
         if wrong:
             raise ValueError(f"{wrong[0]} of {name}: expected {len(data)} observations, found {shapes[wrong[0]].shape}")
+        if merge:
+            shapes = _told_apart(base, y, shapes, name, merged)
         fit, columns, owners = _beside(base, plain.names, y, shapes)
         behind = (_LEFT_BEHIND | set(left_behind)) & set(shapes)
         left |= behind
@@ -122,12 +128,12 @@ def calibrate_package(
         residuals.append(y - fit.predict(columns))
         alone, extra = fit.first(base.shape[1]), columns[:, base.shape[1] :]
         corrected = residuals[-1] + alone.predict(base)
-        tables.append(
-            analyse(alone, base, corrected, data.point, data.replicate_index, extra, extra.shape[1], data.order)
-        )
+        tables.append(analyse(alone, data.rows.beside(extra), corrected, extra.shape[1]))
         misfits[name] = _misfit(alone, tables[-1], letter if data.has_roll else None)
         spreads.append(replication_spread(base, corrected, data.replicate_index, alone))
     notes = [f"fitted beside the model and not applied in use: {', '.join(sorted(left))}"] if left else []
+    if merged:
+        notes.append(f"taken up by the rest of the model, from which one sensor does not tell it: {', '.join(merged)}")
     lacking = [one.sentence(name) for name, one in misfits.items() if one.model_error is not None]
     if lacking:
         notes.append(
@@ -164,6 +170,21 @@ def _columns(volts: FloatArray) -> FloatArray:
     """(n, q) columns of an effect, from its terms or from their sum (n,)."""
     given = np.asarray(volts, np.float64)
     return given[:, None] if given.ndim == 1 else given[:, np.any(given != 0, axis=0)]
+
+
+def _told_apart(
+    base: FloatArray, y: FloatArray, shapes: Mapping[str, FloatArray], sensor: str, merged: list[str]
+) -> dict[str, FloatArray]:
+    """Effects that the points tell from the model and the effects before them; others are added to `merged`."""
+    kept: dict[str, FloatArray] = {}
+    for effect, columns in shapes.items():
+        told = np.column_stack([base, *(one.sum(axis=1) for one in kept.values()), columns.sum(axis=1)])
+        try:
+            least_squares(told, y, tuple(map(str, range(told.shape[1]))))
+            kept[effect] = columns
+        except RankError:
+            merged.append(f"{effect} of {sensor}")
+    return kept
 
 
 def _beside(

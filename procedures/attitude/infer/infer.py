@@ -46,7 +46,7 @@ from procedures.attitude.infer.question import (
 from procedures.attitude.infer.singular import FEWEST_SD, normal
 from procedures.attitude.infer.three_axis import ThreeAxis
 
-CHUNK = 8192
+CHUNK = 16384
 
 _TERMS_ITERATIONS, _TERMS_TOLERANCE = 12, 1e-12
 
@@ -147,7 +147,7 @@ def _as_named(
     weights = 1.0 / noise.variance if weighted else np.full(len(noise.variance), 1.0 / noise.variance.max())
     out = empty(n)
     y = outputs.T - calibration.offsets_V[:, None]
-    three = None
+    three, worse = None, worse_at_most(calibration, noise)
     if roll is None and len(calibration.sensors) > 2:
         three = ThreeAxis.of(np.zeros(len(calibration.sensors)), calibration.matrix, weights**-0.5)
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
@@ -164,6 +164,7 @@ def _as_named(
                 None if roll is None else roll[p],
                 spread[p] ** 2,
                 weighted and len(calibration.sensors) > 1 and (roll is not None or three is not None),
+                worse,
             )
             part = InferredAttitude(**{f.name: getattr(out, f.name)[p] for f in fields(InferredAttitude)})
             if question.roll is not None:
@@ -316,7 +317,7 @@ def _known_roll(q: Question, out: InferredAttitude) -> None:
     absurd = absurd_squares(q)
     if flat.any():
         rows = np.flatnonzero(flat)
-        lower, higher = _reach(problem.take(rows), y[:, rows], pitch[rows], limit[rows], worse_at_most(q))
+        lower, higher = _reach(problem.take(rows), y[:, rows], pitch[rows], limit[rows], q.worse)
         leave_open(out, "pitch", flat, np.degrees(pitch[rows] - lower), np.degrees(pitch[rows] + higher))
         reason(out.flag, flat, PITCH_OPEN)
     if len(q.y) == 2 and np.any(q.roll_variance > 0):

@@ -60,7 +60,9 @@ _LEVEL_ABSURD = 1.0 - 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Question:
-    """Readings of one chunk: (S, n) outputs minus offsets, (n,) or None the rest; angles in rad."""
+    """Readings of one chunk: (S, n) outputs minus offsets, (n,) or None the rest; angles in rad. `worse` is that of
+    `worse_at_most`.
+    """
 
     calibration: AttitudeCalibration
     noise: Noise
@@ -72,6 +74,7 @@ class Question:
     roll: FloatArray | None
     roll_variance: FloatArray
     weighed: bool
+    worse: float
 
 
 def beyond(q: Question, g: FloatArray) -> FloatArray | None:
@@ -81,13 +84,13 @@ def beyond(q: Question, g: FloatArray) -> FloatArray | None:
     return np.stack([s.beyond(g, q.warmth) for s in q.calibration.sensors])
 
 
-def worse_at_most(q: Question) -> float:
+def worse_at_most(calibration: AttitudeCalibration, noise: Noise) -> float:
     """Maximum factor of an output's variance due to the calibration (eq. 73): at least one."""
     worst, at = 1.0, 0
-    for sensor, noise in zip(q.calibration.sensors, q.noise.variance, strict=True):
+    for sensor, variance in zip(calibration.sensors, noise.variance, strict=True):
         k = sensor.coefficients.size
-        own = q.calibration.use_covariance[at : at + k, at : at + k]
-        worst = max(worst, 1.0 + 2.0 * float(np.linalg.eigvalsh(own)[-1]) / float(noise))
+        own = calibration.use_covariance[at : at + k, at : at + k]
+        worst = max(worst, 1.0 + 2.0 * float(np.linalg.eigvalsh(own)[-1]) / float(variance))
         at += k
     return worst
 
@@ -100,4 +103,4 @@ def f_absurd(above: int, q: Question) -> float:
 def absurd_squares(q: Question) -> float:
     """Limit of the remaining weighted squares beyond which a package is not at rest, or has changed."""
     above = max(len(q.y) - (2 if q.roll is None else 1), 1)
-    return above * f_absurd(above, q) * worse_at_most(q)
+    return above * f_absurd(above, q) * q.worse

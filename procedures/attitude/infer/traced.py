@@ -34,10 +34,10 @@ def calibrate_traced(
         temperature: whether the declared model has temperature.
 
     Raises:
-        fitter.linear.RankError: the points do not determine the model with the named effects.
+        fitter.linear.RankError: the points do not determine the declared model.
         FitError: as `calibrate_package`.
     """
-    kept = _applied(data, effects, temperature=temperature)
+    kept = _applied(data, effects, temperature=temperature, merge=True)
     found, open_ = [], []
     for named, member, volts in others:
         one = _with(data, volts, temperature=temperature)
@@ -65,12 +65,12 @@ def _with(data: AttitudeData, volts: Volts, *, temperature: bool) -> AttitudeCal
         return None
 
 
-def _applied(data: AttitudeData, effects: Volts, *, temperature: bool) -> AttitudeCalibration:
+def _applied(data: AttitudeData, effects: Volts, *, temperature: bool, merge: bool = False) -> AttitudeCalibration:
     """The calibration; effects that cannot be applied in use are fitted and omitted, with a note."""
     behind: tuple[str, ...] = ()
     while True:
         try:
-            return calibrate_package(data, effects=effects, temperature=temperature, left_behind=behind)
+            return calibrate_package(data, effects=effects, temperature=temperature, left_behind=behind, merge=merge)
         except NotApplicable as error:
             behind = (*behind, error.effect)
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.trace.constancy import ENDS, Change, change, products
-from fitter.trace.doubts import CHANGES, not_constant, one_that_changes
+from fitter.trace.doubts import CHANGES, not_constant, one_that_changes, two_sizes
 from fitter.trace.exchange import stands_in
 from fitter.trace.flexible import Block, remainders, turns, waves
 from fitter.trace.search import names_of
@@ -18,6 +18,9 @@ from procedures.attitude.effects import Scene
 from procedures.attitude.trace.estimate import estimate
 from procedures.attitude.trace.nameless import WALKED, Nameless
 from procedures.attitude.trace.problem import raw_columns
+
+ALIKE = 0.999
+"""Correlation of two columns beside the declared model from which one sensor does not tell them apart."""
 
 
 def doubts_of(nameless: Nameless) -> dict[str, str]:
@@ -32,7 +35,21 @@ def new_doubts(nameless: Nameless) -> dict[str, str]:
     added = _added(nameless)
     found = changes(nameless, added)
     changing = {name: not_constant(one.over, one.p) for name, one in found.items() if one.p < CHANGES}
-    return {**_exchanged(nameless, added), **changing}
+    return {**_of_two_sizes(nameless), **_exchanged(nameless, added), **changing}
+
+
+def _of_two_sizes(nameless: Nameless) -> dict[str, str]:
+    """Of names of one size for all sensors, each with one that has the same shape in one sensor alone."""
+    problem, out = nameless.problem, dict[str, str]()
+    for j, k in permutations(nameless.chosen, 2):
+        wide, own = problem.candidates[j], problem.candidates[k]
+        if wide.sensor is None and own.sensor is not None:
+            products = problem.products[nameless.level_of(wide.effect.name)]
+            both, one, other = products.of([j, j, k], [k, j, k])[problem.sensors.index(own.sensor)]
+            if both**2 > ALIKE**2 * one * other > 0.0:
+                names = (wide.effect.name, own.effect.name)
+                out |= dict.fromkeys(names, two_sizes(names, own.sensor))
+    return out
 
 
 def _added(nameless: Nameless) -> dict[str, FloatArray]:

@@ -14,7 +14,6 @@ from fitter.trace.aliases import NOTHING_LEFT
 from fitter.trace.keep import LeftIn, taken_out
 from fitter.trace.not_kept import independent
 from procedures.attitude.data import AttitudeData
-from procedures.attitude.model import attitude_columns
 from procedures.attitude.temperature import Temperature
 from procedures.attitude.trace.levels import Level
 from procedures.attitude.trace.problem import Problem, raw_columns
@@ -119,7 +118,7 @@ def coefficients(problem: Problem, chosen: tuple[int, ...], level: Level) -> tup
 def concerns(problem: Problem, j: int) -> FloatArray:
     """(S,) share of each sensor in the information about candidate `j`."""
     sigma = errors(problem, ())
-    length2 = problem.products["declared"].columns[:, j, j] / sigma**2
+    length2 = problem.products["declared"].of([j], [j])[:, 0] / sigma**2
     return np.asarray(length2 / length2.sum())
 
 
@@ -130,7 +129,7 @@ def predict(h: FloatArray, data: AttitudeData, fit: LinearFit, temperature: Temp
 
 
 def _left(problem: Problem, chosen: tuple[int, ...]) -> bool:
-    left2 = np.einsum("sjj->j", problem.products["replications"].columns)[list(chosen)]
+    left2 = problem.products["replications"].of(chosen, chosen).sum(axis=0)
     return bool(np.all(left2 > NOTHING_LEFT**2 * np.sum(problem.length[:, list(chosen)] ** 2, axis=0)))
 
 
@@ -142,7 +141,7 @@ def _estimate_at(problem: Problem, chosen: tuple[int, ...], level: Level, left_i
     corrected = np.stack([data.outputs[s] for s in problem.sensors])
     taken = taken_out(chosen, left_in, len(problem.sensors))
     corrected -= np.einsum("snq,sq->sn", effects, taken * gamma)
-    h = attitude_columns(data.pitch_deg, data.roll_deg, roll=problem.scene.roll)
+    h = data.rows.columns
     fits, temperatures, tables = [], [], []
     for i, sensor in enumerate(problem.sensors):
         declared = problem.fits[sensor]
@@ -151,9 +150,7 @@ def _estimate_at(problem: Problem, chosen: tuple[int, ...], level: Level, left_i
             corrected[i] -= temperature.volts(h, data)
         own = [k for k, j in enumerate(picked) if concerns(problem, j)[i] > 0.01 and taken[i, k] > 0]
         extra = np.column_stack([declared.beside(data), effects[i][:, own]])
-        tables.append(
-            analyse(fit, h, corrected[i], data.point, data.replicate_index, extra, extra.shape[1], data.order)
-        )
+        tables.append(analyse(fit, data.rows.beside(extra), corrected[i], extra.shape[1]))
         fits.append(_joint(fit, h, effects[i][:, own], covariance[np.ix_(own, own)]))
         temperatures.append(temperature)
     apart = tuple(j for j, error in zip(chosen, np.diag(covariance), strict=True) if error > 0)

@@ -10,7 +10,7 @@ below `ALPHA`. Together that is 5 % and not 6.5, because later tests remove some
 from __future__ import annotations
 
 import numpy as np
-from scipy import special
+from scipy import sparse, special
 
 from fitter.arrays import FloatArray, IntArray
 from fitter.trace.aliases import NOTHING_LEFT
@@ -68,7 +68,7 @@ def _independent(problem: Problem, columns: IntArray, rng: np.random.Generator) 
     if not columns.size:
         return 0.0
     weight, own = errors(problem, ()) ** -2.0, problem.own[..., columns]
-    together = np.einsum("s,sjk->jk", weight, problem.products["points"].columns[:, columns[:, None], columns])
+    together = np.einsum("s,sjk->jk", weight, problem.products["points"].of(columns[:, None], columns))
     together += np.einsum("s,nslj,nslk->jk", weight, own, own, optimize=True)
     length = np.sqrt(np.diag(together))
     picked, root = _root(together / np.outer(length, length))
@@ -100,28 +100,40 @@ def _orthonormal_units(problem: Problem) -> tuple[list[tuple[int, int, int]], Fl
     Returns:
         The units, and (S, m, m) products of each sensor's share of their m columns.
     """
+    if not problem.units:
+        return [], np.zeros((len(problem.length), 0, 0))
     weight = errors(problem, ()) ** -2.0
     points = np.array([level == "points" for level in problem.judged_at], np.bool_)
-    products = np.where(
-        points[:, None] | points, problem.products["points"].columns, problem.products["replications"].columns
-    )
-    products = products * weight[:, None, None]
+    every = np.arange(points.size)
+    products = problem.products["replications"].of(every[:, None], every)
+    np.copyto(products, problem.products["points"].of(every[:, None], every), where=points[:, None] | points)
+    products *= weight[:, None, None]
     pooled, length2 = products.sum(axis=0), np.sum(problem.length**2 * weight[:, None], axis=0)
-    units, mix, start = [], [], 0
-    for u, unit in enumerate(map(list, problem.units)):
-        scale = 1.0 / np.sqrt(np.maximum(length2[unit], np.finfo(float).tiny))
-        values, vectors = np.linalg.eigh(pooled[np.ix_(unit, unit)] * np.outer(scale, scale))
+    scale = 1.0 / np.sqrt(np.maximum(length2, np.finfo(float).tiny))
+    pooled *= scale[:, None] * scale
+    sizes, rank = np.array([len(unit) for unit in problem.units], np.int64), np.zeros(len(problem.units), np.int64)
+    mixes = []
+    for size in set(sizes.tolist()):
+        same = np.flatnonzero(sizes == size)
+        here = np.array([problem.units[u] for u in same], np.int64)
+        values, vectors = np.linalg.eigh(pooled[here[:, :, None], here[:, None, :]])
         kept = values > NOTHING_LEFT**2
-        if np.any(kept):
-            block = np.zeros((len(problem.candidates), int(kept.sum())))
-            block[unit] = scale[:, None] * vectors[:, kept] / np.sqrt(values[kept])
-            mix.append(block)
-            units.append((u, start, int(kept.sum())))
-            start += int(kept.sum())
-    if not units:
-        return [], products
-    combined = np.concatenate(mix, axis=1)
-    return units, np.swapaxes(combined, 0, 1) @ products @ combined
+        rank[same] = kept.sum(axis=1)
+        mixes.append(
+            (same, here, scale[here][:, :, None] * vectors / np.sqrt(np.where(kept, values, 1.0))[:, None], kept)
+        )
+    first = np.cumsum(rank) - rank
+    rows, across, shares = list[IntArray](), list[IntArray](), list[FloatArray]()
+    for same, here, mix, kept in mixes:
+        u, k = np.nonzero(kept)
+        shares.append(mix[u, :, k].reshape(-1))
+        rows.append(here[u].reshape(-1))
+        across.append(np.repeat((first[same][:, None] + np.cumsum(kept, axis=1) - 1)[u, k], here.shape[1]))
+    able = np.flatnonzero(rank)
+    at = np.concatenate(across), np.concatenate(rows)
+    combined = sparse.csr_array((np.concatenate(shares), at), shape=(int(rank.sum()), every.size))
+    units = [(int(u), int(first[u]), int(rank[u])) for u in able]
+    return units, np.stack([combined @ (combined @ one).T for one in products]) if units else products
 
 
 def _root(products: FloatArray) -> tuple[np.ndarray, np.ndarray]:

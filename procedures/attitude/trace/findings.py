@@ -11,7 +11,7 @@ from fitter.arrays import FloatArray, IntArray
 from fitter.linear import orthonormal
 from fitter.replication import Replication
 from fitter.trace.aliases import Rival, separation
-from fitter.trace.doubts import error_rises
+from fitter.trace.doubts import by_chance, error_rises
 from fitter.trace.found import Found, Unnamed, verdict
 from fitter.trace.lines import CLEAR
 from fitter.trace.not_kept import NotKept, for_others
@@ -85,7 +85,8 @@ def sensor_trace(
             replace(
                 effect,
                 share=float(share),
-                doubtful=doubts.get(effect.effect) or (error_rises() if effect.effect in inside else None),
+                doubtful=doubts.get(effect.effect)
+                or (error_rises() if effect.effect in inside else by_chance(effect.p_adjusted)),
                 left_in=effect.effect in inside,
             )
             for effect, share in zip(shown, divided, strict=True)
@@ -238,7 +239,7 @@ def _experiments(effect: Effect, aliases: Iterable[Effect]) -> str:
 def _size(problem: Problem, after: Estimate, k: int, i: int) -> float:
     """Size of term `k` of the model in sensor `i`, in standard errors of that sensor alone."""
     j = after.chosen[k]
-    length = np.sqrt(problem.products["declared"].columns[i, j, j])
+    length = np.sqrt(problem.products["declared"].of([j], [j])[i, 0])
     sigma = np.sqrt(_pure_variance(after.tables[i]))
     return float(abs(after.gamma[k]) * length / sigma) if concerns(problem, after.chosen[k])[i] else 0.0
 

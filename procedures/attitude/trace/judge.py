@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -16,6 +17,7 @@ from fitter.trace.chance import ALPHA, Family
 from fitter.trace.signs import SURE, Impossible, Refused
 from procedures.attitude.effects.unnamed import NAMELESS
 from procedures.attitude.trace.estimate import coefficients, concerns, estimate
+from procedures.attitude.trace.levels import Level
 from procedures.attitude.trace.limits import limits
 from procedures.attitude.trace.problem import Candidate, Problem
 from procedures.attitude.trace.refine import refined
@@ -128,26 +130,47 @@ class AttitudeJudge:
         barred = frozenset((self.shut | NAMELESS) - {effect})
         able_to = [unit for unit in problem.units if self.candidates[unit[0]].sensor in {None, *sensors}]
         named = [unit for unit in able_to if self._may(unit, barred)]
-        # products of all other candidates would be most of the work, and nobody asks for them
-        asked = np.array(sorted({*group, *(j for unit in named for j in unit)}), np.int64)
-        left = beside(problem, estimate(problem, chosen).level, rest, asked, sigma)
-        length2 = np.sum((problem.length[:, asked] / sigma[:, None]) ** 2, axis=0)
-        some = Products(left.columns.sum(axis=0), left.outputs.sum(axis=0)).without(length2)
-        products = Products(np.zeros((len(self.candidates),) * 2), np.zeros(len(self.candidates)), self.signs)
-        products.columns[asked[:, None], asked], products.outputs[asked] = some.columns, some.outputs
+        products = self._products(estimate(problem, chosen).level, group, rest, named, sigma)
         found = rivals(problem.candidates, products, group, rest, sensors, named, self.searched)
         able = [r for r in found if r.effect == effect or self._reachable(products, r)]
         best = min(r.sigmas for r in able if not r.refused)
         return tuple(replace(r, sigmas=float(np.sqrt(max(r.sigmas**2 - best**2, 0.0)))) for r in able)
+
+    def _products(
+        self,
+        level: Level,
+        group: tuple[int, ...],
+        rest: tuple[int, ...],
+        named: Sequence[tuple[int, ...]],
+        sigma: FloatArray,
+    ) -> Products:
+        """Products among the terms of each effect beside the `rest`: nobody asks for the others, which are most."""
+        blocks: dict[str | tuple[int, ...], set[int]] = {group: set(group)}
+        for unit in named:
+            name = self.candidates[unit[0]].effect.name
+            blocks.setdefault(unit if name in self.searched else name, set()).update(unit)
+        of: dict[int, list[list[int]]] = {}
+        for block in blocks.values():
+            of.setdefault(len(block), []).append(sorted(block))
+        count = len(self.candidates)
+        out = Products(np.zeros((count, count)), np.zeros(count), self.signs)
+        for same in of.values():
+            here = np.array(same, np.int64)
+            left = beside(self.problem, level, rest, here, sigma)
+            length2 = np.sum((self.problem.length[:, here] / sigma[:, None, None]) ** 2, axis=0)
+            some = Products(left.columns.sum(axis=0), left.outputs.sum(axis=0)).without(length2)
+            out.columns[here[:, :, None], here[:, None, :]], out.outputs[here] = some.columns, some.outputs
+        return out
 
     def _reachable(self, products: Products, rival: Rival) -> bool:
         """Whether an explanation needs no coefficient that is impossibly large."""
         picked = list(rival.terms)
         if not np.any(np.isfinite(self._limits[picked])):
             return True
-        gram, dot = products.columns[np.ix_(picked, picked)], products.outputs[picked]
+        gram, dot = products.columns[picked][:, picked], products.outputs[picked]
         length = np.sqrt(np.maximum(np.diag(gram), np.finfo(float).tiny))
-        spread = np.linalg.pinv(gram / np.outer(length, length), rcond=1e-10)
+        spread = gram / np.outer(length, length)
+        spread = np.linalg.pinv(spread, rcond=1e-10) if len(picked) > 1 else np.rint(spread)
         value, stderr = spread @ (dot / length) / length, np.sqrt(np.maximum(np.diag(spread), 0.0)) / length
         return bool(np.all(np.abs(value) - SURE * stderr <= self._limits[picked]))
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from fitter.arrays import FloatArray, IntArray
 from fitter.linear import orthonormal
-from fitter.sums_of_squares import centred, own_parameters
+from fitter.sums_of_squares import centred, off, own_parameters
 from procedures.attitude.data import AttitudeData
 from procedures.attitude.model import attitude_columns
 from procedures.attitude.trace.walks import Walks, walks_of
@@ -66,22 +66,18 @@ class Levels:
 
     def leave(self, columns: FloatArray, level: Level) -> FloatArray:
         """(n, q) remainder of `columns` (n, q) at a level."""
-        basis = self._basis(level)
-        if level == "points":
-            columns = centred(columns, self.point)
-        return np.asarray(columns - basis @ (basis.T @ columns))
+        return off(centred(columns, self.point) if level == "points" else columns, self._basis(level))
 
     def leave_beside(self, columns: FloatArray, beside: FloatArray, level: Level) -> FloatArray:
         """(n, q) remainder of `columns` (n, q) at a level, with one sensor's further columns (n, p) removed too."""
         left = self.leave(columns, level)
         if not beside.shape[1]:
             return left
-        basis = orthonormal(self.leave(beside, level), np.linalg.norm(beside, axis=0))
-        return np.asarray(left - basis @ (basis.T @ left))
+        return off(left, orthonormal(self.leave(beside, level), np.linalg.norm(beside, axis=0)))
 
     def products(self, columns: FloatArray, beside: FloatArray) -> dict[Level, FloatArray]:
-        """(q, q) products of the remainders of `columns` (n, q) at each level, with one sensor's further columns (n, p)
-        removed. They are computed from products of the columns, without projections.
+        """(q + 1, q + 1) products of the remainders of `columns` (n, q) at each level, and zeros last. One sensor's
+        further columns (n, p) are removed. They are computed from products of the columns, without projections.
         """
         whole, out = columns.T @ columns, dict[Level, FloatArray]()
         for level in LEVELS:
@@ -92,7 +88,8 @@ class Levels:
             if beside.shape[1]:
                 taken.append(orthonormal(self.leave(beside, level), np.linalg.norm(beside, axis=0)).T @ columns)
             basis = np.concatenate(taken)
-            out[level] = whole - basis.T @ basis
+            out[level] = np.zeros((len(whole) + 1,) * 2)
+            np.subtract(whole, basis.T @ basis, out=out[level][:-1, :-1])
         return out
 
     def own(self, columns: FloatArray) -> FloatArray:

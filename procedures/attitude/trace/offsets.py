@@ -79,11 +79,10 @@ def _slopes(
     w, t = np.divmod(np.arange(VARIANCES.size**2)[:, None, None], VARIANCES.size)
     least = np.maximum(t, np.searchsorted(0.5 * VARIANCES[1:], walk))
     at = w * VARIANCES.size + least
-    root, determinant = _roots(n)
-    wx, wv = ((root.reshape(-1, n) @ one).reshape(len(x), -1, n - 1, x.shape[2]) for one in (x, v))
-    vv, xv, xx = (
-        np.take_along_axis(np.einsum("stnq,stnq->tsq", a, b), at, axis=0) for a, b in ((wv, wv), (wx, wv), (wx, wx))
-    )
+    turned, weight, determinant = _spectrum(n)
+    wx, wv = turned @ x, turned @ v
+    squares = (np.einsum("tn,snq->tsq", weight, one) for one in (wv * wv, wx * wv, wx * wx))
+    vv, xv, xx = (np.take_along_axis(one, at, axis=0) for one in squares)
     xx = np.maximum(xx, np.finfo(float).tiny)
     unlikely = determinant[at] - 2.0 * np.take_along_axis(np.broadcast_to(within, (len(within), *walk.shape)), least, 0)
     own = np.where(others, vv - xv**2 / xx + np.log(xx) + unlikely, 0.0)
@@ -103,8 +102,8 @@ def _slopes(
 
 def wandering(v: FloatArray) -> FloatArray:
     """(S,) evidence that (S, n) numbers differ or walk beyond their scatter: logarithm of the ratio of likelihoods."""
-    root, determinant = _roots(v.shape[1])
-    likelihood = -0.5 * (np.sum(np.einsum("tij,sj->tsi", root, v) ** 2, axis=2) + determinant[:, None])
+    turned, weight, determinant = _spectrum(v.shape[1])
+    likelihood = -0.5 * (weight @ (turned @ v.T) ** 2 + determinant[:, None])
     return _beyond_chance(likelihood)
 
 
@@ -120,12 +119,13 @@ def _likeliest(tested: FloatArray, rest: FloatArray, price: FloatArray) -> Float
 
 
 @cache
-def _roots(n: int) -> tuple[FloatArray, FloatArray]:
-    """(T, n - 1, n) transformations that whiten n numbers and remove their mean, and (T,) logarithms of the
-    determinants.
+def _spectrum(n: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(n - 1, n) transformation that removes the mean of n numbers and makes them independent for every w and t, (T,
+    n - 1) weights of their squares, and (T,) logarithms of the determinants of the covariances.
     """
     contrasts = np.linalg.qr(np.column_stack([np.ones(n), np.eye(n)[:, 1:]]))[0][:, 1:].T
     ahead = np.arange(1.0, n + 1)
     walk = contrasts @ (np.minimum.outer(ahead, ahead) - np.eye(n) / 6) @ contrasts.T
-    both = np.stack([(1.0 + w) * np.eye(n - 1) + t * walk for w in VARIANCES for t in VARIANCES])
-    return np.linalg.inv(np.linalg.cholesky(both)) @ contrasts, np.linalg.slogdet(both)[1]
+    values, vectors = np.linalg.eigh(walk)
+    variance = np.array([1.0 + w + t * values for w in VARIANCES for t in VARIANCES])
+    return vectors.T @ contrasts, 1.0 / variance, np.sum(np.log(variance), axis=1)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from fitter.arrays import FloatArray, IntArray
 from fitter.trace.aliases import NOTHING_LEFT
-from fitter.trace.not_kept import NotKept, overflows
+from fitter.trace.not_kept import LARGEST, NotKept
 from procedures.attitude.data import AttitudeData
 from procedures.attitude.effects import Effect
 from procedures.attitude.fit import fit_all
@@ -49,23 +49,23 @@ def pose(data: AttitudeData, catalogue: Sequence[Effect], *, temperature: bool =
     length = np.zeros((len(data.sensors), len(every)))
     left = np.zeros_like(length)
     moves = np.zeros((data.replicates.size, len(data.sensors), levels.declared.shape[1], len(every) + 1))
-    outputs, owns, known, overflowing = [], [], [], set[int]()
+    outputs, owns, known, overflowing = [], [], list[dict[Level, FloatArray]](), set[int]()
     for i, sensor in enumerate(data.sensors):
         own = np.array([j for j, c in enumerate(every) if c.sensor in (None, sensor)], np.int64)
         both = np.empty((len(data), own.size + 1), order="F")
         both[:, -1] = data.outputs[sensor]
         with np.errstate(over="ignore", invalid="ignore"):
             columns_of(scene, [every[j] for j in own], sensor, both)
-        large = [k for k in range(own.size) if overflows(both[:, k])]
-        both[:, large] = 0.0
+            length[i, own] = np.linalg.norm(both[:, :-1], axis=0)
+        large = np.flatnonzero(~(length[i, own] <= LARGEST))
+        both[:, large], length[i, own[large]] = 0.0, 0.0
         overflowing |= set(own[large].tolist())
-        length[i, own] = np.linalg.norm(both[:, :-1], axis=0)
         both = levels.leave_beside(both, beside[i], level="declared")
-        left[i, own] = np.linalg.norm(both[:, :-1], axis=0)
         moves[:, i][..., [*own, -1]] = levels.own(both)
         outputs.append(both[:, -1].copy())
         owns.append(own)
         known.append(levels.products(both, beside[i]))
+        left[i, own] = np.sqrt(np.maximum(np.diag(known[-1]["declared"])[:-2], 0.0))
     useful = _useful(every, length, left)
     useful[list(overflowing)] = False
     candidates = tuple(c for c, use in zip(every, useful, strict=True) if use)
@@ -90,21 +90,18 @@ def pose(data: AttitudeData, catalogue: Sequence[Effect], *, temperature: bool =
 
 
 def _products(
-    known: list[dict[Level, FloatArray]], owns: Sequence[IntArray], useful: NDArray[np.bool_]
+    known: Sequence[Mapping[Level, FloatArray]], owns: Sequence[IntArray], useful: NDArray[np.bool_]
 ) -> dict[Level, Products]:
-    """Indices of the useful candidates, from products of each sensor's own with its output last."""
-    sensors, count, number = len(known), int(useful.sum()), np.cumsum(useful) - 1
-    out = {
-        level: Products(np.zeros((sensors, count, count)), np.zeros((sensors, count)), np.zeros(sensors))
-        for level in LEVELS
-    }
-    for i, own in enumerate(owns):
-        kept = np.flatnonzero(useful[own])
-        at = number[own[kept]]
-        for level in LEVELS:
-            both = known[i].pop(level)
-            out[level].columns[i][np.ix_(at, at)] = both[np.ix_(kept, kept)]
-            out[level].outputs[i, at], out[level].square[i] = both[kept, -1], max(float(both[-1, -1]), 0.0)
+    """Indices of the useful candidates, from products of each sensor's own with its output and a row of zeros last."""
+    place = np.zeros((len(known), useful.size), np.int64) - 1
+    for at, own in zip(place, owns, strict=True):
+        at[own] = np.arange(own.size)
+    place = place[:, useful]
+    out = {}
+    for level in LEVELS:
+        every = tuple(each[level] for each in known)
+        outputs = np.stack([own[at, -2] for own, at in zip(every, place, strict=True)])
+        out[level] = Products(every, place, outputs, np.array([max(float(own[-2, -2]), 0.0) for own in every]))
     return out
 
 
@@ -121,7 +118,7 @@ def _judged_at(
     products: Mapping[Level, Products],
     length: FloatArray,
 ) -> tuple[Level, ...]:
-    within, both = (np.einsum("sjj->j", products[level].columns) for level in ("points", "replications"))
+    within, both = (products[level].squares.sum(axis=0) for level in ("points", "replications"))
     least = np.maximum(KEPT * both, NOTHING_LEFT**2 * np.sum(length**2, axis=0))
     level: list[Level] = ["replications"] * len(candidates)
     for unit in map(list, units):
@@ -146,5 +143,6 @@ def _candidates(data: AttitudeData, catalogue: Sequence[Effect]) -> tuple[Candid
     for effect in catalogue:
         if effect.applies_to(data):
             where = data.sensors if effect.scope == "sensor" else (None,)
-            found += [Candidate(effect, term, sensor) for sensor in where for term in effect.terms(data)]
+            terms = effect.terms(data)
+            found += [Candidate(effect, term, sensor) for sensor in where for term in terms]
     return tuple(found)

@@ -44,14 +44,26 @@ class Products:
     """Products of the remainders of J columns and the output of each of S sensors at a level.
 
     Attributes:
-        columns: (S, J, J).
+        own: for each sensor, those of its own columns, with a last row and column of zeros for all others.
+        place: (S, J) row of each candidate in them.
         outputs: (S, J).
         square: (S,) outputs with themselves.
     """
 
-    columns: FloatArray
+    own: tuple[FloatArray, ...]
+    place: IntArray
     outputs: FloatArray
     square: FloatArray
+
+    def of(self, these: Sequence[int] | IntArray, those: Sequence[int] | IntArray) -> FloatArray:
+        """(S, ...) products of columns with columns, by candidates; both are indices of one shape, or broadcast."""
+        rows, across = np.asarray(these, np.int64), np.asarray(those, np.int64)
+        return np.stack([own[at[rows], at[across]] for own, at in zip(self.own, self.place, strict=True)])
+
+    @property
+    def squares(self) -> FloatArray:
+        """(S, J) products of columns with themselves."""
+        return self.of(np.arange(self.place.shape[1]), np.arange(self.place.shape[1]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,15 +169,15 @@ class Problem:
             sensor, every = self.sensors[i], [candidates[j] for j in own]
             across = np.concatenate([columns_of(self.scene, some, sensor).T @ left for some in _batches(every)])
             for level, cross in zip(LEVELS, np.split(across, len(LEVELS), axis=1), strict=True):
-                to = products[level]
-                to.columns[i][own[:, None], picked] = cross
-                to.columns[i][np.array(picked)[:, None], own] = cross.T
+                to, at = products[level], self.products[level].place[i]
+                to.own[i][at[own][:, None], at[picked]] = cross
+                to.own[i][at[picked][:, None], at[own]] = cross.T
                 to.outputs[i, picked] = self.outputs[i] @ self.left(i, columns, level)
         return replace(self, candidates=tuple(candidates), products=products, own=moves, length=length)
 
 
 def _copied(products: Products) -> Products:
-    return Products(products.columns.copy(), products.outputs.copy(), products.square)
+    return replace(products, own=tuple(own.copy() for own in products.own), outputs=products.outputs.copy())
 
 
 def columns_of(scene: Scene, candidates: Sequence[Candidate], sensor: str, out: FloatArray | None = None) -> FloatArray:

@@ -108,7 +108,7 @@ def slow_of(problem: Problem) -> Slow:
     both = np.moveaxis(own, 0, 2).transpose(0, 3, 2, 1)
     direction = np.linalg.svd(both, full_matrices=False)[2][:, :, 0] if picked else np.zeros((sensors, 0, size))
     x = np.einsum("sqnl,sql->snq", both, direction)
-    within = np.einsum("sjj,s->j", problem.products["points"].columns[:, picked][:, :, picked], sigma**-2.0)
+    within = np.einsum("sj,s->j", problem.products["points"].of(picked, picked), sigma**-2.0)
     length2 = np.einsum("sj,s->j", problem.length[:, picked] ** 2, sigma**-2.0)
     between = moved.sum(axis=0)
     tested = moved > REACHES * between
@@ -208,9 +208,12 @@ def _walks_within(problem: Problem, chosen: tuple[int, ...], tested: IntArray, s
     length2 = np.maximum(np.sum(white.columns**2, axis=(0, 1)), np.finfo(float).tiny)
     fitted = np.einsum("snq,sn->q", white.columns, white.outputs) / length2
     for s, left in enumerate(white.outputs[:, :, None] - white.columns * fitted):
-        for q in np.flatnonzero(share[s] >= IS_OFFSET):
-            likelihood = walks.log_likelihood(walks.products(left[:, [q]])[:, 0, 0])
-            out[1:, s, q] = np.interp(step[s, :, q], known, likelihood - likelihood[0])
+        mine = np.flatnonzero(share[s] >= IS_OFFSET)
+        if not mine.size:
+            continue
+        likelihood = walks.log_likelihood(np.einsum("tqq->tq", walks.products(left[:, mine])))
+        for q, own in zip(mine, (likelihood - likelihood[0]).T, strict=True):
+            out[1:, s, q] = np.interp(step[s, :, q], known, own)
     return np.maximum(out, 0.0)
 
 

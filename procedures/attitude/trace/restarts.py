@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from fitter.arrays import FloatArray
-from fitter.trace.aliases import PER_COLUMN
+from fitter.trace.aliases import PER_COLUMN, ROUNDING
 from fitter.trace.search import names_of, prune, search_and_name
 from procedures.attitude.trace.judge import AttitudeJudge
 from procedures.attitude.trace.score import beside, errors, score
@@ -26,7 +26,8 @@ def search_with_restarts(judge: AttitudeJudge) -> tuple[AttitudeJudge, tuple[int
     if len(names_of(judge.candidates, ends[0][1])) >= CROWD:
         ends += [search_and_name(judge, prune(judge, start)) for start in _starts(judge)]
     sigma = errors(ends[0][0].problem, ends[0][1])
-    return min(ends, key=lambda end: _price(end[0], end[1], sigma))
+    prices = np.array([_price(*end, sigma) for end in ends])
+    return ends[int(np.argmax(prices <= prices.min() * (1.0 + ROUNDING)))]
 
 
 def _starts(judge: AttitudeJudge) -> list[tuple[int, ...]]:

@@ -60,7 +60,7 @@ def errors(problem: Problem, chosen: Sequence[int]) -> FloatArray:
     known, picked = problem.products[level], np.array(chosen, np.int64)
     left, df = known.square.copy(), np.full(len(problem.sensors), float(problem.levels.df(level)))
     if picked.size:
-        taken, own = known.columns[:, picked[:, None], picked], known.outputs[:, picked]
+        taken, own = known.of(picked[:, None], picked), known.outputs[:, picked]
         known_apart = inverse(taken, problem.length[:, picked] ** 2)
         left -= np.einsum("sj,sjk,sk->s", own, known_apart, own)
         df -= np.rint(np.einsum("sjk,skj->s", known_apart, taken))
@@ -111,13 +111,13 @@ def beside(problem: Problem, level: Level, chosen: Sequence[int], here: IntArray
     """Products of the candidates `here` (..., q) in groups, and of the outputs, beside the `chosen` ones."""
     known, weight = problem.products[level], sigma**-2.0
     each = weight.reshape(-1, *[1] * here.ndim)
-    columns = known.columns[:, here[..., :, None], here[..., None, :]] * each[..., None]
+    columns = known.of(here[..., :, None], here[..., None, :]) * each[..., None]
     outputs, square = known.outputs[:, here] * each, known.square * weight
     picked = np.array(chosen, np.int64)
     if not picked.size:
         return Beside(columns, outputs, square)
-    across = known.columns[:, picked[:, None], here[..., None, :]] * each[..., None]
-    taken = known.columns[:, picked[:, None], picked] * weight[:, None, None]
+    across = known.of(picked[:, None], here[..., None, :]) * each[..., None]
+    taken = known.of(picked[:, None], picked) * weight[:, None, None]
     own = known.outputs[:, picked] * weight[:, None]
     length2 = np.sum(problem.length[:, picked] ** 2 * weight[:, None], axis=0)
     spread = inverse(taken.sum(axis=0), length2)

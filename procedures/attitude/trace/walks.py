@@ -12,7 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cholesky_banded, solve_banded
+from scipy.linalg import cholesky_banded, qr
+from scipy.linalg.lapack import dtbtrs
 
 from fitter.arrays import FloatArray, IntArray
 from fitter.linear import orthonormal
@@ -61,7 +62,7 @@ class Walks:
         moves = np.where(self.across[:, None], 0.0, np.diff(columns[self.rows], axis=0))
         out = np.empty((len(self.widths), columns.shape[1], columns.shape[1]))
         for k, width in enumerate(self.widths):
-            white = solve_banded((1, 0), width.factor, moves, check_finite=False)
+            white = dtbtrs(width.factor, moves, uplo="L")[0]
             share = width.taken.T @ white
             out[k] = white.T @ white - share.T @ share
         return out
@@ -88,9 +89,9 @@ def walks_of(rows: IntArray, replicate: IntArray, taken: FloatArray, df: float) 
     widths: list[Width] = []
     for step in STEPS:
         factor = cholesky_banded(np.stack([np.where(across, 1.0, 2.0 + step), below]), lower=True, check_finite=False)
-        basis, triangle = np.linalg.qr(solve_banded((1, 0), factor, moves, check_finite=False))
+        basis, triangle = qr(dtbtrs(factor, moves, uplo="L")[0], mode="economic", check_finite=False, overwrite_a=True)
         determinant = float(np.sum(np.log(factor[0])) + np.sum(np.log(np.abs(np.diag(triangle)))))
-        widths.append(Width(factor, basis, determinant))
+        widths.append(Width(factor, np.asarray(basis, np.float64), determinant))
     return Walks(rows, across, tuple(widths), df)
 
 
@@ -108,8 +109,9 @@ def likelihood_ratio(
         columns: (n, q) for each of them.
         spread: divisor of the ratio if a walk is most likely.
     """
-    squares = np.stack([walks.products(np.column_stack([y, x])) for y, x in zip(outputs, columns, strict=True)], axis=1)
-    at, q = np.arange(squares.shape[1]), squares.shape[2] - 1
+    every = walks.products(np.column_stack([part for pair in zip(outputs, columns, strict=True) for part in pair]))
+    at, q = np.arange(len(outputs)), columns[0].shape[1]
+    squares = every.reshape(-1, at.size, q + 1, at.size, q + 1)[:, at, :, at].swapaxes(0, 1)
     without, gamma = walks.log_likelihood(squares[:, :, 0, 0]), np.zeros(q)
     step = without.argmax(axis=0) * 0
     for _ in range(3):

@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import special
+from scipy import sparse, special
 
 from fitter.arrays import FloatArray, IntArray
 from procedures.attitude.trace.levels import stretches
@@ -102,6 +102,5 @@ def _walk(left: FloatArray, by: Expected) -> FloatArray:
 
 def _sums(noise: FloatArray, stretch: IntArray) -> FloatArray:
     """(2, q) sum of squares, and sum of squared sums over stretches, of each column of `noise` (n, q)."""
-    by_stretch = np.zeros((int(stretch.max()) + 1, noise.shape[1]))
-    np.add.at(by_stretch, stretch, noise)
-    return np.stack([np.sum(noise**2, axis=0), np.sum(by_stretch**2, axis=0)])
+    member = sparse.csr_array((np.ones(len(noise)), (stretch, np.arange(len(noise)))))
+    return np.stack([np.sum(noise**2, axis=0), np.sum(np.asarray(member @ noise) ** 2, axis=0)])

@@ -138,7 +138,7 @@ def lag(scene: TableScene, name: str) -> Terms:
     if not np.any(gap > 0):
         return ()
     constants = np.geomspace(0.5 * float(np.median(gap[gap > 0])), float(np.ptp(t)) / 3.0, LAGS)
-    session = scene.covariates.get(BLOCK, np.zeros(len(t)))
+    session = _session(scene)
     breaks = interruptions(session, MOST_INTERRUPTIONS)
 
     def at(tau: float) -> TableTerm:
@@ -156,6 +156,14 @@ def lag(scene: TableScene, name: str) -> Terms:
 def of_start(label: str) -> bool:
     """Whether a column of `lag` is what was remembered at the start of a later session: no part of the effect."""
     return label.startswith(f"({BLOCK} == ")
+
+
+def _session(scene: TableScene) -> FloatArray:
+    """(n,) number of the session of each row, whether it is a number or a grouping; zero if it is unknown."""
+    group = scene.groups.get(BLOCK)
+    if group is not None and all(level.isdecimal() for level in group.levels):
+        return np.array([float(level) for level in group.levels])[group.index]
+    return scene.covariates.get(BLOCK, np.zeros(scene.n))
 
 
 def interruptions(block: FloatArray | None, most: int) -> Sequence[int]:

@@ -20,6 +20,8 @@ from procedures.general.trace.rivalry import Rivalry
 from procedures.general.trace.shared import Shared
 
 SMALL, FOLDS, BLOCKS, SEED = 12, 5, 20, 5
+SHARING = "groups with an error in common"
+"""Groups left out in turn: whole plots, or replications."""
 FEWEST_SPARE = 3
 
 
@@ -68,7 +70,7 @@ def _folds(problem: Problem, at: int) -> tuple[IntArray, str]:
         group = problem.noise.group
         count = int(group.max()) + 1
         dealt = rng.permutation(np.arange(count) % min(count, 2 * FOLDS))
-        return dealt[group].astype(np.int64), "whole plots or replications"
+        return dealt[group].astype(np.int64), SHARING
     if n <= SMALL:
         return np.arange(n), "single rows"
     folds = FOLDS if n > 60 else 2 * FOLDS

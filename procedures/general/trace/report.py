@@ -11,7 +11,7 @@ from fitter.arrays import FloatArray
 from fitter.effects.noise import AUTOCORRELATION
 from fitter.linear import orthonormal
 from fitter.trace.aliases import DELTA
-from fitter.trace.doubts import MANY, beside_a_wander, several_causes
+from fitter.trace.doubts import MANY, beside_a_wander, by_chance, several_causes
 from fitter.trace.found import verdict
 from fitter.trace.not_kept import in_place_of
 from fitter.trace.search import names_of
@@ -20,7 +20,7 @@ from procedures.general.effects import TableEffect
 from procedures.general.effects.of_others import GROUP_GAIN, GROUP_OFFSET
 from procedures.general.swept import all_swept, functions_alike, swept_once
 from procedures.general.trace.both import Both
-from procedures.general.trace.cross import left_out
+from procedures.general.trace.cross import SHARING, left_out
 from procedures.general.trace.drawn import drawn_instead
 from procedures.general.trace.estimate import Estimate, estimate, strata_of
 from procedures.general.trace.findings import noise_findings
@@ -77,8 +77,8 @@ def trace_general(data: TableData) -> TableTrace:
             rest=rest,
             doubtful=any(effect.doubtful for effect in effects),
         ),
-        before=TableSide(before, cv[0], pure[0], strata_of(judge, (), data.shared)),
-        after=TableSide(after, cv[1], pure[1], strata_of(judge, chosen, data.shared)),
+        before=TableSide(before, cv[0], pure[0], strata_of(judge, (), data.shared), data.shares),
+        after=TableSide(after, cv[1], pure[1], strata_of(judge, chosen, data.shared), data.shares),
         effects=(*effects, *noise),
         unnamed=rest,
         instead=drawn_instead(nameless, tuple(effect.effect for effect in effects if effect.doubtful)),
@@ -86,7 +86,7 @@ def trace_general(data: TableData) -> TableTrace:
         y=data.y,
         variables=_variables(data) | _others(data),
         levels={name: g.levels for name, g in data.scene.groups.items()},
-        left_out=None if crossed is None else crossed[1],
+        left_out=None if crossed is None else data.shares if crossed[1] == SHARING else crossed[1],
         search=found,
     )
 
@@ -95,7 +95,7 @@ def _doubt(effect: FoundTableEffect, wandering: Collection[str]) -> str | None:
     """Reason for doubt about a name that leads every shape without a name, if there is one."""
     if effect.other_causes >= MANY:
         return several_causes(effect.other_causes + 1)
-    return beside_a_wander() if effect.effect in wandering else None
+    return beside_a_wander() if effect.effect in wandering else by_chance(effect.p_adjusted)
 
 
 def _variables(data: TableData) -> dict[str, FloatArray]:

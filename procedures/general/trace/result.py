@@ -65,12 +65,14 @@ class TableSide:
         cv_rms: rms error of rows left out of search and fit; None if too few would remain.
         sigma_pure: of rows that repeat one setting, with the effects removed; None without repeats.
         shared: standard deviations within and between whole plots, if the declared model has them.
+        shares: what these are called, "whole plots" or "replications".
     """
 
     fit: Estimate
     cv_rms: float | None
     sigma_pure: float | None
     shared: tuple[float, float] | None
+    shares: str = "whole plots"
 
     def rows(self) -> tuple[Row, ...]:
         """The same in the form of every kind of run, with the keys of other kinds as null."""
@@ -90,8 +92,8 @@ class TableSide:
                 "of rows that repeat one setting",
                 "no model of the settings can go below it; after: what the effects make of them taken out",
             ),
-            _row("sigma_subplot", within, "within whole plots", "by restricted maximum likelihood"),
-            _row("sigma_wholeplot", between, "between whole plots", "of the error that rows of a whole plot share"),
+            _row("sigma_subplot", within, f"within {self.shares}", "by restricted maximum likelihood"),
+            _row("sigma_wholeplot", between, f"between {self.shares}", "of the error that their rows share"),
             *absent(("sigma_replicate", "reading_error_pct")),
             _row("cv_rms", self.cv_rms, "left-out error", "rms error at rows that were left out of search and fit"),
         )

@@ -50,6 +50,7 @@ class TableData:
         tails: (n, k) rounding errors of the doubles in `columns`.
         scene: roles of the other columns.
         shared: (n,) whole plot or replication with an error in the declared model; None without.
+        shares: what these are called, "whole plots" or "replications".
         points: (n,) groups of rows that repeat one setting; None without settings.
         order_unknown: whether rows are sorted by a setting and their order of measurement is unknown: neighbours may be
             correlated, but effects of time cannot be tested.
@@ -69,6 +70,7 @@ class TableData:
     order_unknown: bool = False
     numbers: IntArray | None = None
     sensors: int = 1
+    shares: str = "whole plots"
 
     @property
     def rows(self) -> list[int]:

@@ -14,7 +14,7 @@ from fitter.effects.entry import Entry
 from fitter.formula import Formula
 from fitter.linear import orthonormal
 from fitter.trace.aliases import Rival, separation
-from fitter.trace.doubts import MANY, another_law, error_rises, one_apart, several_causes, something_left
+from fitter.trace.doubts import MANY, another_law, by_chance, error_rises, one_apart, several_causes, something_left
 from fitter.trace.found import Unnamed, verdict
 from fitter.trace.lines import CLEAR
 from fitter.trace.not_kept import NotKept, for_others, left_to_whole_plots
@@ -174,7 +174,9 @@ def _doubt(finding: Finding, effect: FoundPressureEffect, i: int) -> str | None:
     """
     every = (_doubt_in(finding, effect.effect, k) for k in (i, *range(len(finding.judge.problem.sensors))))
     said = next((text for text in every if text is not None), _alike_laws(finding, effect.effect))
-    return error_rises() if said is None and _stays_in(finding, effect, i) else said
+    if said is None and _stays_in(finding, effect, i):
+        return error_rises()
+    return said or by_chance(effect.p_adjusted)
 
 
 def _alike_laws(finding: Finding, name: str) -> str | None:

@@ -221,7 +221,7 @@ function showReadings(readings) {
   rows(at("readings"), readings.rows.map((row) => {
     const [what, unit] = split(row.name);
     const digits = decimals(row.sd, row.mean);
-    const title = row.kind === "reference" ? `${what} (reference)` : row.kind === "chamber" ? `${what} (chamber)` : what;
+    const title = row.kind === "reference" ? `${what} (reference)` : row.kind === "chamber" ? `${what} (controller)` : what;
     return [title, n(fixed(row.mean, digits)), unit, n(isNumber(row.sd) ? row.sd.toPrecision(2) : "\u2013"), { ...n(row.kind === "chamber" ? "\u2013" : String(row.n)), className: "count" }];
   }));
 }
