@@ -68,6 +68,20 @@ def test_what_one_person_does_is_said():
     assert [one.where.split(", ")[-1] for one in result.unnamed] == ["in the rows whose who is 1"]
 
 
+def test_a_name_that_only_one_person_earns_is_doubtful():
+    """A large saw tooth over the dial for one of three whose names are a column of text: a sure period before."""
+    rng = np.random.default_rng(5)
+    who = rng.permutation(np.resize(np.arange(3), 60)).repeat(2)
+    x = rng.uniform(0.0, 10.0, who.size)
+    tooth = np.where(who == 1, 9.0 * (np.round(x / 1.4) * 1.4 - x), 0.0)
+    columns = {"x": x, "t_s": 60.0 * np.arange(who.size), "y": 3.0 + 2.0 * x + tooth + rng.standard_normal(who.size)}
+    text = {"reader": np.array(["Ada", "Bo", "Cy"])[who]}
+    table = Table("table.csv", columns, simulated=True, provenance={}, text=text)
+    result = trace_general(roles_of(table, Roles(response="y", formula="1 + x", time="t_s"))[0])
+    (period,) = [e for e in result.effects if e.effect == "periodic:x"]
+    assert "changes with reader" in (period.doubtful or "")
+
+
 def test_noise_of_one_person_is_no_shape():
     """Four times the others' noise with long tails: limit 1 % of tables."""
     rng = np.random.default_rng(8)
@@ -139,3 +153,12 @@ def test_a_tenth_of_a_degree_within_whole_plots_counts():
     outputs = {ONE: data.outputs[ONE] + 0.3 * moved}
     warmer = replace(data, sensor_temperature_degC=data.sensor_temperature_degC + moved, outputs=outputs)
     assert trace_whole_plots(warmer, validate=False).sensors[ONE].verdict == "nothing to add"
+
+
+def test_one_whole_plot_that_is_off_is_no_sure_name():
+    """At an end of a temperature that was visited once it is a knee as well: that was named without a mark."""
+    for seed in (71005, 71029):
+        data = simulate(Bench(apart_mV=0.2), Run(), seed)
+        named = [e for e in trace_whole_plots(data, validate=False).sensors[ONE].effects if e.stratum != "noise"]
+        assert [e.effect for e in named] == ["offset-knee"]
+        assert "one whole plot" in (named[0].doubtful or "")

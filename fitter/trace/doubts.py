@@ -91,6 +91,11 @@ def several_causes(count: int) -> str:
     return f"{count} causes explain these data alike, and a cause that is not listed may do so too"
 
 
+def one_apart() -> str:
+    """One whole plot that is off explains as much as a name."""
+    return "one whole plot that is off by itself explains as much: nothing else shows it"
+
+
 def error_rises() -> str:
     """Sentence about an effect with which the error of a sensor is larger."""
     return "the error of all strata is larger with it than with the declared model alone: it is not taken out"

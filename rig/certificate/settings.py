@@ -78,11 +78,12 @@ class DecisionSettings(Strict):
     @property
     def words(self) -> str:
         """The rule, for people."""
-        band = f"{self.factor:g} times the expanded uncertainty"
+        side = "inside" if self.factor >= 0.0 else "outside"
+        band = f"{side} the tolerance by {abs(self.factor):g} times the expanded uncertainty"
         ends = "pass or fail" if self.binary else "conditional statements within the band on either side of a limit"
         return {
             "simple": "simple acceptance: a value inside the tolerance passes (JCGM 106, 8.2)",
-            "guard-band": f"acceptance limits inside the tolerance by {band}; {ends} (JCGM 106, 8.3)",
+            "guard-band": f"acceptance limits {band}; {ends} (JCGM 106, 8.3)",
             "probability": f"a pass needs a probability of conformity of {100 * self.probability:g} % at least, a "
             f"fail a probability of nonconformity of as much (JCGM 106, 7)",
             "shared-risk": f"simple acceptance where the expanded uncertainty is at most {self.largest_share:.2g} of "

@@ -90,7 +90,7 @@ def _variables(data: TableData) -> dict[str, FloatArray]:
         found[f"with {scene.time.name}"] = waves(scene.time.values, ENDS)
     if scene.direction is not None:
         found[f"with {scene.direction[0]}"] = np.asarray(scene.direction[1], np.float64)[:, None]
-    for name, group in scene.groups.items():
+    for name, group in {**scene.groups, **scene.labels}.items():
         if 1 < len(group.levels) <= n // TO_A_LEVEL:
             found[f"with {name}"] = group.indicators[:, 1:]
     if data.shared is not None and 0 < (most := int(data.shared.max())) < n // TO_A_LEVEL:

@@ -15,6 +15,7 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.trace.among_alike import Alike, Shape, Shapes
+from fitter.trace.chance import ALPHA
 from fitter.trace.flexible import waves
 from fitter.trace.found import Unnamed
 from procedures.pressure.effects.scene import PressureScene
@@ -23,7 +24,7 @@ from procedures.pressure.trace.problem import Problem
 from procedures.pressure.trace.score import beside
 
 LEVEL = 0.015
-"""Of false alarms, over all transducers and places."""
+"""Of false alarms, over all transducers and places; a finding about the noise has the level of all of these."""
 AT = (int(np.flatnonzero(RHO == 0.5)[0]),)
 """Correlation of neighbours at which chance has to be as rare."""
 RUN, SMOOTH, TEMPERATURE, BOTH, BEFORE = 8, 4, 5, 3, 4
@@ -82,7 +83,7 @@ def courses(problem: Problem, scene: PressureScene, chosen: tuple[int, ...]) -> 
 
     def clearest(i: int, series: FloatArray, times: int) -> Shape | None:
         one = shapes_of(i).clearest(series, AT, SEED)
-        if one is None or min(one.p, one.p_independent) * times >= LEVEL:
+        if one is None or (one.p * times >= LEVEL and one.p_independent * times >= ALPHA):
             return None
         return Shape(one.at, min(one.p * times, 1.0), one.p_independent * times, one.share)
 

@@ -14,7 +14,7 @@ from fitter.effects.entry import Entry
 from fitter.formula import Formula
 from fitter.linear import orthonormal
 from fitter.trace.aliases import Rival, separation
-from fitter.trace.doubts import MANY, another_law, by_chance, error_rises, several_causes, something_left
+from fitter.trace.doubts import MANY, another_law, by_chance, error_rises, one_apart, several_causes, something_left
 from fitter.trace.found import Unnamed, verdict
 from fitter.trace.lines import CLEAR
 from fitter.trace.not_kept import NotKept, for_others, left_to_whole_plots
@@ -187,6 +187,8 @@ def _alike_laws(finding: Finding, name: str) -> str | None:
         return several_causes(len(rivals) + 1)
     own = next(c.effect for c in candidates if c.effect.name == name)
     effects = [candidates[rival.terms[0]].effect for rival in rivals]
+    if any(effect.of_noise for effect in effects) and not own.of_noise:
+        return one_apart()
     corners = [effect.name for effect in effects if effect.searched and effect.source == "temperature"]
     return another_law(corners[0]) if corners and not own.searched and name not in QUADRATIC else None
 
