@@ -292,5 +292,5 @@ def test_two_names_that_one_sensor_does_not_tell_apart_are_doubtful():
     folder = Path(proving.strangers.__file__).parent / "sixth"
     made = made_of(load(folder), "attitude", ("own_square",), 2, 2.0)
     found = {e["effect"]: e["doubtful"] for e in traced(made, left_out=False)["sensors"]["x_V"]["effects"]}
-    assert "x_V alone" in found["voltmeter-nonlinearity"]
-    assert "x_V alone" in found["sensor-second-order"]
+    assert "in x_V, sensor-second-order has the shape" in found["voltmeter-nonlinearity"]
+    assert "in x_V, sensor-second-order has the shape" in found["sensor-second-order"]

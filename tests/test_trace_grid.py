@@ -30,7 +30,7 @@ def test_a_gear_of_ten_teeth_is_named_an_ellipse_of_the_scale_and_said_as_its_al
     assert "a gear error of 10 a turn" in effect.separate_by
     beside = [e.effect for e in sensor.effects if e is not effect]
     assert beside == ["sensor-third-order"], "what an effect this large leaves has its shape"
-    assert "sensor-third-order has its shape" in effect.doubtful
+    assert "sensor-third-order has the shape" in effect.doubtful
 
 
 def test_what_the_grid_hides(run):

@@ -109,4 +109,4 @@ def beside_a_wander() -> str:
 def two_sizes(names: Sequence[str], sensor: str) -> str:
     """Sentence about a cause of all sensors beside one of a single sensor that has the same shape there."""
     wide, own = names
-    return f"{wide} has one size for all sensors, and {sensor} alone, where {own} has its shape, asks for another size"
+    return f"in {sensor}, {own} has the shape of {wide}: this sensor asks for another size than {wide} has"
