@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from test_inverse import volts
 
+from fitter import RankError
 from procedures.attitude.data import AttitudeData
 from procedures.attitude.fit import fit_attitude
 from procedures.attitude.infer import AttitudeCalibration, calibrate_package, infer_attitude
@@ -65,6 +66,19 @@ def test_what_a_trace_found_is_applied(traced):
         assert in_roll.max() < 6
         _, _, before = worst(without, degC)
         assert np.abs(error).max() < 0.02 * np.abs(before).max()
+
+
+def test_an_effect_that_one_sensor_does_not_tell_from_another_is_left_to_it(traced):
+    """Three sensors told the square of a voltmeter from one of a sensor, and the calibration of each had no rank."""
+    data = traced[0]
+    square = {"x_V": (np.sin(np.radians(data.pitch_deg)) ** 2)}
+    both = {"voltmeter-nonlinearity": square, "sensor-second-order": {"x_V": 0.4 * square["x_V"]}}
+    with pytest.raises(RankError, match="cannot tell apart"):
+        calibrate_package(data, effects=both)
+    merged = calibrate_package(data, effects=both, merge=True)
+    assert any("tell it: sensor-second-order of x_V" in note for note in merged.notes)
+    alone = calibrate_package(data, effects={"voltmeter-nonlinearity": square})
+    np.testing.assert_allclose(merged.sigma_V, alone.sigma_V, rtol=1e-12)
 
 
 def test_temperature_as_part_of_the_model(traced):

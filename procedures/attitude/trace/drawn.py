@@ -61,7 +61,7 @@ def drawn_period(nameless: Nameless, found: Line, i: int) -> Shape | None:
         at, period, unit = count, found.period, "readings"
     else:
         at, period, unit = data.elapsed_s / 60.0, found.period / 60.0, "min"
-    level: Level = "points" if problem.levels.df("points") > 0 else "declared"
+    level = problem.levels.of_error
     period, phase = folded(nameless.view(level).outputs[i], at, period)
     columns = turns(360.0 * phase / period, HARMONICS)
     block = Block(found.where, columns, (columns.shape[1],), np.repeat(np.arange(1.0, columns.shape[1] // 2 + 1), 2))

@@ -78,7 +78,7 @@ def estimate(problem: Problem, chosen: tuple[int, ...], left_in: Sequence[LeftIn
 def _estimate(problem: Problem, chosen: tuple[int, ...]) -> Estimate:
     together = _estimate_at(problem, chosen, "declared")
     p = [table.drift.p for table in together.tables]
-    drifts = any(value * len(p) < DRIFTS for value in p)
+    drifts = not all(value * len(p) >= DRIFTS for value in p)  # NaN: no point is visited twice, nothing denies it
     if not chosen or not drifts or not _left(problem, chosen):
         return together
     return _estimate_at(problem, chosen, "replications")

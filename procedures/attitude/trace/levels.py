@@ -25,6 +25,8 @@ from procedures.attitude.trace.walks import Walks, walks_of
 
 Level = Literal["declared", "replications", "points"]
 LEVELS: tuple[Level, ...] = ("declared", "replications", "points")
+COINCIDENCE = 10
+"""Degrees of freedom within replications for each of points visited again, from which such visits are coincidences."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +60,16 @@ class Levels:
     def n_points(self) -> int:
         """K, number of points of the design."""
         return int(self.point.max()) + 1
+
+    @property
+    def of_error(self) -> Level:
+        """The level with the error of a reading: points that are visited again, else each replication beside its fit.
+
+        Where no point is visited twice, or a few by coincidence, a residual of the declared model would have the
+        replications' own offsets in it, and hide every effect that is smaller.
+        """
+        again = self.df("points")
+        return "points" if again > 0 and COINCIDENCE * again >= self.df("replications") else "replications"
 
     def df(self, level: Level) -> int:
         """Remaining degrees of freedom at a level."""

@@ -143,7 +143,7 @@ class Nameless:
     def lines(self) -> tuple[Line | None, ...]:
         """The most significant period in each sensor's residual, with p over all sensors."""
         problem, data = self.problem, self.problem.scene.data
-        level: Level = "points" if problem.levels.df("points") > 0 else "declared"
+        level = problem.levels.of_error
         if not self.able:
             return (None,) * len(problem.sensors)
         left = self.view(level).outputs

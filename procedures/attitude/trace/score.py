@@ -54,9 +54,9 @@ class Scores:
 def errors(problem: Problem, chosen: Sequence[int]) -> FloatArray:
     """(S,) point-by-replication standard error of each sensor beside the `chosen` candidates, V.
 
-    Without replications the residual of the model replaces it.
+    Where no point is visited twice, the residual of each replication's own fit replaces it.
     """
-    level: Level = "points" if problem.levels.df("points") > 0 else "declared"
+    level = problem.levels.of_error
     known, picked = problem.products[level], np.array(chosen, np.int64)
     left, df = known.square.copy(), np.full(len(problem.sensors), float(problem.levels.df(level)))
     if picked.size:
