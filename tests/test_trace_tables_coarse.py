@@ -67,7 +67,7 @@ def traced():
 
 def test_a_trace_names_who_rounds_without_being_told_that_there_are_people():
     found, notes = traced()
-    assert notes == ("who holds text: no effect of it was tested, only shapes without a name; --group who",)
+    assert notes == ("who holds text: its 3 levels are taken for a group; --ignore who if not",)
     rounds = next(one for one in found.effects if one.effect == "quantisation")
     assert rounds.cause.startswith("y is rounded to a coarse step where who is Ben")
     assert rounds.coefficients[0] == pytest.approx(4.1, rel=0.01)

@@ -144,12 +144,14 @@ def test_a_groups_size_is_the_difference_of_its_levels_and_text_is_not_passed_ov
     (effect,) = result.trace.added
     apart = np.ptp([0.0, *effect.coefficients])
     assert f"levels up to {apart:.3g} apart" in effect.size
-    silent, _ = traced({"x": x, "y": y}, {"batch": batch}, response="y", formula="1 + x")
-    found = silent.to_json()["sensors"]["y"]
-    assert any(
-        "batch holds text: no effect of it was tested, only shapes without a name; --group batch" in note
-        for note in found["notes"]
-    )
+    undeclared, _ = traced({"x": x, "y": y}, {"batch": batch}, response="y", formula="1 + x")
+    found = undeclared.to_json()["sensors"]["y"]
+    assert "batch holds text: its 3 levels are taken for a group; --ignore batch if not" in found["notes"]
+    assert [one["effect"] for one in found["effects"]] == ["group-offset:batch"]
+    many = np.array([f"lot {k}" for k in rng.permutation(np.repeat(np.arange(30), 2))])
+    silent, _ = traced({"x": x, "y": y}, {"lot": many}, response="y", formula="1 + x")
+    notes = silent.to_json()["sensors"]["y"]["notes"]
+    assert "lot holds text: no effect of it was tested, only shapes without a name; --group lot" in notes
     assert found["roles"]["settings"] == ["x"]
     assert found["roles"]["covariates"] == []
     assert "batch" not in " ".join(result.taken)

@@ -27,6 +27,9 @@ from procedures.general.order import Parts, alike, identities, time_of
 from procedures.general.trace import TableData
 from procedures.table import Reader, Table
 
+MOST_LEVELS, ROWS_A_LEVEL = 8, 6
+"""Levels at most, and rows for each at least, of a column of text that is taken for a group without being declared."""
+
 
 @dataclass(frozen=True)
 class Roles:
@@ -135,6 +138,8 @@ def _roles(table: Table, roles: Roles, formula: Formula, response: Formula) -> t
     if len(y) <= len(names):
         raise FitError(f"{len(y)} rows are not enough for {len(names)} coefficients and an error")
     read = _read_by_reference(parts.settings, table)
+    unused = _unused_text(table, roles, (*formula.names, *response.names))
+    few = _few_levels(table, unused)
     scene = TableScene(
         settings={
             **_settings(formula, columns),
@@ -142,7 +147,7 @@ def _roles(table: Table, roles: Roles, formula: Formula, response: Formula) -> t
         },
         covariates={n: columns[n] for n in free if np.ptp(columns[n]) > 0 and n not in read.values()},
         groups={
-            **{name: _grouping(columns[name], declared=False) for name in roles.group},
+            **{name: _grouping(columns[name], declared=False) for name in (*roles.group, *few)},
             **{c.name: _grouping(columns[c.name], declared=True) for term in formula.terms for c in term.categories},
         },
         time=time,
@@ -150,8 +155,7 @@ def _roles(table: Table, roles: Roles, formula: Formula, response: Formula) -> t
         speed=_speed(roles, parts.settings, columns),
         setpoints={name: np.asarray(columns[setpoint], np.float64) for name, setpoint in read.items()},
     )
-    unused = _unused_text(table, roles, (*formula.names, *response.names))
-    labels = {name: _grouping(columns[name], declared=False) for name in _levels(table, unused)}
+    labels = {name: _grouping(columns[name], declared=False) for name in _levels(table, unused) if name not in few}
     scene = replace(scene, own=tuple(_testable(scene, roles.own, notes)), labels=labels)
     notes.extend(_not_looked_at(table, unused))
     shared = roles.whole_plot or ((roles.replicate,) if roles.replicate else ())
@@ -219,12 +223,19 @@ def _levels(table: Table, unused: Mapping[str, int]) -> list[str]:
     return [n for n, count in unused.items() if 2 * count <= len(table) and not is_clock(table.text[n].tolist())]
 
 
+def _few_levels(table: Table, unused: Mapping[str, int]) -> list[str]:
+    """Those of few levels and many rows, such as two operators: they are groups that nobody declared."""
+    return [n for n in _levels(table, unused) if unused[n] <= MOST_LEVELS and ROWS_A_LEVEL * unused[n] <= len(table)]
+
+
 def _not_looked_at(table: Table, unused: Mapping[str, int]) -> list[str]:
     """A sentence about each unused column of text that differs between rows."""
     found = []
     for name in unused:
         if is_clock(table.text[name].tolist()):
             found.append(f"{name} holds text and was not looked at; --time {name} if it is the time")
+        elif name in _few_levels(table, unused):
+            found.append(f"{name} holds text: its {unused[name]} levels are taken for a group; --ignore {name} if not")
         elif name in _levels(table, unused):
             found.append(f"{name} holds text: no effect of it was tested, only shapes without a name; --group {name}")
         else:
