@@ -78,8 +78,10 @@ class Nameless:
 
     @cached_property
     def places(self) -> tuple[Place, ...]:
-        """All places for a remainder."""
-        return places_of(self.problem.scene)
+        """All places for a remainder; where no point is visited twice, none is within points."""
+        level = self.problem.levels.of_error
+        every = places_of(self.problem.scene)
+        return tuple(replace(one, level=level) if one.level == "points" else one for one in every)
 
     @cached_property
     def sigma(self) -> FloatArray:
@@ -107,7 +109,7 @@ class Nameless:
     @cached_property
     def memory(self) -> FloatArray:
         """(S,) correlation of neighbouring rows where it is clear, else zero."""
-        return _memory(self.problem, self.view("points").outputs)
+        return _memory(self.problem, self.view(self.problem.levels.of_error).outputs)
 
     @cached_property
     def left(self) -> tuple[Left, ...]:
@@ -302,7 +304,7 @@ class Nameless:
         n = len(self.problem.scene.data)
         ys = list(y.reshape(-1, n))
         xs = list(columns.reshape(len(ys), n, -1))
-        spread = SPREAD if level == "points" else 1.0
+        spread = SPREAD if level == self.problem.levels.of_error else 1.0
         ratio = likelihood_ratio(self.problem.levels.walks(level), ys, xs, spread)
         return float(special.chdtrc(columns.shape[1], max(ratio, 0.0)))
 

@@ -24,12 +24,12 @@ from procedures.attitude.trace.wander import walk_evidence
 
 def noise_findings(problem: Problem, after: Estimate, i: int) -> tuple[Found, ...]:
     """Findings about noise in the residual of sensor `i` with the effects."""
-    if problem.levels.df("points") <= 0:
+    if problem.levels.df(problem.levels.of_error) <= 0:
         return ()
     sigma = errors(problem, after.chosen)
     if sigma[i] <= 10 * rounding(problem)[i]:
         return ()
-    left = whiten(problem, "points", after.chosen, sigma).outputs[i]
+    left = whiten(problem, problem.levels.of_error, after.chosen, sigma).outputs[i]
     # with a random walk squared residuals are not independent
     found = _walk(problem, left, float(sigma[i]), i) or _growth(problem, after, left, float(sigma[i]), i)
     return () if found is None else (found,)

@@ -199,12 +199,13 @@ def _walks_within(problem: Problem, chosen: tuple[int, ...], tested: IntArray, s
     change while the run pauses between replications.
     """
     out = np.zeros((VARIANCES.size, *share.shape))
-    if not tested.size or problem.levels.df("points") <= 0:
+    if not tested.size or problem.levels.df(problem.levels.of_error) <= 0:
         return out
-    walks, each = problem.levels.walks("points"), len(problem.scene.data) / len(problem.own)
+    level = problem.levels.of_error
+    walks, each = problem.levels.walks(level), len(problem.scene.data) / len(problem.own)
     step = np.log(VARIANCES[1:, None] / np.maximum(share, IS_OFFSET)[:, None] / each**2)
     known = np.log([STEPS[1] / SLOWEST, *STEPS[1:]])
-    white = whiten(problem, "points", chosen, errors(problem, chosen), tested.tolist())
+    white = whiten(problem, level, chosen, errors(problem, chosen), tested.tolist())
     length2 = np.maximum(np.sum(white.columns**2, axis=(0, 1)), np.finfo(float).tiny)
     fitted = np.einsum("snq,sn->q", white.columns, white.outputs) / length2
     for s, left in enumerate(white.outputs[:, :, None] - white.columns * fitted):

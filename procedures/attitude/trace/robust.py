@@ -43,7 +43,7 @@ def second_thoughts(problem: Problem, chosen: tuple[int, ...], u: int, scores: S
     gamma = inverse(products, length2) @ d
     own = np.einsum("snj,sn->nj", columns, white.outputs - columns @ gamma)
     meats = [own.T @ own]
-    if level == "points":
+    if level == problem.levels.of_error:
         by_stretch = np.zeros((int(problem.levels.stretch.max()) + 1, len(unit)))
         np.add.at(by_stretch, problem.levels.stretch, own)
         meats.append(by_stretch.T @ by_stretch)
@@ -52,11 +52,11 @@ def second_thoughts(problem: Problem, chosen: tuple[int, ...], u: int, scores: S
         meats.append(products * plain + walked(problem, columns))
     f = min(scores.f[u], *(float(d @ inverse(meat, length2, rank) @ d) / rank for meat in meats))
     p = float(special.fdtrc(rank, scores.df[u], max(f, 0.0)))
-    if p > critical or problem.levels.df("points") <= 0:
+    if p > critical or problem.levels.df(level) <= 0:
         return p
     moved = np.flatnonzero(np.any(columns != 0, axis=(1, 2)))
     # a shape that repeats in every replication is not a random walk, even if it is smooth in time
-    spread = SPREAD if level == "points" else 1.0
+    spread = SPREAD if level == problem.levels.of_error else 1.0
     ratio = likelihood_ratio(problem.levels.walks(level), list(white.outputs[moved]), list(columns[moved]), spread)
     return max(p, float(special.chdtrc(rank, max(ratio, 0.0))))
 

@@ -35,7 +35,7 @@ SEED = 1
 
 @dataclass(frozen=True, eq=False)
 class Expected:
-    """Remainders of white noise and of a random walk, both of unit size, at the level "points".
+    """Remainders of white noise and of a random walk, both of unit size, at the level of the error.
 
     Attributes:
         stretch: (n,) index of each row's stretch.
@@ -57,7 +57,7 @@ def expected(problem: Problem) -> Expected | None:
     """
     data, rng = problem.scene.data, np.random.default_rng(SEED)
     each = len(data) // data.replicates.size
-    if problem.levels.df("points") <= 0 or each < SHORTEST:
+    if problem.levels.df(problem.levels.of_error) <= 0 or each < SHORTEST:
         return None
     stretch = stretches(data, min(OBSERVATIONS, each // STRETCHES))
     white, walk = list[FloatArray](), list[FloatArray]()
@@ -65,7 +65,7 @@ def expected(problem: Problem) -> Expected | None:
         noise = rng.standard_normal((2, len(data), AT_ONCE))
         noise[1, problem.levels.executed] = np.cumsum(noise[1], axis=0)
         for out, one in zip((white, walk), noise, strict=True):
-            out.append(_sums(problem.levels.leave(one, "points"), stretch))
+            out.append(_sums(problem.levels.leave(one, problem.levels.of_error), stretch))
     sums = np.concatenate(white, axis=1)
     ratio = sums[1] / sums[0]
     return Expected(stretch, sums.mean(axis=1), np.mean(walk, axis=(0, 2)), float(ratio.std(ddof=1)))
@@ -73,7 +73,7 @@ def expected(problem: Problem) -> Expected | None:
 
 def with_wander(problem: Problem, chosen: tuple[int, ...], by: Expected) -> Problem:
     """The problem with the remaining random walk of each sensor beside the `chosen` candidates, if any."""
-    left = whiten(problem, "points", chosen, errors(problem, chosen)).outputs
+    left = whiten(problem, problem.levels.of_error, chosen, errors(problem, chosen)).outputs
     return replace(problem, wander=_walk(left, by))
 
 
@@ -83,9 +83,9 @@ def walk_evidence(problem: Problem, left: FloatArray) -> tuple[float, float]:
 
     Args:
         problem: the run.
-        left: (n,) the residual at the level "points".
+        left: (n,) the residual at the level of the error.
     """
-    walks = problem.levels.walks("points")
+    walks = problem.levels.walks(problem.levels.of_error)
     likelihood = walks.log_likelihood(walks.products(left[:, None])[:, 0, 0])
     best = int(np.argmax(likelihood))
     return 0.5 * float(special.chdtrc(1, 2.0 * (likelihood[best] - likelihood[0]))), STEPS[best]
