@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from procedures.attitude.effects.head import periods
+from procedures.attitude.effects.gears import periods
 from procedures.attitude.effects.thermal import lagged
 from procedures.attitude.trace import trace
 from proving.truth.attitude import D1, Bench, simulate

@@ -10,14 +10,13 @@ The order is the order of preference among equally good explanations: simplest a
 """
 
 from procedures.attitude.effects.effect import Effect
+from procedures.attitude.effects.gears import GEAR_PITCH, GEAR_ROLL
 from procedures.attitude.effects.head import (
     AXES_NOT_SQUARE,
     BACKLASH_PITCH,
     BACKLASH_ROLL,
     BACKLASH_TEMPERATURE,
     CABLE,
-    GEAR_PITCH,
-    GEAR_ROLL,
     HEAD_ONCE,
     HEAD_TILT,
     HEAD_TWICE,

@@ -15,7 +15,6 @@ from fitter.effects.entry import Alias, Largest, Signed
 from fitter.effects.hands import resized_by
 from fitter.effects.sizes import amplitude, arcsec, each
 from procedures.attitude.data import AttitudeData
-from procedures.attitude.data import settings as settings_of
 from procedures.attitude.effects.effect import Effect, Term, fixed
 from procedures.attitude.effects.hands import OTHER_CABLE
 from procedures.attitude.effects.scene import Scene
@@ -32,18 +31,8 @@ _REMOUNTED = "remount the package turned by a known roll angle: an error of the 
 _LEVEL = "put a spirit level on the base of the head, and read its zero against an autocollimator"
 _DEGREE = np.radians(1.0)
 
-_ONE_DEGREE = Largest(1.0, "1 deg")
+ONE_DEGREE = Largest(1.0, "1 deg")
 """Heads and gears that are worth a calibration are hundreds of times better: docs/trace.md."""
-
-FEWEST_TEETH = 3
-"""Periods a turn of a gear or a scale, at least: fewer are an eccentric or an elliptic one, which have their names."""
-MOST_TEETH = 180.0
-"""Periods a turn that are searched, at most: those of a grid of 1 deg. Angles that were never visited twice would tell
-thousands, and a search of so many takes hours."""
-UNEVEN = 0.05
-"""Part of the median step: angles with a step that is no multiple of it within this are no grid."""
-NEARLY = 0.05
-"""Part of half a turn that may lack where it counts as visited."""
 
 Error = Callable[[Scene], FloatArray]
 
@@ -58,7 +47,7 @@ def roll_error(name: str, error: Error, group: str = "") -> Term:
     return Term(f"dv/droll*{name}", lambda scene, sensor: scene.per_roll(sensor) * error(scene), group=group)
 
 
-def _waves(of: Callable[..., Term], angle: str, k: float) -> tuple[Term, Term]:
+def waves(of: Callable[..., Term], angle: str, k: float) -> tuple[Term, Term]:
     """Sine and cosine of k periods per turn in "pitch" or "roll", judged together."""
     text = angle if k == 1 else f"{k:g}*{angle}"
 
@@ -66,26 +55,6 @@ def _waves(of: Callable[..., Term], angle: str, k: float) -> tuple[Term, Term]:
         of(f"sin({text})", lambda scene: scene.turns(angle, k)[0], group=text),
         of(f"cos({text})", lambda scene: scene.turns(angle, k)[1], group=text),
     )
-
-
-def periods(angle_deg: FloatArray) -> tuple[float, ...]:
-    """Periods a turn that a search over the angles visited tries: whole numbers from three to `MOST_TEETH`.
-
-    Up to where half a period is one step of the design; errors of more periods look like one of fewer, of halves too
-    where a turn is no whole number of steps. Uneven steps have no such aliases; there half a period is the mean step.
-    Where less than a turn is visited, no closer than half a period over what is.
-    """
-    setting = settings_of(angle_deg)
-    at = np.bincount(setting, angle_deg) / np.bincount(setting)
-    if at.size < 5:
-        return ()
-    steps, turn = np.diff(at), float(at[-1] - at[0])
-    step = float(np.median(steps))
-    even = bool(np.all(np.abs(steps / step - np.rint(steps / step)) < UNEVEN))
-    step = step if even else turn / steps.size
-    spacing = max(0.5 if even and (360.0 / step) % 1.0 >= 1e-6 else 1.0, np.ceil(2 * 180.0 / turn - NEARLY) / 2)
-    tried = np.arange(spacing, min(180.0 / step, MOST_TEETH) + 1e-6, spacing)
-    return tuple(tried[tried >= FEWEST_TEETH].tolist())
 
 
 _PLAY = Signed(
@@ -111,7 +80,7 @@ BACKLASH_PITCH = Effect(
     against="pitch_deg",
     terms=fixed(pitch_error("(-side/2)", lambda scene: _late(scene.data.pitch_side))),
     signed=_PLAY,
-    largest=_ONE_DEGREE,
+    largest=ONE_DEGREE,
     separate_by=_BOTH_SIDES,
     usual_size="arc seconds, 1e-3 deg",
     known_aliases={
@@ -135,7 +104,7 @@ BACKLASH_ROLL = Effect(
     against="roll_deg",
     terms=fixed(roll_error("(-side/2)", lambda scene: _late(scene.data.roll_side))),
     signed=_PLAY,
-    largest=_ONE_DEGREE,
+    largest=ONE_DEGREE,
     separate_by=_BOTH_SIDES,
     usual_size="arc seconds, 1e-3 deg",
     known_aliases={"roll-head-once-per-turn": Alias("where every replication walks the same path", _BOTH_SIDES)},
@@ -152,8 +121,8 @@ HEAD_ONCE = Effect(
     unit="deg",
     size=amplitude,
     against="pitch_deg",
-    terms=fixed(*_waves(pitch_error, "pitch", 1)),
-    largest=_ONE_DEGREE,
+    terms=fixed(*waves(pitch_error, "pitch", 1)),
+    largest=ONE_DEGREE,
     separate_by="compare commands that share an attitude, (a, R) and (180 - a, R + 180), or two sensors on the head",
     usual_size="seconds of arc, 5e-4 deg",
     known_aliases={
@@ -178,8 +147,8 @@ HEAD_TWICE = Effect(
     unit="deg",
     size=amplitude,
     against="pitch_deg",
-    terms=fixed(*_waves(pitch_error, "pitch", 2)),
-    largest=_ONE_DEGREE,
+    terms=fixed(*waves(pitch_error, "pitch", 2)),
+    largest=ONE_DEGREE,
     separate_by=_OTHER_INDEX,
     usual_size="seconds of arc, 5e-4 deg",
     known_aliases={"sensor-third-order": Alias("the sine phase, for an x sensor by itself", _OTHER_INDEX)},
@@ -194,8 +163,8 @@ ROLL_HEAD_ONCE = Effect(
     unit="deg",
     size=amplitude,
     against="roll_deg",
-    terms=fixed(*_waves(roll_error, "roll", 1)),
-    largest=_ONE_DEGREE,
+    terms=fixed(*waves(roll_error, "roll", 1)),
+    largest=ONE_DEGREE,
     separate_by=_REMOUNTED,
     usual_size="seconds of arc, 5e-4 deg",
     known_aliases={"cross-axis": Alias("for a y or z sensor near zero pitch", _REMOUNTED)},
@@ -211,57 +180,14 @@ ROLL_HEAD_TWICE = Effect(
     unit="deg",
     size=amplitude,
     against="roll_deg",
-    terms=fixed(*_waves(roll_error, "roll", 2)),
-    largest=_ONE_DEGREE,
+    terms=fixed(*waves(roll_error, "roll", 2)),
+    largest=ONE_DEGREE,
     separate_by=_REMOUNTED,
     usual_size="seconds of arc, 5e-4 deg",
     known_aliases={"sensor-third-order": Alias("for a y or z sensor near zero pitch", _REMOUNTED)},
     needs=("roll",),
 )
 
-
-def _gear_terms(of: Callable[..., Term], angle: str) -> Callable[[AttitudeData], tuple[Term, ...]]:
-    def terms(data: AttitudeData) -> tuple[Term, ...]:
-        visited = data.pitch_deg if angle == "pitch" else data.roll_deg
-        return tuple(term for k in periods(visited) for term in _waves(of, angle, k))
-
-    return terms
-
-
-GEAR_PITCH = Effect(
-    name="gear-pitch",
-    cause="teeth of the gear or lines of the scale of the pitch axis: an error with so many periods a turn",
-    source="pitch axis",
-    scope="package",
-    stratum="between-point",
-    unit="deg",
-    size=amplitude,
-    against="pitch_deg",
-    terms=_gear_terms(pitch_error, "pitch"),
-    largest=_ONE_DEGREE,
-    separate_by="visit pitches between those of the design: the period of the teeth shows",
-    usual_size="seconds of arc, 3e-4 deg",
-    known_aliases={},
-    searched=True,
-)
-
-GEAR_ROLL = Effect(
-    name="gear-roll",
-    cause="teeth of the gear or lines of the scale of the roll axis: an error with so many periods a turn",
-    source="roll axis",
-    scope="package",
-    stratum="between-point",
-    unit="deg",
-    size=amplitude,
-    against="roll_deg",
-    terms=_gear_terms(roll_error, "roll"),
-    largest=_ONE_DEGREE,
-    separate_by="visit rolls between those of the design: the period of the teeth shows",
-    usual_size="seconds of arc, 3e-4 deg",
-    known_aliases={},
-    needs=("roll",),
-    searched=True,
-)
 
 INDEX_ERROR = Effect(
     name="index-error",
@@ -273,7 +199,7 @@ INDEX_ERROR = Effect(
     size=arcsec,
     against="pitch_deg",
     terms=fixed(pitch_error("1", lambda scene: np.ones(len(scene.data)))),
-    largest=_ONE_DEGREE,
+    largest=ONE_DEGREE,
     separate_by=_LEVEL,
     usual_size="1e-3 deg",
     known_aliases={},
@@ -300,7 +226,7 @@ HEAD_TILT = Effect(
     size=arcsec,
     against="roll_deg",
     terms=fixed(_sideways("m_y*cos(roll) - m_z*sin(roll)", lambda scene: np.ones(len(scene.data)))),
-    largest=_ONE_DEGREE,
+    largest=ONE_DEGREE,
     separate_by="put a spirit level along the pitch axis",
     usual_size="1e-3 deg",
     known_aliases={},
@@ -317,7 +243,7 @@ AXES_NOT_SQUARE = Effect(
     size=arcsec,
     against="pitch_deg",
     terms=fixed(_sideways("(m_z*sin(roll) - m_y*cos(roll))*sin(pitch)", lambda scene: -np.sin(scene.pitch))),
-    largest=_ONE_DEGREE,
+    largest=ONE_DEGREE,
     separate_by="sight the roll axis with an autocollimator while the pitch axis turns",
     usual_size="1e-3 deg",
     known_aliases={},
@@ -334,9 +260,9 @@ ROLL_WOBBLE = Effect(
     size=amplitude,
     against="roll_deg",
     terms=fixed(
-        *(term for k in (1, 2) for term in _waves(pitch_error, "roll", k)),
+        *(term for k in (1, 2) for term in waves(pitch_error, "roll", k)),
     ),
-    largest=_ONE_DEGREE,
+    largest=ONE_DEGREE,
     separate_by=_REMOUNTED,
     usual_size="seconds of arc, 3e-4 deg",
     known_aliases={},
@@ -400,7 +326,7 @@ CABLE = Effect(
         roll_error("roll/turn", lambda scene: scene.data.roll_deg / 360.0),
         pitch_error("roll/turn", lambda scene: scene.data.roll_deg / 360.0),
     ),
-    largest=_ONE_DEGREE,
+    largest=ONE_DEGREE,
     separate_by="free the cable, or lead it another way, and repeat a few points at both ends of the roll",
     usual_size="1e-3 deg/turn",
     known_aliases={},

@@ -13,7 +13,7 @@ import numpy as np
 from fitter.arrays import FloatArray
 from procedures.attitude.data import AttitudeData
 from procedures.attitude.data import settings as settings_of
-from procedures.attitude.effects.head import FEWEST_TEETH
+from procedures.attitude.effects.gears import FEWEST_TEETH
 
 _PERIODS = {
     "head-once-per-turn": ("pitch", 1),

@@ -53,7 +53,7 @@ class Expected:
 def expected(problem: Problem) -> Expected | None:
     """Simulate both kinds of noise through the projection that residuals went through.
 
-    None if no walk could be detected: without replications, or in very short ones.
+    None if no walk could be detected: without degrees of freedom, or in very short replications.
     """
     data, rng = problem.scene.data, np.random.default_rng(SEED)
     each = len(data) // data.replicates.size
