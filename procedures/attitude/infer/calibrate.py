@@ -19,7 +19,7 @@ from fitter.misfit import lacks_fit, reach_beside
 from fitter.replication import Replication, analyse, replication_spread
 from procedures.attitude.data import AttitudeData
 from procedures.attitude.effects import CATALOGUE
-from procedures.attitude.fit import drifting, moved_by
+from procedures.attitude.fit import drifting, drifting_together, moved_by
 from procedures.attitude.infer.calibration import AttitudeCalibration, Drift, with_roll
 from procedures.attitude.infer.misfit import Misfit
 from procedures.attitude.infer.sensor_model import SensorModel, Term
@@ -141,7 +141,7 @@ def calibrate_package(
             "nor in the intervals of angles"
         )
     covariance, drift = _joint(fits, maps, solvers, np.array(residuals)), None
-    if any(drifting(table) for table in tables):
+    if drifting_together(tables):
         drift = Drift(
             covariance=_as_it_drifts(covariance, spreads, models),
             df=len(spreads[0]) - 1,
@@ -151,6 +151,11 @@ def calibrate_package(
         notes.append(
             "the parameters drift between replications: intervals are for a use that is as far from the calibration "
             "as its replications are from one another"
+        )
+    elif alone := [name for name, table in zip(chosen, tables, strict=True) if drifting(table)]:
+        notes.append(
+            f"drift between replications is significant at 5 % in {' and '.join(alone)} alone, but not in the tests of "
+            f"all {len(tables)} sensors together: intervals are for a use without drift"
         )
     return AttitudeCalibration(
         sensors=tuple(models),
