@@ -35,8 +35,8 @@ from rig.engine.session import Signals
 from rig.plans import load_plan
 from rig.results.budget import budget
 from rig.results.certificate import Asked, Made, Refused, make
-from rig.results.issue import Issue, issue
 from rig.results.data import open as open_data
+from rig.results.issue import Issue, issue
 from rig.run_file.reader import RunReader
 from rig.tables import run_table
 

@@ -184,7 +184,7 @@ def checked_run(path: Path, equipment: Path | None = None) -> Checked:
 
 @contextmanager
 def _noted(reasons: list[str], refusal: type[RigError] = ConfigurationError) -> Iterator[None]:
-    """What is refused becomes reasons, one of each line."""
+    """Lines of a refusal become reasons."""
     try:
         yield
     except refusal as error:

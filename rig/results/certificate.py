@@ -146,7 +146,7 @@ def _read(path: Path, stage: Stage, asked: Asked, settings: CertificateSettings,
 
 @contextmanager
 def _noted(reasons: list[str]) -> Iterator[None]:
-    """What cannot be done becomes reasons, one of each line."""
+    """Lines of an error become reasons."""
     try:
         yield
     except (RigError, DataError, FitError) as error:
