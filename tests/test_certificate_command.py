@@ -465,8 +465,14 @@ def test_an_amendment_says_what_changed(made, tmp_path):
     assert amends.changes == ("A typing error.", "items cell serial: 77 is now 78")
     assert (amends.number, amends.issued) == (first.number, DAY)
     assert b"<dcc:referralID>S-2026-001<" in (tmp_path / "S-2026-001-1.xml").read_bytes()
+    again = replace(made.document, items=(replace(made.document.items[0], serial="79"),))
+    third = issue(replace(made, document=again), Issue(tmp_path, amends=second.document.number)).document
+    assert third.number == "S-2026-001-2", "an amendment of an amendment is one of the original"
+    assert third.amends.changes == ("items cell serial: 78 is now 79",)
+    reference = f"It replaces certificate S-2026-001-1 of {DAY}; the original is S-2026-001 of {DAY}."
+    assert all(reference.encode() in (tmp_path / f"S-2026-001-2.{form}").read_bytes() for form in ("xml", "html"))
     with pytest.raises(UsageError, match="nothing changed"):
-        issue(replace(made, document=corrected), Issue(tmp_path, amends=second.document.number))
+        issue(replace(made, document=again), Issue(tmp_path, amends=third.number))
     with pytest.raises(UsageError, match="S-2026-001 was replaced by S-2026-001-1: --amends S-2026-001-1"):
         issue(made, Issue(tmp_path, amends=first.number, because="Another word."))
     with pytest.raises(UsageError, match="S-9 cannot be amended"):

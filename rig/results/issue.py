@@ -10,6 +10,7 @@ from typing import Any
 
 from rig.certificate.document import Document
 from rig.certificate.files import (
+    Before,
     amended,
     amendment,
     check_free,
@@ -82,11 +83,12 @@ def issue(made: Made, how: Issue) -> Issued:
     from rig.certificate.html import html  # noqa: PLC0415
     from rig.certificate.pdf import pdf  # noqa: PLC0415
 
-    document = replace(made.document, number=_number(made, how))
+    before = amended(how.out, check_number(how.amends)) if how.amends else None
+    document = replace(made.document, number=_number(made, how, before))
     if how.paper:
         document = replace(document, paper=_paper(how.paper))
-    if how.amends:
-        document = replace(document, amends=amendment(amended(how.out, how.amends), document.to_json(), how.because))
+    if before is not None:
+        document = replace(document, amends=amendment(before, document.to_json(), how.because))
     own = made.folder / made.settings.template if made.settings.template else None
     fonts = made.folder / made.settings.fonts if made.settings.fonts else None
     paper = pdf(document, how.template or own, fonts)
@@ -100,12 +102,12 @@ def issue(made: Made, how: Issue) -> Issued:
     return Issued(document, tuple(write_once(how.out, document.number, forms)))
 
 
-def _number(made: Made, how: Issue) -> str:
+def _number(made: Made, how: Issue, before: Before | None) -> str:
     if how.number:
         check_free(how.out, check_number(how.number))
         return how.number
-    if how.amends:
-        return number_of_amendment(how.out, check_number(how.amends))
+    if before is not None:
+        return number_of_amendment(how.out, before.original[0])
     return next_number(how.out, made.settings.number, made.document.dates.issued)
 
 
