@@ -16,7 +16,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence, S
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 from pydantic import BaseModel
 
@@ -27,9 +27,7 @@ from fitter.errors import FitError
 from procedures.acceptance import Verdict
 from procedures.advice import Advice
 from procedures.budgeting import Evaluation, Expected
-from procedures.charting import Charting
 from procedures.conduct import Conduct
-from procedures.confirming import Confirming
 from procedures.errors import BrokenKind, DataError
 from procedures.expected import Columns, Expecting
 from procedures.further_runs import Limits, Variation
@@ -41,6 +39,10 @@ from procedures.seen import Seen
 from procedures.settings import Acceptance, WarningSettings
 from procedures.table import Reader, Table
 from procedures.unused import Unused
+
+if TYPE_CHECKING:  # they load what few commands need
+    from procedures.charting import Charting
+    from procedures.confirming import Confirming
 
 GROUP = "rig.kinds"
 

@@ -168,7 +168,8 @@ class Points(Sequence[Point]):
     def __getitem__(self, index: int | slice) -> Point | tuple[Point, ...]:
         if isinstance(index, slice):
             return tuple(self[i] for i in range(*index.indices(len(self))))
-        index = range(len(self))[index]
+        if not 0 <= index < len(self.places):
+            index = range(len(self))[index]
         replication, whole_plot = self.places[index]
         at = [column[index] for column in self.settings]
         return Point(index, replication, whole_plot, tuple([v for v, _ in at]), tuple([s for _, s in at]))

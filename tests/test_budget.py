@@ -10,7 +10,8 @@ import pytest
 from fitter.budget import Correlation, Influence, TypeA, budgets, combine, covariance, coverage_factor
 from fitter.budget.budget import Budgeted
 from fitter.errors import FitError
-from proving.statistics.budgets import coverage, engine
+from proving.statistics.budgets import coverage, engine, stated
+from proving.truth.budgets import laboratory
 
 NAMES, UNITS = ("S", "b"), ("V", "V")
 
@@ -24,6 +25,17 @@ def test_random_laboratories_have_the_same_budgets_in_gtc_and_in_numpy(case, see
     """A line's sensitivities are those of uncertain numbers that GTC carries through the whole fit."""
     judge = engine().cases[case]
     assert max(judge(seed)["difference"] for seed in range(seeds)) < 1e-9
+
+
+def test_a_forecast_has_the_numbers_of_gtc():
+    for seed in range(10):
+        fits, influences, pair = stated(laboratory(np.random.default_rng(seed)))
+        asked = ["a", "b", "c"], ["V"] * 3, np.zeros(3), fits, influences
+        told, forecast = (budgets(*asked, correlations=pair, forecast=one) for one in (False, True))
+        for by_gtc, ours in zip(told, forecast, strict=True):
+            for name in ("standard_uncertainty", "df", "coverage_factor", "expanded_uncertainty"):
+                assert getattr(ours, name) == pytest.approx(getattr(by_gtc, name), rel=1e-9)
+            assert ours.contributions == by_gtc.contributions
 
 
 def test_expanded_uncertainties_hold_as_often_as_they_say():

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import json
 
+import numpy as np
 import pytest
 from command import rig
+from scipy import stats
+
+from fitter.scatter import rank_correlation
 
 # Yates (1935), oats: yield in quarter pounds by block, variety and nitrogen; as R's nlme package has it.
 OATS = {
@@ -83,3 +87,13 @@ def test_a_row_in_a_message_is_the_row_of_the_file(tmp_path):
         done = rig(command, "t.csv", "--response", "y", "--formula", "1 + log(x)", cwd=tmp_path)
         assert done.returncode == 2
         assert "log(x) is not a finite number in row 3, where x = 0" in done.stderr
+
+
+def test_rank_correlations_are_those_of_scipy():
+    rng = np.random.default_rng(5)
+    for rows in (12, 40, 300):
+        x = np.abs(rng.normal(size=rows))
+        for y in (rng.integers(0, 9, rows).astype(float), 3.0 * x + rng.normal(size=rows), x, -x):
+            r, p = rank_correlation(x, y)
+            theirs = stats.spearmanr(x, y)
+            assert (r, p) == pytest.approx((theirs.statistic, theirs.pvalue), rel=1e-12, abs=1e-200)

@@ -12,6 +12,7 @@ import numpy as np
 from fitter.arrays import FloatArray
 from fitter.budget.coverage import EXCESS, coverage_factor, shape_factor
 from fitter.budget.influence import CANCELLED, Correlation, Influence, Inputs, TypeA, checked
+from fitter.budget.mass import combine
 
 DOMINATED = 1.0
 """Largest standard uncertainty of all other errors, beside that of one or two rectangular errors that dominate: these
@@ -84,6 +85,7 @@ def budgets(
     probability: float = 0.95,
     correlations: Sequence[Correlation] | None = None,
     shapes: Shapes = False,
+    forecast: bool = False,
 ) -> tuple[Budgeted, ...]:
     """A budget for each of m results (JCGM 100, 5.1, 5.2 and annex G).
 
@@ -101,6 +103,7 @@ def budgets(
         shapes: coverage factors by the shapes of the distributions, as EA-4/02 has them in S9 and S10, instead of
             Student's t: smaller where limits of error dominate. For about 95 %. "where limits dominate": of those
             results alone of which one or two rectangular errors dominate (`DOMINATED`).
+        forecast: combined by `combine` in numpy, the same to 1e-9: a forecast need not wait 0.2 s until GTC is loaded.
 
     Raises:
         FitError: what `checked` refuses, or a probability that is not between 0 and 1.
@@ -110,7 +113,7 @@ def budgets(
     if len(units) != len(names):
         raise ValueError(f"{len(units)} units for {len(names)} results")
     found = []
-    for j, (combined, df) in enumerate(_combined(inputs)):
+    for j, (combined, df) in enumerate(_in_numpy(inputs) if forecast else _combined(inputs)):
         by_shape = shapes is True or (bool(shapes) and dominated(inputs, j, combined))
         k = float(
             shape_factor(probability, _index(inputs, j, combined, df)) if by_shape else coverage_factor(probability, df)
@@ -165,6 +168,13 @@ def _combined(inputs: Inputs) -> list[tuple[float, float]]:
         u = float(core.uncertainty(result))
         found.append((u, float(core.dof(result)) if u else inf))
     return found
+
+
+def _in_numpy(inputs: Inputs) -> list[tuple[float, float]]:
+    dfs = np.array([one.df for one in inputs.influences], dtype=np.float64)
+    type_a = [(np.diag(one.covariance), one.df) for one in inputs.type_a]
+    found = combine(inputs.sensitivities.T, dfs, type_a, correlation=inputs.correlation)
+    return list(zip(found.standard_uncertainty.tolist(), found.df.tolist(), strict=True))
 
 
 def dominated(inputs: Inputs, j: int, combined: float) -> bool:

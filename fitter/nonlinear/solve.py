@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import optimize
 
 from fitter.arrays import FloatArray
 from fitter.errors import FitError
@@ -70,6 +69,8 @@ def solve(problem: Problem, start: Sequence[float] | FloatArray, *, robust: bool
 
 def _search(problem: Problem, b: FloatArray, *, robust: bool) -> FloatArray:
     """(k,) near the minimum."""
+    from scipy.optimize import least_squares  # noqa: PLC0415 - 0.1 s, for curves alone
+
     scale = float(np.median(np.abs(problem.residuals(b)))) if robust else 1.0
     size = len(problem.residuals(b))
 
@@ -86,7 +87,7 @@ def _search(problem: Problem, b: FloatArray, *, robust: bool) -> FloatArray:
     for _ in range(_ROBUST if robust else 1):
         soft = robust and scale > 0.0
         try:
-            found = optimize.least_squares(
+            found = least_squares(
                 residuals,
                 b,
                 slopes,

@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from fitter.arrays import FloatArray
 
@@ -107,5 +107,5 @@ def _refined(values: FloatArray, step: float, printed: float, sd: float, tried: 
     off = np.abs(values - first - step * np.round((values - first) / step))
     rows = int(np.sum(off <= INSIDE * printed * (1.0 + 1e-6)))
     inside = min((2.0 * INSIDE + 1.0) * printed * max(1.0 / step, CORE / sd), 1.0)
-    by_chance = float(stats.binom.sf(rows - 3, max(values.size - 2, 1), inside)) if rows > 2 else 1.0
+    by_chance = float(special.bdtrc(rows - 3, max(values.size - 2, 1), inside)) if rows > 2 else 1.0
     return Lattice(step, rows, min(by_chance * tried * max(step / printed, 1.0), 1.0))

@@ -369,12 +369,15 @@ def attitude_evaluation(
         temperature: as for `fit_attitude_table`.
         traced: with the effects that a trace finds.
     """
-    from procedures.attitude.budget_traced import TracedEvaluation  # noqa: PLC0415 - which derives from this module
+    made: type[AttitudeEvaluation] = AttitudeEvaluation
+    if traced:
+        from procedures.attitude.budget_traced import TracedEvaluation  # noqa: PLC0415 - which derives from this module
+
+        made = TracedEvaluation
 
     data = attitude_data(table)
     warm = bool(table.declared.get("temperature", False)) if temperature is None else temperature
     try:
-        made = TracedEvaluation if traced else AttitudeEvaluation
         return made(data, _points(data, at), temperature=warm, gravity=gravity)
     except FitError as error:
         raise DataError(f"{table.source}: {error}") from error

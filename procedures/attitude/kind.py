@@ -17,8 +17,6 @@ from procedures.advice import Advice
 from procedures.attitude.options import BudgetOptions, FitOptions, InferOptions, TraceOptions
 from procedures.attitude.settings import PitchRollProcedure
 from procedures.budgeting import Evaluation, Expected
-from procedures.charting import Charting
-from procedures.confirming import Confirming
 from procedures.errors import DataError
 from procedures.expected import Columns, Expecting
 from procedures.further_runs import Limits, Variation
@@ -33,6 +31,8 @@ from procedures.unused import Unused, unused_in_fit
 if TYPE_CHECKING:
     from procedures.attitude.evaluate import AttitudeTraced
     from procedures.attitude.infer import AttitudeCalibration
+    from procedures.charting import Charting
+    from procedures.confirming import Confirming
 
 
 class AttitudeKind(Kind):

@@ -310,7 +310,11 @@ def general_evaluation(table: Table, at: Sequence[Mapping[str, float]], *, trace
     Args:
         traced: with the effects that a trace finds.
     """
-    from procedures.general.budget_traced import TracedEvaluation  # noqa: PLC0415 - which derives from this module
+    made: type[GeneralEvaluation] = GeneralEvaluation
+    if traced:
+        from procedures.general.budget_traced import TracedEvaluation  # noqa: PLC0415 - which derives from this module
+
+        made = TracedEvaluation
 
     if not table.outputs:
         raise DataError(f"{table.source}: budgets are made of runs, whose bench says what reads what")
@@ -321,7 +325,7 @@ def general_evaluation(table: Table, at: Sequence[Mapping[str, float]], *, trace
             names = ",".join(f"{name}=..." for name in table.factors)
             raise DataError(f"--at: a point has every factor of the run: --at {names}")
     try:
-        return (TracedEvaluation if traced else GeneralEvaluation)(table, at or _points(table))
+        return made(table, at or _points(table))
     except FitError as error:
         raise DataError(f"{table.source}: {error}") from error
 

@@ -14,8 +14,6 @@ from fitter.errors import FitError
 from procedures.acceptance import Verdict
 from procedures.advice import Advice
 from procedures.budgeting import Evaluation, Expected
-from procedures.charting import Charting
-from procedures.confirming import Confirming
 from procedures.errors import DataError
 from procedures.expected import Columns
 from procedures.further_runs import Limits, Variation
@@ -30,6 +28,8 @@ from procedures.seen import Seen
 from procedures.table import Reader, Table
 
 if TYPE_CHECKING:
+    from procedures.charting import Charting
+    from procedures.confirming import Confirming
     from procedures.general.evaluate import GeneralTraced
     from procedures.general.infer import CurveCalibration
     from procedures.general.of_runs import RunTraced

@@ -14,8 +14,6 @@ from fitter.effects.own import Grammar
 from fitter.errors import FitError
 from procedures.acceptance import Verdict
 from procedures.budgeting import Evaluation, Expected
-from procedures.charting import Charting
-from procedures.confirming import Confirming
 from procedures.expected import Columns, Expecting
 from procedures.further_runs import Limits, Variation
 from procedures.inference import Inference
@@ -29,6 +27,8 @@ from procedures.table import Reader, Table
 from procedures.unused import Unused, unused_in_fit
 
 if TYPE_CHECKING:
+    from procedures.charting import Charting
+    from procedures.confirming import Confirming
     from procedures.pressure.evaluate import WholePlotTraced
     from procedures.pressure.fit import PressureCalibration
 

@@ -120,7 +120,7 @@ def _of(evaluation: Any, stated: Statements) -> tuple[Promise, ...]:
     results = evaluation.results
     found = influences(evaluation, stated, same_meter=False)
     type_a = (results.type_a, *found.grouped)
-    made = budgets(results.names, results.units, results.values, type_a, found.influences)
+    made = budgets(results.names, results.units, results.values, type_a, found.influences, forecast=True)
     own = np.sqrt(np.diag(results.type_a.covariance))
     inferred = [" inferred " in f" {one.name} " for one in made]
     known = {sensor for sensor, inverse in zip(results.sensors, inferred, strict=True) if inverse}

@@ -254,13 +254,13 @@ class Sequencer:
 
     def _wait(self, seconds: float) -> None:
         """Wait in short slices; look for signals and requests between them."""
-        now = self._clock.now()
+        clock = self._clock
+        now = clock.now()
         end = now + seconds
         while (left := end - now) > 1e-9:
-            self._clock.sleep(min(left, 5.0))
+            now = clock.pause(left if left < 5.0 else 5.0)
             self._look_up()
-            now = self._clock.now()
-        if self._clock.noted:
+        if clock.noted:
             self._interruptions.check_time()
         self._do.look_around(now)
 

@@ -6,8 +6,6 @@ import errno
 from collections import deque
 from collections.abc import Callable
 
-import can
-
 from sims.wires.tampering import Tampering
 from sims.world import World
 
@@ -58,6 +56,8 @@ class CanCable:
             return
         self._check()
         if self._tampering.off:
+            import can  # noqa: PLC0415 - 0.06 s, and most benches have no bus
+
             raise can.CanOperationError("Failed to transmit: the controller is bus-off", errno.ENETDOWN)
         self._tampering.to_twin(_packed(can_id, data), self._forward, self._deliver)
 

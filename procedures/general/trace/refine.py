@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from fitter.linear import orthonormal
 from procedures.general.effects.scene import Profile, TableTerm
@@ -31,6 +30,8 @@ def refined(judge: TableJudge, chosen: tuple[int, ...]) -> Problem:
                 own = _white(problem, at, profile.at(value).columns)
                 units = orthonormal(own - basis @ (basis.T @ own), np.linalg.norm(own, axis=0), 1e-5)  # noqa: B023
                 return -float(np.sum((units.T @ left) ** 2))  # noqa: B023
+
+            from scipy.optimize import minimize_scalar  # noqa: PLC0415 - 0.1 s, for those who look
 
             best = minimize_scalar(
                 rss,

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import special
-from scipy.optimize import minimize_scalar
 
 from fitter.arrays import FloatArray, IntArray
 from procedures.pressure.trace.estimate import coefficients_of, contributed
@@ -59,6 +58,8 @@ def _memory(problem: Problem, chosen: IntArray, y: FloatArray, i: int) -> Memory
 
     if problem.strata[i].df("subplot") - both.shape[1] <= 0:
         return Memory(0.0, 1.0)
+    from scipy.optimize import minimize_scalar  # noqa: PLC0415 - 0.1 s, for those who look
+
     best = minimize_scalar(deviance, bounds=(0.0, MOST), method="bounded", options={"xatol": 0.01})
     fall = max(deviance(0.0) - float(best.fun), 0.0)
     return Memory(float(best.x), 0.5 * float(special.chdtrc(1, fall)))
