@@ -29,6 +29,11 @@ class Steps:
         self._values.append(value)
         self._takes.append(takes_s)
 
+    def cut(self, now: float, value: float) -> None:
+        """End the ramp that is in force at `now`, at this value; nothing happens if none is."""
+        if now < self._times[-1] + self._takes[-1]:
+            self._values[-1], self._takes[-1] = value, now - self._times[-1]
+
     def since(self, t: float) -> float:
         """Time at which the value in force at `t` was set."""
         return self._times[self._at(t)]
