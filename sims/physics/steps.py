@@ -33,6 +33,7 @@ class Steps:
         """End the ramp that is in force at `now`, at this value; nothing happens if none is."""
         if now < self._times[-1] + self._takes[-1]:
             self._values[-1], self._takes[-1] = value, now - self._times[-1]
+            self._settled.clear()
 
     def since(self, t: float) -> float:
         """Time at which the value in force at `t` was set."""
