@@ -299,6 +299,17 @@ def test_one_sensor_with_roll_needs_it(run):
         infer_attitude(calibrate_package(run, ["x_V"]), np.zeros((1, 1)))
 
 
+def test_drift_that_one_of_two_tests_shows_by_chance_is_no_drift_of_the_package():
+    """Both sensors' tests at 5 % together (Bonferroni): p = 0.048 beside 0.17 is no drift; the calibration says so."""
+    sensors = (Sensor("x"), Sensor("z", A_deg=20.0))
+    data, _ = simulate(Bench(sensors=sensors), D1(90, 7, 5, replications=5), seed=59)
+    package, alone = calibrate_package(data), calibrate_package(data, ["z_V"])
+    assert package.drift is None
+    assert alone.drift is not None
+    (note,) = (one for one in package.notes if "drift" in one)
+    assert note.startswith("drift between replications is significant at 5 % in z_V alone")
+
+
 def test_where_replications_drift_a_use_is_one_more_draw_of_what_they_are_draws_of():
     """Covariance of the replications' own least squares, times 1 + 1/n, with n - 1 degrees of freedom."""
     sensors = (Sensor("x"), Sensor("z", A_deg=20.0))

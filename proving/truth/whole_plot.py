@@ -90,6 +90,7 @@ class Bench:
     supply_per_h: float = 0.0  # of all bridges' excitation, a part of itself per hour
     supply_per_degC: float = 0.0  # the same, with the electronics' temperature
     remembered: float = 0.0  # correlation of a reading's error with the one before, in its whole plot
+    wanders: float = 0.0  # correlation of a whole plot's error with that of the one before
     outliers: int = 0  # readings of the first transducer that are off
     outliers_sd: float = 12.0
     apart_mV: float = 0.0  # one whole plot's error beside the others', in the first transducer
@@ -209,7 +210,8 @@ def simulate(bench: Bench = Bench(), run: Run = Run(), seed: int = 0) -> WholePl
         if bench.apart_mV and k == 0:
             mV = mV + bench.apart_mV * (plot == rng.integers(len(plots)))
         mV = mV + (bench.subplot[0] + bench.subplot[1] * p) * noise
-        mV = mV + bench.whole_plot * rng.standard_normal(len(plots))[plot]
+        own = rng.standard_normal(len(plots))
+        mV = mV + bench.whole_plot * _remembering(own, np.arange(len(plots)) == 0, bench.wanders)[plot]
         outputs[f"bridge_{k + 1}_mV"] = mV
     return WholePlotData(
         whole_plot=plot,
@@ -243,7 +245,7 @@ def _cold_before(degC: np.ndarray, hours: np.ndarray) -> np.ndarray:
 
 
 def _remembering(noise: np.ndarray, first: np.ndarray, rho: float) -> np.ndarray:
-    """The same noise with a first-order memory within whole plots, its variance unchanged."""
+    """The same noise with a first-order memory that begins anew at each `first`, its variance unchanged."""
     out = noise.copy()
     for i in range(1, noise.size):
         if not first[i]:
