@@ -130,8 +130,9 @@ def test_responses_that_share_their_rows_have_the_errors_of_each_alone():
     data = attitude(7)
     columns = own_parameters(data.rows.columns, data.replicate_index)
     shared = Rows.equal(columns.copy(order="F"), data.point)
-    for y in data.outputs.values():
-        y = y + np.where(np.arange(len(y)) == 31, 30.0 * np.radians(1.5e-4) * 5.0, 0.0)
+    for output in data.outputs.values():
+        y = output.copy()
+        y[31] += 30.0 * np.radians(1.5e-4) * 5.0
         alone = gross_errors(y, columns, group=data.point, designed=True)
         together = gross_errors(y, shared.columns, group=data.point, designed=True, rows=shared)
         assert together.rows.tolist() == alone.rows.tolist() == [31]

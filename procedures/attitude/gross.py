@@ -51,7 +51,7 @@ def of_attitude(data: AttitudeData) -> Mapping[str, GrossErrors]:
 
 
 def _drivers(data: AttitudeData, columns: FloatArray, y: FloatArray) -> dict[str, FloatArray]:
-    """What the standard deviation of an output may grow with."""
+    """Quantities that the standard deviation of an output may grow with."""
     fit = fit_columns(columns, y)
     output = fit.predict(columns)
     steps = ((STEP_DEG, 0.0), (0.0, STEP_DEG))
