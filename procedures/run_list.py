@@ -267,6 +267,12 @@ class RunList:
         return tuple(f for f in self.factors if f.hard)
 
     @cached_property
+    def sided(self) -> tuple[Factor, ...]:
+        """The factors whose side of approach is recorded: easy ones, and hard ones that have one planned."""
+        columns = zip(self.factors, self.points.settings, strict=True)
+        return tuple(f for f, column in columns if not f.hard or any(side for _, side in column.levels))
+
+    @cached_property
     def whole_plots(self) -> int:
         """Number of planned whole plots; 0 if no factor is hard to change."""
         return len({whole_plot for _, whole_plot in self.points.places.levels} - {None})

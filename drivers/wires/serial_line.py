@@ -370,6 +370,8 @@ class SerialLine:
         end = self.clock.now() + timeout_s
         while True:
             heard = port.read(port.in_waiting or 1)
+            if heard and (waiting := port.in_waiting):  # what came with the first byte
+                heard += port.read(waiting)
             raw += heard
             said = _said(heard)
             if said or not heard or self.clock.now() >= end:

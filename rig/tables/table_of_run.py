@@ -254,7 +254,9 @@ def _row(record: Record, run_list: RunList, order: int, factors: Mapping[str, st
         if factor in measured:
             setpoints[run_list.factor(factor).set_name] = value
     row |= measured | _means(seen.outputs) | setpoints
-    row |= {f"{f.axis}_side": side for f, side in zip(run_list.factors, point.sides, strict=True) if not f.hard}
+    row |= {
+        f"{f.axis}_side": side for f, side in zip(run_list.factors, point.sides, strict=True) if f in run_list.sided
+    }
     by_hand = {f.name for f in run_list.easy if f.axis not in seen.settling}  # their readback is what was asked for
     readback = {name: value for name, value in seen.readback.items() if name not in measured and name not in by_hand}
     row |= {_readback_name(name): float(value) for name, value in readback.items()}

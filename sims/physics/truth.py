@@ -219,14 +219,16 @@ def sensor_axes(bench: Mapping[str, Any]) -> Mapping[str, str]:
 
 
 def any_laboratory(bench: Mapping[str, Any]) -> bool:
-    """Whether a bench is of no particular kind: it has factors beyond those of the pressure bench, references, or
-    outputs in other units than volts.
+    """Whether a bench is of no particular kind: it has factors beyond those of the pressure bench, or none of these,
+    references, or outputs in other units than volts.
     """
     sensors = bench.get("sensors", {}).values()
     if any(table.get("axis") for table in sensors):
         return False
     units = {str(table.get("unit", "V")) for table in sensors}
-    return bool(set(bench.get("factors", {})) - _PRESSURE_BENCH or bench.get("references") or units - {"V", "mV"})
+    factors = set(bench.get("factors", {}))
+    others = factors - _PRESSURE_BENCH or not factors & _PRESSURE_BENCH
+    return bool((sensors and others) or bench.get("references") or units - {"V", "mV"})
 
 
 def read_truth(values: Mapping[str, object], axes: Mapping[str, str]) -> Truth:

@@ -144,6 +144,7 @@ class WholePlotBegan(Event, status="whole-plot"):
         setpoints_degC: setpoint by chamber.
         settling: evidence of settling, by name.
         settings: settings that are no temperatures, by factor.
+        approach: side and start of what an instrument set of these, by axis.
 
     """
 
@@ -151,6 +152,7 @@ class WholePlotBegan(Event, status="whole-plot"):
     setpoints_degC: Numbers = EMPTY
     settling: Table = EMPTY
     settings: Numbers = EMPTY
+    approach: Arrivals = EMPTY
 
     def sentence(self, record: Record) -> str:
         """Which, and where."""
