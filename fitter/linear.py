@@ -166,7 +166,7 @@ class Triangle:
             raise RankError(f"these observations do not determine {', '.join(empty)}: zero at every point")
         scaled = r / length
         condition = self._condition(scaled)
-        inverse = dtrtri(scaled)[0]
+        inverse = np.ascontiguousarray(dtrtri(scaled)[0])
         rss = float(rest @ rest)
         return LinearFit(self.names, inverse @ qty / length, inverse / length[:, None], rss, self.n, condition)
 
