@@ -38,7 +38,7 @@ class _Client(ModbusTcpClient):
         super().__init__("", framer=framer, retries=0)
         self._wire = wire
 
-    def execute(self, no_response_expected: bool, request: ModbusPDU) -> ModbusPDU:  # noqa: ARG002 - all are answered
+    def execute(self, no_response_expected: bool, request: ModbusPDU) -> ModbusPDU:
         """The reply to a request; raises `ModbusException`."""
         wire, framer = self._wire, self.framer
         request.transaction_id = self.transaction.getNextTID()
