@@ -239,7 +239,10 @@ OF_REGISTER = {  # a fault: what it changes into what, and what is said of it
 OF_SETTINGS = {
     'country = "GB"': ('logo = "no.svg"', "the country of the laboratory is missing"),
     'name = "W-3: comparison with weights"': ("", "the calibration method is missing"),
-    'approved_by = "C. Wheat"': ("", "who approves is missing"),
+    'approved_by = "C. Wheat"': (
+        "customer_wants_due_date = true\nnext_due = 2026-11-24",
+        "next_due = 2026-11-24 is not after the date of issue",
+    ),
 }
 OF_BOTH = {"force_kN = 4": ("force_kN = 9", "force_kN = 9 is outside the run")}
 

@@ -190,3 +190,9 @@ def test_a_temperature_that_stands_goes_on_when_the_head_is_homed_again(tmp_path
     played, wrong = night(tmp_path, faults=faults, procedure=OVEN_PROCEDURE, bench=OVEN, world=world)
     assert wrong == []
     assert [event.planned for event in events(played.path, WholePlotBegan)] == [1, 2]
+
+
+def test_an_angle_that_stands_where_it_is_parked_is_not_commanded_again(tmp_path):
+    played, wrong = night(tmp_path, Mishap(24.0, "stop", {}))
+    assert (wrong, [ended.how for ended in played.sessions]) == ([], ["stopped", "complete"])
+    assert began(played.path) == [0, 10, -10]

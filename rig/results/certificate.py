@@ -39,7 +39,8 @@ class Refused(UsageError):
         self.reasons = tuple(dict.fromkeys(reasons))
         listed = "\n".join(f"- {one}" for one in self.reasons)
         names = " and ".join(map(str, runs))
-        super().__init__(f"no certificate is made of {names}; {len(self.reasons)} reasons:\n{listed}")
+        count = "1 reason" if len(self.reasons) == 1 else f"{len(self.reasons)} reasons"
+        super().__init__(f"no certificate is made of {names}; {count}:\n{listed}")
 
 
 @dataclass(frozen=True)
@@ -224,6 +225,8 @@ def _document(
     missing = about.Missing(reasons)
     origin = about.Origin(str(asked.equipment or DOCUMENT), str(given), given.parent)
     about.settled(settings, origin, missing, asked.approved_by)
+    if settings.next_due is not None and settings.next_due <= asked.issued:
+        reasons.append(f"next_due = {settings.next_due} is not after the date of issue, {asked.issued}: correct it")
     pairs = [(one, one.of) for one in runs if one.of is not None]
     of = [one for _, one in pairs]
     if not of:

@@ -165,21 +165,29 @@ def _drift(
     models: Sequence[SensorModel],
 ) -> tuple[Drift | None, str]:
     """Variation in use, if the package drifts between replications, and a note; "" if no sensor seems to."""
-    alone = [name for name, table in zip(names, tables, strict=True) if drifting(table)]
+    told = told_of_drift(dict(zip(names, tables, strict=True)))
     if not drifting_together(tables):
-        told = (
-            f"drift between replications is significant at 5 % in {' and '.join(alone)} alone, but not in the tests of "
-            f"all {len(tables)} sensors together: intervals are for a use without drift"
-        )
-        return None, told if alone else ""
+        return None, told
     drift = Drift(
         covariance=_as_it_drifts(covariance, spreads, models),
         df=len(spreads[0]) - 1,
         sigma_V=np.array([table.sigma_w for table in tables]),
         sigma_df=np.array([table.drift_b.df_below for table in tables]),
     )
-    told = "intervals are for a use that is as far from the calibration as its replications are from one another"
-    return drift, f"the parameters drift between replications: {told}"
+    return drift, told
+
+
+def told_of_drift(tables: Mapping[str, Replication]) -> str:
+    """A note on drift between replications, of the sensors of a package; "" if none seems to drift."""
+    if drifting_together(tuple(tables.values())):
+        return (
+            "the parameters drift between replications: scatter is that of the replications, and intervals of what is "
+            "inferred are for a use that is as far from the calibration as its replications are from one another"
+        )
+    alone = [name for name, table in tables.items() if drifting(table)]
+    together = f"the tests of all {len(tables)} sensors together: intervals are for a use without drift"
+    said = f"drift between replications is significant at 5 % in {' and '.join(alone)} alone, but not in {together}"
+    return said if alone else ""
 
 
 def _columns(volts: FloatArray) -> FloatArray:

@@ -70,7 +70,7 @@ class Observed(Event, kind="observation", matters=DETAIL):
         """Whether the observation was accepted."""
         if self.accepted:
             return f"point {record.run_index} observed"
-        lost = " in a whole plot that was lost" if record.whole_plot is not None else ""
+        lost = "" if self.lost is None else " in a whole plot that was lost"
         return f"readings at point {record.run_index}{lost} were not accepted"
 
 
