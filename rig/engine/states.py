@@ -131,10 +131,10 @@ class Moves:
 
 
 @cache
-def _permitted() -> Mapping[tuple[str, str], State]:
+def _permitted() -> Mapping[tuple[State, str], State]:
     """The state after each trigger, by the state before and the trigger."""
     return {
-        (source, name): State(t.dest)
+        (State(source), name): State(t.dest)
         for name, event in machine().events.items()
         for source, found in event.transitions.items()
         for t in found
