@@ -179,7 +179,7 @@ def inverse_df_of_two(share: FloatArray, df: float, df_of_rest: float) -> FloatA
     of_error, of_rest = t_limits(np.array([df, df_of_rest]))
     inverse = np.linspace(0.0, 1.0 / df, 2001)
     limits = np.concatenate([[NORMAL_95], t_limits(1.0 / inverse[1:])])
-    return np.interp(np.sqrt(of_error**2 * share + of_rest**2 * (1.0 - share)), limits, inverse)
+    return np.asarray(np.interp(np.sqrt(of_error**2 * share + of_rest**2 * (1.0 - share)), limits, inverse))
 
 
 def tangent(
