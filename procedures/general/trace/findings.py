@@ -120,19 +120,24 @@ def _alone(judge: TableJudge, chosen: tuple[int, ...], data: TableData) -> Found
     shown = alone[:SHOWN]
     more = f" and {len(alone) - SHOWN} more" if len(alone) > SHOWN else ""
     listed = ", ".join(str(rows[i]) for i in shown)
-    size = f"rows {listed}{more} of the file; they stay in the table and count as three sd"
+    if len(alone) == 1:
+        apart = f"1 of {problem.n} rows stands alone, by {z[0]:.1f} sd"
+        size = f"row {listed} of the file; it stays in the table and counts as three sd"
+    else:
+        apart = f"{len(alone)} of {problem.n} rows stand alone, by {z.min():.1f} to {z.max():.1f} sd"
+        size = f"rows {listed}{more} of the file; they stay in the table and count as three sd"
     moves = moved(judge, chosen)
     if moves is not None:
         worst = int(np.argmax(np.abs(moves[0])))
         size += (
-            f"; least squares that counts them in full is moved by up to {abs(moves[0][worst]):.1f} standard errors "
+            f"; least squares that counts all in full is moved by up to {abs(moves[0][worst]):.1f} standard errors "
             f"({data.names[worst]}), and its intervals are {moves[1]:.2f} times as wide"
         )
     return _finding(
         judge,
         data,
         OUTLIERS,
-        f"{len(alone)} of {problem.n} rows stand alone, by {z.min():.1f} to {z.max():.1f} sd",
+        apart,
         {f"row {rows[i]}": float(left[i] * problem.sd[i]) for i in shown},
         data.response,
         size,
