@@ -110,11 +110,12 @@ def _since_changes(scene: TableScene, group: IntArray | None) -> Iterator[tuple[
     """Each variable of few levels, such as an operator, that stays for several rows, and the time since it changed."""
     assert scene.time is not None
     known = [np.zeros(len(scene.time.values), np.intp) if group is None else np.cumsum(_changes(group))]
-    levels = {name: g.index for name, g in {**scene.groups, **scene.labels}.items() if not g.declared}
-    levels |= {name: v for name, v in scene.covariates.items() if len(np.unique(v)) <= LEVELS}
-    for name, v in levels.items():
-        spell = np.cumsum(_changes(v))
-        if spell[-1] < FEWEST_CHANGES or len(v) < STAYS * (spell[-1] + 1):
+    groups = {**scene.groups, **scene.labels}
+    spells = {name: _changes(g.index) for name, g in groups.items() if not g.declared}
+    spells |= {name: _changes(v) for name, v in scene.covariates.items() if len(np.unique(v)) <= LEVELS}
+    for name, changed in spells.items():
+        spell = np.cumsum(changed)
+        if spell[-1] < FEWEST_CHANGES or len(spell) < STAYS * (spell[-1] + 1):
             continue
         since = _since(spell, scene.time.values)
         if np.ptp(since) > 0 and not any(np.array_equal(spell, one) for one in known):
@@ -122,7 +123,7 @@ def _since_changes(scene: TableScene, group: IntArray | None) -> Iterator[tuple[
             yield name, since
 
 
-def _changes(v: np.ndarray) -> IntArray:
+def _changes(v: IntArray | FloatArray) -> IntArray:
     """(n,) 1 where a row differs from the one before it, else 0."""
     return np.concatenate([[0], v[1:] != v[:-1]]).astype(np.intp)
 

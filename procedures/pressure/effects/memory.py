@@ -144,7 +144,7 @@ STALE_TEMPERATURE = PressureEffect(
     name="stale-temperature",
     cause="the sensitivity still belongs to the temperature of the whole plot before, as long as this one lasts: a "
     "correction that uses an old temperature, or a part that takes many hours to follow",
-    source="electronics",
+    source="chamber",
     scope="sensor",
     stratum="subplot",
     unit="mV/psi/degC",
