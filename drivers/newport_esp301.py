@@ -200,14 +200,16 @@ class NewportESP301:
         positions, moving, enabled = {}, {}, {}
         for axis, (powered, done, position) in zip(self._numbers, (answers[:3], answers[:2:-1]), strict=True):
             positions[axis] = self._number(self._status, position)
-            starting = self._clock.now() - self._homing.get(axis, -math.inf) < _HOME_STARTS_S
+            starting = axis in self._homing and self._clock.now() - self._homing[axis] < _HOME_STARTS_S
             moving[axis] = not self._flag(self._status, done) or starting
             enabled[axis] = self._flag(self._status, powered)
         # Errors end motion or switch off a motor, so they are asked for only then.
-        if (self._unchecked and not any(moving.values())) or not all(enabled.values()):
+        moves = True in moving.values()
+        if (self._unchecked and not moves) or False in enabled.values():
             self._collect_errors()
-            self._unchecked = any(moving.values())
-        self._follow_homing(positions, moving, enabled)
+            self._unchecked = moves
+        if self._homing or False in enabled.values() or None in self._homed.values():
+            self._follow_homing(positions, moving, enabled)
         return {
             axis: AxisState(positions[axis], moving[axis], bool(self._homed[axis]), enabled[axis], self._faults[axis])
             for axis in self._numbers

@@ -15,10 +15,11 @@ _WHOLE = re.compile(r"[+-]?[0-9]{1,18}")
 
 def decimal(text: str) -> float:
     """The finite number in a text; spaces around it are ignored. Raises `ValueError`."""
-    value = float(text) if _DECIMAL.fullmatch(text.strip(" ")) else math.nan
-    if not math.isfinite(value):
-        raise ValueError(f"{text!r} is not a number")
-    return value
+    if _DECIMAL.fullmatch(text.strip(" ")):
+        value = float(text)
+        if math.isfinite(value):
+            return value
+    raise ValueError(f"{text!r} is not a number")
 
 
 def whole(text: str) -> int:

@@ -116,7 +116,7 @@ class Rows:
     def both(self) -> FloatArray:
         """(n, rank) orthonormal basis of the span of effects and replications' own parameters within points."""
         if self.extra is None:
-            return within_points(own_parameters(self.columns, self.replicate), self.point)
+            return within_points(own_parameters(self.columns, self.replicate), self.point, overwrite=True)
         own = (self.plain or replace(self, extra=None)).both
         left = off(off(centred(self.extra, self.point), own), own)
         return np.column_stack([own, orthonormal(left, np.linalg.norm(self.extra, axis=0))])
@@ -124,7 +124,7 @@ class Rows:
     def every(self) -> FloatArray:
         """(n, rank) the same without removing the points' means."""
         own = own_parameters(self.columns, self.replicate)
-        return orthonormal(own if self.extra is None else np.column_stack([self.extra, own]))
+        return orthonormal(own if self.extra is None else np.column_stack([self.extra, own]), overwrite=True)
 
     @cached_property
     def time(self) -> IntArray | slice:

@@ -36,10 +36,10 @@ class FTest:
         return f_tail(self.value, self.df_above, self.df_below) if np.isfinite(self.value) else NAN
 
 
-def centred(columns: FloatArray, group: IntArray) -> FloatArray:
+def centred(columns: FloatArray, group: IntArray, *, overwrite: bool = False) -> FloatArray:
     """(n, q) `columns` minus their mean over each group; `group` (n,) numbers from 0."""
     size = np.bincount(group)
-    out = np.empty(columns.shape, order="F")
+    out = columns if overwrite else np.empty(columns.shape, order="F")
     for j in range(columns.shape[1]):
         mean = np.bincount(group, columns[:, j]) / np.maximum(size, 1)
         out[:, j] = columns[:, j] - mean[group]
@@ -47,18 +47,18 @@ def centred(columns: FloatArray, group: IntArray) -> FloatArray:
 
 
 def own_parameters(columns: FloatArray, replicate: IntArray) -> FloatArray:
-    """(n, n_rep L) the declared model's columns once for each replication, zero outside it."""
+    """(n, n_rep L) the declared model's columns once for each replication, zero outside it; column by column."""
     n, k = columns.shape
     n_rep = int(replicate.max()) + 1
-    out = np.zeros((n, n_rep, k))
-    out[np.arange(n), replicate] = columns
-    return out.reshape(n, n_rep * k)
+    out = np.zeros((n_rep, k, n))
+    out[replicate, :, np.arange(n)] = columns
+    return out.reshape(n_rep * k, n).T
 
 
-def within_points(columns: FloatArray, point: IntArray) -> FloatArray:
+def within_points(columns: FloatArray, point: IntArray, *, overwrite: bool = False) -> FloatArray:
     """(n, rank) orthonormal basis of the variation of (n, q) `columns` within points."""
-    length = np.linalg.norm(columns, axis=0)
-    return orthonormal(centred(columns, point), length, overwrite=True)
+    length = np.sqrt(np.einsum("ij,ij->j", columns, columns))
+    return orthonormal(centred(columns, point, overwrite=overwrite), length, overwrite=True)
 
 
 def off(columns: FloatArray, basis: FloatArray) -> FloatArray:

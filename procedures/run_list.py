@@ -168,7 +168,8 @@ class Points(Sequence[Point]):
     def __getitem__(self, index: int | slice) -> Point | tuple[Point, ...]:
         if isinstance(index, slice):
             return tuple(self[i] for i in range(*index.indices(len(self))))
-        index = range(len(self))[index]
+        if not 0 <= index < len(self.places):
+            index = range(len(self))[index]
         replication, whole_plot = self.places[index]
         at = [column[index] for column in self.settings]
         return Point(index, replication, whole_plot, tuple([v for v, _ in at]), tuple([s for _, s in at]))
@@ -264,6 +265,12 @@ class RunList:
     def hard(self) -> tuple[Factor, ...]:
         """The factors common to a whole plot."""
         return tuple(f for f in self.factors if f.hard)
+
+    @cached_property
+    def sided(self) -> tuple[Factor, ...]:
+        """The factors whose side of approach is recorded: easy ones, and hard ones that have one planned."""
+        columns = zip(self.factors, self.points.settings, strict=True)
+        return tuple(f for f, column in columns if not f.hard or any(side for _, side in column.levels))
 
     @cached_property
     def whole_plots(self) -> int:

@@ -29,7 +29,29 @@ def explain(error: ValidationError, where: str, model: type[BaseModel], *, shown
 
     Possible secrets are not `shown`, except numbers and short plain words.
     """
-    return "\n".join(f"{where}: {_line(item if shown else _veiled(item), model)}" for item in error.errors())
+    return "\n".join(f"{where}: {_line(item if shown else _veiled(item), model)}" for item in _each(error.errors()))
+
+
+_BRANCH = re.compile(r"(constrained-)?(float|int|str|bool|date)|(tuple|list|dict|literal|function-[a-z]+)\[.*")
+"""What pydantic adds to the place of a value that may be of several types."""
+
+
+def _each(items: Iterable[Mapping[str, Any]]) -> Iterator[Mapping[str, Any]]:
+    """Findings; for a value that may be of several types, those of the type that it has, or one about all types."""
+    groups: dict[tuple[int | str, ...], list[tuple[int, Mapping[str, Any]]]] = {}
+    for item in items:
+        place = item["loc"]
+        cut = next((n for n, part in enumerate(place) if _BRANCH.fullmatch(str(part))), len(place))
+        groups.setdefault(place[:cut], []).append((cut, item))
+    for place, ones in groups.items():
+        of_its_type = [(cut, item) for cut, item in ones if not item["type"].endswith("_type")]
+        if len(ones) == 1:
+            yield ones[0][1]
+        elif of_its_type:
+            yield from ({**item, "loc": (*place, *item["loc"][cut + 1 :])} for cut, item in of_its_type)
+        else:
+            words = [_PLAIN.get(item["type"], item["msg"]).removeprefix("should be ") for _, item in ones]
+            yield {**ones[0][1], "loc": place, "type": "alternatives", "msg": f"should be {', or '.join(words)}"}
 
 
 _SHORT_WORD = re.compile(r"[a-z-]{1,20}")
@@ -64,7 +86,9 @@ def _line(item: Mapping[str, Any], model: type[BaseModel]) -> str:
             return f"{place}: {got!r} is unknown; {_near(got, _quoted(item['ctx']['expected']))}"
         case _:
             said = item["msg"].removeprefix("Value error, ").removeprefix("Input ")
-            words = _PLAIN.get(item["type"], re.sub(r"^(List|Dictionary) should have at least 1 .*", "is empty", said))
+            said = re.sub(r"^(List|Dictionary|Tuple) should have at least 1 .*", "is empty", said)
+            said = re.sub(r"^(List|Dictionary|Tuple) (should have .*) items? after validation", r"\2 entries", said)
+            words = _PLAIN.get(item["type"], said)
             shown = "" if isinstance(got, Mapping) or not place else f" (it is {got!r})"
             return f"{place}: {words}{shown}".removeprefix(": ")
 

@@ -342,7 +342,7 @@ def _check_setters(config: BenchConfig, run_list: RunList, guard: Guard, where: 
     taken: dict[str, str] = {}
     for factor in run_list.factors:
         name = config.factors.get(factor.name)
-        if name is None and factor.name in HEAD and not factor.hard:
+        if name is None and factor.name in HEAD and playing(config, Head):
             continue  # the head's own axes need no entry
         if name is None:
             setting = [n for n in config.instruments if any(n in playing(config, role) for role in _SETS)]
@@ -353,8 +353,8 @@ def _check_setters(config: BenchConfig, run_list: RunList, guard: Guard, where: 
                 f"{where} does not say what sets {factor.name}: add it under [factors], {factor.name} = "
                 f'"INSTRUMENT"; here {here}'
             )
-        by_hand = name in playing(config, ByHand)
-        if name in taken and not by_hand:
+        several = any(name in playing(config, role) for role in (ByHand, Head))
+        if name in taken and not several:
             raise ConfigurationError(f"{where}: factors: {name} cannot set both {taken[name]} and {factor.name}")
         taken[name] = factor.name
         roles = [role for role in _SETS if name in playing(config, role)]
@@ -363,9 +363,9 @@ def _check_setters(config: BenchConfig, run_list: RunList, guard: Guard, where: 
                 f"{where}: factors.{factor.name} = {name!r}: {name} sets nothing "
                 f"(driver {config.instruments[name].driver})"
             )
-        if factor.hard and Head in roles:
+        if Head in roles and factor.name not in HEAD:
             raise ConfigurationError(
-                f"{where}: {factor.name} is an angle of a head, which cannot be hard to change: leave out hard = true"
+                f"{where}: {name} is a head, and {factor.name} none of its angles: {' and '.join(HEAD)}"
             )
         _check_unit(factor.name, name, roles, where)
         if PressureController in roles:

@@ -74,7 +74,8 @@ class SimBench:
         heard: Callable[[Reading | Readback | Change], None] | None = None,
     ) -> None:
         self.world = world
-        self.plant = Plant(world, truth, bench)
+        heads = [name for name, one in bench["instruments"].items() if "head" in twin_classes[one["driver"]].roles]
+        self.plant = Plant(world, truth, bench, heads)
         self._key = key
         self._twins: dict[str, Any] = {}
         for name, instrument in bench["instruments"].items():

@@ -17,7 +17,8 @@ MOST_NEWS = 2000
 POINTS = 4
 FIRST_LEGS = [{"pitch": -32.0, "roll": -2.0}, {"pitch": -30.0, "roll": 0.0}]
 LEGS = [*FIRST_LEGS, {"roll": 90.0}, {"roll": 92.0}, {"pitch": 30.0, "roll": 90.0}, {"roll": 0.0}]
-PARKED = {"pitch": 0.0, "roll": 0.0}
+PARKED = {"pitch": 0.0}
+"""At the end of these four points; roll stands there already."""
 
 
 def attitude(**more):

@@ -234,4 +234,8 @@ def _budget(name: str, stage: Stage) -> Budget:
 def amended(first: Document) -> Document:
     """The same certificate, amended."""
     changes = ("The serial number of the item was wrong: 441101 instead of 441100.",)
-    return replace(first, number="K-2026-0147-1", amends=Amendment(first.number, first.dates.issued, changes, "0" * 64))
+    return replace(
+        first,
+        number="K-2026-0147-1",
+        amends=Amendment(first.number, first.dates.issued, changes, "0" * 64, first.number, first.dates.issued),
+    )

@@ -292,7 +292,7 @@ def test_nobody_comes_and_the_run_parks_and_can_be_resumed(tmp_path):
     assert outcome is Outcome.INTERRUPTED
     assert "nobody said within" in message
     assert f"`rig resume {path}` asks again" in message
-    assert head.sent[-1] == few_points.PARKED
+    assert head.sent[-1] == {"pitch": 0.0, "roll": 0.0}
     assert len(state.accepted) == 2
     assert state.ended is None
     assert not [r for r in records(path, "fault") if r.status == ABORT]

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from certificate_lab import ISSUED, REGISTER, SETTINGS, settled, stand
 from command import rig
-from general_lab import BENCH, WORLD
+from general_lab import BENCH, PROCEDURE, WORLD, run_dry
 
 from fitter.budget.rounding import rounded
 from fitter.trace.outcome import Finding
@@ -28,7 +28,8 @@ from rig.dcc.reader import read_dcc
 from rig.dcc.si_units import per_term
 from rig.errors import ConfigurationError, UsageError
 from rig.results.budget import budget
-from rig.results.certificate import Asked, Issue, Made, Refused, issue, make
+from rig.results.certificate import Asked, Made, Refused, make
+from rig.results.issue import Issue, issue
 from rig.run_file.reader import RunReader
 from rig.tables import run_table
 
@@ -39,6 +40,13 @@ DAY = date.fromisoformat(ISSUED)
 @pytest.fixture(scope="module")
 def run(tmp_path_factory) -> Path:
     return stand(tmp_path_factory.mktemp("stand"))
+
+
+@pytest.fixture(scope="module")
+def bare(tmp_path_factory) -> Path:
+    """A run without a register."""
+    path, _ = run_dry(tmp_path_factory.mktemp("bare"), PROCEDURE)
+    return path
 
 
 def asked(run: Path, settings: Path, **more: object) -> Asked:
@@ -219,6 +227,61 @@ def test_all_reasons_are_listed_at_once(run, tmp_path):
     assert len(found) == 7
 
 
+OF_REGISTER = {  # a fault: what it changes into what, and what is said of it
+    "due = 2030-01-01": ("due = 2021-01-01", "it had expired"),
+    'number = "E-1"\ndate = 2020': ('number = "E-1"\ndate = 2029', "name the one valid then"),
+    "range = [-10, 10]": ("range = [-1, 1]", "the certificate covers -1 to 1"),
+    'serial = "77"': ("", "the serial number of cell is missing"),
+    'customer = "Bridge builders"': ("", "the customer is missing"),
+    'name = "Stand laboratory"': ("", "the name of the laboratory is missing"),
+    'quantity = "force_kN"': ('quantity = "mass_kg"', "force_kN: the register states no error"),
+}
+OF_SETTINGS = {
+    'country = "GB"': ('logo = "no.svg"', "the country of the laboratory is missing"),
+    'name = "W-3: comparison with weights"': ("", "the calibration method is missing"),
+    'approved_by = "C. Wheat"': (
+        "customer_wants_due_date = true\nnext_due = 2026-11-24",
+        "next_due = 2026-11-24 is not after the date of issue",
+    ),
+}
+OF_BOTH = {"force_kN = 4": ("force_kN = 9", "force_kN = 9 is outside the run")}
+
+
+@pytest.mark.parametrize("register", ["faulty", "none", "unverified"])
+def test_no_reason_hides_another(run, bare, tmp_path, monkeypatch, register):
+    """Every fault that can be beside the others, all at once: each is said, so none of any two or three is hidden."""
+    finding = Finding("effect", "the cell creeps", "replication", 0.5, effect="creep", doubtful="a curve fits as well")
+    outcomes = [replace(one, findings=(finding,)) for one in TRACED(run, (), quick=False)[0]]
+    monkeypatch.setitem(make.__globals__, "_traced", lambda *_, **__: (outcomes, None))
+    faults = OF_SETTINGS | (OF_BOTH if register != "unverified" else {}) | (OF_REGISTER if register == "faulty" else {})
+    texts = REGISTER, SETTINGS
+    for old, (new, _) in faults.items():
+        assert sum(old in text for text in texts) == 1
+        texts = texts[0].replace(old, new), texts[1].replace(old, new)
+    told = [words for _, words in faults.values()]
+    equipment = tmp_path / "faulty.toml"
+    equipment.write_text(texts[0])
+    if register == "unverified":
+        path = tmp_path / "changed.sqlite"
+        path.write_bytes(run.read_bytes()[:-4096])
+        told.append("is not verified")
+    else:
+        path = run if register == "faulty" else bare
+        told += [
+            "the name of effect creep is doubtful",
+            "no.svg cannot be read",
+            "say what was adjusted",
+            "of the same",
+        ]
+    told += ["has no register of equipment", "sensor cell is missing"] if register == "none" else []
+    wanted = asked(path, settled(tmp_path, text=texts[1]), equipment=equipment if register == "faulty" else None)
+    with pytest.raises(Refused) as refused:
+        make(replace(wanted, runs=(path, path)))
+    assert not [words for words in told if not any(words in one for one in refused.value.reasons)]
+    if register == "none":
+        assert not any("register states" in one or "repeatability" in one for one in refused.value.reasons)
+
+
 def test_people_must_be_allowed(run, tmp_path):
     found = reasons(run, tmp_path, approved_by="A. Byron", calibrated_by="Nobody")
     assert [re.sub(r" of \S+,", ",", one) for one in found] == [
@@ -243,13 +306,13 @@ def test_an_item_is_not_received_after_its_calibration(run, tmp_path):
     ],
 )
 def test_a_certificate_of_a_real_run_is_issued_between_its_end_and_today(run, tmp_path, monkeypatch, issued, reason):
-    opened = make.__globals__["run_with_register"]
+    opened = make.__globals__["checked_run"]
 
     def real(path, equipment):
-        of = opened(path, equipment)
-        return replace(of, table=replace(of.table, simulated=False))
+        checked = opened(path, equipment)
+        return replace(checked, of=replace(checked.of, table=replace(checked.of.table, simulated=False)))
 
-    monkeypatch.setitem(make.__globals__, "run_with_register", real)
+    monkeypatch.setitem(make.__globals__, "checked_run", real)
     wanted = replace(asked(run, settled(tmp_path), today=DAY), issued=date.fromisoformat(issued))
     if reason is None:
         assert not make(wanted).document.simulated
@@ -405,8 +468,14 @@ def test_an_amendment_says_what_changed(made, tmp_path):
     assert amends.changes == ("A typing error.", "items cell serial: 77 is now 78")
     assert (amends.number, amends.issued) == (first.number, DAY)
     assert b"<dcc:referralID>S-2026-001<" in (tmp_path / "S-2026-001-1.xml").read_bytes()
+    again = replace(made.document, items=(replace(made.document.items[0], serial="79"),))
+    third = issue(replace(made, document=again), Issue(tmp_path, amends=second.document.number)).document
+    assert third.number == "S-2026-001-2", "an amendment of an amendment is one of the original"
+    assert third.amends.changes == ("items cell serial: 78 is now 79",)
+    reference = f"It replaces certificate S-2026-001-1 of {DAY}; the original is S-2026-001 of {DAY}."
+    assert all(reference.encode() in (tmp_path / f"S-2026-001-2.{form}").read_bytes() for form in ("xml", "html"))
     with pytest.raises(UsageError, match="nothing changed"):
-        issue(replace(made, document=corrected), Issue(tmp_path, amends=second.document.number))
+        issue(replace(made, document=again), Issue(tmp_path, amends=third.number))
     with pytest.raises(UsageError, match="S-2026-001 was replaced by S-2026-001-1: --amends S-2026-001-1"):
         issue(made, Issue(tmp_path, amends=first.number, because="Another word."))
     with pytest.raises(UsageError, match="S-9 cannot be amended"):
@@ -494,6 +563,12 @@ def test_a_missing_extra_is_told_before_the_work(run, tmp_path, monkeypatch, mis
 @pytest.mark.parametrize("arguments", [[], ["--out", "x"], ["RUN"], ["RUN", "--read", "x.xml"]])
 def test_what_is_asked_for_must_be_complete(run, arguments):
     assert rig("certificate", *(run if one == "RUN" else one for one in arguments)).returncode == 2
+
+
+@pytest.mark.parametrize("half", ["key", "certificate"])
+def test_half_a_key_is_told_before_the_work_and_not_ignored(tmp_path, half):
+    with pytest.raises(UsageError, match="a signature needs both"):
+        Issue(tmp_path, **{half: tmp_path / "half.pem"})
 
 
 def test_conditions_are_the_smallest_the_mean_and_the_largest(made):

@@ -185,7 +185,7 @@ def test_the_short_look_finds_nothing_only_where_the_tests_of_response_find_noth
         with patch.object(ResponseTest, "_follows", return_value=False):
             expected = full.add((1.0, x), read, still, new_whole_plot=False)
         said.append((short.add((1.0, x), read, still, new_whole_plot=False), expected))
-        looks += short._follows(list(short._recent))
+        looks += short._follows()
         assert short._off == full._off
     assert all(one == other for one, other in said)
     assert looks, "it was never used"

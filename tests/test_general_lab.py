@@ -254,7 +254,9 @@ def test_a_run_of_weights_asks_for_each_and_its_table_has_them(weights):
     assert table.columns["cell_V"] == pytest.approx(0.1 + 0.5 * force, abs=2e-4), (
         "the truth of the world, and the noise"
     )
-    assert list(table.columns)[:5] == ["replicate", "order", "elapsed_s", "force_kN", "cell_V"]
+    names = list(table.columns)
+    assert names[:5] == ["replicate", "order", "elapsed_s", "force_kN", "force_side"]
+    assert names[-1] == "cell_V", "outputs come last"
     assert table.columns["block"].tolist() == [1] * 14, "a setting is no change of the bench"
     asked = [r.event.setpoint for r in records(weights, "by-hand", "asked-to-set")]
     assert asked == [0, 1, 2, 5, 2, 1, 0, 1, 2, 5, 2, 1, 0], "weights that stand are not asked for"

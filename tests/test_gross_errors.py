@@ -13,6 +13,8 @@ from command import rig
 
 from fitter.formula import Formula
 from fitter.gross import gross_errors
+from fitter.gross.rows import Rows
+from fitter.sums_of_squares import own_parameters
 from fitter.trace.growing_noise import noise_of
 from procedures.attitude.gross import of_attitude
 from procedures.general.column_roles import Roles, read_roles
@@ -122,6 +124,21 @@ def test_a_pad_is_no_gross_error_and_two_bad_readings_are():
     found = of_attitude(replace(data, outputs={**data.outputs, name: off}))
     assert sorted(found[name].rows.tolist()) == [17, 300]
     assert not any(other.rows.size for sensor, other in found.items() if sensor != name)
+
+
+def test_responses_that_share_their_rows_have_the_errors_of_each_alone():
+    data = attitude(7)
+    columns = own_parameters(data.rows.columns, data.replicate_index)
+    shared = Rows.equal(columns.copy(order="F"), data.point)
+    for output in data.outputs.values():
+        y = output.copy()
+        y[31] += 30.0 * np.radians(1.5e-4) * 5.0
+        alone = gross_errors(y, columns, group=data.point, designed=True)
+        together = gross_errors(y, shared.columns, group=data.point, designed=True, rows=shared)
+        assert together.rows.tolist() == alone.rows.tolist() == [31]
+        assert together.distance_sd == pytest.approx(alone.distance_sd, rel=1e-10)
+        assert together.off == pytest.approx(alone.off, rel=1e-10)
+        assert together.sd == pytest.approx(alone.sd, rel=1e-10)
 
 
 def test_noise_of_angles_that_grows_with_the_slope_is_no_gross_error():

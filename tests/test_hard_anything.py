@@ -10,7 +10,7 @@ import general_lab as lab
 import pytest
 from command import rig
 from few_points import Killed, kill_where, records
-from general_lab import run_dry, written
+from general_lab import run_dry
 
 from drivers.roles import SourceState
 from procedures.run_list import Factor
@@ -18,9 +18,6 @@ from rig.controller import resume_run
 from rig.engine.actions import BenchActions
 from rig.engine.axes import SourceMover
 from rig.engine.session import Outcome, Signals
-from rig.errors import ConfigurationError
-from rig.examples import example
-from rig.plans import load_plan
 from rig.run_file.events.by_hand import AskedToSet
 from rig.run_file.events.points import WholePlotBegan, WholePlotLost
 from rig.run_file.reader import RunReader
@@ -205,13 +202,3 @@ def test_a_pressure_that_stands_is_left_before_it_is_set_for_another_whole_plot(
     makes_sense(path)
     assert [event.settings["line_psia"] for event in events(path, WholePlotBegan)] == [1, 1, 2]
     assert "setting whole plot 2 of 3" in told
-
-
-def test_an_angle_of_a_head_cannot_be_hard_to_change(tmp_path):
-    bench = lab.SOURCE.replace('input_V = "calibrator"', 'input_V = "calibrator"\npitch_deg = "head"')
-    head = (example("attitude-lab") / "bench.toml").read_text()
-    head = head[head.index("[instruments.head]") : head.index("[instruments.", head.index("[instruments.head]") + 5)]
-    procedure = FIXTURE_PROCEDURE.replace("gap_mm", "pitch_deg").replace("REPLICATIONS", "1")
-    files = written(tmp_path, procedure, bench + head)
-    with pytest.raises(ConfigurationError, match="pitch_deg is an angle of a head, which cannot be hard to change"):
-        load_plan(files[0], files[1])

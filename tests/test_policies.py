@@ -407,7 +407,7 @@ def test_a_hold_that_nobody_releases_ends_parked_and_can_be_resumed(tmp_path):
     outcome, _, head, message = run_session(path, procedure=procedure, spoil=once)
     assert outcome is Outcome.FAULT
     assert "nobody released it; parked" in message
-    assert head.sent[-1] == {"pitch": 0.0, "roll": 0.0}
+    assert head.sent[-1] == {"roll": 0.0}
     assert events(path, "safe")
     assert run_session(path, procedure=procedure)[0] is Outcome.COMPLETE
     complete_and_from_the_planned_sides(path)

@@ -58,8 +58,8 @@ def test_the_table_holds_what_was_measured_beside_what_was_asked_for(run):
     assert kind.name == "whole-plot"
     columns = table.columns
     assert list(columns)[:7] == [
-        "whole_plot",
         "replicate",
+        "whole_plot",
         "order",
         "elapsed_s",
         "pressure_psia",

@@ -42,7 +42,10 @@ def test_the_register_of_the_document_is_read():
     ("change", "says"),
     [
         (("expanded = 12\nk = 2\nprobability = 0.95\n", ""), "says.0: the uncertainty is missing: add `expanded`"),
-        (("expanded = 12", "expanded = -12"), "greater than or equal to 0"),
+        (("expanded = 12", "expanded = -12"), "says.0.expanded: should be greater than or equal to 0 (it is -12)"),
+        (("expanded = 12", "expanded = [1, -2]"), "says.0.expanded.1: should be greater than or equal to 0 (it is -2)"),
+        (("expanded = 12", 'expanded = "12"'), "says.0.expanded: should be a number, without quotes, or a list in"),
+        (("drift = 20", "drift = [[0, 0]]"), "says.0.drift: should have at least 2 entries, not 1"),
         (("probability = 0.95\n", ""), "k = 2 without a probability: add probability"),
         (("k = 2\n", ""), "needs its coverage factor: add k"),
         (("expanded = 12", "expanded = 12\nstandard = 6"), "give the uncertainty twice"),
@@ -65,6 +68,7 @@ def test_a_wrong_register_is_explained_with_file_and_key(change, says):
     with pytest.raises(ConfigurationError) as caught:
         parse_register(GOOD.replace(*change), "equipment.toml")
     assert says in str(caught.value)
+    assert str(caught.value).count("\n") == 0
     assert re.match(r"equipment\.toml: (equipment\.DVM-0102|place|sensors\.x)", str(caught.value))
 
 

@@ -413,7 +413,7 @@ def test_a_file_whose_log_is_cut_is_left_as_it_was(path, cut_to, notices, monkey
         run.append(observation(6))
         log, before = Path(f"{path}-wal"), path.read_bytes()
         os.truncate(log, cut_to)
-        monkeypatch.setattr(run._mirror, "db", None)  # a run too large for memory: no copy can be made
+        monkeypatch.setattr(run._mirror, "_db", None)  # a run too large for memory: no copy can be made
         if notices:
             with pytest.raises(StorageError, match=r"no copy could be made.*--restore"):
                 run.append(observation(7))

@@ -359,8 +359,10 @@ class SerialLine:
                     raise self.bad_reply(text, bytes(received[:40]), "an answer that ends")
         finally:
             self._tell_tap(raw)
-        answer = raw[: raw.rfind(self.settings.reply_end)]
-        self._doubtful = self.settings.flow != "xonxoff" and len(_said(answer)) < len(answer)
+        self._doubtful = False
+        if len(raw) > len(received) and self.settings.flow != "xonxoff":
+            answer = raw[: raw.rfind(self.settings.reply_end)]
+            self._doubtful = len(_said(answer)) < len(answer)
         return bytes(received)
 
     def _more(self, port: Port, raw: bytearray, timeout_s: float) -> bytes | bytearray:
@@ -370,6 +372,8 @@ class SerialLine:
         end = self.clock.now() + timeout_s
         while True:
             heard = port.read(port.in_waiting or 1)
+            if heard and (waiting := port.in_waiting):  # what came with the first byte
+                heard += port.read(waiting)
             raw += heard
             said = _said(heard)
             if said or not heard or self.clock.now() >= end:

@@ -84,6 +84,7 @@ def gross_errors(
     drivers: Mapping[str, FloatArray] | None = None,
     designed: bool = False,
     level: float = LEVEL,
+    rows: Rows | None = None,
 ) -> GrossErrors:
     """Rows that deviate from a linear model.
 
@@ -98,12 +99,15 @@ def gross_errors(
             does, they are weighted by the likeliest and the search is made again.
         designed: whether no row lies far from the others in `columns`, so that random starts need not be tried.
         level: probability that a clean table has any row named.
+        rows: these columns and groups, if several responses share them.
 
     """
-    asked = _Asked(y, columns, group, step, responses, designed, level)
+    no_group = np.full(len(y), NO_GROUP, np.int64)
+    every = Rows(columns, y, np.ones(len(y)), no_group if group is None else group) if rows is None else rows.of(y)
+    asked = _Asked(every, step, responses, designed, level)
     found = _search(asked, None)
     if drivers and not found.not_looked:
-        grown = _growth(asked, np.setdiff1d(np.arange(len(y)), found.rows), drivers)
+        grown = _growth(every, np.setdiff1d(np.arange(len(y)), found.rows), drivers)
         if grown is not None:
             found = _search(asked, grown)
     return found
@@ -111,28 +115,27 @@ def gross_errors(
 
 @dataclass(frozen=True, eq=False)
 class _Asked:
-    y: FloatArray
-    columns: FloatArray
-    group: IntArray | None
+    every: Rows
     step: float
     responses: int
     designed: bool
     level: float
 
     def rows(self, weight: FloatArray) -> Rows:
-        group = np.full(len(self.y), NO_GROUP, np.int64) if self.group is None else self.group
+        every = self.every
         if np.all(weight == 1.0):  # the usual case; a copy of a million rows is as much memory as all else
-            return Rows(self.columns, self.y, weight, group)
-        return Rows(self.columns * weight[:, None], self.y * weight, weight, group)
+            return every
+        return Rows(every.columns * weight[:, None], every.y * weight, weight, every.group)
 
 
-def _growth(asked: _Asked, inside: IntArray, drivers: Mapping[str, FloatArray]) -> FloatArray | None:
+def _growth(every: Rows, inside: IntArray, drivers: Mapping[str, FloatArray]) -> FloatArray | None:
     """(n,) standard deviation if these rows show that it grows with a driver; otherwise None."""
-    every = asked.rows(np.ones(len(asked.y)))
-    group = every.group[inside]
-    known = group >= 0
-    group[known] = np.unique(group[known], return_inverse=True)[1]
-    rows = Rows(every.columns[inside], every.y[inside], np.ones(inside.size), group)
+    rows = every
+    if inside.size < len(every.y):
+        group = every.group[inside]
+        known = group >= 0
+        group[known] = np.unique(group[known], return_inverse=True)[1]
+        rows = Rows(every.columns[inside], every.y[inside], np.ones(inside.size), group)
     left, kept = rows.residual, np.maximum(rows.kept, 0.0)
     if growth_of(left, kept, {n: v[inside] for n, v in drivers.items()}) is None:
         return None
@@ -147,7 +150,7 @@ def _growth(asked: _Asked, inside: IntArray, drivers: Mapping[str, FloatArray]) 
 
 
 def _search(asked: _Asked, spread: FloatArray | None) -> GrossErrors:
-    y, step = asked.y, asked.step
+    y, step = asked.every.y, asked.step
     weight = np.ones(len(y)) if spread is None else float(np.median(spread)) / spread
     rows = asked.rows(weight)
     none = np.zeros(0, np.int64)
@@ -160,7 +163,8 @@ def _search(asked: _Asked, spread: FloatArray | None) -> GrossErrors:
     floor = max(least_sd(step * weight), eps)
     found = _judged(rows, _trimmed(rows, most, designed=asked.designed), floor, asked)
     out = found.out
-    return GrossErrors(out, found.distance, found.off / weight[out], found.p, found.sigma / weight, alone)
+    sd = np.broadcast_to(found.sigma, weight.shape) if spread is None else found.sigma / weight
+    return GrossErrors(out, found.distance, found.off / weight[out], found.p, sd, alone)
 
 
 @dataclass(frozen=True, eq=False)
@@ -270,7 +274,7 @@ def _outside(rows: Rows, left: FloatArray, most: int, allowed: IntArray) -> IntA
     first = np.r_[0, np.flatnonzero(np.diff(group[by_group])) + 1]
     counts = np.diff(np.r_[first, ahead.size])
     place[by_group] = np.arange(ahead.size) - np.repeat(first, counts)
-    return np.asarray(ahead[(group < 0) | (place < allowed[ahead])][:most])
+    return np.array(ahead[(group < 0) | (place < allowed[ahead])][:most])
 
 
 def _without(rows: Rows, out: IntArray) -> tuple[FloatArray, float]:

@@ -19,7 +19,7 @@ from fitter.errors import FitError
 from procedures.attitude.data import AttitudeData, settings
 from procedures.attitude.fit import AttitudeFit, fit_all
 from procedures.attitude.infer import AttitudeCalibration, InferredAttitude, infer_attitude
-from procedures.attitude.infer.calibrate import calibrate_package
+from procedures.attitude.infer.calibrate import calibrate_package, told_of_drift
 from procedures.attitude.influences import levelled
 from procedures.attitude.model import attitude_columns, sensitive_axis
 from procedures.attitude.table import attitude_data
@@ -309,10 +309,8 @@ class AttitudeEvaluation(Evaluation):
         rows = np.concatenate([np.arange(start, start + 4) for start in starts])
         drift, last = calibration.drift, len(model.at_deg) * len(model.angles)
         if drift is None:
-            covariance, df = (
-                calibration.covariance[np.ix_(rows, rows)],
-                {one.name: float(one.df) for one in calibration.sensors},
-            )
+            covariance = calibration.covariance[np.ix_(rows, rows)]
+            df = {one.name: float(one.df) for one in calibration.sensors}
         else:  # a use deviates from the mean of n replications as they do from one another: n + 1 times its error
             covariance, df = (
                 drift.covariance[np.ix_(rows, rows)] / (drift.df + 2),
@@ -352,7 +350,8 @@ class AttitudeEvaluation(Evaluation):
 
     def notes(self) -> Iterable[str]:
         """See `Evaluation`."""
-        return (words for name, one in self._scatter.items() if (words := one.sentence(name)))
+        drift = told_of_drift({one.name: self._fits[one.name].replication for one in self._plain.sensors})
+        yield from (words for words in (drift, *(one.sentence(name) for name, one in self._scatter.items())) if words)
 
 
 def attitude_evaluation(

@@ -186,6 +186,8 @@ class AttitudeData:
         """The observations at `rows` (indices or a mask); sides, blocks and previous angles are those of the
         whole run.
         """
+        if rows.dtype.kind == "i" and len(rows) == len(self) and np.array_equal(rows, np.arange(len(self))):
+            return self  # a copy of a million rows is as much memory as the table
         given = {f.name: getattr(self, f.name) for f in fields(self) if f.init}
         picked: dict[str, Any] = {name: v[rows] if isinstance(v, np.ndarray) else v for name, v in given.items()}
         picked["outputs"] = {name: v[rows] for name, v in self.outputs.items()}

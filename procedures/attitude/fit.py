@@ -29,6 +29,7 @@ from procedures.attitude.model import (
 )
 from procedures.attitude.temperature import Temperature
 
+_DRIFTS = 0.05
 _SIGMAS = ("sigma_E", "sigma_bias", "sigma_prec", "sigma_b", "sigma_S")
 
 
@@ -252,7 +253,16 @@ def moved_by(reach: AttitudeParameters | NoRollParameters) -> dict[str, float]:
 
 def drifting(table: Replication) -> bool:
     """Whether the joint drift test of a Table 2 is significant at 5 %."""
-    return bool(table.drift.p < 0.05)
+    return bool(table.drift.p < _DRIFTS)
+
+
+def drifting_together(tables: Sequence[Replication]) -> bool:
+    """Whether the sensors of a package drift between replications: their joint drift tests together at 5 %.
+
+    What is inferred needs all sensors, so a false alarm of one is one of all. Bonferroni's bound holds however their
+    errors are correlated, such as by the head that moves all of them.
+    """
+    return any(table.drift.p * len(tables) < _DRIFTS for table in tables)
 
 
 def errors_of(

@@ -16,6 +16,9 @@ RANDOM, UP_DOWN, AS_WRITTEN = "random", "up-down", "as written"
 FACTOR_NAME = r"^[A-Za-z][A-Za-z0-9_]*_[A-Za-z][A-Za-z0-9]*$"
 """A factor ends in its unit, as a column of a table does."""
 
+HEAD_ANGLES = ("pitch_deg", "roll_deg")
+"""Angles of a dividing head: these have a side of approach also if they are hard to change."""
+
 _BAND, _TOLERANCE = 1e-3, 0.02
 """Defaults of `band` and `tolerance`, as fractions of the range of the levels."""
 

@@ -116,14 +116,14 @@ def _sweep(points: Sequence[Setting], swept: Sequence[int], orders: Sequence[str
         yield from _sweep(levels[key], others, orders)
 
 
-def sides(settings: Sequence[Setting], hard: Sequence[bool]) -> Iterator[tuple[int, ...]]:
+def sides(settings: Sequence[Setting], sideless: Sequence[bool]) -> Iterator[tuple[int, ...]]:
     """Side of approach of each setting, by factor: from the setting before; 0 for any, as for the first one.
 
     A factor that keeps its setting has the side from which it came there.
 
     Args:
         settings: in running order.
-        hard: whether each factor is hard to change; these have no side.
+        sideless: whether each factor has no side.
     """
     width = len(settings[0]) if settings else 0
     last = [0] * width
@@ -131,5 +131,5 @@ def sides(settings: Sequence[Setting], hard: Sequence[bool]) -> Iterator[tuple[i
     for then, now in itertools.pairwise(settings):
         for at in range(width):
             if now[at] != then[at]:
-                last[at] = 0 if hard[at] else (1 if now[at] > then[at] else -1)
+                last[at] = 0 if sideless[at] else (1 if now[at] > then[at] else -1)
         yield tuple(last)

@@ -30,7 +30,7 @@ from procedures.fault_policies import (
     Policy,
 )
 from procedures.general.design import MOST_POINTS, DesignSettings, Points, Setting, optimal_rows, rows_of
-from procedures.general.factors import FACTOR_NAME, UP_DOWN, FactorSettings
+from procedures.general.factors import FACTOR_NAME, HEAD_ANGLES, UP_DOWN, FactorSettings
 from procedures.general.orders import sides, visits
 from procedures.general.response import response_of
 from procedures.run_list import Factor, Point, RunList, Settle
@@ -375,7 +375,8 @@ class GeneralProcedure(Strict):
     def _points(self) -> Iterator[Point]:
         order = list(self._visits())
         plotted = self._whole_plots
-        directions = sides([setting for _, _, setting in order], [factor.hard for factor in self.factors.values()])
+        sideless = [factor.hard and name not in HEAD_ANGLES for name, factor in self.factors.items()]
+        directions = sides([setting for _, _, setting in order], sideless)
         whole_plot, before = 0, None
         for index, ((replication, number, setting), came) in enumerate(zip(order, directions, strict=True)):
             if (replication, number) != before:

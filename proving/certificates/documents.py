@@ -193,7 +193,9 @@ class Random:
             ),
             adjustment=self.text() if len(stages) > 1 else "",
             deviations=self.texts(3),
-            amends=Amendment("K-0", self.day(), self.texts(3) or ("x",), "0" * 64) if of.random() < 0.3 else None,
+            amends=Amendment("K-0-1", self.day(), self.texts(3) or ("x",), "0" * 64, "K-0", self.day())
+            if of.random() < 0.3
+            else None,
             next_due=of.choice((None, self.day())),
             remarks=self.texts(2),
             paper=of.choice(("a4", "letter")),

@@ -34,8 +34,9 @@ from rig.controller import start_run
 from rig.engine.session import Signals
 from rig.plans import load_plan
 from rig.results.budget import budget
-from rig.results.certificate import Asked, Issue, Made, Refused, issue, make
+from rig.results.certificate import Asked, Made, Refused, make
 from rig.results.data import open as open_data
+from rig.results.issue import Issue, issue
 from rig.run_file.reader import RunReader
 from rig.tables import run_table
 

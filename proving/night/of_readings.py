@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import sqrt
 from operator import attrgetter
@@ -12,7 +12,9 @@ from procedures.column_names import unit_of
 from procedures.run_list import Factor, Point
 from proving.night.judged import Night
 from rig.bench import of_reading
+from rig.quantities import HEAD_AXES
 from rig.run_file.chain import Record
+from rig.run_file.events.points import WholePlotBegan
 from sims.physics.expression import Formula
 from sims.physics.laboratory_truth import AnySensorTruth, SourceTruth, StandardTruth
 from sims.physics.pressure_truth import TransducerTruth
@@ -236,9 +238,9 @@ def approached(night: Night) -> Iterator[str]:
     for record in night.accepted():
         point, seen = night.point(record), _seen(night, record)
         for factor, side, setpoint in zip(night.run_list.factors, point.sides, point.setpoints, strict=True):
-            if not side or factor.hard:
+            if not side:
                 continue
-            arrived, start = record.data["approach"].get(factor.axis, (0, setpoint))
+            arrived, start = _approach(night, record, factor).get(factor.axis, (0, setpoint))
             truly = {reading.sides[factor.name] for reading in seen} - {0}
             if arrived != side or truly - {side}:
                 sides = " and ".join(map(str, sorted(truly))) or "neither"
@@ -246,6 +248,15 @@ def approached(night: Night) -> Iterator[str]:
                 yield f"point {point.index}: {factor.axis} came {said}"
             elif (setpoint - start) * side < 0.9 * factor.overtravel:
                 yield f"point {point.index}: {factor.axis} came from {start:g}, nearer than its overtravel"
+
+
+def _approach(night: Night, record: Record, factor: Factor) -> Mapping[str, Sequence[float]]:
+    """Recorded approaches: of the point, or of the whole plot where it is hard to change."""
+    approach: Mapping[str, Sequence[float]] = record.data["approach"]
+    if factor.hard:
+        plots = (r.event for r in night.records if r.whole_plot == record.whole_plot)
+        approach = next(event.approach for event in plots if isinstance(event, WholePlotBegan))
+    return approach
 
 
 def one_stay(night: Night) -> Iterator[str]:
@@ -259,11 +270,12 @@ def one_stay(night: Night) -> Iterator[str]:
         stays.setdefault(record.whole_plot, set()).update(reading.stay for reading in seen)
         setting = night.run_list.setting(night.point(record))
         for factor in night.run_list.hard:
-            chamber, wanted = night.played.plan.bench.factors[factor.name], setting[factor.name]
+            chamber, wanted = night.played.plan.bench.factors.get(factor.name, ""), setting[factor.name]
+            most = _NEAR_OF_ANGLES if factor.axis in HEAD_AXES else _AIR_DEGC
             there = (reading.air_degC.get(chamber, reading.factors.get(factor.name, wanted)) for reading in seen)
             air = max(there, key=lambda a: abs(a - wanted), default=wanted)
-            if abs(air - wanted) > _AIR_DEGC:
-                yield f"point {record.run_index}: {chamber} was truly at {air:.2f} degC, not {wanted:g}"
+            if abs(air - wanted) > most:
+                yield f"point {record.run_index}: {factor.name} was truly {air:.4f}, not {wanted:g}"
     owners: dict[int, int] = {}
     for identity, truly in stays.items():
         if len(truly) > 1:
@@ -273,4 +285,5 @@ def one_stay(night: Night) -> Iterator[str]:
                 yield f"whole plots {owners[stay]} and {identity} are one stay at one pair of temperatures"
 
 
+_NEAR_OF_ANGLES = _THERE["deg"]
 _AIR_DEGC = 0.6

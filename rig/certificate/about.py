@@ -50,13 +50,22 @@ class Origin:
     folder: Path
 
 
+def settled(settings: CertificateSettings, origin: Origin, missing: Missing, approved: str) -> None:
+    """Note what only the settings can say, whatever the run is."""
+    given, where = missing.given, origin.settings
+    given(settings.country, "the country of the laboratory", f'country = "GB" in {where}')
+    given(settings.item, "what the items are", f'item = "..." in {where}')
+    given(settings.method.name, "the calibration method", f"method.name in {where}")
+    given(approved or settings.approved_by, "who approves", f"approved_by in {where}, or --approved-by")
+
+
 def laboratory(register: Register, settings: CertificateSettings, origin: Origin, missing: Missing) -> Laboratory:
     """Who issues the certificate."""
     own = register.laboratory
     party = Party(
         missing.given(own.name, "the name of the laboratory", f"laboratory.name in {origin.register}"),
         _lines(missing.given(own.address, "its address", f"laboratory.address in {origin.register}")),
-        missing.given(settings.country, "the country of the laboratory", f'country = "GB" in {origin.settings}'),
+        settings.country.strip(),
         settings.email,
         settings.phone,
     )
@@ -104,7 +113,7 @@ def items(
     """The calibrated sensors, and what the register says of each."""
     of, found, known = runs[-1], [], []
     bearers: dict[tuple[str, str, str], str] = {}
-    described = missing.given(settings.item, "what the items are", f'item = "..." in {origin.settings}')
+    described = settings.item.strip()
     for name in of.table.outputs.values():
         sensor = of.config.sensors.get(name)
         key, one = _item_of(of.register, name, sensor)
@@ -157,9 +166,7 @@ def people(
     who = [one.strip() for one in names.split(",") if one.strip()]
     if not who:
         missing.reasons.append(f"who calibrated is missing: add calibrated_by in {origin.settings}, or --calibrated-by")
-    approver = missing.given(
-        approved or settings.approved_by, "who approves", f"approved_by in {origin.settings}, or --approved-by"
-    )
+    approver = (approved or settings.approved_by).strip()
     for name, allowed, may in (
         *((one, own.calibrates, "calibrates") for one in who),
         *([(approver, own.approves, "approves")] if approver else []),
@@ -171,15 +178,14 @@ def people(
     return tuple(Person(one, roles[0]) for one in who), Person(approver, roles[1])
 
 
-def method(of: OfRun, settings: CertificateSettings, origin: Origin, missing: Missing) -> Method:
+def method(of: OfRun, settings: CertificateSettings) -> Method:
     """The method, and what the procedure of the run was."""
     own = settings.method
-    name = missing.given(own.name, "the calibration method", f"method.name in {origin.settings}")
     p = of.table.provenance
     ran = (
         f"Procedure of the run: {p['procedure']}; {p['points_observed']} of {p['points_planned']} planned observations."
     )
-    return Method(name, (*own.sentences, ran), own.references)
+    return Method(own.name.strip(), (*own.sentences, ran), own.references)
 
 
 def equipment(runs: Sequence[OfRun]) -> tuple[Equipment, ...]:

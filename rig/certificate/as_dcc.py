@@ -134,7 +134,7 @@ def _core(parent: ET.Element, document: Document) -> None:
         _add(before, "referralID", _solid(amends.number))
         _add(before, "procedure", "SHA-256")
         _add(before, "value", amends.sha256)
-        _words(before, "description", *amends.changes)
+        _words(before, "description", amends.sentence, *amends.changes)
 
 
 def _item(parent: ET.Element, item: Item) -> None:

@@ -359,12 +359,22 @@ class Amendment:
         issued: its date of issue.
         changes: sentences.
         sha256: of its file.
+        original: number of the first certificate, where the replaced one was an amendment; otherwise the same number.
+        original_issued: its date of issue.
     """
 
     number: str
     issued: datetime.date
     changes: tuple[str, ...]
     sha256: str
+    original: str
+    original_issued: datetime.date
+
+    @property
+    def sentence(self) -> str:
+        """Reference to the replaced certificate, and to the original (ISO/IEC 17025, 7.8.8.3)."""
+        first = f"; the original is {self.original} of {self.original_issued}" if self.original != self.number else ""
+        return f"It replaces certificate {self.number} of {self.issued}{first}."
 
 
 @dataclass(frozen=True)

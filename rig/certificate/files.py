@@ -45,9 +45,9 @@ def next_number(folder: Path, scheme: str, issued: date) -> str:
     raise UsageError(f"no number of {scheme!r} is free in {folder}")
 
 
-def number_of_amendment(folder: Path, amended: str) -> str:
-    """The number of the next amendment: the amended one with -1, -2 and so on."""
-    return next_number(folder, amended.replace("{", "{{").replace("}", "}}") + "-{next}", date.min)
+def number_of_amendment(folder: Path, original: str) -> str:
+    """The number of the next amendment: the original's with -1, -2 and so on, also of what replaces an amendment."""
+    return next_number(folder, original.replace("{", "{{").replace("}", "}}") + "-{next}", date.min)
 
 
 def write_once(folder: Path, number: str, forms: Mapping[str, bytes]) -> list[Path]:
@@ -99,10 +99,17 @@ def _exists(number: str, folder: Path) -> UsageError:
 
 @dataclass(frozen=True)
 class Before:
-    """A certificate that is amended: its JSON values, and the hash of its XML, or of its JSON."""
+    """A certificate that is amended: its JSON values, the hash of its XML, or of its JSON, and the first one of all.
+
+    Attributes:
+        told: JSON values.
+        sha256: of its XML; of its JSON if there is none.
+        original: number and date of issue of the first certificate.
+    """
 
     told: Mapping[str, Any]
     sha256: str
+    original: tuple[str, date]
 
 
 def amended(folder: Path, number: str) -> Before:
@@ -114,10 +121,13 @@ def amended(folder: Path, number: str) -> Before:
     path = folder / f"{number}.json"
     try:
         told = json.loads(path.read_text(encoding="utf-8"))
-        date.fromisoformat(told["dates"]["issued"])
+        issued, earlier = told["dates"]["issued"], told.get("amends") or {}
+        first = check_number(earlier.get("original", number)), earlier.get("original_issued", issued)
+        date.fromisoformat(issued)
+        original = first[0], date.fromisoformat(first[1])
         if told["number"] != number:
             raise ValueError(f"it is of number {told['number']}")
-    except (OSError, UnicodeDecodeError, ValueError, KeyError, TypeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, UsageError) as error:
         raise UsageError(f"certificate {number} cannot be amended: {path} cannot be read ({error})") from error
     for other in sorted(folder.glob("*.json")):
         with contextlib.suppress(OSError, ValueError, AttributeError):
@@ -125,7 +135,7 @@ def amended(folder: Path, number: str) -> Before:
             if (later.get("amends") or {}).get("number") == number:
                 raise UsageError(f"certificate {number} was replaced by {later['number']}: --amends {later['number']}")
     xml = folder / f"{number}.xml"
-    return Before(told, hash_of(xml if xml.exists() else path))
+    return Before(told, hash_of(xml if xml.exists() else path), original)
 
 
 def amendment(before: Before, now: Mapping[str, Any], because: str) -> Amendment:
@@ -144,7 +154,7 @@ def amendment(before: Before, now: Mapping[str, Any], because: str) -> Amendment
         raise UsageError("nothing changed: an amendment needs a change, or a reason (--because)")
     told = [because.strip()] if because.strip() else []
     issued = date.fromisoformat(before.told["dates"]["issued"])
-    return Amendment(str(before.told["number"]), issued, (*told, *changed), before.sha256)
+    return Amendment(str(before.told["number"]), issued, (*told, *changed), before.sha256, *before.original)
 
 
 def changes(old: Mapping[str, Any], new: Mapping[str, Any], most: int = _MOST_CHANGES) -> tuple[str, ...]:

@@ -108,8 +108,7 @@ def sections(document: Document) -> tuple[Section, ...]:
 def _cover(document: Document) -> Iterator[Block]:
     dates = document.dates
     if document.amends is not None:
-        since = f"It replaces certificate {document.amends.number} of {day(document.amends.issued)}."
-        yield Sentences((f"Amended certificate. {since}", *document.amends.changes))
+        yield Sentences((f"Amended certificate. {document.amends.sentence}", *document.amends.changes))
     rows = [("Customer", _party(document.customer)), *_items(document), ("Place of calibration", (document.place,))]
     if dates.received is not None:
         rows.append(("Date of receipt", (day(dates.received),)))

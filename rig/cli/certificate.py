@@ -114,7 +114,8 @@ def certificate(
     if not runs or out_folder is None:
         raise UsageError("a certificate needs a run file and --out FOLDER: rig certificate RUN --out certificates")
     from rig.atomic import check_files  # noqa: PLC0415
-    from rig.results.certificate import Asked, Issue, all_files, check_extras, issue, make  # noqa: PLC0415
+    from rig.results.certificate import Asked, make  # noqa: PLC0415
+    from rig.results.issue import Issue, all_files, check_extras, issue  # noqa: PLC0415
 
     later = tuple(confirmed_by or ())
     people = (calibrated_by, approved_by)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from datetime import date
 from pathlib import Path
@@ -22,7 +23,7 @@ from procedures.simulated_budget import whole
 from procedures.stated import Statements
 from procedures.table import Table
 from rig.config import BenchConfig, parse_bench
-from rig.errors import ConfigurationError, UsageError
+from rig.errors import ConfigurationError, RigError, UsageError
 from rig.register import (
     DOCUMENT,
     Register,
@@ -114,6 +115,23 @@ class RunBudget:
     outside: tuple[str, ...] = ()
 
 
+@dataclass(frozen=True)
+class Checked:
+    """A run with its register, also where no budget is made of it.
+
+    Attributes:
+        of: the run; with an empty register, where it has none.
+        reasons: why no budget is made of it, all of them; empty if one is.
+        register: whether it has a register.
+        stated: whether that states errors, so that a budget could be made if it were not for the reasons.
+    """
+
+    of: OfRun
+    reasons: tuple[str, ...]
+    register: bool
+    stated: bool
+
+
 def run_with_register(path: Path, equipment: Path | None = None) -> OfRun:
     """A run, corrected by the certificates of its equipment.
 
@@ -126,27 +144,51 @@ def run_with_register(path: Path, equipment: Path | None = None) -> OfRun:
         ConfigurationError: the register contradicts the bench, is not valid for the run, or does not cover it.
         DataError: its kind is not installed.
     """
+    checked = checked_run(path, equipment)
+    if not checked.reasons:
+        return checked.of
+    raise (ConfigurationError if checked.register else UsageError)("\n".join(checked.reasons))
+
+
+def checked_run(path: Path, equipment: Path | None = None) -> Checked:
+    """The same, with all reasons against a budget at once; a register that cannot be read is an error here, too."""
     if not is_run(path):
         raise UsageError(f"{path} is no run file: a budget needs the bench of a run and its register of equipment")
     table = run_table(path)
     with RunReader.open(path) as reader:
         documents = reader.documents()
         identities = [record.event for record in reader.records(Identified.kind)]
-    register = register_of(documents, equipment, run=str(path))
+    reasons: list[str] = []
+    register, stated = Register(), None
+    with _noted(reasons, UsageError):
+        register = register_of(documents, equipment, run=str(path))
     where = str(equipment) if equipment is not None else f"{path} ({DOCUMENT})"
     if "bench.toml" not in documents:
         raise UsageError(f"{path} has no bench file, which says what reads what: no budget can be made of it")
     config = parse_bench(documents["bench.toml"], f"{path} (bench.toml)", strict=False)
-    check_register(register, config, where, "bench.toml")
-    _check_identities(register, config, identities, where, simulated=table.simulated)
-    first, last = (date.fromisoformat(table.provenance[key][:10]) for key in ("began_utc", "last_observation_utc"))
-    check_validity(register, config, where, first, last)
     kind = kind_of_table(table)
     if kind is None:
         raise DataError(f"{path}: its kind of calibration is not known")
-    stated = stated_of(register, config, last)
-    check_covered(stated, table.columns, where)
-    return _corrected(table, kind, config, register, stated)
+    known = not reasons
+    if known:
+        reasons += _contradictions(register, config, identities, where, simulated=table.simulated)
+        first, last = (date.fromisoformat(table.provenance[key][:10]) for key in ("began_utc", "last_observation_utc"))
+        with _noted(reasons):
+            check_validity(register, config, where, first, last)
+        with _noted(reasons):
+            stated = stated_of(register, config, last)
+            check_covered(stated, table.columns, where)
+    of = _corrected(table, kind, config, register, stated or Statements())
+    return Checked(of, tuple(reasons), known, stated is not None)
+
+
+@contextmanager
+def _noted(reasons: list[str], refusal: type[RigError] = ConfigurationError) -> Iterator[None]:
+    """Lines of a refusal become reasons."""
+    try:
+        yield
+    except refusal as error:
+        reasons += str(error).splitlines()
 
 
 def _corrected(table: Table, kind: Kind, config: BenchConfig, register: Register, stated: Statements) -> OfRun:
@@ -161,10 +203,14 @@ def constants_of(stated: Statements) -> Mapping[str, float]:
     return {name: one.value for name, one in stated.place.items()}
 
 
-def _check_identities(
+def _contradictions(
     register: Register, config: BenchConfig, identities: Iterable[Event], where: str, *, simulated: bool
-) -> None:
-    """Refuse an instrument that was exchanged during the run, and one that is not that of the register."""
+) -> Iterator[str]:
+    """The register against the bench; instruments that were exchanged in the run, or are not those of the register."""
+    lines: list[str] = []
+    with _noted(lines):
+        check_register(register, config, where, "bench.toml")
+    yield from lines
     for event in identities:
         assert isinstance(event, Identified)
         name, before = event.instrument, event.replaces
@@ -173,13 +219,13 @@ def _check_identities(
         if known is None:
             continue
         if before is not None:
-            raise ConfigurationError(
+            yield (
                 f"{where}: equipment.{asset} is one instrument, and in the run {name} was exchanged "
                 f"({before['maker']} {before['model']} {before['serial']}, then {event.maker} {event.model} "
                 f"{event.serial}): measure again with one of them"
             )
-        if not simulated and event.confirmed and event.serial and known.serial not in ("", event.serial):
-            raise ConfigurationError(
+        elif not simulated and event.confirmed and event.serial and known.serial not in ("", event.serial):
+            yield (
                 f"{where}: equipment.{asset}.serial = {known.serial!r}, and in the run {name} reported "
                 f"{event.serial!r}: name the register of the instrument that was used"
             )

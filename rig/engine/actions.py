@@ -36,6 +36,8 @@ _JUST_NOW_S = 0.05
 _READ_THE_SAME = 3
 _STOOD_S = 60.0
 _LONG_AGO = -1e18
+_PARKED_DEG = 0.01
+"""Distance from its parking position within which an axis of a head is parked."""
 
 
 class BenchActions:
@@ -444,11 +446,16 @@ class BenchActions:
         return self.until_soaked(dict.fromkeys(self._chambers, criteria), settings.poll_s, (), lambda _: None)
 
     def park(self, poll_s: float, timeout_s: float) -> None:
-        """Drive every axis to its parking position, as near as the limits allow.
+        """Drive every axis to its parking position, as near as the limits allow; one that stands there is left alone.
 
+        A command to stay would be another setting of an angle that is held for a whole plot.
         Axes that lost their zeros, for example in a power cut after the last point, stay where they are: nothing is
         left to do that justifies homing.
         """
         parking = self._axes.parking()
-        if parking and all(reading.homed for reading in self.axes().values()):
-            self.go([parking], poll_s, timeout_s)
+        if not parking:
+            return
+        readings = self.axes()
+        away = {axis: target for axis, target in parking.items() if abs(readings[axis].value - target) > _PARKED_DEG}
+        if away and all(reading.homed for reading in readings.values()):
+            self.go([away], poll_s, timeout_s)

@@ -32,7 +32,7 @@ from rig.engine.holes import HoleInTime
 from rig.engine.journal import Journal, PointInHand
 from rig.engine.liveness import Liveness
 from rig.engine.measuring import Observation
-from rig.engine.motion import Leg, plan_legs, recovery_legs
+from rig.engine.motion import NEARLY, Leg, plan_legs, recovery_legs
 from rig.engine.queue import PointQueue
 from rig.engine.set_by_hand import SetByHand
 from rig.engine.soaking import Soaking
@@ -42,8 +42,6 @@ from rig.run_file.events.sessions import Held
 from rig.scatter import most_scatter, noisiest
 
 _MOVE_TIMEOUT_S = 600.0
-_NEARLY = 0.9
-"""Smallest fraction of its overtravel that an axis must cover: it may turn a little short of the full overtravel."""
 _STRAY_SDS = 6.0
 _SDS_OF_MAD = 1.4826
 
@@ -326,7 +324,7 @@ class AtPoint:
             arrival = self._do.arrivals.get(factor.axis)
             if side and (arrival is None or arrival.side != side):
                 raise NotSettled(f"{factor.axis} did not arrive from its planned side", at.settling)
-            if arrival and side and side * (target - arrival.start) < _NEARLY * factor.overtravel:
+            if arrival and side and side * (target - arrival.start) < NEARLY * factor.overtravel:
                 near = f"{factor.axis} arrived from {arrival.start:g}, nearer than its overtravel"
                 raise NotSettled(f"{near}: did it slip?", at.settling)
             if abs(after[factor.axis] - target) > self._conduct.settled(factor.axis).band:

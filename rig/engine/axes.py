@@ -16,9 +16,9 @@ from procedures.column_names import unit_of
 from procedures.run_list import Factor, RunList
 from rig.bench import Bench
 from rig.engine.fault_classes import DriveFault, NotHomed, SupplyFailure
-from rig.engine.held import held_factors
+from rig.engine.held import held_factors, of_head
 from rig.errors import ConfigurationError
-from rig.quantities import HEAD_AXES, PRESSURE_UNIT, TEMPERATURE_UNIT
+from rig.quantities import PRESSURE_UNIT, TEMPERATURE_UNIT
 
 CHAMBER_MARGIN_DEGC = 2.0
 """Difference by which a chamber may pass a limit, which overshoots a setpoint at it before it settles."""
@@ -315,18 +315,12 @@ def axes_of(bench: Bench, factors: Sequence[Factor], band: Callable[[str], float
         ConfigurationError: nothing sets a factor, or its instrument cannot.
     """
     movers: list[Mover] = []
-    if any(_of_head(bench, f) for f in factors):
+    if any(of_head(bench, f) for f in factors):
         movers.append(HeadMover(bench.head))
     movers += [
-        _mover(bench, f, band(f.axis)) for f in factors if not _of_head(bench, f) and bench.by_hand(f.name) is None
+        _mover(bench, f, band(f.axis)) for f in factors if not of_head(bench, f) and bench.by_hand(f.name) is None
     ]
     return Axes(movers)
-
-
-def _of_head(bench: Bench, factor: Factor) -> bool:
-    """Whether a factor is an angle of the head, which needs no entry under `[factors]`."""
-    name = bench.config.factors.get(factor.name)
-    return factor.axis in HEAD_AXES and (name is None or isinstance(bench.instruments[name], Head))
 
 
 def _mover(bench: Bench, factor: Factor, band: float) -> Mover:

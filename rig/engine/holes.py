@@ -92,11 +92,16 @@ class WatchedClock:
 
     def sleep(self, seconds: float) -> None:
         """See `Clock.sleep`."""
+        self.pause(seconds)
+
+    def pause(self, seconds: float) -> float:
+        """Sleep, and return the clock's reading after it."""
         self.now()
         before, self._explained = self._explained, seconds if seconds > 0.0 else 0.0
         self._clock.sleep(seconds)
-        self.now()
+        now = self.now()
         self._explained = before
+        return now
 
     def idle(self, seconds: float) -> None:
         """See `Clock.idle`."""
@@ -109,7 +114,7 @@ class WatchedClock:
     def timeout(self, seconds: float) -> float:
         """See `Clock.timeout`: the caller is about to wait for at most this long, until the next wait is announced."""
         self.now()
-        self._explained = max(seconds, 0.0)
+        self._explained = seconds if seconds > 0.0 else 0.0
         return self._clock.timeout(seconds)
 
     def grace(self) -> float:

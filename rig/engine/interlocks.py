@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict
+from dataclasses import fields
 from typing import Any
 
 from drivers.roles import ChamberState, is_overload
@@ -24,6 +24,7 @@ class Interlocks:
         self._now = now
         self._since: dict[str, float] = {}
         self._rules: dict[str, dict[str, InterlockConfig]] = {}
+        self._of_chambers: dict[str, list[str]] = {}
         for name, rule in rules.items():
             self._rules.setdefault(rule.watch, {})[name] = rule
 
@@ -33,9 +34,12 @@ class Interlocks:
 
     def check_chamber(self, name: str, state: ChamberState) -> None:
         """Check a chamber's new readings. Raises `LimitViolation` or `InterlockHold`."""
-        for field, value in asdict(state).items():
-            if f"{name}.{field}" in self._rules:
-                self.check(f"{name}.{field}", value)
+        watched = self._of_chambers.get(name)
+        if watched is None:
+            names = (field.name for field in fields(state))
+            watched = self._of_chambers[name] = [field for field in names if f"{name}.{field}" in self._rules]
+        for field in watched:
+            self.check(f"{name}.{field}", getattr(state, field))
 
     def check(self, what: str, value: Any) -> None:
         """Check one reading. Raises `LimitViolation` or `InterlockHold`, with the name of the interlock."""

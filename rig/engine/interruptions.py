@@ -56,16 +56,15 @@ class Interruptions:
         self.released = False
 
     def look_up(self) -> None:
-        """Report the state, and look for signals, requests and holes.
+        """Report the state, and look for signals, requests and holes that the clock has noted.
 
         Raises:
             Interrupted, HoldRequested, StopRequested: as requested.
             HoleInTime: see `check_time`.
 
         """
-        hole = self._clock.take_hole()
-        if hole is not None:
-            self._record(hole)
+        if self._clock.noted:
+            self.check_time()
         if self._signals.interrupt:
             raise Interrupted
         request = self._requests.poll()

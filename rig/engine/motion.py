@@ -15,6 +15,8 @@ from procedures.run_list import Factor, Point
 
 Leg = dict[str, float]
 """Targets by axis; all axes of a leg start together, and a leg ends when none moves."""
+NEARLY = 0.9
+"""Smallest fraction of its overtravel that an axis must cover: it may turn a little short of the full overtravel."""
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ A chamber ramps, and its contents follow with a time constant tau. At the end of
 sensors lag by r tau (1 - exp(-t / tau)). They have settled when this lag is within the tolerance and its slope is
 within the permitted drift. The time for a change of pressure follows from its slew rate. Both predictions are corrected
 by the median of the ratios, or differences, observed in the run. Observations near a new start, a fault or a hold do
-not count.
+not count. Nothing is predicted of settings that are no temperatures: they take as long as the ones before.
 """
 
 from __future__ import annotations
@@ -91,10 +91,12 @@ class Pace:
         self._plot = np.array(numbers)
         self._open = np.ones(len(numbers), np.bool_)
         self._travel = _travel_s(run_list, bench)
-        self._soaks = _soaks_s(run_list, self._soak, _followers(run_list, bench))
+        followers = _followers(run_list, bench)
+        self._soaks, self._soak_free = _soaks_s(run_list, self._soak, followers), not followers
         self._point_s = 2.0 * conduct.settle.dwell_s + SWEEP_S * conduct.readings
         self._points: deque[float] = deque(maxlen=KEPT)
         self._ratios: deque[float] = deque(maxlen=KEPT)
+        self._settings: deque[float] = deque(maxlen=KEPT)
         self._planned: int | None = None
         self._began: tuple[int, float] | None = None
         self._soaking_s: float | None = None  # since when a soak goes on; unlike `_began` through faults and holds
@@ -142,6 +144,8 @@ class Pace:
                 self._began, self._soaking_s = (event.planned, record.elapsed_s), record.elapsed_s
             case WholePlotBegan():
                 self._planned = event.planned
+                if self._soak_free and self._last is not None:
+                    self._settings.append(record.elapsed_s - self._last[2])
                 if self._began is not None and self._began[0] == self._planned:
                     self._ratios.append((record.elapsed_s - self._began[1]) / self._soaks[self._planned])
                 self._began = self._left = self._soaking_s = None
@@ -176,12 +180,13 @@ class Pace:
         soak_next = bool(plots) and next(iter(plots)) != self._planned
         travel_s, points = float(self._travel[self._open].sum()), int(self._open.sum())
         ratio = self.ratio
+        setting = statistics.median(self._settings) if self._settings else 0.0
         return _Left(
             travel_s,
             points,
             soaks,
             soak_next,
-            tuple([self._soaks[plot] * ratio for plot in soaks]),
+            tuple([setting if self._soak_free else self._soaks[plot] * ratio for plot in soaks]),
             travel_s + points * self.point_s,
         )
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from math import hypot, sqrt
+from math import hypot, inf, sqrt
 from operator import mul
 from typing import NamedTuple
 
@@ -103,6 +103,8 @@ class ResponseTest:
         self._rows: list[Row] = []
         self._outputs: list[float] = []
         self._recent: deque[_Seen] = deque(maxlen=max(_WINDOWS))
+        self._predicted: deque[float] = deque(maxlen=max(_WINDOWS))
+        self._off_by: deque[float] = deque(maxlen=max(_WINDOWS))
         self._model: _Model | None = None
         self._next_fit = 12
         self._noisy = False
@@ -123,13 +125,17 @@ class ResponseTest:
         """
         if new_whole_plot:
             self._recent.clear()
+            self._predicted.clear()
+            self._off_by.clear()
         self._noisy |= variance > 0.0
         expected = None if self._model is None else self._model.expects(row)
-        self._recent.append(_Seen(row, mean, variance == 0.0, expected))
-        last = list(self._recent)
-        if self._follows(last):
+        seen = _Seen(row, mean, variance == 0.0, expected)
+        self._recent.append(seen)
+        self._compare(seen)
+        if self._follows():
             said, self._off = "", 0
         else:
+            last = list(self._recent)
             said = self._frozen(last) or self._deaf(last) or self._jumped(last) or self._weak(last)
         if not said and len(self._rows) < _MODEL_ROWS and self._believable(mean, expected):
             self._rows.append(row)
@@ -137,30 +143,33 @@ class ResponseTest:
             said = self._learn()
         return said
 
-    def _follows(self, last: list[_Seen]) -> bool:
+    def _compare(self, seen: _Seen) -> None:
+        """Keep the prediction of an observation and its distance from it; without one it is infinitely far off."""
+        value = inf if seen.expected is None else seen.expected.value
+        self._predicted.append(value)
+        self._off_by.append(abs(seen.mean - value))
+
+    def _follows(self) -> bool:
         """Whether the output follows its model so closely that none of the tests below can find anything.
 
-        It is cheaper than they are. `_frozen` needs a point without scatter; `_deaf` a window in which the output
-        moved by less than a tenth; `_jumped` a last point that is off. A slope of n points differs from 1 by at most
-        sqrt(2 n) times the largest difference from the model, divided by the range of its predictions.
+        It is cheaper than they are. `_frozen` needs a point without scatter; `_jumped` a last point that is off;
+        `_deaf` and `_weak` predictions in a window that differ by more than is certain. If they differ by `should`,
+        and no mean is off by more than a fraction `_FOLLOWED` of it, the output moved by more than a tenth of it, and
+        a slope of n points differs from 1 by at most sqrt(2 n) times that fraction.
         """
-        model = self._model
-        if model is None or last[-1].still or len(last) < max(_WINDOWS):
+        model, off = self._model, self._off_by
+        if model is None or len(off) < max(_WINDOWS) or self._recent[-1].still:
             return False
-        if any(s.expected is None for s in last):
+        most = max(off)
+        if most == inf or off[-1] > self._least_jump * (model.high - model.low):
             return False
-        values = [s.expected.value for s in last if s.expected is not None]
-        means = [s.mean for s in last]
+        enough = max(model.certain, most / _FOLLOWED)
+        predicted = list(self._predicted)
         for size in _WINDOWS:
-            some, read = values[-size:], means[-size:]
-            if max(read) - min(read) < 0.1 * (max(some) - min(some)):
+            some = predicted[-size:]
+            if model.certain < max(some) - min(some) < enough:
                 return False
-        some = values[-_TO_JUDGE_A_SLOPE:]
-        off = [abs(mean - value) for mean, value in zip(means[-_TO_JUDGE_A_SLOPE:], some, strict=True)]
-        if off[-1] > self._least_jump * (model.high - model.low):
-            return False
-        should = max(some) - min(some)
-        return should <= model.certain or max(off) <= _FOLLOWED * should
+        return True
 
     def _believable(self, mean: float, expected: _Expected | None) -> bool:
         """Whether an observation is good enough to be added to the fit."""
@@ -192,8 +201,11 @@ class ResponseTest:
         if model.explained < 0.5:
             return f"does not follow the settings: they explain {100 * model.explained:.0f} % of what it read so far"
         self._model = model
+        self._predicted.clear()
+        self._off_by.clear()
         for seen in self._recent:
             seen.expected = model.expects(seen.row)
+            self._compare(seen)
         return ""
 
     def _deaf(self, last: list[_Seen]) -> str:

@@ -254,13 +254,13 @@ class Sequencer:
 
     def _wait(self, seconds: float) -> None:
         """Wait in short slices; look for signals and requests between them."""
-        now = self._clock.now()
+        clock = self._clock
+        now = clock.now()
         end = now + seconds
         while (left := end - now) > 1e-9:
-            self._clock.sleep(min(left, 5.0))
+            now = clock.pause(left if left < 5.0 else 5.0)
             self._look_up()
-            now = self._clock.now()
-        if self._clock.noted:
+        if clock.noted:
             self._interruptions.check_time()
         self._do.look_around(now)
 
@@ -308,6 +308,7 @@ class Sequencer:
         stands = (
             self._home_again and self._journal.fold.prepared and self._standing.environment_stands(self._do.readback())
         )
+        goes_on = self._soaking is not None and following is not None and self._soaking.goes_on(following)
         self._journal.write(Preparing())
         self._needs_set_up |= self._soaking is not None  # the instruments are identified before every whole plot
         self._set_up()
@@ -315,7 +316,8 @@ class Sequencer:
             self._journal.write(Homed())
         self._home_again = False
         if self._soaking is not None:
-            self._soaking.soak()
+            if not goes_on:
+                self._soaking.soak()
         elif self._conduct.environment is not None and not stands:
             self._journal.message = "environment settling"
             evidence = self._do.prepare_environment(self._conduct.environment)

@@ -45,6 +45,7 @@ class Settling:
         self._last: float | None = None
         self._was_inside = False
         self._samples: list[tuple[float, float]] = []
+        self._dwell_from = 0
         self.outcome: Outcome = "waiting"
 
     def add(self, now: float, value: float) -> Outcome:
@@ -76,8 +77,11 @@ class Settling:
     def _slope(self) -> float:
         """Least-squares slope of the samples inside the band over the last dwell, per second."""
         c = self.criteria
-        since = self._samples[-1][0] - c.dwell_s - 1e-9
-        recent = [s for s in self._samples if s[0] >= since and abs(s[1] - c.target) <= c.band]
+        samples = self._samples
+        since = samples[-1][0] - c.dwell_s - 1e-9
+        while samples[self._dwell_from][0] < since:  # a soak has thousands of samples: the older ones are passed once
+            self._dwell_from += 1
+        recent = [s for s in samples[self._dwell_from :] if abs(s[1] - c.target) <= c.band]
         n = len(recent)
         mean_t = sum([t for t, _ in recent]) / n
         spread = sum([(t - mean_t) ** 2 for t, _ in recent])

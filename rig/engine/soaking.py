@@ -107,6 +107,7 @@ class Soaking:
         thermometers, criteria = self.rules.thermometers, self.rules.criteria(point)
         evidence = self._do.until_soaked(criteria, self._soak.poll_s, thermometers, watch) if criteria else {}
         evidence |= self._settle(point)
+        arrivals = self._do.arrivals
         self._journal.message = self._journal.detail = ""
         self._do.take_unwatched_s()  # readings before the end of the soak do not matter
         self._journal.begin_whole_plot(
@@ -115,6 +116,8 @@ class Soaking:
                 setpoints_degC=targets,
                 settling=evidence,
                 settings=self._others(point) or EMPTY,
+                approach={f.axis: (came.side, came.start) for f in self._held.factors if (came := arrivals.get(f.axis))}
+                or EMPTY,
             )
         )
         self.watched = True
@@ -140,9 +143,13 @@ class Soaking:
         if not self._held.factors:
             return {}
         try:
-            return self._do.settle(self._held.targets(point), self._held.settled, self._poll_s)
+            evidence = self._do.settle(self._held.targets(point), self._held.settled, self._poll_s)
         except NotSettled as error:
             raise TemperaturesNotSettled(str(error), error.evidence) from error
+        astray = self._held.astray(point, self._do.arrivals)
+        if astray:
+            raise TemperaturesNotSettled(astray, evidence)
+        return evidence
 
     def _leave(self, point: Point) -> None:
         """Make sure that temperatures change for a whole plot: a chamber already at its setpoint leaves it first."""
@@ -174,6 +181,23 @@ class Soaking:
         if why:
             self.lose(why)
 
+    def goes_on(self, point: Point) -> bool:
+        """Whether the open whole plot of `point` goes on while axes are homed again.
+
+        It is given up if an angle of the head is its setting, which homing moves, or if it does not stand any more.
+        Called before instruments are set up again.
+        """
+        fold = self._journal.fold
+        if fold.whole_plot is None or fold.planned != point.whole_plot:
+            return False
+        unwatched_s, found = self._do.take_unwatched_s(), self._do.readback()
+        why = self.lost_meanwhile(point, unwatched_s, restarted=self._do.restarted(), as_found=found)
+        if not why and self._held.by_head:
+            why = "the head that holds its angle is homed again"
+        if why:
+            self.give_up(why)
+        return not why
+
     def lost_meanwhile(
         self,
         point: Point,
@@ -187,9 +211,10 @@ class Soaking:
         why = self.rules.lost_meanwhile(
             point, idle_s, certain=certain, watched=self.watched, restarted=restarted, as_found=as_found
         )
-        axes = as_found["axes"]
-        values = {f.axis: axes[f.axis][f.name] for f in self._held.factors}
-        return why or self._held.out_of_place(point, values, {axis for axis, one in axes.items() if one["enabled"]})
+        axes = ((f, as_found["axes"][f.axis]) for f in self._held.factors)
+        return why or self._held.out_of_place(
+            point, {f.axis: (one[f.name], one["enabled"] and one["homed"]) for f, one in axes}
+        )
 
     def lost_now(
         self,
@@ -199,9 +224,8 @@ class Soaking:
         axes: Mapping[str, AxisReading],
     ) -> str:
         """Why the last readings do not belong to the open whole plot; "" if they do."""
-        values = {axis: one.value for axis, one in axes.items()}
         why = self.rules.lost_now(point, chambers, temperatures) or self._held.out_of_place(
-            point, values, {axis for axis, one in axes.items() if one.enabled}
+            point, {axis: (one.value, one.enabled and one.homed) for axis, one in axes.items()}
         )
         if why:
             return why

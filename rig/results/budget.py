@@ -105,7 +105,7 @@ def _budget(one: Budgeted) -> Iterator[Block]:
             left += 1
             continue
         of = f"{line.df:.0f}" if isfinite(line.df) and line.df < 1e5 else "-"
-        bar = "#" * round(20 * max(line.share, 0.0))
+        bar = "#" * round(10 * max(line.share, 0.0))
         cells = (f"{100 * line.share:5.1f} % {bar}", f"{line.standard_uncertainty:.2g} {one.unit}", of, line.kind)
         grid.add_row(*cells, escape(line.name), escape(line.source))
     yield Line(f"\n[bold]{escape(one.name)}[/]: standard uncertainty {u} {one.unit}, effective degrees of freedom {df}")

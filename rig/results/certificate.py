@@ -2,30 +2,20 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
 from datetime import date
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from fitter.errors import FitError
 from procedures.errors import DataError
 from rig.certificate import about, assembly
 from rig.certificate.document import Dates, Document, Stage
-from rig.certificate.files import (
-    amended,
-    amendment,
-    check_free,
-    check_number,
-    next_number,
-    number_of_amendment,
-    write_once,
-)
 from rig.certificate.settings import CertificateSettings, read_settings
-from rig.closed_loop.budget import RunBudget, budget_of, run_with_register
-from rig.dcc.extras import needed
-from rig.errors import RigError, RunFileError, UsageError
+from rig.closed_loop.budget import OfRun, RunBudget, budget_of, checked_run
+from rig.errors import RigError, UsageError
 from rig.register import DOCUMENT
 from rig.results.data import Data
 from rig.run_file.reader import RunReader
@@ -37,6 +27,8 @@ if TYPE_CHECKING:
     from rig.closed_loop.confirm import Confirmed
 
 SETTINGS = "certificate.toml"
+NUMBER = "(no number)"
+"""The number of a document that is not issued yet."""
 _STAGES: Mapping[int, tuple[Stage, ...]] = {1: ("",), 2: ("as found", "as left")}
 
 
@@ -47,7 +39,8 @@ class Refused(UsageError):
         self.reasons = tuple(dict.fromkeys(reasons))
         listed = "\n".join(f"- {one}" for one in self.reasons)
         names = " and ".join(map(str, runs))
-        super().__init__(f"no certificate is made of {names}; {len(self.reasons)} reasons:\n{listed}")
+        count = "1 reason" if len(self.reasons) == 1 else f"{len(self.reasons)} reasons"
+        super().__init__(f"no certificate is made of {names}; {count}:\n{listed}")
 
 
 @dataclass(frozen=True)
@@ -103,6 +96,7 @@ class _Run:
     state: RunState
     records: int
     register: str | None = None
+    of: OfRun | None = None
     budget: RunBudget | None = None
     outcomes: Sequence[Outcome] = ()
     confirmed: Confirmed | None = None
@@ -126,11 +120,10 @@ def make(asked: Asked) -> Made:
         _read(path, stage, asked, settings, reasons)
         for path, stage in zip(asked.runs, _STAGES[len(asked.runs)], strict=True)
     ]
-    whole = [one for one in runs if one is not None]
-    document = _document(whole, asked, settings, given, reasons) if whole else None
+    document = _document([one for one in runs if one is not None], asked, settings, given, reasons)
     if reasons or document is None:
         raise Refused(asked.runs, reasons)
-    return Made(document, settings, given.parent, tuple(one.budget for one in whole if one.budget is not None))
+    return Made(document, settings, given.parent, tuple(one.budget for one in runs if one and one.budget))
 
 
 def _read(path: Path, stage: Stage, asked: Asked, settings: CertificateSettings, reasons: list[str]) -> _Run | None:
@@ -143,42 +136,63 @@ def _read(path: Path, stage: Stage, asked: Asked, settings: CertificateSettings,
         run = _Run(path, stage, read_state(reader), found.records, reader.documents().get(DOCUMENT))
     if run.state.ended != "complete":
         reasons.append(f"{path} is not complete: {run.state.remaining} points are missing; rig resume {path}")
-    try:
-        of = run_with_register(path, asked.equipment)
-        if of.register.example and not of.table.simulated:
-            reasons.append(f"the register {of.register.name!r} has example values: state those of your equipment")
-        run.budget = budget_of(
-            of,
-            at=settings.at,
-            same_meter=settings.same_meter,
-            probability=settings.probability,
-            shapes=assembly.shapes(settings.probability),
-        )
-        reasons.extend(_of_budget(run.budget, settings))
-        later = asked.confirmed_by if path == asked.runs[-1] else ()
-        verified = [verify_file(one) for one in later]
-        broken = [(one, v.findings[0]) for one, v in zip(later, verified, strict=True) if not v.whole]
-        reasons.extend(f"{one} is not verified: {finding}; see rig verify" for one, finding in broken)
-        if broken:
-            return run
-        run.heads = {one: v.head for one, v in zip(later, verified, strict=True)}
-        run.outcomes, run.confirmed = _traced(path, later, quick="quick" in of.kind.trace_options.model_fields)
-        reasons.extend(_doubts(run))
-    except (RigError, DataError, FitError) as error:
-        reasons.extend(str(error).splitlines())
+    later = asked.confirmed_by if path == asked.runs[-1] else ()
+    with _noted(reasons):
+        _budget(run, asked, settings, reasons)
+    if run.state.ended == "complete":  # the effects of half a run are others in a moment
+        with _noted(reasons):
+            _trace(run, later, reasons)
     return run
 
 
-def _of_budget(budget: RunBudget, settings: CertificateSettings) -> Iterator[str]:
+@contextmanager
+def _noted(reasons: list[str]) -> Iterator[None]:
+    """Lines of an error become reasons."""
+    try:
+        yield
+    except (RigError, DataError, FitError) as error:
+        reasons.extend(str(error).splitlines())
+
+
+def _budget(run: _Run, asked: Asked, settings: CertificateSettings, reasons: list[str]) -> None:
+    checked = checked_run(run.path, asked.equipment)
+    reasons.extend(checked.reasons)
+    run.of = checked.of
+    if run.of.register.example and not run.of.table.simulated:
+        reasons.append(f"the register {run.of.register.name!r} has example values: state those of your equipment")
+    run.budget = budget_of(
+        run.of,
+        at=settings.at,
+        same_meter=settings.same_meter,
+        probability=settings.probability,
+        shapes=assembly.shapes(settings.probability),
+    )
+    reasons.extend(_of_budget(run.budget, settings, stated=checked.stated))
+
+
+def _trace(run: _Run, later: Sequence[Path], reasons: list[str]) -> None:
+    verified = [verify_file(one) for one in later]
+    broken = [(one, v.findings[0]) for one, v in zip(later, verified, strict=True) if not v.whole]
+    reasons.extend(f"{one} is not verified: {finding}; see rig verify" for one, finding in broken)
+    if broken or run.of is None:
+        return
+    run.heads = {one: v.head for one, v in zip(later, verified, strict=True)}
+    run.outcomes, run.confirmed = _traced(run.path, later, quick="quick" in run.of.kind.trace_options.model_fields)
+    reasons.extend(_doubts(run))
+
+
+def _of_budget(budget: RunBudget, settings: CertificateSettings, *, stated: bool) -> Iterator[str]:
     for point in budget.outside:
         yield f"{point}; correct `at`"
+    yield from assembly.without_result(budget, settings)
+    if not stated:
+        return
     for name in assembly.repeatability_only(budget):
         yield f"{name}: its uncertainty is repeatability only; state the errors of its instruments in the register"
     table = budget.of.table
     for column in budget.unstated:
         if column in table.outputs or column in table.factors:
             yield f"{column}: the register states no error of what reads or sets it; add what its certificate says"
-    yield from assembly.without_result(budget, settings)
 
 
 def _traced(path: Path, later: Sequence[Path], *, quick: bool) -> tuple[Sequence[Outcome], Confirmed | None]:
@@ -208,40 +222,50 @@ def _document(
     runs: Sequence[_Run], asked: Asked, settings: CertificateSettings, given: Path, reasons: list[str]
 ) -> Document | None:
     """The whole document; None if a run has no budget. Missing fields become reasons."""
-    budgets = [one.budget for one in runs if one.budget is not None]
-    if not budgets:
-        return None
-    of, missing = [one.of for one in budgets], about.Missing()
+    missing = about.Missing(reasons)
     origin = about.Origin(str(asked.equipment or DOCUMENT), str(given), given.parent)
+    about.settled(settings, origin, missing, asked.approved_by)
+    if settings.next_due is not None and settings.next_due <= asked.issued:
+        reasons.append(f"next_due = {settings.next_due} is not after the date of issue, {asked.issued}: correct it")
+    pairs = [(one, one.of) for one in runs if one.of is not None]
+    of = [one for _, one in pairs]
+    if not of:
+        return None
     items, known = about.items(of, settings, origin, missing)
     calibrated, approved = about.people(of[-1], settings, origin, missing, asked.calibrated_by, asked.approved_by)
     laboratory = about.laboratory(of[-1].register, settings, origin, missing)
+    customer = about.customer(known, settings, origin, missing)
     place = settings.place or ", ".join(laboratory.party.address)
+    evidence = tuple(about.evidence(of_run, one.records, one.stage) for one, of_run in pairs)
+    simulated = any(one.table.simulated for one in of)
+    dates = Dates(
+        max((one.received for one in known if one.received is not None), default=None),
+        min(one.began for one in evidence),
+        max(one.ended for one in evidence),
+        asked.issued,
+    )
+    reasons.extend(_of_dates(dates, None if simulated else asked.today, simulated=simulated))
     if len(asked.runs) > 1:
-        missing.reasons.extend(_of_two(budgets, asked.adjustment))
+        reasons.extend(_of_two(of, asked.adjustment))
     with_budget = [(one, one.budget) for one in runs if one.budget is not None]
     try:
         statements = [s for one, b in with_budget for s in assembly.statements(b, one.stage, settings)]
     except FitError as error:
         statements = []
-        missing.reasons.append(f"no statement of conformity: {error}; correct [decision] in {origin.settings}")
-    evidence = tuple(about.evidence(b.of, one.records, one.stage) for one, b in with_budget)
-    document = Document(
+        reasons.append(f"no statement of conformity: {error}; correct [decision] in {origin.settings}")
+    if len(with_budget) < len(asked.runs):
+        return None
+    return Document(
         number=NUMBER,
-        simulated=any(one.table.simulated for one in of),
+        simulated=simulated,
         laboratory=laboratory,
-        customer=about.customer(known, settings, origin, missing),
+        customer=customer,
         items=items,
         place=place,
-        dates=Dates(
-            max((one.received for one in known if one.received is not None), default=None),
-            min(one.began for one in evidence),
-            max(one.ended for one in evidence),
-            asked.issued,
-        ),
+        dates=dates,
         calibrated_by=calibrated,
         approved_by=approved,
-        method=about.method(of[-1], settings, origin, missing),
+        method=about.method(of[-1], settings),
         conditions=tuple(c for one, b in with_budget for c in assembly.conditions(b, one.stage)),
         equipment=about.equipment(of),
         tables=tuple(t for one, b in with_budget for t in assembly.tables(b, one.stage)),
@@ -262,147 +286,28 @@ def _document(
         remarks=settings.remarks,
         paper=settings.paper,
     )
-    reasons.extend(missing.reasons)
-    received = document.dates.received
-    if received is not None and received > document.dates.began:
-        reasons.append(
-            f"received on {received}, after the run began on {document.dates.began}: correct sensors.*.received"
-        )
-    if document.dates.issued < document.dates.ended and not document.simulated:
-        reasons.append(f"issued on {document.dates.issued}, before the run ended on {document.dates.ended}")
-    if asked.today is not None and document.dates.issued > asked.today and not document.simulated:
-        reasons.append(f"issued on {document.dates.issued}, and today is {asked.today} (UTC): correct --issued")
-    return document
 
 
-def _of_two(budgets: Sequence[RunBudget], adjustment: str) -> Iterator[str]:
+def _of_dates(dates: Dates, today: date | None, *, simulated: bool) -> Iterator[str]:
+    """Dates that cannot be; a simulated run has a calendar of its own."""
+    if dates.received is not None and dates.received > dates.began:
+        yield f"received on {dates.received}, after the run began on {dates.began}: correct sensors.*.received"
+    if dates.issued < dates.ended and not simulated:
+        yield f"issued on {dates.issued}, before the run ended on {dates.ended}"
+    if today is not None and dates.issued > today:
+        yield f"issued on {dates.issued}, and today is {today} (UTC): correct --issued"
+
+
+def _of_two(runs: Sequence[OfRun], adjustment: str) -> Iterator[str]:
     """Reasons why two runs are not as found and as left."""
     if not adjustment.strip():
         yield "two runs are as found and as left: say what was adjusted between them, --adjustment"
-    if len(budgets) < 2:
+    if len(runs) < 2:
         return
-    found, left = (one.of.table for one in budgets)
+    found, left = (one.table for one in runs)
     if found.provenance["run_id"] == left.provenance["run_id"]:
         yield "both files are of the same run: name the run as found, and the run as left"
     elif found.provenance["began_utc"] > left.provenance["began_utc"]:
         yield "the first run is later than the second: name the run as found first"
     if set(found.outputs.values()) != set(left.outputs.values()):
         yield "the two runs have other sensors: as found and as left are of the same ones"
-
-
-NUMBER = "(no number)"
-"""The number of a document that is not issued yet."""
-
-
-@dataclass(frozen=True)
-class Issue:
-    """How a certificate is issued.
-
-    Attributes:
-        out: folder of the files.
-        number: of the certificate; "" for the next by the scheme of the settings.
-        amends: number of the certificate that it replaces; "" for none.
-        because: reason of the amendment.
-        template: own template of the page.
-        paper: size of a page, instead of that of the settings.
-        key: private key that signs the XML; None to leave it without a signature.
-        certificate: X.509 certificate of the key.
-        schema: PTB's schema, by which the XML is checked; None for no check.
-    """
-
-    out: Path
-    number: str = ""
-    amends: str = ""
-    because: str = ""
-    template: Path | None = None
-    paper: str = ""
-    key: Path | None = None
-    certificate: Path | None = None
-    schema: Path | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class Issued:
-    """An issued certificate and its files."""
-
-    document: Document
-    files: tuple[Path, ...]
-
-    def to_json(self) -> dict[str, Any]:
-        """JSON values: the document, and its files by form."""
-        return {**self.document.to_json(), "files": {path.suffix[1:]: str(path) for path in self.files}}
-
-
-def check_extras(how: Issue) -> None:
-    """Refuse before the work what would fail after it: an extra that is not installed. Raises `UsageError`."""
-    needed("typst", "certificate")
-    if how.key is not None:
-        needed("signxml.xades", "dcc")
-    if how.schema is not None:
-        needed("lxml.etree", "dcc")
-
-
-def issue(made: Made, how: Issue) -> Issued:
-    """Write all forms of a certificate, once.
-
-    Raises:
-        UsageError: an extra is missing, the number exists, nothing was amended, a unit is unknown, or the disk refuses.
-        ConfigurationError: the template cannot be used.
-    """
-    from rig.certificate.as_dcc import dcc  # noqa: PLC0415 - where a certificate is written
-    from rig.certificate.html import html  # noqa: PLC0415
-    from rig.certificate.pdf import pdf  # noqa: PLC0415
-
-    document = replace(made.document, number=_number(made, how))
-    if how.paper:
-        document = replace(document, paper=_paper(how.paper))
-    if how.amends:
-        document = replace(document, amends=amendment(amended(how.out, how.amends), document.to_json(), how.because))
-    own = made.folder / made.settings.template if made.settings.template else None
-    fonts = made.folder / made.settings.fonts if made.settings.fonts else None
-    paper = pdf(document, how.template or own, fonts)
-    xml = dcc(document, paper)
-    if how.schema is not None:
-        _check(xml, how.schema)
-    if how.key is not None:
-        xml = _signed(xml, how)
-    told = json.dumps(document.to_json(), indent=2, ensure_ascii=False, allow_nan=False, default=str)
-    forms = {"pdf": paper, "html": html(document).encode(), "xml": xml, "json": told.encode()}
-    return Issued(document, tuple(write_once(how.out, document.number, forms)))
-
-
-def _number(made: Made, how: Issue) -> str:
-    if how.number:
-        check_free(how.out, check_number(how.number))
-        return how.number
-    if how.amends:
-        return number_of_amendment(how.out, check_number(how.amends))
-    return next_number(how.out, made.settings.number, made.document.dates.issued)
-
-
-def _paper(name: str) -> Any:
-    if name not in ("a4", "letter"):
-        raise UsageError(f"--paper {name}: a4 or letter")
-    return name
-
-
-def _check(xml: bytes, schema: Path) -> None:
-    from rig.dcc.schema import schema_errors  # noqa: PLC0415
-
-    errors = schema_errors(xml, schema)
-    if errors:
-        raise RunFileError(f"the XML is not valid by {schema}, which is a defect of rig: {'; '.join(errors)}")
-
-
-def _signed(xml: bytes, how: Issue) -> bytes:
-    from rig.dcc.signature import signed  # noqa: PLC0415
-
-    if how.key is None or how.certificate is None:
-        raise UsageError("a signature needs both: --key KEY.pem and --key-certificate CERTIFICATE.pem")
-    return signed(xml, how.key, how.certificate)
-
-
-def all_files(asked: Asked, how: Issue) -> Iterable[Path | None]:
-    """Every file that is read, so that none is overwritten."""
-    yield from (*asked.runs, asked.equipment, asked.settings, *asked.confirmed_by)
-    yield from (how.template, how.key, how.certificate, how.schema)

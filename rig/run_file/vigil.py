@@ -79,11 +79,14 @@ class Vigil:
 
 MOST_BYTES = 128 << 20
 """Maximum size of a run file that is also kept in memory, bytes. Runs of a night have a tenth of it."""
-_LOOK_EVERY = 256
+_TOGETHER = 256
 
 
 class Mirror:
     """A copy of a run file in memory, for the case that the file is damaged while it is open.
+
+    Records are added to it many at a time, and those left over when it is asked for: one alone takes three times as
+    long.
 
     Args:
         db: the file, opened.
@@ -92,30 +95,40 @@ class Mirror:
     """
 
     def __init__(self, db: apsw.Connection, insert: str) -> None:
-        self._insert, self._unlooked = insert, 0
-        self.db: apsw.Connection | None = None
+        self._insert = insert
+        self._rows: list[tuple[Stored, ...]] = []
+        self._db: apsw.Connection | None = None
         if _bytes(db) > MOST_BYTES:
             return
-        self.db = apsw.Connection(":memory:")
-        with self.db.backup("main", db, "main") as backup:
+        self._db = apsw.Connection(":memory:")
+        with self._db.backup("main", db, "main") as backup:
             backup.step()
+
+    @property
+    def db(self) -> apsw.Connection | None:
+        """The copy, with every record that was added; None if the run is too large for one."""
+        if self._db is not None and self._rows:
+            with self._db:
+                self._db.executemany(self._insert, self._rows)
+            self._rows.clear()
+        return self._db
 
     def add(self, rows: Sequence[tuple[Stored, ...]]) -> None:
         """Add the records that were just committed."""
-        if self.db is None:
+        if self._db is None:
             return
-        self.db.executemany(self._insert, rows)
-        self._unlooked += len(rows)
-        if self._unlooked >= _LOOK_EVERY:
-            self._unlooked = 0
-            if _bytes(self.db) > MOST_BYTES:
+        self._rows += rows
+        if len(self._rows) >= _TOGETHER:
+            db = self.db
+            if db is not None and _bytes(db) > MOST_BYTES:
                 self.close()
 
     def close(self) -> None:
         """Let it go."""
-        if self.db is not None:
-            self.db.close()
-            self.db = None
+        self._rows.clear()
+        if self._db is not None:
+            self._db.close()
+            self._db = None
 
 
 def _bytes(db: apsw.Connection) -> int:

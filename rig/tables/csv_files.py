@@ -252,7 +252,9 @@ def _all_numbers(path: Path) -> tuple[dict[str, FloatArray], Sequence[int]] | No
     if any(last - _FOOTER <= row < last for row in blank) and len(values) < _MANY:
         return None  # there may be a row of means or sums after the blank line
     rows = np.setdiff1d(np.arange(len(values) + len(blank)) + 2, blank).tolist() if blank else ()
-    return dict(zip(names, np.ascontiguousarray(values.T), strict=True)), rows
+    columns = np.ascontiguousarray(values.T)
+    columns.flags.writeable = False  # so that the data of a kind need no copy
+    return dict(zip(names, columns, strict=True)), rows
 
 
 def _noting_blank(lines: Iterable[str], blank: list[int]) -> Iterator[str]:

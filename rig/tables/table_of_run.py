@@ -1,4 +1,7 @@
-"""The observations of a run file as a table."""
+"""The observations of a run file as a table.
+
+Its columns are in the order: replicate, whole_plot, order, elapsed_s; factors; their setpoints; all others; outputs.
+"""
 
 from __future__ import annotations
 
@@ -117,11 +120,16 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False) ->
 
 
 def _of_sensors(table: Table, bench: Stored, run_list: RunList) -> Table:
-    """The table with what the bench file says of the sensors, and with the names of the factors."""
+    """The table with what the bench file says of the sensors, and with the names of the factors; columns in order."""
     sensors = {f"{name}_{s.text('unit', 'V')}": (name, s) for name, s in bench.table("sensors").tables()}
     axes = {column: s.text("axis") for column, (_, s) in sensors.items() if "axis" in s}
     outputs = {column: name for column, (name, _) in sensors.items() if column in table.columns}
-    return replace(table, axes=axes, outputs=outputs, factors=tuple(factor.name for factor in run_list.factors))
+    factors = tuple(factor.name for factor in run_list.factors)
+    first = ("replicate", "whole_plot", "order", "elapsed_s", *factors, *(one.set_name for one in run_list.factors))
+    others = (name for name in table.columns if name not in outputs)
+    names = dict.fromkeys((*(name for name in first if name in table.columns), *others, *outputs))
+    columns = {name: table.columns[name] for name in names}
+    return replace(table, columns=columns, axes=axes, outputs=outputs, factors=factors)
 
 
 def _flags(record: Record) -> Sequence[str]:
@@ -254,7 +262,9 @@ def _row(record: Record, run_list: RunList, order: int, factors: Mapping[str, st
         if factor in measured:
             setpoints[run_list.factor(factor).set_name] = value
     row |= measured | _means(seen.outputs) | setpoints
-    row |= {f"{f.axis}_side": side for f, side in zip(run_list.factors, point.sides, strict=True) if not f.hard}
+    row |= {
+        f"{f.axis}_side": side for f, side in zip(run_list.factors, point.sides, strict=True) if f in run_list.sided
+    }
     by_hand = {f.name for f in run_list.easy if f.axis not in seen.settling}  # their readback is what was asked for
     readback = {name: value for name, value in seen.readback.items() if name not in measured and name not in by_hand}
     row |= {_readback_name(name): float(value) for name, value in readback.items()}

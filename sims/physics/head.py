@@ -12,6 +12,7 @@ from math import inf, sqrt
 from typing import Protocol
 
 from sims.physics.profile import Course, Leg, Mechanics, overshoots, stopping, towards
+from sims.physics.steps import Steps
 from sims.physics.told import Told
 from sims.physics.truth import HeadTruth
 from sims.physics.undeclared import ARCSEC, Backlash, HeadError
@@ -34,6 +35,7 @@ class Axis:
 
     Attributes:
         told: called with its motion.
+        turns: history of its encoder's angle: ramps from one stand to the next.
     """
 
     def __init__(self, world: Now, start_deg: float, mechanics: Mechanics, errors: Sequence[HeadError]) -> None:
@@ -44,6 +46,7 @@ class Axis:
         self._stalled_until = -inf
         self.told: Told | None = None
         self._slips: list[tuple[float, float]] = []
+        self.turns = Steps(world.now(), start_deg)
         resting = Course(1.0, (), start_deg, 0.0)
         self._legs = [Leg(-inf, start_deg, start_deg, -mechanics.hidden_play_deg / 2.0, resting, mechanics)]
 
@@ -107,6 +110,7 @@ class Axis:
         reversing = (target - angle) * leg.course.direction < 0.0
         wait = sqrt(2.0 * m.gear_play_deg / acceleration) if reversing else 0.0
         self._append(now, towards(angle, moving_at, target, speed, acceleration, m.creep_deg, wait))
+        self._turned(target)
         if self.told is not None:
             self.told("reached_deg", target, self._legs[-1].end - self._world.now())
 
@@ -119,6 +123,7 @@ class Axis:
             deceleration = deceleration_deg_per_s2 or self._deceleration
             still = Course(leg.course.direction, (), angle, 0.0)
             self._append(now, stopping(angle, speed, deceleration) if speed else still)
+            self._turned(self._legs[-1].course.target)
             if self.told is not None:
                 self.told("stopped_deg", self._legs[-1].course.target)
 
@@ -128,6 +133,7 @@ class Axis:
         leg = self.leg(now)
         if now < leg.end:
             self._append(now, Course(leg.course.direction, (), leg.angle(now), 0.0))
+            self._turned(leg.angle(now))
             if self.told is not None:
                 self.told("stalled_deg", leg.angle(now))
         self._stalled_until = until
@@ -141,6 +147,7 @@ class Axis:
         now = self._interrupt()
         leg = self.leg(now)
         self._append(now, Course(1.0 if amount_deg >= 0 else -1.0, (), leg.angle(now) + amount_deg, 0.0))
+        self._turned(leg.angle(now) + amount_deg)
 
     def _interrupt(self) -> float:
         """Discard future moves, and very old ones; returns the time."""
@@ -150,6 +157,12 @@ class Axis:
             del legs[0]
         self._legs = legs
         return now
+
+    def _turned(self, target: float) -> None:
+        """Note a motion that begins now and ends with the last leg."""
+        now = self._world.now()
+        self.turns.cut(now, self.encoder_deg(now))
+        self.turns.set(now, target, max(0.0, self._legs[-1].end - now))
 
     def _append(self, at: float, course: Course) -> None:
         last = self._legs[-1]

@@ -1,8 +1,8 @@
-"""Any laboratory: factors that sources and people set, and sensors whose output is a formula of them.
+"""Any laboratory: factors that sources, a head and people set, and sensors whose output is a formula of them.
 
 Variables of formulas are true values of the bench's factors, such as `force_kN`; `force_side`, the direction of its
-last change (1, -1 or 0); `force_for_s`, the time since then; the lags of the world file; `elapsed_h` since the world
-began; `lab_degC`; and `meter_swapped`, the number of such changes by a person (`sims.physics.by_hand`). Pure functions
+last change (1, -1 or 0); `force_for_s`, the time since then; the lags of the world file; `elapsed_h`, the world's
+time; `lab_degC`; and `meter_swapped`, the number of such changes by a person (`sims.physics.by_hand`). Pure functions
 of virtual time between commands.
 """
 
@@ -18,6 +18,7 @@ from sims.physics.by_hand import CHANGES
 from sims.physics.chamber import Chamber
 from sims.physics.expression import Formula
 from sims.physics.fields import WorldError, known_keys
+from sims.physics.head import Axis
 from sims.physics.laboratory_truth import AnySensorTruth, SourceTruth, StandardTruth
 from sims.physics.steps import Steps
 from sims.physics.thermal import Lab
@@ -117,14 +118,18 @@ class Laboratory:
         bench: the bench file as plain values.
         lab: its surroundings.
         start: virtual time of its first known state.
+        angles: axes of the bench's head, by the factors that they set.
 
     Attributes:
         sensors: by name on the bench; empty on benches of other kinds.
     """
 
-    def __init__(self, truth: Truth, bench: Mapping[str, Any], lab: Lab, start: float) -> None:
+    def __init__(
+        self, truth: Truth, bench: Mapping[str, Any], lab: Lab, start: float, angles: Mapping[str, Axis]
+    ) -> None:
         self._truth, self._lab, self._start = truth, lab, start
-        self._factors = {name: str(instrument) for name, instrument in bench.get("factors", {}).items()}
+        self._angles = angles
+        self._factors = dict.fromkeys(angles, "") | {n: str(i) for n, i in bench.get("factors", {}).items()}
         self._time_constants = {
             name: table.get("time_constant_s") for name, table in bench.get("instruments", {}).items()
         }
@@ -186,7 +191,7 @@ class Laboratory:
         return self._chambers[instrument]
 
     def set_by(self, instrument: str, value: Callable[[float], float]) -> None:
-        """Note the true value of what another instrument sets: a pressure line, an axis of the head."""
+        """Note the true value of what another instrument sets: a pressure line."""
         self._others[instrument] = value
 
     def by_hand(self, factor: str, value: float, now: float) -> None:
@@ -211,6 +216,8 @@ class Laboratory:
     def true(self, factor: str, t: float) -> float:
         """The true value of a factor."""
         instrument = self._factors[factor]
+        if factor in self._angles:
+            return self._angles[factor].true_deg(t)
         if instrument in self._sources:
             return self._sources[instrument].value(t)
         if instrument in self._chambers:
@@ -222,6 +229,8 @@ class Laboratory:
     def _steps(self, factor: str) -> Steps:
         """History of a factor's settings; without changes if it has none."""
         instrument = self._factors[factor]
+        if factor in self._angles:
+            return self._angles[factor].turns
         if instrument in self._sources:
             return self._sources[instrument].settings
         if instrument in self._chambers:
@@ -258,7 +267,7 @@ class Laboratory:
         for name, draw in self._truth.draws.items():
             found[name] = draw.sd * normal(self._truth.seed, f"draw {name}", event_at(self._steps(draw.of).since(t)))
         found |= self._changes
-        return found | {"elapsed_h": (t - self._start) / 3600.0, "lab_degC": self._lab.degC(t)}
+        return found | {"elapsed_h": t / 3600.0, "lab_degC": self._lab.degC(t)}
 
     def clean(self, sensor: str, t0: float, t1: float) -> float:
         """Output of a sensor in the middle of a window, without noise, in its unit on the bench."""

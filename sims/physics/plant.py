@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from math import inf, radians, sqrt
 from typing import Any, Protocol
 from zlib import crc32
@@ -49,6 +49,7 @@ class Plant:
         truth: values of the world file; {} for the default world.
         bench: values of the bench file. Its [sensors] and [temperatures] give the channel of each sensor; its [factors]
             give the instrument of the transducers' line and of the chambers of transducers and electronics.
+        heads: names of the instruments on the bench that move the head.
 
     Attributes:
         enclosure: around the package of an attitude bench.
@@ -59,7 +60,9 @@ class Plant:
         WorldError: the world file has an unknown key or an impossible value.
     """
 
-    def __init__(self, world: Time, truth: Mapping[str, object], bench: Mapping[str, object]) -> None:
+    def __init__(
+        self, world: Time, truth: Mapping[str, object], bench: Mapping[str, object], heads: Collection[str] = ()
+    ) -> None:
         sensors: Mapping[str, Mapping[str, object]] = _tables(bench, "sensors")
         axes = sensor_axes(bench)
         self.truth: Truth = read_truth(truth, axes)
@@ -81,20 +84,15 @@ class Plant:
         }
         factors = {factor: str(instrument) for factor, instrument in _tables(bench, "factors").items()}
         self.stand = PressureStand(t, factors, self._lab, world.now())
-        self.laboratory = Laboratory(t, bench, self._lab, world.now())
+        angles = {f"{name}_deg": axis for name, axis in self.head.axes.items()} if heads else {}
+        own = {f: axis for f, axis in angles.items() if f not in factors or factors[f] in heads}
+        self.laboratory = Laboratory(t, bench, self._lab, world.now(), own)
         self._world = world
         self._standards = {_wire(table): name for name, table in _tables(bench, "references").items()}
-        self._set_elsewhere(factors)
         self._columns = {_wire(table): name for name, table in _tables(bench, "temperatures").items()}
         self._volts = {_wire(table): name for name, table in sensors.items()}
         temperatures = _tables(bench, "temperatures").values()
         self._places = {_wire(table): str(table.get("place", "package")) for table in temperatures}
-
-    def _set_elsewhere(self, factors: Mapping[str, str]) -> None:
-        """Tell the laboratory of factors that the head sets."""
-        for factor, axis in (("pitch_deg", self._pitch), ("roll_deg", self._roll)):
-            if factor in factors:
-                self.laboratory.set_by(factors[factor], axis.true_deg)
 
     def source(self, instrument: str) -> Source:
         """The quantity behind a source of the bench."""

@@ -21,12 +21,19 @@ class Steps:
         self._times = [start]
         self._values = [value]
         self._takes = [0.0]
+        self._settled: dict[float, dict[int, float]] = {}
 
     def set(self, now: float, value: float, takes_s: float = 0.0) -> None:
         """Change to this value from `now` on, with a ramp of this many seconds; `now` never decreases between calls."""
         self._times.append(now)
         self._values.append(value)
         self._takes.append(takes_s)
+
+    def cut(self, now: float, value: float) -> None:
+        """End the ramp that is in force at `now`, at this value; nothing happens if none is."""
+        if now < self._times[-1] + self._takes[-1]:
+            self._values[-1], self._takes[-1] = value, now - self._times[-1]
+            self._settled.clear()
 
     def since(self, t: float) -> float:
         """Time at which the value in force at `t` was set."""
@@ -57,13 +64,23 @@ class Steps:
         change.
         """
         above = 0.0
+        settled = self._settled.setdefault(time_constant_s, {})  # what a step leaves behind at the end of its ramp
+        times, takes = self._times, self._takes
         for i in range(self._at(t), 0, -1):
-            gone, ramp = (t - self._times[i]) / time_constant_s, self._takes[i] / time_constant_s
-            if gone - ramp > _OVER:
+            gone, ramp = (t - times[i]) / time_constant_s, takes[i] / time_constant_s
+            since = gone - ramp
+            if since > _OVER:
                 break
-            built_up = -expm1(-min(gone, ramp)) / ramp if ramp > 0.0 else 1.0
-            above += (self._values[i - 1] - self._values[i]) * built_up * exp(-max(0.0, gone - ramp))
+            if since < 0.0:
+                above += (self._values[i - 1] - self._values[i]) * (-expm1(-gone) / ramp)
+                continue
+            left = settled.get(i)
+            if left is None:
+                built_up = -expm1(-ramp) / ramp if ramp > 0.0 else 1.0
+                left = settled[i] = (self._values[i - 1] - self._values[i]) * built_up
+            above += left * exp(-since)
         return above
 
     def _at(self, t: float) -> int:
-        return max(0, bisect_right(self._times, t) - 1)
+        at = bisect_right(self._times, t) - 1
+        return at if at > 0 else 0

@@ -21,6 +21,7 @@ from sims.physics.undeclared_pressure import PressureEffects
 FAULTS = "faults"
 """The key of the faults, which are not physics (`sims.faults`)."""
 
+_ANGLES = frozenset({"pitch_deg", "roll_deg"})
 _PRESSURE_BENCH = frozenset({"pressure_psia", "sensor_temperature_degC", "sse_temperature_degC"})
 
 __all__ = [
@@ -219,14 +220,16 @@ def sensor_axes(bench: Mapping[str, Any]) -> Mapping[str, str]:
 
 
 def any_laboratory(bench: Mapping[str, Any]) -> bool:
-    """Whether a bench is of no particular kind: it has factors beyond those of the pressure bench, references, or
-    outputs in other units than volts.
+    """Whether a bench is of no particular kind: it has factors beyond those of the pressure bench, or none and
+    limits of a head, or references, or outputs in other units than volts.
     """
     sensors = bench.get("sensors", {}).values()
     if any(table.get("axis") for table in sensors):
         return False
     units = {str(table.get("unit", "V")) for table in sensors}
-    return bool(set(bench.get("factors", {})) - _PRESSURE_BENCH or bench.get("references") or units - {"V", "mV"})
+    factors = set(bench.get("factors", {}))
+    head = not factors and _ANGLES & set(bench.get("limits", {}))
+    return bool(factors - _PRESSURE_BENCH or (sensors and head) or bench.get("references") or units - {"V", "mV"})
 
 
 def read_truth(values: Mapping[str, object], axes: Mapping[str, str]) -> Truth:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from functools import lru_cache
 from math import inf
 from typing import ClassVar, Protocol
 
@@ -47,6 +48,15 @@ _LINE_ENDS = {"lf": (b"\n", b"\r\n"), "cr": (b"\r", b"\r"), "crlf": (b"\r\n", b"
 
 _MODULE = re.compile(r"(SOURCE|SOUR|SENSE|SENS|OUTPUT|OUTP|UNIT)(\d)(?=:|$)")
 _VENT_COMPLETE, _IN_LIMITS = 1, 4
+
+
+@lru_cache(maxsize=1024)
+def _module_in(name: str) -> tuple[int | None, str]:
+    """The module that a header names, 1 if it could name one and does not, None if it cannot; the header without it."""
+    match = _MODULE.match(name)
+    if match is not None:
+        return int(match[2]), match[1] + name[match.end() :]
+    return None if _MODULE.match(f"{name.partition(':')[0]}1") is None else 1, name
 
 
 class Plant(Protocol):
@@ -130,15 +140,14 @@ class DruckPACETwin(PaceStatus):
 
     def addressed(self, name: str) -> str:
         """Remove the module number; 1 or none is the first module."""
-        match = _MODULE.match(name)
-        if match is None and _MODULE.match(f"{name.partition(':')[0]}1") is None:
+        number, rest = _module_in(name)
+        if number is None:
             return name
-        number = int(match[2] if match else 1)
         of_units = name.startswith("UNIT")
         if number not in self._units or (number != self.module and not of_units):
             raise ScpiError(-114)
         self._module_asked = number
-        return match[1] + name[match.end() :] if match else name
+        return rest
 
     def reply(self, row: Command, answer: str) -> str:
         """The header in short form with every optional node spelt out, and the value."""

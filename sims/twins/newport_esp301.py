@@ -86,6 +86,18 @@ def _parsed(text: str) -> _Parsed | None:
     return int(number or 0), mnemonic, bool(query), parameter
 
 
+def _told_position(axis: Axis) -> str:
+    return f"{axis.position():.4f}"
+
+
+def _told_done(axis: Axis) -> str:
+    return "0" if axis.moving() else "1"
+
+
+def _told_power(axis: Axis) -> str:
+    return "1" if axis.powered else "0"
+
+
 class _Refused(Exception):
     """A refused command; `code` goes to the error queue."""
 
@@ -131,9 +143,14 @@ class NewportESP301Twin:
         self._serial = serial
         numbers = {axis: int(str(options.get(f"{axis}_axis", n))) for n, axis in ((1, "pitch"), (2, "roll"))}
         self._axes = {number: Axis(axis, plant.head, world) for axis, number in numbers.items()}
+        self._polled: dict[str, Callable[[], str]] = {}
+        for n, axis in self._axes.items():
+            self._polled[f"{n}TP?"] = partial(_told_position, axis)
+            self._polled[f"{n}MD?"] = partial(_told_done, axis)
+            self._polled[f"{n}MO?"] = partial(_told_power, axis)
         self._commands: dict[str, Callable[[Axis, int, str], str | None]] = {
-            "TP": lambda axis, n, text: f"{axis.position():.4f}",
-            "MD": lambda axis, n, text: "0" if axis.moving() else "1",
+            "TP": lambda axis, n, text: _told_position(axis),
+            "MD": lambda axis, n, text: _told_done(axis),
             "DP": lambda axis, n, text: f"{axis.target:.4f}",
             "TV": lambda axis, n, text: f"{axis.speed():.4f}",
             "ID": lambda axis, n, text: f"RGV100BL, {self._serial}",
@@ -213,12 +230,18 @@ class NewportESP301Twin:
             return  # switched off meanwhile
         answers = []
         while commands:
-            parsed = _parsed(commands[0])
+            command = commands[0]
+            if command in self._polled:  # nearly all commands of a night
+                commands.popleft()
+                answers.append(self._polled[command]())
+                continue
+            parsed = _parsed(command)
             if parsed is not None and parsed[1] == "WS" and (seconds := self._waits(commands, parsed)):
                 self._world.call_in(seconds, partial(self._carry_out, commands, tx, session))
                 break
+            commands.popleft()
             try:
-                answer = self._execute(_parsed(commands.popleft()))
+                answer = self._execute(parsed)
             except _Refused as refused:
                 self._fail(refused.code)
             else:
@@ -310,7 +333,7 @@ class NewportESP301Twin:
 
     def _power_on(self, axis: Axis, number: int, text: str) -> str | None:
         if text == "?":
-            return "1" if axis.powered else "0"
+            return _told_power(axis)
         axis.powered = True
         return None
 

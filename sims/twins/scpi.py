@@ -80,6 +80,10 @@ def _parameters(method: Callable[..., Any]) -> tuple[int, float]:
     return fewest, float("inf") if any(p.kind is p.VAR_POSITIONAL for p in kinds) else len(kinds)
 
 
+_Found = tuple[Command, str, list[str]]
+"""Row of a command, name of its method, and its parameters."""
+
+
 class ScpiTwin:
     """An instrument that takes lines of SCPI commands over a serial line.
 
@@ -115,6 +119,7 @@ class ScpiTwin:
         self._session = 0
         self._power_on_clear = True  # non-volatile
         self._event_enable = self._service_enable = 0
+        self._asked: dict[tuple[str, str], _Found] = {}
         self.switch_on()
 
     def switch_on(self) -> None:
@@ -149,7 +154,8 @@ class ScpiTwin:
         if DEVICE_CLEAR in data and self.hears_clear():
             data = data[data.rindex(DEVICE_CLEAR) + 1 :]
             self.device_clear()
-        data = data.replace(bytes([DEVICE_CLEAR]), b"")
+        if DEVICE_CLEAR in data:
+            data = data.replace(bytes([DEVICE_CLEAR]), b"")
         self._input += data
         *lines, rest = bytes(self._input).split(self.line_end)
         self._input = bytearray(rest)
@@ -216,6 +222,18 @@ class ScpiTwin:
         name = header.removesuffix("?").upper()
         if not name.startswith("*"):
             name = self.addressed(name[1:] if name.startswith(":") else path + name)
+        found = self._asked.get((name, rest)) if query else None
+        if found is None:
+            found = self._looked_up(name, rest, query=query)
+        row, method, arguments = found
+        if not (self.remote or row.local):
+            raise ScpiError(550)
+        answer: str | None = getattr(self, method)(*arguments)
+        if not name.startswith("*"):
+            path = name[: name.rfind(":") + 1]
+        return path, answer if answer is None else self.reply(row, answer)
+
+    def _looked_up(self, name: str, rest: str, *, query: bool) -> _Found:
         row = self.commands.get(name)
         method = row and (row.query if query else row.set)
         if row is None or not method:
@@ -226,10 +244,9 @@ class ScpiTwin:
         fewest, most = _parameters(getattr(type(self), method))
         if not fewest <= len(arguments) <= most:
             raise ScpiError(-109 if len(arguments) < fewest else -108)
-        answer: str | None = getattr(self, method)(*arguments)
-        if not name.startswith("*"):
-            path = name[: name.rfind(":") + 1]
-        return path, answer if answer is None else self.reply(row, answer)
+        if query:
+            self._asked[name, rest] = row, method, arguments
+        return row, method, arguments
 
     def addressed(self, name: str) -> str:
         """The header for look-up, in upper case without its leading colon, from a received header."""

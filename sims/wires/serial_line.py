@@ -99,8 +99,8 @@ class SerialCable:
             self._twin.dsr = on
 
     def _carry_out(self, data: bytes) -> None:
-        now = self.world.now()
-        self._to_twin_free = max(now, self._to_twin_free) + len(data) * self._character_s
+        now, free = self.world.now(), self._to_twin_free
+        self._to_twin_free = (free if free > now else now) + len(data) * self._character_s
         self.world.call_in(self._to_twin_free - now, partial(self._twin.on_rx, data, self._answer))
 
     def _answer(self, data: bytes) -> None:
@@ -110,8 +110,8 @@ class SerialCable:
             self._tampering.to_host(data, self._carry_back)
 
     def _carry_back(self, data: bytes) -> None:
-        now = self.world.now()
-        self._to_host_free = max(now, self._to_host_free) + len(data) * self._character_s
+        now, free = self.world.now(), self._to_host_free
+        self._to_host_free = (free if free > now else now) + len(data) * self._character_s
         self.world.call_in(self._to_host_free - now, partial(self._arrive, data))
 
     def _arrive(self, data: bytes) -> None:

@@ -19,7 +19,7 @@ from fitter.misfit import lacks_fit, reach_beside
 from fitter.replication import Replication, analyse, replication_spread
 from procedures.attitude.data import AttitudeData
 from procedures.attitude.effects import CATALOGUE
-from procedures.attitude.fit import drifting, moved_by
+from procedures.attitude.fit import drifting, drifting_together, moved_by
 from procedures.attitude.infer.calibration import AttitudeCalibration, Drift, with_roll
 from procedures.attitude.infer.misfit import Misfit
 from procedures.attitude.infer.sensor_model import SensorModel, Term
@@ -140,18 +140,9 @@ def calibrate_package(
             f"{'; '.join(lacking)}; model error, which repeats in every replication, is not in standard deviations, "
             "nor in the intervals of angles"
         )
-    covariance, drift = _joint(fits, maps, solvers, np.array(residuals)), None
-    if any(drifting(table) for table in tables):
-        drift = Drift(
-            covariance=_as_it_drifts(covariance, spreads, models),
-            df=len(spreads[0]) - 1,
-            sigma_V=np.array([table.sigma_w for table in tables]),
-            sigma_df=np.array([table.drift_b.df_below for table in tables]),
-        )
-        notes.append(
-            "the parameters drift between replications: intervals are for a use that is as far from the calibration "
-            "as its replications are from one another"
-        )
+    covariance = _joint(fits, maps, solvers, np.array(residuals))
+    drift, told = _drift(chosen, tables, covariance, spreads, models)
+    notes += [told] if told else []
     return AttitudeCalibration(
         sensors=tuple(models),
         covariance=covariance,
@@ -164,6 +155,39 @@ def calibrate_package(
         notes=tuple(notes),
         misfits=misfits,
     )
+
+
+def _drift(
+    names: Sequence[str],
+    tables: Sequence[Replication],
+    covariance: FloatArray,
+    spreads: Sequence[FloatArray],
+    models: Sequence[SensorModel],
+) -> tuple[Drift | None, str]:
+    """Variation in use, if the package drifts between replications, and a note; "" if no sensor seems to."""
+    told = told_of_drift(dict(zip(names, tables, strict=True)))
+    if not drifting_together(tables):
+        return None, told
+    drift = Drift(
+        covariance=_as_it_drifts(covariance, spreads, models),
+        df=len(spreads[0]) - 1,
+        sigma_V=np.array([table.sigma_w for table in tables]),
+        sigma_df=np.array([table.drift_b.df_below for table in tables]),
+    )
+    return drift, told
+
+
+def told_of_drift(tables: Mapping[str, Replication]) -> str:
+    """A note on drift between replications, of the sensors of a package; "" if none seems to drift."""
+    if drifting_together(tuple(tables.values())):
+        return (
+            "the parameters drift between replications: scatter is that of the replications, and intervals of what is "
+            "inferred are for a use that is as far from the calibration as its replications are from one another"
+        )
+    alone = [name for name, table in tables.items() if drifting(table)]
+    together = f"the tests of all {len(tables)} sensors together: intervals are for a use without drift"
+    said = f"drift between replications is significant at 5 % in {' and '.join(alone)} alone, but not in {together}"
+    return said if alone else ""
 
 
 def _columns(volts: FloatArray) -> FloatArray:

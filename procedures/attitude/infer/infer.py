@@ -146,7 +146,7 @@ def _as_named(
     noise = noise_of(calibration, noise_sd_V)
     weights = 1.0 / noise.variance if weighted else np.full(len(noise.variance), 1.0 / noise.variance.max())
     out = empty(n)
-    y = outputs.T - calibration.offsets_V[:, None]
+    y = np.subtract(outputs.T, calibration.offsets_V[:, None], order="C")
     three, worse = None, worse_at_most(calibration, noise)
     if roll is None and len(calibration.sensors) > 2:
         three = ThreeAxis.of(np.zeros(len(calibration.sensors)), calibration.matrix, weights**-0.5)
@@ -222,7 +222,7 @@ def _tangent_errors(q: Question, g: FloatArray, out: InferredAttitude) -> FloatA
     by_up, by_along = tangent(q.calibration.matrix, q.weights, up, along)
     errors = Propagation.at(q.calibration, q.noise, g, q.warmth)
     of_pitch, of_roll = (errors.spread(gains, weighed=q.weighed) for gains in (by_up, by_along))
-    pitch, roll = angles(g)
+    pitch, roll = angles(g, c)
     out.df[:], out.roll_df[:] = of_pitch.df, of_roll.df
     put(out, "pitch", pitch, np.sqrt(of_pitch.variance), t_limits(of_pitch.df))
     put(out, "roll", roll, np.sqrt(of_roll.variance) / c, t_limits(of_roll.df))
@@ -356,7 +356,9 @@ def _reach(
 
 
 def _bad_readings(q: Question, out: InferredAttitude) -> None:
-    good = np.isfinite(q.y).all(axis=0)
+    good = np.isfinite(q.y[0])
+    for y in q.y[1:]:
+        good &= np.isfinite(y)
     if q.calibration.needs_temperature:
         good = good & np.isfinite(q.warmth)
     if q.roll is not None:

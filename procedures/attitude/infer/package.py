@@ -6,6 +6,7 @@ the parallel (roll times the cosine of pitch). Roll alone has a pole at +-90 deg
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +17,8 @@ from procedures.attitude.infer.calibration import AttitudeCalibration
 
 NORMAL_95 = 1.959963984540054
 _MANY = 20.0
+_FEW = 4.0
+"""Degrees of freedom below which Satterthwaite's limits hold with less than 94 %, if parameters drift much."""
 _Z = NORMAL_95
 _T_1 = (_Z**3 + _Z) / 4.0
 _T_2 = (5.0 * _Z**5 + 16.0 * _Z**3 + 3.0 * _Z) / 96.0
@@ -29,9 +32,12 @@ def gravity(pitch: FloatArray, roll: FloatArray) -> FloatArray:
     return np.stack([np.sin(pitch), -np.sin(roll) * cos_a, -np.cos(roll) * cos_a])
 
 
-def angles(g: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Pitch within +-90 deg, and roll, in rad, of (3, n) gravity of any length."""
-    return np.arctan2(g[0], np.sqrt(g[1] * g[1] + g[2] * g[2])), np.arctan2(-g[1], -g[2])
+def angles(g: FloatArray, across: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
+    """Pitch within +-90 deg, and roll, in rad, of (3, n) gravity of any length; `across` (n,) is its part across the
+    first axis, if known.
+    """
+    level = np.sqrt(g[1] * g[1] + g[2] * g[2]) if across is None else across
+    return np.arctan2(g[0], level), np.arctan2(-g[1], -g[2])
 
 
 def directions(g: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -40,11 +46,12 @@ def directions(g: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     At the pole itself, where every direction is up, zero roll is used.
     """
     c = np.sqrt(g[1] * g[1] + g[2] * g[2])
-    pole = c == 0.0
-    safe = np.where(pole, 1.0, c)
-    sin_r, cos_r = -g[1] / safe, np.where(pole, 1.0, -g[2] / safe)
-    up = np.stack([c, sin_r * g[0], cos_r * g[0]])
-    return up, np.stack([np.zeros_like(c), -cos_r, sin_r]), c
+    up, along, pole = np.empty((3, c.size)), np.zeros((3, c.size)), c == 0.0
+    safe = np.where(pole, 1.0, c) if pole.any() else c
+    along[1], along[2] = g[2] / safe, -g[1] / safe
+    along[1][pole] = -1.0
+    up[0], up[1], up[2] = c, along[2] * g[0], -along[1] * g[0]
+    return up, along, c
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,19 +88,39 @@ class Propagation:
         calibration: of the package.
         noise: of new readings.
         rows: S arrays (k_s, n), the columns of each sensor's model at the attitudes.
+        shared: (S (S + 1) / 2, n) covariance of the parts of each pair of sensors, twice that of two different ones, if
+            no sensor has further terms; otherwise None.
     """
 
     calibration: AttitudeCalibration
     noise: Noise
     rows: tuple[FloatArray, ...]
+    shared: FloatArray | None = None
 
     @staticmethod
     def at(calibration: AttitudeCalibration, noise: Noise, g: FloatArray, warmth: FloatArray) -> Propagation:
         """At (3, n) gravity of unit length and (n,) temperature above the reference."""
-        plain = all(not s.terms for s in calibration.sensors)
-        base = calibration.sensors[0].rows(g, warmth) if plain else None
-        rows = tuple(s.rows(g, warmth) if base is None else base for s in calibration.sensors)
-        return Propagation(calibration, noise, rows)
+        if any(s.terms for s in calibration.sensors):
+            return Propagation(calibration, noise, tuple(s.rows(g, warmth) for s in calibration.sensors))
+        base = calibration.sensors[0].rows(g, warmth)
+        pairs = np.empty((10, g.shape[1]))
+        at = 0
+        for i, row in enumerate(base):
+            np.multiply(row, base[i:], out=pairs[at : at + 4 - i])
+            at += 4 - i
+        return Propagation(calibration, noise, (base,) * len(calibration.sensors), calibration.products @ pairs)
+
+    def _calibrated(self, gains: FloatArray) -> FloatArray:
+        """(n,) variance of gains @ errors of the calibration."""
+        if self.shared is not None:
+            found = gains[0] * gains[0] * self.shared[0]
+            pairs = itertools.combinations_with_replacement(gains, 2)
+            for (one, other), covariance in itertools.islice(zip(pairs, self.shared, strict=True), 1, None):
+                found += one * other * covariance
+            return np.asarray(found)
+        moved = np.concatenate([k * h for k, h in zip(gains, self.rows, strict=True)])
+        turned = self.calibration.root.T @ moved
+        return np.asarray(np.einsum("kn,kn->n", turned, turned))
 
     def spread(self, gains: FloatArray, of_roll: FloatArray | None = None, *, weighed: bool = False) -> Spread:
         """Variance of gains @ errors of outputs.
@@ -105,19 +132,21 @@ class Propagation:
                 estimated too small, so the variance is larger by a factor 1 + 4 sum p (1 - p) / df, where p is each
                 sensor's share of it (P. Meier, Biometrics 9, 59, 1953).
         """
-        noise = gains * gains * self.noise.variance[:, None]
-        moved = np.concatenate([k * h for k, h in zip(gains, self.rows, strict=True)])
-        turned = self.calibration.root.T @ moved
-        calibrated = np.einsum("kn,kn->n", turned, turned)
+        noise = gains * gains
+        noise *= self.noise.variance[:, None]
+        calibrated = self._calibrated(gains)
         total = noise.sum(axis=0)
+        df, drift = self.calibration.sigma_df, self.calibration.drift
         if weighed and self.noise.of_fit:
             with np.errstate(invalid="ignore", divide="ignore"):
                 share = noise / total
-                more = 1.0 + 4.0 * np.einsum("sn,s->n", share * (1.0 - share), 1.0 / self.calibration.sigma_df)
+                squares = np.einsum("sn,sn,s->n", share, share, 1.0 / df)
+                more = 1.0 + 4.0 * (np.einsum("sn,s->n", share, 1.0 / df) - squares)
+                if of_roll is None and drift is None:  # sigma_E^2 of each sensor scales its noise and its calibration
+                    return Spread((total + calibrated) * more, 1.0 / squares)
             noise, total, calibrated = noise * more, total * more, calibrated * more
         variance = total + calibrated
         from_fit = variance if self.noise.of_fit else calibrated
-        df, drift = self.calibration.sigma_df, self.calibration.drift
         if of_roll is not None:
             variance = variance + of_roll
         if drift is not None:
@@ -125,11 +154,32 @@ class Propagation:
                 inverse = (calibrated / variance) ** 2 / drift.df
                 if self.noise.of_fit:
                     inverse = inverse + np.einsum("sn,s->n", (noise / variance) ** 2, 1.0 / df)
+                if drift.df < _FEW:
+                    of_noise = float(df.min()) if self.noise.of_fit else np.inf
+                    inverse = inverse_df_of_two(calibrated / variance, drift.df, of_noise)
                 return Spread(variance, 1.0 / inverse)
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             # sigma_E^2 of each sensor scales both its noise and its calibration: their shares are those of the noise
             share = from_fit / (total * variance)
             return Spread(variance, 1.0 / np.einsum("sn,s->n", (noise * share) ** 2, 1.0 / df))
+
+
+def inverse_df_of_two(share: FloatArray, df: float, df_of_rest: float) -> FloatArray:
+    """One over the degrees of freedom at which Student's t is the limit for a sum of two errors.
+
+    The limit is that of Banerjee (Calcutta Statistical Association Bulletin 10, 1960): squares of the parts' own limits
+    are added. It holds with 95 % at least. Satterthwaite's does not with few degrees of freedom: where a variance that
+    is known badly happens to be found small, it also counts as unimportant.
+
+    Args:
+        share: (n,) of the variance, of the error that is known with `df` degrees of freedom.
+        df: of that error.
+        df_of_rest: of the other one.
+    """
+    of_error, of_rest = t_limits(np.array([df, df_of_rest]))
+    inverse = np.linspace(0.0, 1.0 / df, 2001)
+    limits = np.concatenate([[NORMAL_95], t_limits(1.0 / inverse[1:])])
+    return np.asarray(np.interp(np.sqrt(of_error**2 * share + of_rest**2 * (1.0 - share)), limits, inverse))
 
 
 def tangent(
@@ -148,8 +198,9 @@ def tangent(
     w_up, w_along = weights[:, None] * f_up, weights[:, None] * f_along
     a, b, d = (np.einsum("sn,sn->n", p, q) for p, q in ((w_up, f_up), (w_up, f_along), (w_along, f_along)))
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        determinant = a * d - b * b
-        return (d * w_up - b * w_along) / determinant, (a * w_along - b * w_up) / determinant
+        over = 1.0 / (a * d - b * b)
+        a, b, d = a * over, b * over, d * over
+        return d * w_up - b * w_along, a * w_along - b * w_up
 
 
 def t_limits(df: FloatArray) -> FloatArray:

@@ -70,7 +70,7 @@ class Observed(Event, kind="observation", matters=DETAIL):
         """Whether the observation was accepted."""
         if self.accepted:
             return f"point {record.run_index} observed"
-        lost = " in a whole plot that was lost" if record.whole_plot is not None else ""
+        lost = "" if self.lost is None else " in a whole plot that was lost"
         return f"readings at point {record.run_index}{lost} were not accepted"
 
 
@@ -144,6 +144,7 @@ class WholePlotBegan(Event, status="whole-plot"):
         setpoints_degC: setpoint by chamber.
         settling: evidence of settling, by name.
         settings: settings that are no temperatures, by factor.
+        approach: side and start of what an instrument set of these, by axis.
 
     """
 
@@ -151,6 +152,7 @@ class WholePlotBegan(Event, status="whole-plot"):
     setpoints_degC: Numbers = EMPTY
     settling: Table = EMPTY
     settings: Numbers = EMPTY
+    approach: Arrivals = EMPTY
 
     def sentence(self, record: Record) -> str:
         """Which, and where."""

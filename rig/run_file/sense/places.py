@@ -9,6 +9,7 @@ from typing import Any
 from procedures.column_names import spelled, unit_of
 from procedures.conduct import EnvironmentSettings, SoakSettings
 from procedures.run_list import Factor, Point
+from rig.run_file.bodies import Arrivals
 from rig.run_file.chain import Record
 from rig.run_file.events.bench import EnvironmentSettled
 from rig.run_file.events.event import Event
@@ -73,7 +74,7 @@ class Places:
         reference = event.references.get(name)
         if not factor.stays and (reference is None or not abs(reference["mean"] - target) <= band):
             yield f"{name} read {'nothing' if reference is None else format(reference['mean'], 'g')}, {within}"
-        yield from self._came(factor, target, side, event, unit)
+        yield from self._came(factor, target, side, event.approach)
         if by_hand:
             return
         settled = event.settling.get(factor.axis)
@@ -85,12 +86,13 @@ class Places:
         if not abs(settled["samples"][-1][1] - target) <= band:
             yield f"{factor.axis} settled at {settled['samples'][-1][1]:g}, {within}"
 
-    def _came(self, factor: Factor, target: float, side: int, event: Observed, unit: str) -> Iterator[str]:
+    def _came(self, factor: Factor, target: float, side: int, approach: Arrivals) -> Iterator[str]:
         """Check the side of approach."""
-        came, start = event.approach.get(factor.axis, (0, target))
+        came, start = approach.get(factor.axis, (0, target))
         if side and came != side:
             yield f"{factor.axis} did not come from the side that its point asks for"
         elif side and side * (target - start) < _NEAREST * factor.overtravel:
+            unit = spelled(unit_of(factor.name))
             yield f"{factor.axis} came from {start:g}, not from beyond its overtravel of {factor.overtravel:g} {unit}"
 
     def _whole_plot(self, point: Point, event: Observed, soak: SoakSettings) -> Iterator[str]:
@@ -155,8 +157,12 @@ class Places:
         except KeyError:
             yield f"it begins whole plot {event.planned}, which is not planned"
             return
-        for factor, target in self._hard(self._case.run_list.points[first]):
+        point = self._case.run_list.points[first]
+        sides = dict(zip(self._case.run_list.factors, point.sides, strict=True))
+        for factor, target in self._hard(point):
             if not self._case.soaks(factor):
+                if factor.name not in self._case.by_hand:
+                    yield from self._came(factor, target, sides[factor], event.approach)
                 if abs(event.settings.get(factor.name, inf) - target) > _ROUNDING:
                     yield f"{factor.name} was not set to {target:g}, as the plan has for whole plot {event.planned}"
                 continue
