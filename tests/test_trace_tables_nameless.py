@@ -198,7 +198,8 @@ def test_a_direction_that_agrees_with_a_setting_is_used_and_said():
 
     table = Table("table.csv", sensor_of(80, 3, adds), simulated=True, provenance={})
     data, notes = roles_of(table, Roles(response="y", formula="1 + x", time="t_s"))
-    assert data.scene.direction is not None and "direction" not in data.scene.covariates
+    assert data.scene.direction is not None
+    assert "direction" not in data.scene.covariates
     assert "direction is taken for the side" in " ".join(notes)
     assert [effect.effect for effect in trace_general(data).added] == ["hysteresis:sign(direction),x"]
     ignored, _ = roles_of(table, Roles(response="y", formula="1 + x", time="t_s", ignore=("direction",)))
@@ -210,7 +211,8 @@ def test_a_column_that_disagrees_with_every_setting_is_no_direction():
         Table("table.csv", sensor_of(80, 3, lambda _c: 0.0, side=side), simulated=True, provenance={}),
         Roles(response="y", formula="1 + x", time="t_s"),
     )
-    assert data.scene.direction is None and "side" in data.scene.covariates
+    assert data.scene.direction is None
+    assert "side" in data.scene.covariates
 
 
 def test_what_begins_anew_with_each_operator_is_said():

@@ -22,7 +22,7 @@ MEMORIES = 5
 PAIRS = 8
 """Maximum number of pairs of variables."""
 LEVELS, FEWEST_CHANGES, STAYS = 8, 2, 4
-"""Of a variable that stays for a while: maximum number of levels, minimum number of changes, and of rows on average."""
+"""A variable that stays for a while: its most levels, its fewest changes, its fewest rows at one level on average."""
 PER_COLUMN = 4
 """Minimum number of rows for each column of a block."""
 
