@@ -160,19 +160,23 @@ class Triangle:
             raise RankError(f"{self.n} observations cannot determine {k} coefficients ({', '.join(self.names)})")
         r, qty, rest = self.r[:k, :k], self.r[:k, k], self.r[k:, k]
         length = np.linalg.norm(r, axis=0)
-        empty = [name for name, own in zip(self.names, length, strict=True) if own <= least * np.sqrt(self.n)]
-        if empty:
+        short = length <= least * np.sqrt(self.n)
+        if short.any():
+            empty = [name for name, none in zip(self.names, short, strict=True) if none]
             raise RankError(f"these observations do not determine {', '.join(empty)}: zero at every point")
         scaled = r / length
         condition = self._condition(scaled)
-        inverse = np.triu(dtrtri(scaled)[0])
-        rss = float(np.sum(rest**2))
+        inverse = np.ascontiguousarray(dtrtri(scaled)[0])
+        rss = float(rest @ rest)
         return LinearFit(self.names, inverse @ qty / length, inverse / length[:, None], rss, self.n, condition)
 
     def _condition(self, scaled: FloatArray) -> float:
         """Condition number, unless it is so large that the columns count as dependent."""
+        values, least = np.linalg.svd(scaled, compute_uv=False), max(self.n, FEWEST) * np.finfo(float).eps
+        if values[-1] > least * values[0]:
+            return float(values[0] / values[-1])
         _, values, right = np.linalg.svd(scaled)
-        undetermined = right[values <= max(self.n, FEWEST) * np.finfo(float).eps * values[0]]
+        undetermined = right[values <= least * values[0]]
         if not len(undetermined):
             return float(values[0] / values[-1])
         weights = np.linalg.norm(undetermined, axis=0)
