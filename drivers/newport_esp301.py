@@ -208,7 +208,8 @@ class NewportESP301:
         if (self._unchecked and not moves) or False in enabled.values():
             self._collect_errors()
             self._unchecked = moves
-        self._follow_homing(positions, moving, enabled)
+        if self._homing or False in enabled.values() or None in self._homed.values():
+            self._follow_homing(positions, moving, enabled)
         return {
             axis: AxisState(positions[axis], moving[axis], bool(self._homed[axis]), enabled[axis], self._faults[axis])
             for axis in self._numbers

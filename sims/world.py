@@ -7,8 +7,8 @@ queue (`sleep`, `run_until`), and time jumps from event to event. It has the met
 
 from __future__ import annotations
 
-import heapq
 from collections.abc import Callable
+from heapq import heappop, heappush
 from math import inf
 from time import monotonic, perf_counter, sleep, time
 
@@ -21,12 +21,11 @@ class Deadlock(RuntimeError):
 
 
 class Timer:
-    """A scheduled call; `cancel` removes it."""
+    """A scheduled call that can be cancelled."""
 
-    __slots__ = ("action", "at")
+    __slots__ = ("action",)
 
-    def __init__(self, at: float, action: Callable[[], None]) -> None:
-        self.at = at
+    def __init__(self, action: Callable[[], None]) -> None:
         self.action: Callable[[], None] | None = action
 
     def cancel(self) -> None:
@@ -49,7 +48,7 @@ class World:
         self._now = float(start)
         self._epoch_utc = epoch_utc
         self.local_offset_s = 0.0
-        self._queue: list[tuple[float, int, Timer]] = []
+        self._queue: list[tuple[float, int, Timer | Callable[[], None]]] = []
         self._count = 0
         self._away_until = -inf
 
@@ -78,15 +77,18 @@ class World:
         """There are no operating-system waits in virtual time; the value is returned unchanged."""
         return seconds
 
-    def stopwatch(self) -> float:
-        """Real seconds of this machine, to report the speed of the simulation."""
-        return perf_counter()
+    stopwatch = staticmethod(perf_counter)
+    """Real seconds of this machine, to report the speed of the simulation."""
 
-    def call_in(self, seconds: float, action: Callable[[], None]) -> Timer:
-        """Call `action` after `seconds` (never before now); returns a timer to cancel it."""
-        timer = Timer(self._now + seconds if seconds > 0.0 else self._now, action)
+    def call_in(self, seconds: float, action: Timer | Callable[[], None]) -> None:
+        """Call `action` after `seconds` (never before now)."""
         self._count += 1
-        heapq.heappush(self._queue, (timer.at, self._count, timer))
+        heappush(self._queue, (self._now + seconds if seconds > 0.0 else self._now, self._count, action))
+
+    def timer_in(self, seconds: float, action: Callable[[], None]) -> Timer:
+        """The same; returns a timer to cancel it."""
+        timer = Timer(action)
+        self.call_in(seconds, timer)
         return timer
 
     def sleep(self, seconds: float) -> None:
@@ -96,9 +98,10 @@ class World:
 
     def next_due(self) -> float | None:
         """Time of the next event, None if there is none."""
-        while self._queue and self._queue[0][2].action is None:
-            heapq.heappop(self._queue)
-        return self._queue[0][0] if self._queue else None
+        queue = self._queue
+        while queue and isinstance(timer := queue[0][2], Timer) and timer.action is None:
+            heappop(queue)
+        return queue[0][0] if queue else None
 
     def suspend(self, seconds: float) -> None:
         """Stall the caller for this long, like a stopped process: the world continues without it."""
@@ -127,14 +130,15 @@ class World:
             return True
         queue = self._queue
         while queue:
-            at, _, timer = queue[0]
+            at, _, action = queue[0]
             if end is not None and at > end:
                 break
-            heapq.heappop(queue)
-            action = timer.action
-            if action is None:
-                continue
-            timer.action = None
+            heappop(queue)
+            if isinstance(action, Timer):
+                timer, called = action, action.action
+                if called is None:
+                    continue
+                timer.action, action = None, called
             if at > self._now:
                 self._now = at
             action()

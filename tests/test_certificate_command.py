@@ -565,6 +565,12 @@ def test_what_is_asked_for_must_be_complete(run, arguments):
     assert rig("certificate", *(run if one == "RUN" else one for one in arguments)).returncode == 2
 
 
+@pytest.mark.parametrize("half", ["key", "certificate"])
+def test_half_a_key_is_told_before_the_work_and_not_ignored(tmp_path, half):
+    with pytest.raises(UsageError, match="a signature needs both"):
+        Issue(tmp_path, **{half: tmp_path / "half.pem"})
+
+
 def test_conditions_are_the_smallest_the_mean_and_the_largest(made):
     of = made.budgets[0].of
     columns = {**of.table.columns, "room_degC": np.array([20.004, 20.0, 21.006]), "lost_degC": np.array([1.0, np.nan])}

@@ -190,6 +190,13 @@ def test_drifts_grow_with_the_hours() -> None:
     assert world.now() == 100.0
 
 
+def test_in_any_laboratory_a_drift_goes_on_in_a_world_that_is_resumed_or_of_the_next_day() -> None:
+    bench = {"sensors": {"cell": {"reader": "dvm"}}, "factors": {"force_kN": "operator"}}
+    truth = {"sensors": {"cell": {"formula": "0.002*elapsed_h", "noise": 0.0}}}
+    read = [Plant(World(start), truth, bench).sensor_V("cell", start, start + 1.0) for start in (0.0, 86400.0)]
+    assert read == pytest.approx([0.0, 0.048], abs=1e-6)
+
+
 def test_the_pendulum_lags_so_that_settling_matters() -> None:
     world = World()
     made = plant(world, head={"creep_arcsec": 0.0})

@@ -278,6 +278,16 @@ def test_a_line_through_zero_lacks_its_offset():
     assert found({"x": x, "y": 5.0 + x + rng.standard_normal(40)}, response="y", formula="0 + x") == ["offset:1"]
 
 
+@pytest.mark.parametrize("begin", [0.0, 1.7e9])
+def test_a_drift_beside_a_model_without_a_constant_begins_where_the_time_does(begin):
+    rng = np.random.default_rng(4)
+    t = np.linspace(1300.0 if begin == 0.0 else 0.0, 16000.0, 48)
+    x = rng.permutation(np.repeat([25.0, 50.0, 75.0, 100.0], 12))
+    y = 0.04 * x + 5e-7 * t + 3e-4 * rng.standard_normal(48)
+    table = {"x_degC": x, "elapsed_s": begin + t, "y": y}
+    assert found(table, response="y", formula="0 + x_degC", time="elapsed_s") == ["drift:elapsed_s"]
+
+
 def test_a_perfect_fit_has_nothing_to_add():
     x = np.random.default_rng(0).permutation(np.arange(30.0))
     result = trace_general(prepare({"x": x, "y": 2.0 + 3.0 * x}, response="y", formula="1 + x")[0])

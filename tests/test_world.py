@@ -44,7 +44,7 @@ def test_an_event_may_schedule_another_that_is_due_at_once():
 def test_a_cancelled_call_does_not_happen():
     world = World()
     seen = []
-    timer = world.call_in(1.0, lambda: seen.append("early"))
+    timer = world.timer_in(1.0, lambda: seen.append("early"))
     world.call_in(2.0, lambda: seen.append("late"))
     timer.cancel()
     assert world.next_due() == 2.0

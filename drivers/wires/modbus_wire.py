@@ -14,7 +14,7 @@ from typing import NoReturn
 
 from pymodbus import FramerType
 from pymodbus.client import ModbusTcpClient
-from pymodbus.exceptions import ModbusException
+from pymodbus.exceptions import ModbusException, ModbusIOException
 from pymodbus.pdu import ModbusPDU
 
 from drivers.clock import Clock
@@ -32,25 +32,28 @@ _LEAST_WAIT_S = 1e-4
 
 
 class _Client(ModbusTcpClient):
-    """pymodbus's synchronous client on our wire."""
+    """pymodbus's requests and frames on our wire, without its connections, retries, locks and counts of failures."""
 
-    def __init__(self, framer: FramerType, seconds: float, send: Callable[[bytes], None], hear: Callable[[], bytes]):
-        super().__init__("", framer=framer, timeout=seconds, retries=0)
-        self._send = send
-        self._hear = hear
+    def __init__(self, framer: FramerType, wire: ModbusWire) -> None:
+        super().__init__("", framer=framer, retries=0)
+        self._wire = wire
 
-    def connect(self) -> bool:
-        return True
-
-    def close(self) -> None:
-        """Nothing to close: the wire is not ours."""
-
-    def send(self, request: bytes, addr: tuple[str, int] | None = None) -> int:
-        self._send(request)
-        return len(request)
-
-    def recv(self, size: int | None) -> bytes:
-        return self._hear()
+    def execute(self, no_response_expected: bool, request: ModbusPDU) -> ModbusPDU:
+        """The reply to a request; raises `ModbusException`."""
+        wire, framer = self._wire, self.framer
+        request.transaction_id = self.transaction.getNextTID()
+        wire._send(framer.buildFrame(request))
+        unread, end = b"", wire.clock.now() + wire._asked_s
+        while heard := wire._hear():
+            used, reply = framer.handleFrame(unread + heard, request.dev_id, request.transaction_id)
+            if reply is not None:
+                if (reply.dev_id, reply.transaction_id) != (request.dev_id, request.transaction_id):
+                    raise ModbusIOException("a reply to another request")
+                return reply
+            unread = (unread + heard)[used:]
+            if wire.clock.now() >= end:
+                break
+        raise ModbusIOException("no reply in time")
 
 
 class ModbusWire:
@@ -122,7 +125,7 @@ class ModbusWire:
             if unit in self._owing:
                 self._synchronise(unit, known, where)
             if self._client is None:
-                self._client = _Client(self._framer, self._seconds, self._send, self._hear)
+                self._client = _Client(self._framer, self)
                 self._client.transaction.next_tid = self._last_number
             self._heard = b""
             reply = request(self._client)
@@ -146,7 +149,7 @@ class ModbusWire:
         if self._client is not None:
             # otherwise a late reply would have the number of the next one
             self._last_number = self._client.transaction.next_tid
-        self._client = None  # it counts failures and reacts to them
+        self._client = None
         self._out_of_step = True
         self._trusted = False
         if self._rtu:

@@ -359,8 +359,10 @@ class SerialLine:
                     raise self.bad_reply(text, bytes(received[:40]), "an answer that ends")
         finally:
             self._tell_tap(raw)
-        answer = raw[: raw.rfind(self.settings.reply_end)]
-        self._doubtful = self.settings.flow != "xonxoff" and len(_said(answer)) < len(answer)
+        self._doubtful = False
+        if len(raw) > len(received) and self.settings.flow != "xonxoff":
+            answer = raw[: raw.rfind(self.settings.reply_end)]
+            self._doubtful = len(_said(answer)) < len(answer)
         return bytes(received)
 
     def _more(self, port: Port, raw: bytearray, timeout_s: float) -> bytes | bytearray:

@@ -115,7 +115,7 @@ class _Stage:
         self.bench = DryBench(self.plan.bench, self.plan.truth, key="night", record_tape=True)
         self.world = self.bench.world
         # Nothing in a night may depend on how fast this machine is.
-        self.world.stopwatch = lambda: self.world.now() / _SLOWER  # type: ignore[method-assign]
+        self.world.stopwatch = lambda: self.world.now() / _SLOWER
         self.world.idle = self.world.sleep  # type: ignore[method-assign]
         self.played = Played(scenario, self.plan, self.bench)
         self._folder = folder

@@ -140,17 +140,17 @@ def _leans(results: Results) -> Figures:
     return {**out, "of": of}
 
 
-def drift(calibrations: int = 1000) -> Study:
-    """Six replications of 5 x 8 points; offsets differ by so many sd of a reading, sensitivities by as much at 1 g.
+def drift(calibrations: int = 1000, replications: int = 6) -> Study:
+    """Replications of 5 x 8 points; offsets differ by so many sd of a reading, sensitivities by as much at 1 g.
 
     A reading in use is of one more such draw.
     """
-    return Study({"drift": partial(_drifting, calibrations=calibrations)}, _drifts)
+    return Study({"drift": partial(_drifting, calibrations=calibrations, replications=replications)}, _drifts)
 
 
-def _drifting(seed: int, calibrations: int) -> Result:
+def _drifting(seed: int, calibrations: int, replications: int) -> Result:
     sigma, rng = np.radians(BENCH.sigma_deg) * 5.0, np.random.default_rng(40_000 + seed)
-    data, exact = without_noise(ALIKE, replace(GRID, replications=6))
+    data, exact = without_noise(ALIKE, replace(GRID, replications=replications))
     pitch, roll = np.array(USED_AT, float).T
     told = volts(ALIKE, pitch, roll)
     cells: Result = {}
@@ -158,7 +158,7 @@ def _drifting(seed: int, calibrations: int) -> Result:
         held, seen = np.zeros((2, len(pitch))), 0
         for _ in range(calibrations):
             # The first is of the use, replications count from 1.
-            offsets, gains = sigma * share * rng.normal(size=(2, 7, 3))
+            offsets, gains = sigma * share * rng.normal(size=(2, replications + 1, 3))
             drawn = offsets[data.replicate] + exact / 5.0 * gains[data.replicate]
             noisy = exact + drawn + rng.normal(0, sigma, exact.shape)
             run = replace(data, outputs=dict(zip(NAMES, noisy.T, strict=True)))

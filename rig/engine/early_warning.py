@@ -28,6 +28,7 @@ from rig.errors import RigError
 from rig.quantities import PER_VOLT, per_volt
 from rig.run_file.chain import Record
 from rig.run_file.events.bench import Warned
+from rig.run_file.events.event import EMPTY
 from rig.run_file.reader import RunReader
 
 if TYPE_CHECKING:
@@ -120,6 +121,8 @@ class EarlyWarnings:
                 )
             found += [Warned(cause, name, f"{name} {words}") for cause, words in said.items() if words]
         found += list(self._still(body.get("temperatures", {})))
+        if not found:
+            return found
         fresh = [w for w in found if (w.cause, w.output) not in self._told]
         self._told |= {(w.cause, w.output) for w in fresh}
         return fresh
@@ -172,9 +175,10 @@ class EarlyWarnings:
 
     def _quantities(self, point: Point, body: Mapping[str, Any]) -> dict[str, float]:
         """The setting, or its readback where that is the more accurate one."""
-        given: dict[str, float] = dict(self._run_list.setting(point))
+        given = self._run_list.setting(point)
         for group in ("temperatures", "references"):
-            given |= {n: float(c["mean"]) for n, c in body.get(group, {}).items()}
+            for name, channel in body.get(group, EMPTY).items():
+                given[name] = float(channel["mean"])
         return given
 
     def _row(self, given: Mapping[str, float]) -> Row | None:

@@ -114,7 +114,7 @@ class WatchedClock:
     def timeout(self, seconds: float) -> float:
         """See `Clock.timeout`: the caller is about to wait for at most this long, until the next wait is announced."""
         self.now()
-        self._explained = max(seconds, 0.0)
+        self._explained = seconds if seconds > 0.0 else 0.0
         return self._clock.timeout(seconds)
 
     def grace(self) -> float:

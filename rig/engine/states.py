@@ -5,8 +5,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import cache
 
 from transitions import Machine
 
@@ -114,24 +116,30 @@ class Moves:
     """
 
     def __init__(self) -> None:
-        self._machine = machine()
-        self._permitted = {
-            (source, name): State(t.dest)
-            for name, event in self._machine.events.items()
-            for source, found in event.transitions.items()
-            for t in found
-            if t.dest is not None
-        }
-        self.state = State(self._machine.state)
+        self._permitted = _permitted()
+        self.state = State.READY
 
     def trigger(self, name: str) -> None:
         """Move on. Raises `transitions.MachineError` if the table does not permit this."""
         target = self._permitted.get((self.state, name))
         if target is None:
-            self._machine.set_state(str(self.state))
-            self._machine.trigger(name)  # raises
+            refusing = machine()
+            refusing.set_state(str(self.state))
+            refusing.trigger(name)  # raises
             raise AssertionError(f"{name} from {self.state} is in no table")
         self.state = target
+
+
+@cache
+def _permitted() -> Mapping[tuple[State, str], State]:
+    """The state after each trigger, by the state before and the trigger."""
+    return {
+        (State(source), name): State(t.dest)
+        for name, event in machine().events.items()
+        for source, found in event.transitions.items()
+        for t in found
+        if t.dest is not None
+    }
 
 
 def machine() -> Machine:

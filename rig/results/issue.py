@@ -50,6 +50,10 @@ class Issue:
     certificate: Path | None = None
     schema: Path | None = None
 
+    def __post_init__(self) -> None:
+        if (self.key is None) != (self.certificate is None):
+            raise UsageError("a signature needs both: --key KEY.pem and --key-certificate CERTIFICATE.pem")
+
 
 @dataclass(frozen=True, eq=False)
 class Issued:
@@ -95,8 +99,8 @@ def issue(made: Made, how: Issue) -> Issued:
     xml = dcc(document, paper)
     if how.schema is not None:
         _check(xml, how.schema)
-    if how.key is not None:
-        xml = _signed(xml, how)
+    if how.key is not None and how.certificate is not None:
+        xml = _signed(xml, how.key, how.certificate)
     told = json.dumps(document.to_json(), indent=2, ensure_ascii=False, allow_nan=False, default=str)
     forms = {"pdf": paper, "html": html(document).encode(), "xml": xml, "json": told.encode()}
     return Issued(document, tuple(write_once(how.out, document.number, forms)))
@@ -125,12 +129,10 @@ def _check(xml: bytes, schema: Path) -> None:
         raise RunFileError(f"the XML is not valid by {schema}, which is a defect of rig: {'; '.join(errors)}")
 
 
-def _signed(xml: bytes, how: Issue) -> bytes:
+def _signed(xml: bytes, key: Path, certificate: Path) -> bytes:
     from rig.dcc.signature import signed  # noqa: PLC0415
 
-    if how.key is None or how.certificate is None:
-        raise UsageError("a signature needs both: --key KEY.pem and --key-certificate CERTIFICATE.pem")
-    return signed(xml, how.key, how.certificate)
+    return signed(xml, key, certificate)
 
 
 def all_files(asked: Asked, how: Issue) -> Iterable[Path | None]:

@@ -115,7 +115,7 @@ class FaultyWire:
         if self._medium != "serial":
             self._due.clear()  # with these kinds every message is answered
         self._request = message
-        if self._dead():
+        if self._world.now() < self._dead_until:
             return
         if not (self._armed or self._due):  # the most frequent case
             forward(message)
@@ -139,10 +139,14 @@ class FaultyWire:
     def to_host(self, message: bytes, deliver: Deliver) -> None:
         """A message from the instrument; `deliver` passes on the resulting messages."""
         before, self.latest = self.latest, message
-        if self._dead():
+        now = self._world.now()
+        if now < self._dead_until:
             return
         if not (self._armed or self._due):  # the most frequent case
-            self._send(message, deliver, 0.0)
+            if now >= self._held_until:
+                deliver(message)
+            else:
+                self._send(message, deliver, 0.0)
             return
         late = 0.0
         for armed in self._current():
@@ -215,9 +219,6 @@ class FaultyWire:
     def _down(self, how: str, until: float) -> None:
         self._down_until[how] = max(until, self._down_until[how])
         self._dead_until = max(until, self._dead_until)
-
-    def _dead(self) -> bool:
-        return self._world.now() < self._dead_until
 
 
 def _garbled(message: bytes, medium: str) -> bytes:

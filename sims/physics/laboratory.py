@@ -1,8 +1,8 @@
 """Any laboratory: factors that sources, a head and people set, and sensors whose output is a formula of them.
 
 Variables of formulas are true values of the bench's factors, such as `force_kN`; `force_side`, the direction of its
-last change (1, -1 or 0); `force_for_s`, the time since then; the lags of the world file; `elapsed_h` since the world
-began; `lab_degC`; and `meter_swapped`, the number of such changes by a person (`sims.physics.by_hand`). Pure functions
+last change (1, -1 or 0); `force_for_s`, the time since then; the lags of the world file; `elapsed_h`, the world's
+time; `lab_degC`; and `meter_swapped`, the number of such changes by a person (`sims.physics.by_hand`). Pure functions
 of virtual time between commands.
 """
 
@@ -267,7 +267,7 @@ class Laboratory:
         for name, draw in self._truth.draws.items():
             found[name] = draw.sd * normal(self._truth.seed, f"draw {name}", event_at(self._steps(draw.of).since(t)))
         found |= self._changes
-        return found | {"elapsed_h": (t - self._start) / 3600.0, "lab_degC": self._lab.degC(t)}
+        return found | {"elapsed_h": t / 3600.0, "lab_degC": self._lab.degC(t)}
 
     def clean(self, sensor: str, t0: float, t1: float) -> float:
         """Output of a sensor in the middle of a window, without noise, in its unit on the bench."""

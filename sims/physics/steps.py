@@ -82,4 +82,5 @@ class Steps:
         return above
 
     def _at(self, t: float) -> int:
-        return max(0, bisect_right(self._times, t) - 1)
+        at = bisect_right(self._times, t) - 1
+        return at if at > 0 else 0

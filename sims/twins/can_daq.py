@@ -156,7 +156,7 @@ class CanDaqTwin:
                 self._next(begin + period_s, sweep + 1, sweeps, period_s, tx)
             self._send(begin, period_s, sweep % 256, tx)
 
-        self._under_way = self._world.call_in(begin + period_s - self._world.now(), measured)
+        self._under_way = self._world.timer_in(begin + period_s - self._world.now(), measured)
 
     def _send(self, begin: float, seconds: float, sweep: int, tx: Transmit) -> None:
         """Send a sweep: fault signals, then every group of readings."""

@@ -46,6 +46,8 @@ class RememberingTwin(TriggeredTwin):
 
     def printed(self, reading: Reading) -> str:
         """A reading with its requested additions."""
+        if True not in self._with.values():
+            return text(reading.value)
         channel = self.channel_of(reading.position)
         words = [text(reading.value) + (f" {self.unit_of(channel)}" if self._with["unit"] else "")]
         if self._with["time"]:

@@ -174,7 +174,7 @@ class TriggeredTwin(ScpiTwin):
         self._began, self._swept, self._readings = began, 0, []
         self._ends = began + seconds
         if math.isfinite(seconds):
-            self._timer = self.world.call_in(seconds, self._finish)
+            self._timer = self.world.timer_in(seconds, self._finish)
 
     def _finish(self) -> None:
         self._timer = None

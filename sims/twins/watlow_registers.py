@@ -54,20 +54,20 @@ class Register:
     """
 
     def __init__(self, kind: str, low_first: bool, get: Callable[[], Value], put: Callable[[Any], None] | None) -> None:
-        self._kind = kind
         self.number = kind in _STRUCT
         self._low_first = low_first
         self._get = get
         self._put = put
-        self.size = int(kind.partition(":")[2]) if kind.startswith("text:") else struct.calcsize(_STRUCT[kind]) // 2
+        self._value = struct.Struct(_STRUCT.get(kind, ""))
+        self.size = int(kind.partition(":")[2]) if kind.startswith("text:") else self._value.size // 2
+        self._words = struct.Struct(f">{self.size}H")
 
     def words(self) -> list[int]:
         """Its value as words."""
         value = self._get()
         if isinstance(value, str):
             return [ord(c) for c in value.ljust(self.size, "\0")]
-        packed = struct.pack(_STRUCT[self._kind], value)
-        words = list(struct.unpack(f">{self.size}H", packed))
+        words = list(self._words.unpack(self._value.pack(value)))
         return words[::-1] if self._low_first else words
 
     def set(self, words: Sequence[int]) -> None:
@@ -75,7 +75,7 @@ class Register:
         if self._put is None or len(words) != self.size:
             raise Refused(ILLEGAL_ADDRESS)
         ordered = words[::-1] if self._low_first else words
-        (value,) = struct.unpack(_STRUCT[self._kind], struct.pack(f">{self.size}H", *ordered))
+        (value,) = self._value.unpack(self._words.pack(*ordered))
         self._put(value)
 
 

@@ -17,6 +17,8 @@ from procedures.attitude.infer.calibration import AttitudeCalibration
 
 NORMAL_95 = 1.959963984540054
 _MANY = 20.0
+_FEW = 4.0
+"""Degrees of freedom below which Satterthwaite's limits hold with less than 94 %, if parameters drift much."""
 _Z = NORMAL_95
 _T_1 = (_Z**3 + _Z) / 4.0
 _T_2 = (5.0 * _Z**5 + 16.0 * _Z**3 + 3.0 * _Z) / 96.0
@@ -152,11 +154,32 @@ class Propagation:
                 inverse = (calibrated / variance) ** 2 / drift.df
                 if self.noise.of_fit:
                     inverse = inverse + np.einsum("sn,s->n", (noise / variance) ** 2, 1.0 / df)
+                if drift.df < _FEW:
+                    of_noise = float(df.min()) if self.noise.of_fit else np.inf
+                    inverse = inverse_df_of_two(calibrated / variance, drift.df, of_noise)
                 return Spread(variance, 1.0 / inverse)
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             # sigma_E^2 of each sensor scales both its noise and its calibration: their shares are those of the noise
             share = from_fit / (total * variance)
             return Spread(variance, 1.0 / np.einsum("sn,s->n", (noise * share) ** 2, 1.0 / df))
+
+
+def inverse_df_of_two(share: FloatArray, df: float, df_of_rest: float) -> FloatArray:
+    """One over the degrees of freedom at which Student's t is the limit for a sum of two errors.
+
+    The limit is that of Banerjee (Calcutta Statistical Association Bulletin 10, 1960): squares of the parts' own limits
+    are added. It holds with 95 % at least. Satterthwaite's does not with few degrees of freedom: where a variance that
+    is known badly happens to be found small, it also counts as unimportant.
+
+    Args:
+        share: (n,) of the variance, of the error that is known with `df` degrees of freedom.
+        df: of that error.
+        df_of_rest: of the other one.
+    """
+    of_error, of_rest = t_limits(np.array([df, df_of_rest]))
+    inverse = np.linspace(0.0, 1.0 / df, 2001)
+    limits = np.concatenate([[NORMAL_95], t_limits(1.0 / inverse[1:])])
+    return np.asarray(np.interp(np.sqrt(of_error**2 * share + of_rest**2 * (1.0 - share)), limits, inverse))
 
 
 def tangent(

@@ -56,6 +56,18 @@ def linear(scene: TableScene, name: str) -> Terms:
     return (TableTerm((less(name, middle(v)),), (v - middle(v))[:, None]),)
 
 
+def drift(scene: TableScene, name: str) -> Terms:
+    """The time relative to the middle; beside a declared model without a constant also from its zero, or its start.
+
+    Where there is a constant both are the same.
+    """
+    terms, v = linear(scene, name), scene.of(name)
+    if scene.constant or not terms:
+        return terms
+    begin = 0.0 if v.min() >= 0.0 and origin(v) == 0.0 else rounded(float(v.min()), float(np.ptp(v)))
+    return (*terms, TableTerm((less(name, begin) if begin else whole(name),), (v - begin)[:, None]))
+
+
 def product(scene: TableScene, first: str, second: str) -> Terms:
     """The product of two variables, each relative to its origin."""
     a, b = scene.of(first), scene.of(second)

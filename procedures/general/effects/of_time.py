@@ -19,7 +19,7 @@ DRIFT = TableKind(
     "{y} per unit of {0}",
     "go on for as long again, and come back to the first setting from time to time",
     "1 to 50 ppm of range an hour; ppm a year",
-    columns.linear,
+    columns.drift,
 )
 
 SENSITIVITY_DRIFT = TableKind(

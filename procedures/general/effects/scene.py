@@ -95,6 +95,7 @@ class TableScene:
         own: the laboratory's own effects that the table can be tested for.
         labels: columns of text without a role, whose levels repeat; shapes without a name and coarse rounding are
             looked for by them, but no effects.
+        constant: whether the declared model has a constant, in whatever columns.
     """
 
     settings: Mapping[str, FloatArray]
@@ -106,6 +107,7 @@ class TableScene:
     setpoints: Mapping[str, FloatArray] = field(default_factory=dict)
     own: tuple[Entry, ...] = ()
     labels: Mapping[str, Grouping] = field(default_factory=dict)
+    constant: bool = True
 
     @property
     def variables(self) -> dict[str, FloatArray]:

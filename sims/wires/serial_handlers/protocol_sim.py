@@ -84,7 +84,9 @@ class Serial(SerialBase):
     @property
     def in_waiting(self) -> int:
         """Number of received, unread bytes."""
-        self._check("[Errno 5] Input/output error")
+        cable = self._cable
+        if cable is None or cable.connection != self._connection:
+            self._check("[Errno 5] Input/output error")
         return len(self._received)
 
     def read(self, size: int = 1) -> bytes:
@@ -97,7 +99,8 @@ class Serial(SerialBase):
             end = None if timeout is None else world.now() + timeout
             here = self._connection
             world.run_until(end, lambda: len(received) >= size or cable.connection != here)
-            self._check(_GONE)
+            if cable.connection != here or self._cable is None:
+                self._check(_GONE)
         data = bytes(received[:size])
         del received[:size]
         return data
