@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import Any, NamedTuple, Protocol, TypeGuard, TypeVar, runtime_checkable
 
 OVERLOAD = 9.9e37
 """The reading that means "outside the range" for SCPI instruments (34401A manual: +9.90000000E+37)."""
@@ -318,3 +318,15 @@ class Remarking(Protocol):
         Remarks that follow from the settings alone are known before anything is sent, the others after `prepare`.
         """
         ...
+
+
+Role = TypeVar("Role")
+_PLAYS: dict[tuple[type, type], bool] = {}
+
+
+def plays(instrument: Any, role: type[Role]) -> TypeGuard[Role]:
+    """Whether an instrument has a role, by its class; to ask a protocol takes as long as an exchange."""
+    pair = type(instrument), role
+    if pair not in _PLAYS:
+        _PLAYS[pair] = isinstance(instrument, role)
+    return _PLAYS[pair]

@@ -12,7 +12,18 @@ from pydantic import BaseModel
 
 from drivers.clock import Clock
 from drivers.errors import BadReply, DriverError, NoReply, Unreachable, WrongAddress
-from drivers.roles import ByHand, Chamber, Head, Identity, Instrument, PressureController, Reader, Source, WithUnits
+from drivers.roles import (
+    ByHand,
+    Chamber,
+    Head,
+    Identity,
+    Instrument,
+    PressureController,
+    Reader,
+    Source,
+    WithUnits,
+    plays,
+)
 from fitter.errors import FitError
 from rig.baths import Bath
 from rig.config import BenchConfig, validated
@@ -292,7 +303,7 @@ class Bench:
                 f'{factor} = "INSTRUMENT"'
             )
         instrument = self.instruments[name]
-        if not isinstance(instrument, role):
+        if not plays(instrument, role):
             raise ConfigurationError(
                 f"bench {self.config.name}: {name} cannot set {factor}: it is not a {role.__name__}"
             )
@@ -317,7 +328,7 @@ class Bench:
         return {name: r for name, r in self._playing(Reader).items() if name in used}
 
     def _playing(self, role: type[Role]) -> dict[str, Role]:
-        return {name: i for name, i in self.instruments.items() if isinstance(i, role)}
+        return {name: i for name, i in self.instruments.items() if plays(i, role)}
 
     def close(self) -> None:
         """Release every wire."""

@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from typing import Any
 
-from drivers.roles import Chamber, Head, Instrument, PressureController, Source
+from drivers.roles import Chamber, Head, Instrument, PressureController, Source, plays
 from rig.errors import BenchFault
 from rig.quantities import PRESSURE
 
@@ -91,7 +91,7 @@ def guarded(name: str, instrument: Instrument, limits: Limits, factors: Sequence
     """
     if isinstance(instrument, _Guarded):
         return instrument
-    bases = tuple(guard for role, guard in _GUARDED if isinstance(instrument, role))
+    bases = tuple(guard for role, guard in _GUARDED if plays(instrument, role))
     if not bases:
         return instrument
     wrapped: Instrument = _class_for(type(instrument), bases)(name, instrument, limits, factors)

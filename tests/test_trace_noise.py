@@ -78,6 +78,17 @@ def test_an_offset_that_walks_is_a_finding():
     assert walk.coefficients[0] == pytest.approx(8 * SIGMA_V, rel=0.6)
 
 
+@pytest.mark.usefixtures("few_draws")
+def test_an_effect_of_the_sensor_in_time_is_doubtful_beside_an_offset_that_walks():
+    """A heater that follows the load looked like a walk and, in one sensor, like creep."""
+    first, *others = Bench().sensors
+    bench = Bench(wander=8.0, sensors=(replace(first, creep=3e-4), *others))
+    found = trace(simulate(bench, D1(180, 13, 7), seed=1)[0], validate=False).sensors[X]
+    (creep,) = found.effects
+    assert (creep.effect, found.verdict) == ("creep", "partly explained")
+    assert "something wanders slowly" in creep.doubtful
+
+
 def test_nothing_is_said_of_ordinary_noise():
     assert noise(trace(simulate(CLEAN, PLAN, seed=0)[0], validate=False)) == set()
 

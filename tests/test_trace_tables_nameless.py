@@ -187,3 +187,53 @@ def test_two_effects_of_one_column_are_doubtful_if_one_has_a_searched_constant(s
     over_x = [effect for effect in result.added if effect.effect.endswith(":x")]
     assert over_x
     assert all(effect.doubtful for effect in over_x)
+
+
+def test_a_direction_that_agrees_with_a_setting_is_used_and_said():
+    """As a mere number it was named for the loop that it makes."""
+
+    def adds(c):
+        c["direction"] = np.sign(np.diff(c["x"], prepend=0.0))
+        return 4.0 * c["direction"] * (1.0 - (c["x"] / 5.0) ** 2)
+
+    table = Table("table.csv", sensor_of(80, 3, adds), simulated=True, provenance={})
+    data, notes = roles_of(table, Roles(response="y", formula="1 + x", time="t_s"))
+    assert data.scene.direction is not None
+    assert "direction" not in data.scene.covariates
+    assert "direction is taken for the side" in " ".join(notes)
+    assert [effect.effect for effect in trace_general(data).added] == ["hysteresis:sign(direction),x"]
+    ignored, _ = roles_of(table, Roles(response="y", formula="1 + x", time="t_s", ignore=("direction",)))
+    assert ignored.scene.direction is None
+
+
+def test_a_column_that_disagrees_with_every_setting_is_no_direction():
+    data, _ = roles_of(
+        Table("table.csv", sensor_of(80, 3, lambda _c: 0.0, side=side), simulated=True, provenance={}),
+        Roles(response="y", formula="1 + x", time="t_s"),
+    )
+    assert data.scene.direction is None
+    assert "side" in data.scene.covariates
+
+
+def test_what_begins_anew_with_each_operator_is_said():
+    """A saw tooth in the time since the operator changed was an oscillation in time, or noise."""
+    stays = np.repeat([0, 1, 0, 1, 0], [30, 17, 25, 34, 14])
+    columns = sensor_of(120, 5, lambda c: 4.0 * np.exp(-_since(stays, c["t_s"]) / 900.0))
+    text = {"operator": np.where(stays == 1, "Ann", "Bo")}
+    table = Table("table.csv", columns, simulated=True, provenance={}, text=text)
+    result = trace_general(roles_of(table, Roles(response="y", formula="1 + x", time="t_s"))[0])
+    assert any("since operator changed" in rest.where for rest in result.unnamed)
+    assert all(effect.doubtful for effect in result.added)
+
+
+def _since(level, t):
+    first = np.flatnonzero(np.diff(level, prepend=-1) != 0)
+    return t - t[first][np.searchsorted(first, np.arange(len(t)), side="right") - 1]
+
+
+def test_three_kinks_may_have_any_shape():
+    """One value of a table mistyped: a bump of two straight lines."""
+    columns = sensor_of(120, 1, lambda c: 8.0 * np.clip(1.0 - np.abs(c["x"] - 1.0) / 1.2, 0.0, None))
+    (kinks,) = traced(columns, response="y", formula="1 + x", time="t_s").added
+    assert (kinks.effect, len(kinks.coefficients)) == ("kink:x", 3)
+    assert "takes 3 values" in kinks.doubtful

@@ -20,7 +20,7 @@ from procedures.column_names import with_word
 from procedures.errors import DataError
 from procedures.file_rows import rows_of_file
 from procedures.general.clock_texts import is_clock
-from procedures.general.directions import SIDES, are_directions
+from procedures.general.directions import SIDES, approached_by, are_directions
 from procedures.general.effects.kind import TableEffect
 from procedures.general.effects.own import missing_in
 from procedures.general.effects.scene import Grouping, TableScene
@@ -141,12 +141,17 @@ def _roles(table: Table, roles: Roles, formula: Formula, response: Formula) -> t
         raise FitError(f"the formula {roles.formula!r} has no terms: there is nothing to compare with")
     if len(y) <= len(names):
         raise FitError(f"{len(y)} rows are not enough for {len(names)} coefficients and an error")
-    read = _read_by_reference(parts.settings, table)
+    settings = _settings(formula, columns)
     unused = _unused_text(table, roles, (*formula.names, *response.names))
+    if roles.direction is None and (seen := approached_by([*free, *unused], columns, settings)) is not None:
+        roles, free = replace(roles, direction=seen), [name for name in free if name != seen]
+        unused.pop(seen, None)
+        notes.append(f"{seen} is taken for the side from which settings are approached; --ignore {seen} if not")
+    read = _read_by_reference(parts.settings, table)
     few = _few_levels(table, unused)
     scene = TableScene(
         settings={
-            **_settings(formula, columns),
+            **settings,
             **{name: np.asarray(columns[name], np.float64) for name in given if np.ptp(columns[name]) > 0},
         },
         covariates={n: columns[n] for n in free if np.ptp(columns[n]) > 0 and n not in read.values()},
@@ -266,7 +271,8 @@ def used_columns(roles: Roles, parts: Mapping[str, Any]) -> set[str]:
     """Used columns, from `parts` of `parts_played`."""
     named = {*_parse("--formula", roles.formula).names, *_parse("--response", f"0 + I({roles.response})").names}
     setpoints = {_setpoint_of(name) for name in parts.get("read by a reference", ())}
-    return named | setpoints | {*roles.named, *parts["covariates"]} | ({parts["time"]} if parts["time"] else set())
+    direction = (parts["direction"] or "").partition("(")[2].removesuffix(")")
+    return named | setpoints | {*roles.named, *parts["covariates"], parts["time"] or "", direction} - {""}
 
 
 def _settings(formula: Formula, columns: Mapping[str, Any]) -> dict[str, FloatArray]:

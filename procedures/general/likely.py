@@ -14,7 +14,7 @@ from fitter.errors import FitError
 from procedures.errors import DataError
 from procedures.general.clock_texts import is_clock
 from procedures.general.column_roles import Roles, read_roles
-from procedures.general.directions import are_directions
+from procedures.general.directions import are_directions, named_direction
 from procedures.general.first_model import alike, curved
 from procedures.general.fit import fit_general
 from procedures.general.models.units import unit_in
@@ -38,7 +38,6 @@ _UNCERTAINTY = re.compile(
     r"(?P<by>.+?)[_ .](?:err(?:or)?|unc(?:ertainty)?|sd|std|stdev|sigma|se)",
     re.IGNORECASE,
 )
-_DIRECTION = re.compile(r"^dir|direction|updown|sense|side", re.IGNORECASE)
 _RESPONSE = re.compile(
     r"output|reading|response|signal|indicat|bridge|voltage|volt|measured|meas\b|dut|uut|counts?|deflection|"
     r"(^|[ _(\[])(m|u|µ|n)?V(/V)?[)\]]?$|ohm|^y$|ausgang|anzeige",
@@ -132,7 +131,7 @@ def _fixed(table: Table) -> Iterator[tuple[str, str]]:
         whole = bool(known.size) and bool((known == np.round(known)).all())
         if distinct.size < 2:
             yield name, "constant"
-        elif set(distinct.tolist()) <= {-1.0, 0.0, 1.0} and _DIRECTION.search(name):
+        elif named_direction(name, known):
             yield name, "direction"
         elif whole and _ORDER.search(name) and (np.diff(known) > 0).mean() > 0.7:
             yield name, "order"

@@ -66,6 +66,8 @@ class Transducer:
     glass: float = 0.0  # mV/degC of slope that is gone above `GLASS_DEGC`
     softens: float = 0.0  # of the sensitivity, for each degC above `GLASS_DEGC`
     remembers_cold: float = 0.0  # mV right after cold whole plots
+    stale: float = 0.0  # mV/psi per degC of the electronics' step from the whole plot before
+    yields: float = 0.0  # mV per degC by which it was ever colder than at the beginning
     day: float = 0.0  # mV up and down
     warming: float = 0.0  # mV at the beginning of the run
 
@@ -178,6 +180,7 @@ def simulate(bench: Bench = Bench(), run: Run = Run(), seed: int = 0) -> WholePl
         gain = gain + np.column_stack([a * a, a * b, b * b]) @ truth.sensitivity_warm2
         gain = gain + truth.gain_shift * (plot >= run.shifted_at * len(plots))
         gain = gain + truth.sensitivity_drift * (hours - hours.mean()) + truth.sensitivity_step * block
+        gain = gain + truth.stale * stepped[:, 1]
         gain = gain * (1.0 + bench.sensitivity_sd * rng.standard_normal(len(plots))[plot])
         zero = truth.offset + np.column_stack([a, b]) @ truth.offset_warm
         zero = zero + np.column_stack([a * a, a * b, b * b]) @ truth.offset_warm2
@@ -199,6 +202,8 @@ def simulate(bench: Bench = Bench(), run: Run = Run(), seed: int = 0) -> WholePl
         mV = mV + truth.glass * np.minimum(at[:, 0] - GLASS_DEGC, 0.0)
         mV = mV * (1.0 - truth.softens * np.maximum(at[:, 0] - GLASS_DEGC, 0.0))
         mV = mV + truth.remembers_cold * _cold_before(of_plot[:, 0], hours[first])[plot]
+        deepest = [min(of_plot[: k + 1, 0]) for k in range(len(plots))]
+        mV = mV + truth.yields * (of_plot[0, 0] - np.array(deepest))[plot]
         mV = mV + truth.day * np.sin(2 * np.pi * (hours + 5.0) / 24.0) + truth.warming * np.exp(-hours / WARMS_H)
         mV = mV * (1.0 + bench.supply_per_h * (hours - hours.mean()) + bench.supply_per_degC * b)
         noise = rng.standard_t(5, n) / np.sqrt(5 / 3) if bench.long_tails else rng.standard_normal(n)

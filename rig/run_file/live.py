@@ -38,13 +38,14 @@ def request_path(run: Path) -> Path:
 
 def replace_json(path: Path, content: Mapping[str, Any]) -> None:
     """Replace a small JSON file atomically: readers see the old or the new one, never a part."""
-    temporary = path.with_name(f".rig-{os.getpid()}-{secrets.token_hex(4)}.tmp")  # for names of any length
+    temporary = f"{path.parent}/.rig-{os.getpid()}-{secrets.token_hex(4)}.tmp"  # for names of any length
     try:
-        temporary.write_text(json.dumps(content) + "\n", encoding="utf-8")
+        with open(temporary, "wb") as file:
+            file.write(json.dumps(content).encode() + b"\n")
         os.replace(temporary, path)
     except OSError:
         with contextlib.suppress(OSError):
-            temporary.unlink(missing_ok=True)
+            os.unlink(temporary)
         raise
 
 
@@ -182,7 +183,7 @@ class Requests:
         if moment - self._looked < 0.1:
             return None
         self._looked = moment
-        if not self._path.exists():
+        if not os.access(self._path, os.F_OK):
             return None
         content = read_json(self._path)
         request_id = (content or {}).get("id")

@@ -11,7 +11,7 @@ from fitter.arrays import FloatArray, IntArray
 from fitter.linear import orthonormal
 from fitter.replication import Replication
 from fitter.trace.aliases import Rival, separation
-from fitter.trace.doubts import by_chance, error_rises
+from fitter.trace.doubts import beside_a_wander, by_chance, error_rises
 from fitter.trace.found import Found, Unnamed, verdict
 from fitter.trace.lines import CLEAR
 from fitter.trace.not_kept import NotKept, for_others
@@ -78,6 +78,8 @@ def sensor_trace(
     declared: AttitudeFit = problem.fits[sensor]
     inside = {problem.candidates[j].effect.name for j in (stated.left_in[i] if stated.left_in else ())}
     rest = _unnamed(problem, after, nameless, i)
+    own = (judge.candidates[j].effect for j in after.chosen)
+    slow = {effect.name for effect in own if effect.against == "elapsed_s" and effect.scope != "package"}
     shown = [e for name in classes if (e := _found(judge, whole, after, classes[name], name, i)) is not None]
     divided = _shares(problem, after, [effect.effect for effect in shown], unnamed_part(rest), i)
     every = sorted(
@@ -86,7 +88,9 @@ def sensor_trace(
                 effect,
                 share=float(share),
                 doubtful=doubts.get(effect.effect)
-                or (error_rises() if effect.effect in inside else by_chance(effect.p_adjusted)),
+                or (error_rises() if effect.effect in inside else None)
+                or (beside_a_wander() if problem.wander[i] > 0 and effect.effect in slow else None)
+                or by_chance(effect.p_adjusted),
                 left_in=effect.effect in inside,
             )
             for effect, share in zip(shown, divided, strict=True)

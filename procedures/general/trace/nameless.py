@@ -214,6 +214,8 @@ class Nameless:
         for name in names:
             if (values := self._values_of(name)) > 1:
                 out.setdefault(name, several_values(values))
+            elif (knots := sum(candidates[j].effect.name == name for j in self._searched)) >= BUNDLE:
+                out.setdefault(name, several_values(knots))
         for name, other in self._over_one_variable(names):
             out.setdefault(name, bundle([name, other]))
             out.setdefault(other, bundle([name, other]))
@@ -228,6 +230,12 @@ class Nameless:
             if named - nameless < (PLAIN if self._plain(name) else EARNED) and name not in out:
                 out[name] = no_better((name,), where)
         return out
+
+    @property
+    def _searched(self) -> tuple[int, ...]:
+        """Those chosen that have a value of a searched constant, periods aside."""
+        every = self.judge.candidates
+        return tuple(j for j in self.chosen if every[j].term.profile and every[j].effect.family != "periodic")
 
     def _values_of(self, name: str) -> int:
         """Number of values of the period searched for it; two and three times one frequency are its harmonics."""

@@ -21,6 +21,8 @@ MEMORIES = 5
 """Number of time constants for the memory of earlier settings."""
 PAIRS = 8
 """Maximum number of pairs of variables."""
+LEVELS, FEWEST_CHANGES, STAYS = 8, 2, 4
+"""A variable that stays for a while: its most levels, its fewest changes, its fewest rows at one level on average."""
 PER_COLUMN = 4
 """Minimum number of rows for each column of a block."""
 
@@ -85,6 +87,9 @@ def _in_time(scene: TableScene, group: IntArray | None) -> Iterator[Place]:
     if group is not None and np.any(np.diff(t) > 0):
         since = waves(_since(group, t), _most(t, BESIDE)) if np.ptp(_since(group, t)) > 0 else np.empty((len(t), 0))
         yield _place(f"over {time.name} since each group's first row", since, _rough(since), {time.name}, timed=True)
+    for name, since in _since_changes(scene, group):
+        columns = waves(since, _most(t, BESIDE))
+        yield _place(f"over {time.name} since {name} changed", columns, _rough(columns), {time.name, name}, timed=True)
     gap = np.diff(t)
     for name, v in scene.settings.items():
         if np.ptp(v) == 0 or not np.any(gap > 0):
@@ -99,6 +104,28 @@ def _in_time(scene: TableScene, group: IntArray | None) -> Iterator[Place]:
             own = np.column_stack([lagging(_centred(v), gap, tau) - _centred(v) for tau in constants])
             block = Block(f"over earlier {name}", own, orders_of(own, (1, 2, MEMORIES)), np.ones(MEMORIES))
             yield Place(block, frozenset({name}), timed=True)
+
+
+def _since_changes(scene: TableScene, group: IntArray | None) -> Iterator[tuple[str, FloatArray]]:
+    """Each variable of few levels, such as an operator, that stays for several rows, and the time since it changed."""
+    assert scene.time is not None
+    known = [np.zeros(len(scene.time.values), np.intp) if group is None else np.cumsum(_changes(group))]
+    groups = {**scene.groups, **scene.labels}
+    spells = {name: _changes(g.index) for name, g in groups.items() if not g.declared}
+    spells |= {name: _changes(v) for name, v in scene.covariates.items() if len(np.unique(v)) <= LEVELS}
+    for name, changed in spells.items():
+        spell = np.cumsum(changed)
+        if spell[-1] < FEWEST_CHANGES or len(spell) < STAYS * (spell[-1] + 1):
+            continue
+        since = _since(spell, scene.time.values)
+        if np.ptp(since) > 0 and not any(np.array_equal(spell, one) for one in known):
+            known.append(spell)
+            yield name, since
+
+
+def _changes(v: IntArray | FloatArray) -> IntArray:
+    """(n,) 1 where a row differs from the one before it, else 0."""
+    return np.concatenate([[0], v[1:] != v[:-1]]).astype(np.intp)
 
 
 def _of_sides(scene: TableScene) -> Iterator[Place]:

@@ -24,8 +24,10 @@ from procedures.pressure.effects.memory import (
     HYSTERESIS_TEMPERATURE,
     SENSOR_LAG,
     SSE_LAG,
+    STALE_TEMPERATURE,
     THERMAL_GRADIENT,
     THERMAL_HYSTERESIS,
+    THERMAL_RATCHET,
 )
 from procedures.pressure.effects.response import (
     DEAD_BAND,
@@ -93,8 +95,10 @@ PRESSURE_CATALOGUE: tuple[PressureEffect, ...] = (
     HYSTERESIS_TEMPERATURE,
     SENSOR_LAG,
     SSE_LAG,
+    STALE_TEMPERATURE,
     THERMAL_GRADIENT,
     THERMAL_HYSTERESIS,
+    THERMAL_RATCHET,
     TRANSPIRATION,
     DEAD_BAND,
     TOUCH_DOWN,

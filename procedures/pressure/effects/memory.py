@@ -140,6 +140,24 @@ SSE_LAG = PressureEffect(
     terms=_lag("T_SSE", lambda s: s.step(s.data.sse_temperature_degC)),
     searched=True,
 )
+STALE_TEMPERATURE = PressureEffect(
+    name="stale-temperature",
+    cause="the sensitivity still belongs to the temperature of the whole plot before, as long as this one lasts: a "
+    "correction that uses an old temperature, or a part that takes many hours to follow",
+    source="chamber",
+    scope="sensor",
+    stratum="subplot",
+    unit="mV/psi/degC",
+    size=micro("nV/psi per degC of the step"),
+    against="elapsed_s",
+    separate_by="stay at one pair of temperatures for two whole plots: the second one is free of it",
+    usual_size="1e-5 of the sensitivity per degC",
+    known_aliases={},
+    terms=fixed(
+        ("P*dT_sensor", lambda s: s.p * s.step(s.data.sensor_temperature_degC)),
+        ("P*dT_SSE", lambda s: s.p * s.step(s.data.sse_temperature_degC)),
+    ),
+)
 THERMAL_GRADIENT = PressureEffect(
     name="thermal-gradient",
     cause="while its temperature changes one side of the transducer, or of its electronics, is warmer than the other",
@@ -182,4 +200,22 @@ THERMAL_HYSTERESIS = PressureEffect(
     known_aliases={},
     terms=fixed(*(_displaced(side, tau_h) for side in (-1.0, 1.0) for tau_h in RECOVERS_H)),
     searched=True,
+)
+THERMAL_RATCHET = PressureEffect(
+    name="thermal-ratchet",
+    cause="the offset moves when the transducer is colder (or warmer) than ever before in the run, and does not come "
+    "back: glue or solder yields",
+    source="chamber",
+    scope="sensor",
+    stratum="whole-plot",
+    unit="mV/degC",
+    size=micro("nV/degC of the coldest or warmest so far"),
+    against="elapsed_s",
+    separate_by="visit both ends of the temperature range before the run: what yields has then yielded",
+    usual_size="5e-6 of the range per degC",
+    known_aliases={},
+    terms=fixed(
+        ("coldest so far", lambda s: s.extreme(s.data.sensor_temperature_degC, -1.0)),
+        ("warmest so far", lambda s: s.extreme(s.data.sensor_temperature_degC, 1.0)),
+    ),
 )

@@ -178,6 +178,15 @@ class PressureScene:
         )
         return np.diff(mean[first], prepend=mean[first[0]])[in_time]
 
+    def extreme(self, temperature: FloatArray, side: float) -> FloatArray:
+        """(n,) lowest (`side` -1) or highest (+1) temperature up to this whole plot, minus that of the first, degC."""
+        mean = self._mean(temperature)
+        _, first, in_time = np.unique(
+            self._mean(self.data.order.astype(np.float64)), return_index=True, return_inverse=True
+        )
+        each = mean[first]
+        return np.asarray((side * np.maximum.accumulate(side * each) - each[0])[in_time])
+
     def displaced(self, temperature: FloatArray, side: float, tau_h: float) -> FloatArray:
         """(n,) remaining effect of visits to one end of a temperature's range in the whole plots before, 0 to 1.
 

@@ -10,6 +10,7 @@ import math
 import re
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -39,6 +40,7 @@ _SURE = frozenset(("mean", "sd", "sum", "variance", "median", "rsd", "sem"))
 _LABEL = {kind: re.compile(f"(?:{words}){_OF}", re.IGNORECASE) for kind, words in _WORDS.items()}
 _LONGEST, _SHORT, _MOST = 60, 3, 50
 _ENOUGH, _NEARLY = 3, 0.8
+Flags = np.ndarray[Any, np.dtype[np.bool_]]
 
 
 def label_of(cell: str) -> str:
@@ -65,6 +67,7 @@ class _Rows:
     notation: Notation
     labelled: Mapping[int, int]
     found: dict[int, str] = field(default_factory=dict)
+    _known: dict[int, tuple[Flags, Flags]] = field(default_factory=dict)
 
     def observed(self, end: int, begin: int = 0) -> Iterator[int]:
         """Rows before another that may be observations."""
@@ -72,8 +75,20 @@ class _Rows:
 
     def of_numbers(self, column: int, end: int) -> bool:
         """Whether nearly all cells of a column are values, in the rows before another one."""
-        given = [cell for i in self.observed(end) if (cell := _cell(self.cells[i], column)) and not is_missing(cell)]
-        return len(given) >= _ENOUGH and sum(map(is_value, given)) >= _NEARLY * len(given)
+        given, values = self._flags(column)
+        rows = np.ones(end, np.bool_)
+        rows[[i for i in (*self.labelled, *self.found) if i < end]] = False
+        count = int(np.sum(rows & given[:end]))
+        return count >= _ENOUGH and int(np.sum(rows & values[:end])) >= _NEARLY * count
+
+    def _flags(self, column: int) -> tuple[Flags, Flags]:
+        """(n,) whether a column has a cell that does not say that there is no value, and whether that is a value."""
+        if column not in self._known:
+            cells = [_cell(row, column) for row in self.cells]
+            given = np.array([bool(cell) and not is_missing(cell) for cell in cells], np.bool_)
+            values = np.array([there and is_value(cell) for cell, there in zip(cells, given, strict=True)], np.bool_)
+            self._known[column] = given, values
+        return self._known[column]
 
 
 def labelled_rows(rows: Sequence[Sequence[str]]) -> dict[int, int]:
@@ -129,7 +144,8 @@ def _remarks(table: _Rows) -> None:
         words[i] = columns
     for first in sorted(words):
         rows = range(first, end)
-        counts = {column for i in rows for column in words[i] if table.of_numbers(column, first)}
+        spoken_in = {column for i in rows for column in words[i]}
+        counts = {column for column in spoken_in if table.of_numbers(column, first)}
         known = all(counts.intersection(words[i]) for i in rows)
         spoken = all(any(table.apart[first : i + 1]) or not any(map(looks_like_number, table.cells[i])) for i in rows)
         if known and spoken:
