@@ -123,7 +123,7 @@ def rivals(
     allowed = {rival.effect for rival in found if rival.alias}
     free = replace(products, signs=None)
     for name, every in of.items():
-        terms = [unit for unit in every if not {*unit} & {*rest}]  # a name may be found by one term, and refused by another
+        terms = [unit for unit in every if not {*unit} & {*rest}]  # a name is found by one term, refused by another
         if name in allowed or name == effect or not terms or not products.signed(terms):
             continue
         fit, price = _smallest(_path(free, terms, searched=name in searched), best)
