@@ -21,6 +21,9 @@ from fitter.split_plot.structure import Nesting, Variances
 
 EPS = float(np.finfo(float).eps)
 
+NEXT_TO_NOTHING = 0.01
+"""Share of every whole plot outside the columns below which the error between whole plots is taken up by these."""
+
 BATCH = 2048
 """Number of responses processed together, by the size of the cache."""
 
@@ -197,6 +200,12 @@ class SplitPlotDesign:
             return "every whole plot has a single reading: whole-plot and subplot error cannot be told apart"
         if len(spectrum.xi) == 0:
             return f"the columns use up all {count} whole plots: the error between whole plots cannot be estimated"
+        left = spectrum.right**2 @ spectrum.all_xi / np.bincount(self.nesting.whole_plot)
+        if left.max() < NEXT_TO_NOTHING:
+            return (
+                f"the columns use up nearly all of {count} whole plots, as with a measured setting that scatters in them: "
+                f"the error between whole plots cannot be estimated; more whole plots are needed, or fewer terms"
+            )
         if spectrum.rest_df == 0:
             return "the columns leave no degrees of freedom within whole plots: the subplot error cannot be estimated"
         return None
