@@ -122,8 +122,10 @@ def rivals(
     found = [_rival(candidates, _smallest(path, best), best, searched) for path in paths if path]
     allowed = {rival.effect for rival in found if rival.alias}
     free = replace(products, signs=None)
-    for name, terms in of.items():
-        if name in allowed or name == effect or name in held or not products.signed(terms):
+    taken = set(rest)
+    for name, units_of in of.items():
+        terms = [unit for unit in units_of if taken.isdisjoint(unit)]  # held by one term, it may be refused by another
+        if name in allowed or name == effect or (name in held and name in searched) or not products.signed(terms):
             continue
         fit, price = _smallest(_path(free, terms, searched=name in searched), best)
         wrong = products.impossible(fit)
