@@ -385,6 +385,31 @@ def test_a_doubtful_name_is_refused_until_it_is_confirmed(made, monkeypatch, run
 
 
 @pytest.mark.parametrize(
+    ("verdict", "following"),
+    [
+        ("undecided", "later.sqlite did not confirm it (verdict: undecided): make the next run (rig confirm {run} "
+         "--after {later} --dry), then --confirmed-by {later} --confirmed-by NEXT_RUN"),
+        ("not shown", "(verdict: not shown): make the next run (rig confirm {run} --after {later} --dry)"),
+        ("none holds", "none of the causes that were looked for, or it changed between the runs: no certificate is made "
+         "of this run. rig confirm {run} --by {later} shows why; find the cause, then calibrate again"),
+    ],
+)  # fmt: skip
+def test_a_further_run_that_does_not_confirm_is_no_dead_end(monkeypatch, run, tmp_path, verdict, following):
+    finding = Finding("effect", "the cell creeps", "replication", 0.5, effect="creep", doubtful="a curve fits as well")
+
+    def judged(path, later, *, quick):
+        outcomes, _ = TRACED(path, (), quick=quick)
+        answers = (SimpleNamespace(effect="creep", verdict=verdict, members=()),)
+        return [replace(one, findings=(finding,)) for one in outcomes], SimpleNamespace(answers=answers, paths=later)
+
+    monkeypatch.setitem(make.__globals__, "_traced", judged)
+    later = tmp_path / "later.sqlite"
+    later.write_bytes(run.read_bytes())
+    (reason,) = reasons(run, tmp_path, confirmed_by=(later,))
+    assert following.format(run=run, later=later) in reason
+
+
+@pytest.mark.parametrize(
     ("more", "words"),
     [
         (
