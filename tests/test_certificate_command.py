@@ -390,8 +390,8 @@ def test_a_doubtful_name_is_refused_until_it_is_confirmed(made, monkeypatch, run
         ("undecided", "later.sqlite did not confirm it (verdict: undecided): make the next run (rig confirm {run} "
          "--after {later} --dry), then --confirmed-by {later} --confirmed-by NEXT_RUN"),
         ("not shown", "(verdict: not shown): make the next run (rig confirm {run} --after {later} --dry)"),
-        ("none holds", "none of the causes that were looked for, or it changed between the runs: no certificate is made "
-         "of this run. rig confirm {run} --by {later} shows why; find the cause, then calibrate again"),
+        ("none holds", "none of the causes that were looked for, or it changed between the runs: no certificate is "
+         "made of this run. rig confirm {run} --by {later} shows why; find the cause, then calibrate again"),
     ],
 )  # fmt: skip
 def test_a_further_run_that_does_not_confirm_is_no_dead_end(monkeypatch, run, tmp_path, verdict, following):
