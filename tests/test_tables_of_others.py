@@ -25,6 +25,7 @@ from rig.results.seen import look_at
 from rig.tables import Asked, FileSource, read_any_csv, read_gappy_csv, read_table
 from rig.tables.of_others import footers
 from rig.tables.of_others.layout import is_value
+from rig.tables.of_others.lines import Line
 
 X = np.array([0.0, 1.0, 2.0, 5.0, 10.0, 5.0, 2.0, 1.0])
 Y = 0.125 + 2.0 * X + np.array([0.01, -0.02, 0.03, -0.01, 0.02, 0.01, -0.03, -0.01])
@@ -692,6 +693,17 @@ def test_words_in_every_row_are_looked_at_once(tmp_path, monkeypatch):
     monkeypatch.setattr(footers, "is_value", lambda cell: looked.append(cell) or is_value(cell))
     assert len(read_any_csv(path, ("yield",))) == rows
     assert len(looked) <= 2 * 3 * rows
+
+
+def test_numbers_of_rows_are_asked_of_each_line_a_few_times(tmp_path, monkeypatch):
+    """A foreign table of numbers was read in the square of its rows: their numbers were listed anew for each cell."""
+    rows, asked = 300, []
+    path = tmp_path / "load.csv"
+    path.write_text("load;output\n" + "".join(f"{i % 6},5;{i},25\n" for i in range(rows)))
+    plain = Line.__getattribute__
+    monkeypatch.setattr(Line, "__getattribute__", lambda line, name: asked.append(name) or plain(line, name))
+    assert len(read_any_csv(path, ("output",))) == rows
+    assert asked.count("row") <= 10 * rows
 
 
 def test_a_file_of_nist_as_it_is_published():

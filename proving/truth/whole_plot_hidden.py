@@ -83,7 +83,7 @@ HIDDEN: Mapping[str, Hidden] = {
     "glass transition": Hidden("offset-knee", {"glass": 5e-3}, run={"pairs": NINE}, between=True),
     "adhesive softens": Hidden("sensitivity-knee", {"softens": 3e-5}, run={"pairs": NINE}),
     "remembers the cold": Hidden("thermal-hysteresis", {"remembers_cold": 0.1}, between=True),
-    "corrected with an old temperature": Hidden("stale-temperature", {"stale": 2e-5}),
+    "corrected with an old temperature": Hidden("sse-thermal-lag", {"stale": 2e-5}),
     "glue yields in the cold": Hidden("thermal-ratchet", {"yields": 2e-3}, between=True),
     "follows the day": Hidden("daily-course", {"day": 0.05}, between=True),
     "warms up": Hidden("warm-up", {"warming": 0.1}, between=True),

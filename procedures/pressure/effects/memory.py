@@ -45,7 +45,8 @@ def _lag(name: str, step: Callable[[PressureScene], FloatArray]) -> Callable[...
 
     of_offset = (PressureTerm(f"d{name}*exp(-t/{tau_h:g}h)", left(tau_h), unit="mV/degC") for tau_h in LAGS_H)
     of_gain = (PressureTerm(f"P*d{name}*exp(-t/{tau_h:g}h)", gain(tau_h), unit="mV/psi/degC") for tau_h in LAGS_H)
-    terms = (*of_offset, *of_gain, PressureTerm(f"d{name}", step, unit="mV/degC"))
+    whole = PressureTerm(f"P*d{name}", lambda scene: scene.p * step(scene), unit="mV/psi/degC")
+    terms = (*of_offset, *of_gain, PressureTerm(f"d{name}", step, unit="mV/degC"), whole)
     return lambda _data: terms
 
 
@@ -112,7 +113,8 @@ CREEP = PressureEffect(
 )
 SENSOR_LAG = PressureEffect(
     name="thermal-lag",
-    cause="the transducer still follows the last change of its temperature when a whole plot begins",
+    cause="the transducer, or a correction for its temperature, still follows the last change of it when a whole plot "
+    "begins",
     source="chamber",
     scope="sensor",
     stratum="subplot",
@@ -127,7 +129,8 @@ SENSOR_LAG = PressureEffect(
 )
 SSE_LAG = PressureEffect(
     name="sse-thermal-lag",
-    cause="the electronics still follow the last change of their temperature when a whole plot begins",
+    cause="the electronics, or a correction for their temperature, still follow the last change of it when a whole plot "
+    "begins",
     source="chamber",
     scope="sensor",
     stratum="subplot",
@@ -139,24 +142,6 @@ SSE_LAG = PressureEffect(
     known_aliases={},
     terms=_lag("T_SSE", lambda s: s.step(s.data.sse_temperature_degC)),
     searched=True,
-)
-STALE_TEMPERATURE = PressureEffect(
-    name="stale-temperature",
-    cause="the sensitivity still belongs to the temperature of the whole plot before, as long as this one lasts: a "
-    "correction that uses an old temperature, or a part that takes many hours to follow",
-    source="chamber",
-    scope="sensor",
-    stratum="subplot",
-    unit="mV/psi/degC",
-    size=micro("nV/psi per degC of the step"),
-    against="elapsed_s",
-    separate_by="stay at one pair of temperatures for two whole plots: the second one is free of it",
-    usual_size="1e-5 of the sensitivity per degC",
-    known_aliases={},
-    terms=fixed(
-        ("P*dT_sensor", lambda s: s.p * s.step(s.data.sensor_temperature_degC)),
-        ("P*dT_SSE", lambda s: s.p * s.step(s.data.sse_temperature_degC)),
-    ),
 )
 THERMAL_GRADIENT = PressureEffect(
     name="thermal-gradient",

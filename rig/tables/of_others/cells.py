@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +20,7 @@ from rig.tables.of_others.encoding import text_of
 from rig.tables.of_others.footers import footers, labelled_rows
 from rig.tables.of_others.layout import NO_SEPARATOR, Layout, NoTable, is_time, layout_of
 from rig.tables.of_others.lines import lines_of
-from rig.tables.of_others.numbers import Notation, finite, is_missing, is_overload, looks_like_number, notation_of
+from rig.tables.of_others.numbers import Notation, is_missing, is_overload, looks_like_number, notation_of
 
 _SHOWN, _FEW, _LONG = 8, 3, 40
 _SAID = {";": "semicolons", "\t": "tabs", "|": "pipes", " ": "blanks"}
@@ -81,7 +83,7 @@ class Cells:
         remarks = tuple(line.row for line in lines if line.remark and first < line.row < last)
         return cls(path, encoding, layout, notation, columns, units, renamed, remarks, left)
 
-    @property
+    @cached_property
     def rows(self) -> list[int]:
         """Number in the file of every row."""
         return [line.row for line in self.layout.body]
@@ -198,8 +200,11 @@ class Cells:
         if bad or (missing.all() and not numeric):
             return np.asarray(np.array(cells)[kept])
         for i, value in enumerate(values):
-            if value is not None:
-                finite(value, cells[i], f"{self.path}, row {self.rows[i]}, column {name}")
+            if value is not None and not math.isfinite(value):
+                where = f"{self.path}, row {self.rows[i]}, column {name}"
+                raise UsageError(
+                    f"{where}: {cells[i][:40]} is not a finite number; remove the row if there was no reading"
+                )
         return np.asarray(np.array([np.nan if value is None else value for value in values])[kept])
 
     def _understood(self, gaps: dict[str, list[int]]) -> dict[str, Any]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -128,10 +127,3 @@ def notation_of(cells: Iterable[tuple[int, str]], separator: str, name: str, ask
             f"say --decimal point or --decimal comma"
         )
     return Notation(".", grouped)
-
-
-def finite(value: float, cell: str, where: str) -> float:
-    """The value if it is finite. Raises `UsageError`."""
-    if not math.isfinite(value):
-        raise UsageError(f"{where}: {cell[:40]} is not a finite number; remove the row if there was no reading")
-    return value
