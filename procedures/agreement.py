@@ -66,7 +66,7 @@ def _compared(found: Inference, quantity: str, sensors: Mapping[str, str]) -> In
     unit = spelled(unit_of(quantity))
     words = np.full(rows, "", dtype=object)
     for pair in pairs:
-        for row in np.flatnonzero(pair.beyond):
+        for row in map(int, np.flatnonzero(pair.beyond)):
             told = f"{pair.names} differ by {pair.apart[row]:.3g} {unit}"
             words[row] = f"{words[row]}; {told}" if words[row] else told
     worst = max(pairs, key=lambda one: float(one.apart[one.beyond].max()))
