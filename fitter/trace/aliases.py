@@ -123,8 +123,9 @@ def rivals(
     found = [_rival(candidates, _smallest(path, best), best, searched) for path in paths if path]
     allowed = {rival.effect for rival in found if rival.alias}
     free = replace(products, signs=None)
-    for name, terms in of.items():
-        if name in allowed or name == effect or name in held or not products.signed(terms):
+    for name, every in of.items():
+        terms = [unit for unit in every if not {*unit} & {*rest}]  # a name is found by one term, refused by another
+        if name in allowed or name == effect or not terms or not products.signed(terms):
             continue
         fit, price = _smallest(_path(free, terms, searched=name in searched), best)
         wrong = products.impossible(fit)
