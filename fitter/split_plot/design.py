@@ -116,6 +116,18 @@ class SplitPlotDesign:
             structure=replace(structure, variances=structure.variances * subplot),
         )
 
+    def expected_errors(self, wholeplot: float, rng: np.random.Generator) -> FloatArray:
+        """(n,) errors outside the columns of which a fit estimates one for the subplot variance, and `wholeplot`.
+
+        Every eigenvector of the whole plots has its expected square, and what is left of the readings its expected sum
+        of squares, in a direction that is drawn: so the restricted likelihood is highest at these variances.
+        """
+        spectrum = self.nesting.wholeplot_spectrum
+        signs = np.where(np.arange(len(spectrum.xi)) % 2 == 0, 1.0, -1.0)
+        between = spectrum.left @ (signs * np.sqrt(1.0 + wholeplot * spectrum.xi))
+        rest = spectrum.parts(rng.normal(size=self.n))[2]
+        return np.asarray(between + rest * np.sqrt(spectrum.rest_df) / np.linalg.norm(rest))
+
     def fit_many(self, ys: ArrayLike) -> SplitPlotBatch:
         """Fit m responses, the columns of (n, m) `ys`, each alone.
 
@@ -203,7 +215,7 @@ class SplitPlotDesign:
         left = spectrum.right**2 @ spectrum.all_xi / np.bincount(self.nesting.whole_plot)
         if left.max() < NEXT_TO_NOTHING:
             return (
-                f"the columns use up nearly all of {count} whole plots, as with a measured setting that scatters in them: "
+                f"the columns use up nearly all of {count} whole plots, as of a measured setting that scatters a bit: "
                 f"the error between whole plots cannot be estimated; more whole plots are needed, or fewer terms"
             )
         if spectrum.rest_df == 0:
