@@ -34,6 +34,7 @@ class Inference:
         unused: unused columns and rows.
         zeros: pressure: the used zero, by output, as JSON values.
         df: (n,) degrees of freedom of the standard deviation of each quantity; NaN where it has none.
+        alike: quantities that are one and the same by several sensors, such as `prt_1_bath_degC`: the sensor of each.
     """
 
     columns: Mapping[str, Any]
@@ -44,6 +45,7 @@ class Inference:
     unused: Unused = field(default_factory=Unused)
     zeros: Mapping[str, Any] = field(default_factory=dict)
     df: Mapping[str, FloatArray] = field(default_factory=dict)
+    alike: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:
         """JSON values for `rig infer --json`; the numbers are in the CSV."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from datetime import date
 from math import isfinite
 from pathlib import Path
@@ -297,3 +297,18 @@ def validated(
         return model.model_validate_json(json.dumps(values, default=str), strict=strict, context={"stored": not strict})
     except ValidationError as error:
         raise ConfigurationError(explain(error, where, model, shown=shown)) from (error if shown else None)
+
+
+def due_dates(config: BenchConfig) -> Iterator[tuple[str, str, date | None]]:
+    """Due dates of calibrations: kind of entry ("instrument", "reference"), names in words, and date; once an asset.
+
+    Entries of one asset number with one date are one line. One without a date is none, if another of its asset has one.
+    """
+    every = [("instrument", name, one.asset, one.due) for name, one in config.instruments.items()]
+    every += [("reference", name, one.asset, one.due) for name, one in config.references.items()]
+    dated = {asset for _, _, asset, due in every if due is not None}
+    lines: dict[tuple[str, str, date | None], list[str]] = {}
+    for kind, name, asset, due in every:
+        if due is not None or not asset or asset not in dated:
+            lines.setdefault((kind, asset or f"without {name}", due), []).append(name)
+    yield from ((kind, ", ".join(names), due) for (kind, _, due), names in lines.items())

@@ -19,6 +19,8 @@ from general_lab import BENCH, PROCEDURE, WORLD, run_dry
 
 from fitter.budget.rounding import rounded
 from fitter.trace.outcome import Finding
+from procedures import by_hand
+from rig.certificate.about import steps_by_hand
 from rig.certificate.assembly import conditions, decimal_text, doubtful, effects
 from rig.certificate.files import write_once
 from rig.certificate.layout import sections
@@ -383,6 +385,31 @@ def test_a_doubtful_name_is_refused_until_it_is_confirmed(made, monkeypatch, run
 
 
 @pytest.mark.parametrize(
+    ("verdict", "following"),
+    [
+        ("undecided", "later.sqlite did not confirm it (verdict: undecided): make the next run (rig confirm {run} "
+         "--after {later} --dry), then --confirmed-by {later} --confirmed-by NEXT_RUN"),
+        ("not shown", "(verdict: not shown): make the next run (rig confirm {run} --after {later} --dry)"),
+        ("none holds", "none of the causes that were looked for, or it changed between the runs: no certificate is "
+         "made of this run. rig confirm {run} --by {later} shows why; find the cause, then calibrate again"),
+    ],
+)  # fmt: skip
+def test_a_further_run_that_does_not_confirm_is_no_dead_end(monkeypatch, run, tmp_path, verdict, following):
+    finding = Finding("effect", "the cell creeps", "replication", 0.5, effect="creep", doubtful="a curve fits as well")
+
+    def judged(path, later, *, quick):
+        outcomes, _ = TRACED(path, (), quick=quick)
+        answers = (SimpleNamespace(effect="creep", verdict=verdict, members=()),)
+        return [replace(one, findings=(finding,)) for one in outcomes], SimpleNamespace(answers=answers, paths=later)
+
+    monkeypatch.setitem(make.__globals__, "_traced", judged)
+    later = tmp_path / "later.sqlite"
+    later.write_bytes(run.read_bytes())
+    (reason,) = reasons(run, tmp_path, confirmed_by=(later,))
+    assert following.format(run=run, later=later) in reason
+
+
+@pytest.mark.parametrize(
     ("more", "words"),
     [
         (
@@ -480,6 +507,16 @@ def test_an_amendment_says_what_changed(made, tmp_path):
         issue(made, Issue(tmp_path, amends=first.number, because="Another word."))
     with pytest.raises(UsageError, match="S-9 cannot be amended"):
         issue(made, Issue(tmp_path, amends="S-9"))
+
+
+def test_steps_by_hand_are_told_as_the_procedure_says_them():
+    weigh = by_hand.Made("weight", "hang the weight.", 60.0, "force_kN", 5.0, "A. Byron")
+    lock = by_hand.Made("pads-locked", "lock the pads", 7200.0)
+    assert list(steps_by_hand([weigh, lock, replace(weigh, elapsed_s=600.0, number=5.01)], "")) == [
+        "A person (A. Byron) did a step by hand, 2 times, 60 s, 10 min after the begin of the run: hang the weight; "
+        "stated for force: 5, 5.01 kN.",
+        "A person did a step by hand, 2 h 00 min after the begin of the run: lock the pads.",
+    ]
 
 
 def test_a_point_outside_the_run_is_refused(run, tmp_path):

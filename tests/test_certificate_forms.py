@@ -14,9 +14,10 @@ from sample_certificate import amended, document
 
 from rig.certificate.document import Document
 from rig.certificate.html import html
-from rig.certificate.layout import percent, sections
+from rig.certificate.layout import Grid, percent, sections
 from rig.certificate.numbers import padding, plain, raised, typeset
 from rig.certificate.pdf import pdf
+from rig.certificate.words import CORRELATED, INFERRED, uncertainty
 from rig.errors import ConfigurationError
 
 pytest.importorskip("typst")
@@ -189,6 +190,22 @@ def test_sections_without_contents_are_absent():
     assert len(pages(pdf(made))) >= 2
 
 
+def test_sentences_on_results_are_of_results_that_are_there():
+    table = document().tables[0]
+    result = table.results[0]
+    for labels, said in ((("output",), ()), (("coefficient 1",), (CORRELATED,)), (("inferred p",), (INFERRED,))):
+        results = tuple(replace(result, label=label) for label in labels)
+        texts = " ".join(uncertainty(replace(document(), tables=(replace(table, results=results),))))
+        assert [one for one in (CORRELATED, INFERRED) if one in texts] == list(said)
+
+
+def test_one_of_something_is_singular():
+    budget = replace(document().budgets[0], left=1)
+    notes = [block.notes for part in sections(replace(document(), budgets=(budget,))) for block in part.blocks
+             if isinstance(block, Grid)]  # fmt: skip
+    assert ("1 smaller contribution, below 0.1 %, is not listed.",) in notes
+
+
 def test_no_next_date_unless_it_is_wanted(paper):
     assert "Next calibration" not in "".join(paper)
     made = replace(document(), next_due=document().dates.issued.replace(year=2027))
@@ -232,6 +249,8 @@ def test_probabilities_in_percent(probability, words):
 
 def test_raised_powers():
     assert raised("mV/psi^2") == "mV/psi²"
+    assert raised("V/psi^(-2)") == "V/psi⁻²"
+    assert raised("of second order (rh_pct^2), and more (x**3)") == "of second order (rh_pct²), and more (x³)"
     assert raised("V*degC^-1") == "V*°C⁻¹"
 
 

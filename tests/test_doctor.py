@@ -218,6 +218,23 @@ def test_calibrations_overdue_or_due_during_the_run_are_problems():
     assert level(None) == "ok"
 
 
+def test_instruments_of_one_asset_have_one_due_date():
+    """Three units of one machine; what has no asset number is told one by one."""
+    one = bench(dvm="/dev/tty").instruments["dvm"].model_copy(update={"due": None, "asset": "M-1"})
+    two = {"a": one, "b": one, "c": one.model_copy(update={"asset": ""}), "d": one.model_copy(update={"asset": ""})}
+    config = bench(dvm="/dev/tty").model_copy(update={"instruments": two})
+    found = [(one.check, one.found) for one in check_due(config, NOW, NOW)]
+    none = "no due date in the bench file"
+    assert found == [("calibration of a, b", none), ("calibration of c", none), ("calibration of d", none)]
+    dated = two | {"b": one.model_copy(update={"due": date(2028, 1, 1)})}
+    config = config.model_copy(update={"instruments": dated})
+    assert [one.check for one in check_due(config, NOW, NOW)] == [
+        "calibration of b",
+        "calibration of c",
+        "calibration of d",
+    ]
+
+
 # --- disk, clock, machine ---------------------------------------------------------------------------------------------
 
 

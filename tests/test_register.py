@@ -12,6 +12,7 @@ from rig.config import parse_bench
 from rig.errors import ConfigurationError, UsageError
 from rig.plans import load_plan
 from rig.register import DOCUMENT, check_register, check_validity, parse_register, register_of
+from rig.register.schema import Certificate, Constant, Equipment, Laboratory, Register, SensorItem, Statement
 from rig.register.units import factor
 
 ROOT = Path(__file__).parent.parent
@@ -70,6 +71,25 @@ def test_a_wrong_register_is_explained_with_file_and_key(change, says):
     assert says in str(caught.value)
     assert str(caught.value).count("\n") == 0
     assert re.match(r"equipment\.toml: (equipment\.DVM-0102|place|sensors\.x)", str(caught.value))
+
+
+def test_percent_of_a_quantity_in_percent_is_refused_unless_it_is_a_gain():
+    """0.5 % of 20 % relative humidity is 0.1 of it, or 0.5: a certificate means the latter, the register the former."""
+    says = 'quantity = "rh_pct"\nbehaves = "offset"\nunit = "%"\nstandard = 0.5\n'
+    text = '[equipment.A]\n[equipment.A.certificate]\nnumber = "1"\ndate = 2026-01-31\nlaboratory = "L"\n'
+    text += f"[[equipment.A.says]]\n{says}"
+    with pytest.raises(
+        ConfigurationError, match=r"equipment\.A\.says\.0: .*two ways: write 'pct' for points of rh_pct"
+    ):
+        parse_register(text, "equipment.toml")
+    for unit, behaves in (("pct", "offset"), ("1", "offset"), ("%", "gain")):
+        parse_register(text.replace('"%"', f'"{unit}"').replace('"offset"', f'"{behaves}"'), "equipment.toml")
+
+
+@pytest.mark.parametrize("model", [Register, Laboratory, SensorItem, Constant, Equipment, Certificate, Statement])
+def test_every_key_of_the_register_is_in_its_document(model):
+    document = (ROOT / "docs" / "register.md").read_text()
+    assert [name for name in model.model_fields if not re.search(rf"(?<![a-z_]){name}(?![a-z_])", document)] == []
 
 
 def test_statements_without_a_certificate_are_refused():

@@ -33,7 +33,7 @@ def infer_sensors(
 
     Returns:
         With one output as for a calibration of one sensor. With several, columns begin with the sensor's name:
-        `prt_1_bath_degC` from `prt_1_V`.
+        `prt_1_bath_degC` from `prt_1_V`. Sensors of one variable are `alike`.
 
     Raises:
         DataError: none of the columns is there, or no curve can be inverted.
@@ -59,6 +59,7 @@ def infer_sensors(
         return replace(only, notes=(*only.notes, *told))
     columns: dict[str, Any] = {**table.columns, **table.text}
     quantities, flagged = [], np.zeros(len(table), np.bool_)
+    alike: dict[str, dict[str, str]] = {}
     for output, one in found.items():
         stem, (variable,) = stem_of(output), one.quantities
         named = f"{stem}_{variable.removeprefix(INFERRED)}"
@@ -69,8 +70,11 @@ def infer_sensors(
             for name in one.added
         }
         quantities.append(named)
+        alike.setdefault(variable.removeprefix(INFERRED), {})[named] = stem
         flagged |= np.asarray(one.columns[one.added[-1]]) != ""
     added = tuple(name for name in columns if name not in table.columns and name not in table.text)
     notes = tuple(dict.fromkeys(f"{name}: {note}" for name, one in found.items() for note in one.notes))
     df = {name: one.df[one.quantities[0]] for name, one in zip(quantities, found.values(), strict=True)}
-    return Inference(columns, added, (*notes, *told), int(flagged.sum()), tuple(quantities), Unused(), df=df)
+    several = {name: sensors for name, sensors in alike.items() if len(sensors) > 1}
+    flags = int(flagged.sum())
+    return Inference(columns, added, (*notes, *told), flags, tuple(quantities), Unused(), df=df, alike=several)

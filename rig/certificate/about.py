@@ -9,9 +9,13 @@ from datetime import date
 from pathlib import Path
 from typing import Any
 
+from procedures.by_hand import Made
+from procedures.column_names import spelled, stem_of, unit_of
+from procedures.durations import duration
 from rig.certificate.document import Equipment, Evidence, Item, Laboratory, Logo, Method, Party, Person, Stage
 from rig.certificate.files import changes
 from rig.certificate.settings import CertificateSettings
+from rig.certificate.words import count
 from rig.closed_loop.budget import OfRun
 from rig.config import SensorConfig, parse_toml, read_text
 from rig.register import DOCUMENT, Register, SensorItem
@@ -19,7 +23,7 @@ from rig.register.check import entries
 from rig.run_file.state import RunState
 from rig.version import VERSION
 
-_LARGEST_LOGO, _MOST_OF_REGISTER = 2 << 20, 5
+_LARGEST_LOGO, _MOST_OF_REGISTER, _MOST_OF_STEPS = 2 << 20, 5, 12
 
 
 @dataclass
@@ -235,15 +239,14 @@ def deviations(of: OfRun, state: RunState, stage: Stage, registers: tuple[str | 
     for why in state.lost.values():
         yield f"A whole plot was measured again{at}: {why}."
     if state.sessions > 1:
-        yield f"The run was interrupted and continued {state.sessions - 1} times{at}."
+        yield f"The run was interrupted and continued {_times(state.sessions - 1)}{at}."
     if rejected := p.get("observations_rejected"):
-        yield f"{rejected} observations were rejected during the run and measured again{at}."
+        yield f"{_observations(rejected)} rejected during the run and measured again{at}."
     if doubted := p.get("left_out_in_doubt"):
-        yield f"{doubted} observations were left out, because temperatures had left their band{at}."
-    for flag, count in p.get("flags", {}).items():
-        yield f"{count} observations are marked {flag!r} and used{at}."
-    for one in p.get("by_hand", ()):
-        yield f"A person did a step by hand during the run{at}: {_told(one)}."
+        yield f"{_observations(doubted)} left out, because temperatures had left their band{at}."
+    for flag, number in p.get("flags", {}).items():
+        yield f"{_observations(number)} marked {flag!r}, and used{at}."
+    yield from steps_by_hand(of.table.by_hand, at)
     if of.corrected:
         columns = ", ".join(of.corrected)
         yield f"Recorded values were corrected by the certificates of the equipment{at}: {columns}."
@@ -263,10 +266,28 @@ def _register_used(kept: str | None, given: Path | None, at: str) -> Iterator[st
     yield f"The register of equipment kept with the run was replaced after it{at} by {named}: {told}."
 
 
-def _told(one: Any) -> str:
-    if isinstance(one, Mapping):
-        return ", ".join(f"{name} {value}" for name, value in one.items() if value not in ("", None))
-    return str(one)
+def steps_by_hand(steps: Sequence[Made], at: str) -> Iterator[str]:
+    """Steps that a person did, as the procedure says them: a sentence for each different one."""
+    alike: dict[tuple[str, str], list[Made]] = {}
+    for one in steps:
+        alike.setdefault((one.say.rstrip(". "), one.who), []).append(one)
+    for (say, who), made in alike.items():
+        times = f", {len(made)} times" if len(made) > 1 else ""
+        when = ", ".join(duration(one.elapsed_s) for one in made[:_MOST_OF_STEPS])
+        more = ", ..." if len(made) > _MOST_OF_STEPS else ""
+        stated = [f"{one.number:g}" for one in made if one.number is not None]
+        name = stem_of(made[0].value).replace("_", " ")
+        values = f"; stated for {name}: {', '.join(stated)} {spelled(unit_of(made[0].value))}" if stated else ""
+        person = f" ({who})" if who else ""
+        yield f"A person{person} did a step by hand{times}{at}, {when}{more} after the begin of the run: {say}{values}."
+
+
+def _times(number: int) -> str:
+    return "once" if number == 1 else f"{number} times"
+
+
+def _observations(number: int) -> str:
+    return f"{count(number, 'observation')} {'was' if number == 1 else 'were'}"
 
 
 def evidence(of: OfRun, records: int, stage: Stage) -> Evidence:

@@ -249,7 +249,7 @@ def _measurement(parent: ET.Element, document: Document, stage: str) -> None:
         _add(method, "reference", _solid(reference))
     uncertainty = _add(methods, "usedMethod", refType="basic_methodMeasurementUncertainty")
     _words(uncertainty, "name", "Measurement uncertainty")
-    _words(uncertainty, "description", *words.UNCERTAINTY)
+    _words(uncertainty, "description", *words.uncertainty(document))
     _add(uncertainty, "norm", "JCGM 100:2008")
     software = _add(_add(parent, "usedSoftware"), "software")
     _words(software, "name", "calibration-rig")

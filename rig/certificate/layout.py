@@ -13,6 +13,7 @@ from typing import Any, Literal
 from rig.certificate import words
 from rig.certificate.document import Budget, Document, Party, ResultTable
 from rig.certificate.numbers import padding, raised, typeset
+from rig.certificate.words import count
 from rig.present.visible import visible
 
 Align = Literal["left", "right", "bar"]
@@ -199,7 +200,7 @@ def _equipment(document: Document) -> Iterator[Block]:
 
 
 def _results(document: Document) -> Iterator[Block]:
-    yield Sentences(words.UNCERTAINTY)
+    yield Sentences(words.uncertainty(document))
     if document.notes:
         yield Sentences(document.notes, small=True)
     stages = list(dict.fromkeys(one.stage for one in document.tables))
@@ -233,7 +234,9 @@ def _table(table: ResultTable) -> Grid:
         ]
         for one in table.results
     ]
-    return _grid(_titled(table.sensor, table.title, table.stage), heads, rows, notes=table.notes)
+    return _grid(
+        _titled(table.sensor, table.title, table.stage), heads, rows, notes=[raised(one) for one in table.notes]
+    )
 
 
 def _conformity(document: Document) -> Iterator[Block]:
@@ -295,7 +298,7 @@ def _paragraphs(texts: Sequence[str]) -> Iterator[Block]:
 def _evidence(document: Document) -> Iterator[Block]:
     for one in document.evidence:
         stage = f" ({one.stage})" if one.stage else ""
-        run = f"{one.file}: run {one.run_id}, {one.observations} observations, {one.records} records"
+        run = f"{one.file}: run {one.run_id}, {count(one.observations, 'observation')}, {one.records} records"
         rows = [(f"Run file{stage}", (run,)), ("Head hash", (one.head[:32], one.head[32:]))]
         yield Facts((*rows, ("Written by", (f"calibration-rig {one.version}",))), mono=True)
     yield Sentences(words.EVIDENCE, small=True)
@@ -324,8 +327,14 @@ def _budget(budget: Budget) -> Grid:
         ("Coverage factor k", typeset(budget.k)),
         ("Expanded uncertainty", f"{typeset(budget.expanded)}{unit}"),
     )
-    left = (f"{budget.left} smaller contributions, each below 0.1 %, are not listed.",) if budget.left else ()
+    left = (_left(budget.left),) if budget.left else ()
     return Grid(_titled(budget.sensor, budget.label, budget.stage), grid.heads, rows, left, foot)
+
+
+def _left(number: int) -> str:
+    if number == 1:
+        return "1 smaller contribution, below 0.1 %, is not listed."
+    return f"{number} smaller contributions, each below 0.1 %, are not listed."
 
 
 def _titled(sensor: str, what: str, stage: str) -> str:

@@ -12,6 +12,8 @@ _GROUP = "\u202f"
 """A narrow space at which no line is broken; ISO 80000-1 separates digits by spaces."""
 _PLAIN = re.compile(r"([+-]?)(\d+)(?:\.(\d+))?(?:[eE]([+-]?\d+))?")
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_POWER = re.compile(r"(?:\^|\*\*)(?:\((-?\d+)\)|(-?\d+))")
+"""A whole power; the bracket belongs to it only where it has both ends: `(x^2)` keeps its own."""
 _LONGEST = 4
 """Maximum number of digits on one side of the point that are not grouped."""
 
@@ -36,8 +38,8 @@ def typeset(text: str) -> str:
 def raised(text: str) -> str:
     """A text with raised whole powers, real minus signs and degrees Celsius: `kN/m^2` is `kN/m²`."""
     text = re.sub(r"\bdegC\b", "°C", text)
-    text = re.sub(r"(?<![\w)^-])-(?=\d)", "−", text)
-    return re.sub(r"(?:\^|\*\*)\(?(-?\d+)\)?", lambda power: power[1].translate(_RAISED), text)
+    text = _POWER.sub(lambda power: (power[1] or power[2]).translate(_RAISED), text)
+    return re.sub(r"(?<![\w)^-])-(?=\d)", "−", text)
 
 
 def plain(text: str) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from rig.certificate.document import Verdict
+from rig.certificate.document import Document, Verdict
 
 COVER = (
     "The results relate only to the items that are named here, in the condition in which they were calibrated.",
@@ -21,9 +21,11 @@ UNCERTAINTY = (
     "quantity lies within it with the stated coverage probability. It was evaluated after JCGM 100:2008 (GUM) from the "
     "scatter of the run and the certificates of the equipment; it does not include the behaviour of the item after the "
     "calibration.",
-    "Coefficients of one item are correlated: the uncertainty of an output does not follow from theirs alone. "
+)
+CORRELATED = "Coefficients of one item are correlated: the uncertainty of an output does not follow from theirs alone."
+INFERRED = (
     "A result that is called inferred is the quantity for one reading in use at the point: its value is the point, and "
-    "its uncertainty that of the quantity that the reading gives.",
+    "its uncertainty that of the quantity that the reading gives."
 )
 CONDITIONS = ("Of all accepted observations of the run.",)
 CONFORMITY = ("The statements hold for the results above, at the time of the calibration.",)
@@ -53,3 +55,16 @@ VERDICTS: Mapping[Verdict, str] = {
     "noPass": "not passed",
     "noFail": "not failed",
 }
+
+
+def uncertainty(document: Document) -> tuple[str, ...]:
+    """Sentences on the uncertainties, of such results as the certificate has."""
+    labels = [one.label for table in document.tables for one in table.results]
+    told = {"coefficient ": CORRELATED, "inferred ": INFERRED}
+    found = (words for begin, words in told.items() if any(label.startswith(begin) for label in labels))
+    return (*UNCERTAINTY, " ".join(found)) if any(label.startswith(tuple(told)) for label in labels) else UNCERTAINTY
+
+
+def count(number: int, noun: str) -> str:
+    """A number with its noun: `1 point`, `2 points`."""
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from procedures.agreement import compared
 from procedures.inference import Inference
 from procedures.results import Options
 from procedures.table import Reader, Table
@@ -51,6 +52,7 @@ def infer(file: CalibrationFile, read: Reader, options: Options, *, same_meter: 
         found = replace(found, notes=(REPEATABILITY_ONLY, *found.notes))
     else:
         found = with_total(found, file.budget, file.kind, file.calibration, by, read, kept, same_meter=same_meter)
+    found = compared(found)
     if file.incomplete:
         found = replace(found, notes=(f"the calibration is of an incomplete run: {file.incomplete}", *found.notes))
     found = replace(found, notes=(*file.notes, *found.notes))

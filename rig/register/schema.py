@@ -21,6 +21,8 @@ Polynomial = Annotated[tuple[float, ...], Field(min_length=1, max_length=12)]
 Amount = Annotated[float, Field(ge=0)]
 Size = Amount | Annotated[tuple[Amount, ...], Field(min_length=1, max_length=12)]
 """A constant, or the coefficients of a polynomial in the magnitude of the quantity."""
+PERCENT = ("pct", "percent", "%")
+"""Units of quantities that are themselves percentages."""
 Drift = Annotated[tuple[tuple[Amount, Amount], ...], Field(min_length=2, max_length=100)]
 """Rows [days since the calibration, error that is not exceeded with 95 %], as `rig chart --as-drift` prints them."""
 _UNITS = "unit of every number of it: the quantity's or another of its kind; `1`, `%` or `ppm` of the quantity's value"
@@ -123,6 +125,11 @@ class Statement(Uncertain):
             raise ValueError(
                 f"unit = {self.unit!r} does not convert to {self.quantity_unit}, the unit of {self.quantity}: use a "
                 f"unit of the same kind, or 1, % or ppm of the value"
+            )
+        if self.unit == "%" and self.behaves != "gain" and self.quantity_unit in PERCENT:
+            raise ValueError(
+                f"unit = '%' of {self.quantity}, which is itself in percent, may be read in two ways: write "
+                f"{self.quantity_unit!r} for points of {self.quantity}, or '1' or 'ppm' for a share of its value"
             )
         if self.behaves == "gain" and relative(self.unit) is None:
             raise ValueError(f"a gain is relative, and {self.unit} is not: give it in 1, % or ppm, or as an offset")

@@ -95,6 +95,7 @@ class _Run:
     stage: Stage
     state: RunState
     records: int
+    dry: bool = False
     register: str | None = None
     of: OfRun | None = None
     budget: RunBudget | None = None
@@ -133,7 +134,8 @@ def _read(path: Path, stage: Stage, asked: Asked, settings: CertificateSettings,
         reasons.append(f"{path} is not verified: {found.findings[0]}; see rig verify")
         return None
     with RunReader.open(path) as reader:
-        run = _Run(path, stage, read_state(reader), found.records, reader.documents().get(DOCUMENT))
+        dry, register = reader.about().runs_dry, reader.documents().get(DOCUMENT)
+        run = _Run(path, stage, read_state(reader), found.records, dry, register)
     if run.state.ended != "complete":
         reasons.append(f"{path} is not complete: {run.state.remaining} points are missing; rig resume {path}")
     later = asked.confirmed_by if path == asked.runs[-1] else ()
@@ -211,11 +213,30 @@ def _traced(path: Path, later: Sequence[Path], *, quick: bool) -> tuple[Sequence
 
 
 def _doubts(run: _Run) -> Iterator[str]:
+    told = {} if run.confirmed is None else {one.effect: one.verdict for one in run.confirmed.answers}
     for sensor, one in assembly.doubtful(run.outcomes, run.confirmed):
-        yield (
-            f"{sensor}: the name of effect {one.effect} is doubtful: {one.doubtful}; confirm it by a further run "
-            f"(rig confirm {run.path}), then --confirmed-by"
+        doubt = f"{sensor}: the name of effect {one.effect} is doubtful: {one.doubtful}"
+        yield f"{doubt}; {_next_run(run, told.get(one.effect, ''))}"
+
+
+def _next_run(run: _Run, verdict: str) -> str:
+    """What to run next for a doubtful name, by the verdict of the further runs that were given; "" without any."""
+    dry = " --dry" if run.dry else ""
+    if run.confirmed is None or not verdict:
+        return f"confirm it by a further run (rig confirm {run.path}{dry}), then --confirmed-by"
+    paths = run.confirmed.paths
+    files = " and ".join(path.name for path in paths)
+    if verdict == "none holds":
+        by = " ".join(f"--by {path}" for path in paths)
+        return (
+            f"by {files} it is none of the causes that were looked for, or it changed between the runs: no certificate "
+            f"is made of this run. rig confirm {run.path} {by} shows why; find the cause, then calibrate again"
         )
+    after, by = (" ".join(f"{option} {path}" for path in paths) for option in ("--after", "--confirmed-by"))
+    return (
+        f"{files} did not confirm it (verdict: {verdict}): make the next run (rig confirm {run.path} {after}{dry}), "
+        f"then {by} --confirmed-by NEXT_RUN"
+    )
 
 
 def _document(

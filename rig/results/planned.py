@@ -23,7 +23,7 @@ from procedures.kind import kind_of
 from procedures.precision import Precision
 from procedures.unused import unit_of
 from rig.closed_loop.promised import Promised, expired, promised
-from rig.config import BenchConfig
+from rig.config import BenchConfig, due_dates
 from rig.disk_space import needed_bytes
 from rig.engine.guard import Guard
 from rig.engine.session import Progress
@@ -305,13 +305,10 @@ def _environment(checked: Checked) -> str | None:
 
 
 def _due(bench: BenchConfig, on: date) -> Iterator[str]:
-    for name, standard in bench.references.items():
-        if standard.due is not None and standard.due < on:
-            yield f"reference standard of {name}: its calibration is due {standard.due}, before this run would end"
-    for name, instrument in bench.instruments.items():
-        if not instrument.address:  # a person
-            continue
-        if instrument.due is None:
-            yield f"{name}: the bench file has no due date of its calibration"
-        elif instrument.due < on:
-            yield f"{name}: its calibration is due {instrument.due}, before this run would end"
+    instruments = {name: one for name, one in bench.instruments.items() if one.address}  # a person has none
+    for kind, names, due in due_dates(bench.model_copy(update={"instruments": instruments})):
+        what = f"reference standard of {names}" if kind == "reference" else names
+        if due is None and kind == "instrument":
+            yield f"{names}: the bench file has no due date of its calibration"
+        elif due is not None and due < on:
+            yield f"{what}: its calibration is due {due}, before this run would end"

@@ -129,8 +129,8 @@ SENSOR_LAG = PressureEffect(
 )
 SSE_LAG = PressureEffect(
     name="sse-thermal-lag",
-    cause="the electronics, or a correction for their temperature, still follow the last change of it when a whole plot "
-    "begins",
+    cause="the electronics, or a correction for their temperature, still follow the last change of it when a whole "
+    "plot begins",
     source="chamber",
     scope="sensor",
     stratum="subplot",

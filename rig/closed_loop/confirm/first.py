@@ -143,13 +143,17 @@ def read_later(first: First, path: Path) -> Later:
     table = run_table(path)
     kind, of_first = known(table).name, known(first.traced.table).name
     if kind != of_first:
-        raise UsageError(f"{path} is a {kind} run and {first.path} a {of_first} run")
+        raise UsageError(
+            f"{path} is a {kind} run and {first.path} a {of_first} run: name a run of the same kind on the same bench; "
+            f"rig confirm {first.path} --list shows those that would confirm it"
+        )
     if not table.provenance["complete"]:
         raise UsageError(f"{path} is not complete: rig resume {path}, then repeat this command")
     if table.provenance["bench"] != first.traced.table.provenance["bench"]:
         raise UsageError(
             f"{path} was made on bench {table.provenance['bench']}, {first.path} on "
-            f"{first.traced.table.provenance['bench']}: effects of a head or a line are confirmed on the same bench"
+            f"{first.traced.table.provenance['bench']}: effects of a head or a line are confirmed on the same bench; "
+            f"rig confirm {first.path} --list shows the runs that would confirm them"
         )
     with RunReader.open(path) as reader:
         simulated, began_utc_s = reader.about().simulated, reader.genesis().utc_s
@@ -164,7 +168,7 @@ def read_later(first: First, path: Path) -> Later:
         )
     after_s = began_utc_s - first.began_utc_s
     if path.resolve() == first.path.resolve():
-        raise UsageError(f"{path} is the traced run itself: a confirming run must be later")
+        raise UsageError(f"{path} is the traced run itself: name a later one, made by rig confirm {path}")
     if after_s <= 0:
         dry = "; a dry run begins at its world's epoch: give the world of the later one a later `epoch`"
         raise UsageError(

@@ -14,7 +14,7 @@ from drivers.errors import DriverError
 from drivers.roles import Identity, Instrument, Remarking
 from drivers.wires import Wires
 from rig.bench import check_options
-from rig.config import BenchConfig, InstrumentConfig
+from rig.config import BenchConfig, InstrumentConfig, due_dates
 from rig.errors import BusyError
 from rig.locks import locked_addresses
 from rig.plugins import driver_class
@@ -114,10 +114,9 @@ def check_due(config: BenchConfig, now_s: float, end_s: float | None) -> Iterato
     """Findings about calibrations of instruments and reference standards: overdue, or due before the run ends."""
     today = datetime.fromtimestamp(now_s, UTC).astimezone().date()
     last = today if end_s is None else datetime.fromtimestamp(end_s, UTC).astimezone().date()
-    for name, instrument in config.instruments.items():
-        yield _due(f"calibration of {name}", instrument.due, today, last)
-    for name, standard in config.references.items():
-        yield _due(f"calibration of the reference standard of {name}", standard.due, today, last)
+    for kind, names, due in due_dates(config):
+        of = "the reference standard of " if kind == "reference" else ""
+        yield _due(f"calibration of {of}{names}", due, today, last)
 
 
 def _due(check: str, due: date | None, today: date, last: date) -> Finding:
