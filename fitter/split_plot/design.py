@@ -119,7 +119,7 @@ class SplitPlotDesign:
     def expected_errors(self, wholeplot: float, rng: np.random.Generator) -> FloatArray:
         """(n,) errors outside the columns of which a fit estimates one for the subplot variance, and `wholeplot`.
 
-        Every eigenvector of the whole plots has its expected square, and what is left of the readings its expected sum
+        Every eigenvector of the whole plots has its expected square, and the remainder of the readings its expected sum
         of squares, in a direction that is drawn: so the restricted likelihood is highest at these variances.
         """
         spectrum = self.nesting.wholeplot_spectrum
