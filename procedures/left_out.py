@@ -193,6 +193,12 @@ def search(table: Table, left_out: LeaveOut, look: Callable[[IntArray], Mapping[
     return Searched(look(searched), searched, table.numbers, left_out)
 
 
+def not_searched(rows: IntArray) -> GrossErrors:
+    """No search of rows (k,), and it is said."""
+    none, unknown = np.zeros(0, np.int64), np.full(len(rows), np.nan)
+    return GrossErrors(none, np.zeros(0), np.zeros(0), 1.0, unknown, none, "not asked for")
+
+
 def kept_with(searched: Searched) -> dict[str, Any]:
     """Information in the stored calibration about its rows."""
     named = searched.numbers[searched.named].tolist()

@@ -13,11 +13,12 @@ import pytest
 # Before anything imports numpy: matrices here are narrow, and threads that spin beside two test workers cost minutes.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-from hypothesis import settings
-
-# Where bytecode is not kept, three workers and sixty processes compile the project and these tests again each.
+# Where bytecode is not kept, three workers and sixty processes compile the project and these tests again each; and
+# Hypothesis, if it comes before this.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
+
+from hypothesis import settings  # noqa: E402
 
 # Seeded by the test's own name: a failure on one machine is the same failure on another.
 settings.register_profile("seeded", derandomize=True, deadline=None, print_blob=True)

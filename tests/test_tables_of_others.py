@@ -20,6 +20,7 @@ from procedures.attitude.table import attitude_data
 from procedures.errors import DataError
 from procedures.general.clock_texts import seconds_of
 from procedures.general.fit import fit_general
+from procedures.general.rows import LinearRows
 from rig.errors import UsageError
 from rig.results.seen import look_at
 from rig.tables import Asked, FileSource, read_any_csv, read_gappy_csv, read_table
@@ -399,6 +400,18 @@ def test_a_line_is_left_a_line_in_nearly_all_tables_of_noise(tmp_path):
         text = a_table(load_kN=x, cell_V=0.1 + 0.5 * x + rng.normal(0, 1e-2, 24))
         curved += bool(look_at(FileSource(written(tmp_path, text, f"{i}.csv")), "fit", {}).seen.curve)
     assert curved <= 1
+
+
+def test_a_first_look_does_not_search_for_gross_errors(tmp_path, monkeypatch):
+    """It took most of the time of a look, and nothing of it was shown."""
+    searched = []
+    monkeypatch.setattr(LinearRows, "gross", searched.append)
+    x = np.tile(np.arange(8.0), 3)
+    path = written(tmp_path, a_table(load_kN=x, cell_V=0.1 + 0.5 * x + 0.01 * x**2))
+    assert look_at(FileSource(path), "fit", {}).seen.curve
+    assert not searched
+    told = fit_general(FileSource(path).read, "cell_V", "1 + load_kN", first_look=True)["gross_errors"]
+    assert told["sentence"] == "cell_V: not looked for gross errors: not asked for"
 
 
 def test_a_column_for_each_sensor(tmp_path):

@@ -378,3 +378,25 @@ def test_explanations_of_several_sensors_are_found_sensor_by_sensor():
     for terms, price in path.items():
         gained = y @ y - np.linalg.lstsq(columns[:, terms], y, rcond=None)[1][0]
         assert price == pytest.approx(PER_COLUMN * len(terms) - gained, rel=1e-12)
+
+
+def test_columns_that_are_joined_through_others_are_one_part():
+    """Each shares a row with the next only."""
+    columns = np.zeros((12, 10))
+    for j in range(6):
+        columns[j : j + 2, 5 - j] = 1.0
+    columns[8:, 6:] = np.eye(4)
+    found = Products(columns.T @ columns, np.zeros(10)).parts([(j,) for j in range(10)])
+    assert found.tolist() == [0, 0, 0, 0, 0, 0, 1, 2, 3, 4]
+
+
+@pytest.mark.parametrize("sign", [0.0, 1.0])
+def test_a_candidate_alone_has_the_price_that_it_has_with_one_that_explains_nothing(sign):
+    rng = np.random.default_rng(4)
+    columns, y = rng.standard_normal((30, 4)), rng.standard_normal(30)
+    columns[:, 3] = 0.0
+    dots = columns.T @ y
+    products = Products(columns.T @ columns, dots, signs=np.full(4, -sign * np.sign(dots[0])))
+    alone, beside = products.prices((), [(0,), (1,), (2,)]), products.prices((3,), [(0,), (1,), (2,)])
+    np.testing.assert_allclose(alone, beside - PER_COLUMN, rtol=1e-12)
+    assert sign or np.isfinite(alone).all()

@@ -20,7 +20,7 @@ from procedures.column_names import with_word
 from procedures.errors import DataError
 from procedures.file_rows import rows_of_file
 from procedures.general.clock_texts import is_clock
-from procedures.general.directions import SIDES, approached_by, are_directions
+from procedures.general.directions import SIDES, approached_by, are_directions, with_changes
 from procedures.general.effects.kind import TableEffect
 from procedures.general.effects.own import missing_in
 from procedures.general.effects.scene import Grouping, TableScene
@@ -160,7 +160,7 @@ def _roles(table: Table, roles: Roles, formula: Formula, response: Formula) -> t
             **{c.name: _grouping(columns[c.name], declared=True) for term in formula.terms for c in term.categories},
         },
         time=time,
-        direction=_direction(roles, parts.settings, columns),
+        direction=_direction(roles, parts.settings, columns, ordered=time is not None),
         speed=_speed(roles, parts.settings, columns),
         setpoints={name: np.asarray(columns[setpoint], np.float64) for name, setpoint in read.items()},
     )
@@ -311,7 +311,9 @@ def _base(expression: Expression) -> Expression:
     return expression
 
 
-def _direction(roles: Roles, settings: Sequence[str], columns: Mapping[str, Any]) -> tuple[str, FloatArray] | None:
+def _direction(
+    roles: Roles, settings: Sequence[str], columns: Mapping[str, Any], *, ordered: bool
+) -> tuple[str, FloatArray] | None:
     if roles.direction is None:
         return None
     v = columns[roles.direction]
@@ -327,12 +329,11 @@ def _direction(roles: Roles, settings: Sequence[str], columns: Mapping[str, Any]
         side = np.sign(v)
         if len(np.unique(side)) < 2:
             raise FitError(f"--direction: {roles.direction} has one sign only; there is nothing to compare")
+        if ordered and len(np.unique(np.abs(v))) < 3:  # no velocity, whose zero is rest
+            every = (columns[one] for name in settings for one in (_setpoint_of(name), name) if one in columns)
+            side = with_changes(side, every)
         return f"sign({roles.direction})", side
-    change = np.sign(np.diff(v, prepend=v[:1]))
-    for i in range(1, len(change)):
-        if change[i] == 0:
-            change[i] = change[i - 1]
-    return f"side({roles.direction})", change
+    return f"side({roles.direction})", with_changes(np.sign(np.diff(v, prepend=v[:1])), [v])
 
 
 def _speed(roles: Roles, settings: Sequence[str], columns: Mapping[str, Any]) -> tuple[str, FloatArray] | None:

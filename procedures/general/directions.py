@@ -54,6 +54,23 @@ def approached_by(names: Sequence[str], columns: Mapping[str, Any], settings: Ma
     return found[0] if len(found) == 1 else None
 
 
+def with_changes(side: FloatArray, settings: Iterable[FloatArray]) -> FloatArray:
+    """(n,) sides; a row without one has that of the last change of the setting that the others belong to.
+
+    Args:
+        side: (n,) +1, -1 or 0, in order of time.
+        settings: (n,) each, in the same order.
+    """
+    own = next((v for v in settings if _agree(side, v)), None)
+    if own is None:
+        return side
+    filled, change = np.array(side, np.float64), np.sign(np.diff(own, prepend=own[:1]))
+    for i in range(1, len(filled)):
+        if filled[i] == 0.0:
+            filled[i] = change[i] or filled[i - 1]
+    return filled
+
+
 def _agree(side: FloatArray, setting: FloatArray) -> bool:
     change = np.sign(np.diff(setting))
     moved = (change != 0) & (side[1:] != 0)

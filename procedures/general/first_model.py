@@ -57,7 +57,7 @@ def curved(
 def _p(source: Source, response: str, terms: Sequence[str]) -> float:
     """Probability by chance of the last term's estimate, or of a larger one."""
     try:
-        fit = fit_general(source.read, response, " + ".join(["1", *terms]))["coefficients"]
+        fit = fit_general(source.read, response, " + ".join(["1", *terms]), first_look=True)["coefficients"]
     except (DataError, FitError):
         return 1.0
     last = list(fit.values())[-1]

@@ -25,7 +25,7 @@ from procedures.general.declared import Declared, Model, model_of
 from procedures.general.infer import CurveCalibration, Factored
 from procedures.general.iso376 import figures, rising
 from procedures.general.judged import derived_table, judged_fit, prediction_table, within_tolerance
-from procedures.left_out import FitSummary, LeaveOut, Where, kept_with, search
+from procedures.left_out import FitSummary, LeaveOut, Where, kept_with, not_searched, search
 from procedures.results import PlainFitted
 from procedures.table import Reader, Table
 from procedures.unused import unused_columns
@@ -40,6 +40,8 @@ def fit_general(
     leave_out: Sequence[str] = (),
     declared: Declared | None = None,
     tolerance: float | None = None,
+    *,
+    first_look: bool = False,
 ) -> dict[str, Any]:
     """Fit a declared model to a column of a CSV table; returns JSON values.
 
@@ -53,6 +55,7 @@ def fit_general(
         leave_out: "gross" for the rows named by the search for gross errors, or row numbers of the file.
         declared: the model and the errors of the rows, in place of `formula`.
         tolerance: largest accepted half-width of the 95 % interval of an inferred value, in units of the abscissa.
+        first_look: whether nothing but the coefficients is wanted, so that gross errors need not be searched.
 
     Raises:
         DataError: a column is missing, the model cannot be read, or the rows do not determine it.
@@ -72,7 +75,9 @@ def fit_general(
         asked = LeaveOut.of(leave_out, table)
         with rows_of_file(table):
             model = model_of(declared, table, response, whole_plot, replicate)
-        searched = search(table, asked, lambda rows: {response: model.rows.take(rows).gross()})
+        searched = search(
+            table, asked, lambda rows: {response: not_searched(rows) if first_look else model.rows.take(rows).gross()}
+        )
         used = searched.used
         fit = model.rows.take(used).fitted()
         others = searched.with_the_others(lambda rows: model.rows.take(rows).fitted())

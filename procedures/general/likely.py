@@ -69,7 +69,7 @@ def likely(source: Source, table: Table) -> Seen:
         response = sensors[0]  # noqa: PLW2901 - the first of its sort
         numbers = [name for name in settings if name in free]
         try:
-            fit_general(source.read, response, " + ".join(["1", *terms]))
+            fit_general(source.read, response, " + ".join(["1", *terms]), first_look=True)
             powers, curve = curved(source, table, response, numbers, [_quoted(name) for name in numbers])
             formula = " + ".join(["1", *terms, *powers[len(numbers) :]])
             fit = {"response": response, "formula": formula}

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fitter.arrays import FloatArray, IntArray
 from fitter.linear import orthonormal
@@ -127,8 +128,16 @@ class Problem:
 
     def within(self, level: Level, of: Sequence[int] | None = None) -> IntArray:
         """Indices of the candidates (of the given ones) of a level."""
-        every = range(len(self.candidates)) if of is None else of
-        return np.array([j for j in every if self.judged_at[j] == level], np.int64)
+        here = self._judged_within if level == "subplot" else ~self._judged_within
+        if of is None:
+            return np.flatnonzero(here)
+        every = np.asarray(of, np.int64)
+        return every[here[every]]
+
+    @cached_property
+    def _judged_within(self) -> NDArray[np.bool_]:
+        """(J,) whether a candidate is judged within whole plots."""
+        return np.array([level == "subplot" for level in self.judged_at], np.bool_)
 
     @cached_property
     def alone(self) -> tuple[tuple[Problem, IntArray], ...]:

@@ -152,7 +152,8 @@ def _scored(problem: Problem, chosen: Sequence[int], of: Sequence[int] | None) -
             continue
         stratum = beside(problem, level, chosen, here)
         white, columns = stratum.white, stratum.white.columns
-        norm2, dot = np.sum(columns**2, axis=1), np.einsum("smj,sm->sj", columns, white.outputs)
+        squares = columns**2
+        norm2, dot = np.sum(squares, axis=1), np.einsum("smj,sm->sj", columns, white.outputs)
         total = norm2.sum(axis=0)
         length2 = np.sum((problem.length_at[level][:, here] / stratum.sigma[:, None]) ** 2, axis=0)
         concerned = norm2 > 1e-6 * total
@@ -163,12 +164,13 @@ def _scored(problem: Problem, chosen: Sequence[int], of: Sequence[int] | None) -
         after = np.sum(white.outputs**2, axis=1)[:, None] - 2 * gamma * dot + gamma**2 * norm2
         pooled = np.maximum(np.sum(np.where(concerned, stratum.df[:, None], 0.0), axis=0) - 1.0, 1.0)
         plain = total * np.sum(np.where(concerned, after, 0.0), axis=0) / pooled
-        own = np.einsum("smj,sm->mj", columns, white.outputs) - gamma * np.sum(columns**2, axis=0)
+        squares = np.sum(squares, axis=0)
+        own = np.einsum("smj,sm->mj", columns, white.outputs) - gamma * squares
         single = np.sum(own**2, axis=0) * len(own) / df
         if level == "whole-plot":
             variance = np.maximum(plain, np.where(concerned.sum(axis=0) > 1, single, 0.0))
         else:
-            slow = _by_whole_plot(problem, own, np.sum(columns**2, axis=0))
+            slow = _by_whole_plot(problem, own, squares)
             drawn, drawn_df = _of_slopes(problem, columns, white.outputs)
             both = plain + drawn
             spread = plain**2 / df + drawn**2 / np.maximum(drawn_df, 1.0)
