@@ -61,10 +61,11 @@ def test_a_quantity_that_follows_the_whole_plots_is_planned_with_their_settings(
     confirming, procedure = traced.confirming, parse_procedure(TWO, "procedure.toml")
     table = confirming.data.table
     air = 20.0 + table.columns["gap_mm"] ** 2
-    drift = np.linspace(0.0, 1.0, len(table))
-    read = replace(confirming.traced.table, columns={**table.columns, "air_degC": air, "drift": drift})
+    plot, within = table.columns["whole_plot"], np.arange(len(table)) % 3
+    other = {"air_degC": air, "lid": np.sin(7.0 * plot), "fan": np.cos(5.0 * plot) + within}
+    read = replace(confirming.traced.table, columns={**table.columns, **other})
     each = {name: replace(one, table=read) for name, one in confirming.traced.each.items()}
-    other = replace(confirming, traced=replace(confirming.traced, each=each))
-    planned = other._planned(procedure.expand(), 0.0).columns
+    again = replace(confirming, traced=replace(confirming.traced, each=each))
+    planned = again._planned(procedure.expand(), 0.0).columns
     np.testing.assert_array_equal(planned["air_degC"], 20.0 + planned["gap_mm"] ** 2)
-    assert len(set(planned["drift"].tolist())) > 4
+    assert [len(set(planned[name].tolist())) for name in other] == [2, 2, 6]

@@ -20,7 +20,7 @@ from procedures.column_names import with_word
 from procedures.errors import DataError
 from procedures.file_rows import rows_of_file
 from procedures.general.clock_texts import is_clock
-from procedures.general.directions import approached_by, are_directions, asked_for, sides_of, with_changes
+from procedures.general.directions import approached_by, are_directions, direction_option, sides_of, with_changes
 from procedures.general.effects.kind import TableEffect
 from procedures.general.effects.own import missing_in
 from procedures.general.effects.scene import Grouping, TableScene
@@ -338,7 +338,7 @@ def _sides_in(roles: Roles, cells: Sequence[str]) -> FloatArray:
     if roles.sides is not None:
         other = next((word for word in levels if word not in roles.sides), None)
         if other is not None:
-            given = asked_for(str(roles.direction), roles.sides)
+            given = direction_option(str(roles.direction), roles.sides)
             raise FitError(f"--direction {given}: {roles.direction} has {other[:40]!r} too")
         return np.array([1.0 if cell == roles.sides[0] else -1.0 for cell in cells])
     if not are_directions(levels):

@@ -37,7 +37,7 @@ LEAST_CANDIDATES, MOST_CANDIDATES = 5, 160
 LEAST_POINTS = 12
 _COUNTS = 2, 3, 4, 5, 6, 8, 10, 12, 15, 19, 24, 30, 38, 48, 60, 76, 96, 120
 WITHIN = 0.05
-"""Share of a recorded quantity's variation at equal hard settings below which it follows these, and not time."""
+"""Share of a recorded quantity's variation within whole plots, or at equal hard settings, if it stays there."""
 CHOSEN = "chosen by rig confirm"
 """In place of the name of a file with the points."""
 OWN_UNITS = "the unit of each output"
@@ -258,7 +258,10 @@ class GeneralConfirming(Confirming):
         near = _nearest(run_list, first)
         recorded = {name: v for name, v in first.columns.items() if name not in columns}
         others = {name: np.interp(now, then, v) for name, v in recorded.items()}
-        others |= {name: own for name, v in recorded.items() if (own := _followed(v, near)) is not None}
+        if near is not None:
+            of_plot, within = _means(now, plots)[1], first.columns["whole_plot"]
+            others |= {name: np.interp(of_plot, then, v) for name, v in recorded.items() if _stays(v, within)}
+            others |= {name: _means(v, near[1])[0][near[0]] for name, v in recorded.items() if _stays(v, near[1])}
         return Table("planned", {name: {**others, **columns}[name] for name in first.columns}, True, {})
 
 
@@ -267,7 +270,7 @@ def _nearest(run_list: RunList, first: Table) -> tuple[IntArray, IntArray] | Non
     the numbers of those of its own rows; None without whole plots.
     """
     hard = [f for f in run_list.hard if f.name in first.columns]
-    if not hard:
+    if not hard or "whole_plot" not in first.columns:
         return None
     there = np.column_stack([first.columns[f.set_name if f.set_name in first.columns else f.name] for f in hard])
     asked = np.column_stack([np.array(run_list.column(f.name), np.float64) for f in hard])
@@ -277,14 +280,16 @@ def _nearest(run_list: RunList, first: Table) -> tuple[IntArray, IntArray] | Non
     return np.argmin(apart, axis=1), own.reshape(-1)
 
 
-def _followed(v: FloatArray, near: tuple[IntArray, IntArray] | None) -> FloatArray | None:
-    """(n,) a recorded quantity at planned rows, if it follows the hard settings: of those, the nearest; else None."""
-    if near is None:
-        return None
-    planned, own = near
-    means = np.bincount(own, v) / np.bincount(own)
-    follows = np.sum((v - means[own]) ** 2) < WITHIN * np.sum((v - v.mean()) ** 2)
-    return np.asarray(means[planned]) if follows else None
+def _means(v: FloatArray, group: FloatArray | IntArray) -> tuple[FloatArray, FloatArray]:
+    """Means of the groups, ascending, and (n,) that of each row."""
+    index = np.unique(group, return_inverse=True)[1].reshape(-1)
+    means = np.bincount(index, v) / np.bincount(index)
+    return means, means[index]
+
+
+def _stays(v: FloatArray, group: FloatArray | IntArray) -> bool:
+    """Whether a recorded quantity hardly varies within groups of rows, and differs between them."""
+    return bool(np.sum((v - _means(v, group)[1]) ** 2) < WITHIN * np.sum((v - v.mean()) ** 2))
 
 
 def usable_term(label: str, factors: Sequence[str]) -> str:

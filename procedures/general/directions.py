@@ -39,7 +39,7 @@ def sides_of(cells: Iterable[str]) -> FloatArray:
     return np.array([_SIDES[_word(cell)] for cell in cells], np.float64)
 
 
-def asked(text: str) -> tuple[str, tuple[str, str] | None]:
+def read_direction(text: str) -> tuple[str, tuple[str, str] | None]:
     """The column of `--direction COLUMN` or `--direction COLUMN=UP,DOWN`, and its two words, None for known ones.
 
     Raises:
@@ -54,8 +54,8 @@ def asked(text: str) -> tuple[str, tuple[str, str] | None]:
     return name, (up, down)
 
 
-def asked_for(name: str, words: tuple[str, str] | None) -> str:
-    """What `asked` reads."""
+def direction_option(name: str, words: tuple[str, str] | None) -> str:
+    """What `read_direction` reads."""
     return name if words is None else f"{name}={','.join(words)}"
 
 

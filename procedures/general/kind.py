@@ -120,12 +120,12 @@ class GeneralKind(Kind):
                 return trace_run(asked, own)
             read = reader_of(source.table)
         from procedures.general.column_roles import Roles  # noqa: PLC0415
-        from procedures.general.directions import asked  # noqa: PLC0415
+        from procedures.general.directions import read_direction  # noqa: PLC0415
         from procedures.general.evaluate import trace_general_table  # noqa: PLC0415
 
         if options.response is None or options.formula is None:
             raise DataError("--response needs --formula, the declared model, such as --formula '1 + x'")
-        direction, sides = (None, None) if options.direction is None else asked(options.direction)
+        direction, sides = (None, None) if options.direction is None else read_direction(options.direction)
         roles = Roles(
             options.response,
             options.formula,

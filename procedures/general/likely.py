@@ -14,7 +14,13 @@ from fitter.errors import FitError
 from procedures.errors import DataError
 from procedures.general.clock_texts import is_clock
 from procedures.general.column_roles import Roles, read_roles
-from procedures.general.directions import are_directions, asked, asked_for, likely_words, named_direction
+from procedures.general.directions import (
+    are_directions,
+    direction_option,
+    likely_words,
+    named_direction,
+    read_direction,
+)
 from procedures.general.first_model import alike, curved
 from procedures.general.fit import fit_general
 from procedures.general.models.units import unit_in
@@ -272,13 +278,13 @@ def _options(table: Table, roles: Mapping[str, str]) -> dict[str, str]:
         if role in by_role and "," not in by_role[role][0]:
             found[role] = by_role[role][0]
     if "direction" in found:
-        found["direction"] = asked_for(found["direction"], _words_of(table, found["direction"]))
+        found["direction"] = direction_option(found["direction"], _words_of(table, found["direction"]))
     return found
 
 
 def _roles(options: Mapping[str, str]) -> Roles:
     group = (options["group"],) if "group" in options else ()
-    direction, sides = asked(options["direction"]) if "direction" in options else (None, None)
+    direction, sides = read_direction(options["direction"]) if "direction" in options else (None, None)
     return Roles(
         options["response"], options["formula"], group=group, replicate=options.get("replicate"),
         time=options.get("time"), date=options.get("date"), direction=direction, sides=sides,
