@@ -75,7 +75,7 @@ class CanDaq:
             0.1, ge=0.01, le=60.0, description="time between sweeps, or period of the slowest message"
         )
         timeout_s: float = Field(0.5, gt=0, description="maximum delay of a frame")
-        dbc: str = Field(description="text of the unit's DBC; default: the supplied one")
+        dbc: str = Field(description="file with the unit's DBC, beside the bench file")
 
         @field_validator("dbc")
         @classmethod

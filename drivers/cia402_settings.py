@@ -83,7 +83,7 @@ class CiA402Options(BaseModel, extra="forbid"):
     pitch_deg: tuple[float, float] = Field((-190.0, 190.0), description="limits of pitch: lowest, highest")
     roll_deg: tuple[float, float] = Field((-190.0, 190.0), description="limits of roll: lowest, highest")
     timeout_s: float = Field(0.3, gt=0, description="maximum wait for an SDO reply")
-    eds: str = Field(description="text of the drives' EDS; default: the supplied one")
+    eds: str = Field(description="file with the drives' EDS, beside the bench file")
 
     @field_validator("eds")
     @classmethod

@@ -75,7 +75,7 @@ class WatlowF4T(MappedTemperatures):
             description="switch of the chamber's power: event-1 to event-8, key-1 to key-4, or none for the loop alone",
         )
         timeout_s: float = Field(1.0, gt=0, description="maximum wait for a reply")
-        register_map: str = Field(description="text of the register map; default: the supplied one")
+        register_map: str = Field(description="file with the register map, beside the bench file")
 
         @field_validator("register_map")
         @classmethod

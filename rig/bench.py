@@ -123,7 +123,11 @@ def _quantities(config: BenchConfig) -> list[str]:
 def _refuse_unknown(name: str, known: Sequence[str], message: str) -> None:
     if name not in known:
         near = difflib.get_close_matches(name, known, n=1)
-        there = f"on this bench there are {', '.join(known)}" if known else "nothing on this bench has limits"
+        there = (
+            f"on this bench there are {', '.join(dict.fromkeys(known))}"
+            if known
+            else "nothing on this bench has limits"
+        )
         there += f'; what sets a factor is said under [factors], {name} = "INSTRUMENT"' if "_" in name else ""
         hint = f"did you mean {near[0]}?" if near else there
         raise ConfigurationError(f"{message}: {hint}")

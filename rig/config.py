@@ -26,6 +26,14 @@ from rig.regular import read_regular_text
 
 Model = TypeVar("Model", bound=BaseModel)
 
+ADDRESSES = (
+    "where it is connected: a serial line or network socket, `/dev/ttyUSB0` (or `COM4`), `socket://HOST:5025`, "
+    "`rfc2217://HOST:4001`, `visa://GPIB0::9::INSTR`; Modbus, `modbus-tcp://HOST:502/UNIT`, "
+    "`modbus-rtu:///dev/ttyUSB0/UNIT?baud=9600&frame=8N1`, `modbus-rtu://socket://HOST:4001/UNIT`; CAN, "
+    "`can:socketcan/can0`, `can:slcan//dev/ttyACM0?bitrate=500000`, `can:virtual/NAME`; only a person has none "
+    "([instruments.md](instruments.md))"
+)
+
 
 class _Strict(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -37,7 +45,7 @@ class InstrumentConfig(BaseModel):
     model_config = ConfigDict(extra="allow", frozen=True)
 
     driver: str
-    address: str = Field("", description="where it is connected; only a person has none")
+    address: str = Field("", description=ADDRESSES)
     asset: str = Field("", description="your asset number, for instruments that do not report their serial number")
     due: date | None = Field(None, description="due date of its own calibration")
     serial: str = Field("", description="expected serial number; a different one is refused")

@@ -32,6 +32,36 @@ def explain(error: ValidationError, where: str, model: type[BaseModel], *, shown
     return "\n".join(f"{where}: {_line(item if shown else _veiled(item), model)}" for item in _each(error.errors()))
 
 
+_OF_PATTERNS = (
+    (
+        r"[a-z][a-z0-9]*(-[a-z0-9]+)*",
+        "should be a word of small letters and digits, or several with hyphens: pads-locked",
+    ),
+    (
+        r"[A-Za-z][A-Za-z0-9_]*_[A-Za-z][A-Za-z0-9_]*",
+        "should be a name and its unit, with an underscore between: force_kN",
+    ),
+    (
+        r"[A-Za-z][A-Za-z0-9]*(_per_[A-Za-z][A-Za-z0-9]*)?",
+        "should be a unit of letters and digits, such as V, or L_per_min with the word per",
+    ),
+    (r"[A-Z]{2}", "should be two capital letters by ISO 3166-1, such as GB"),
+    (
+        r"[^/\\\x00-\x1f]*\{next(:0\d+d)?\}[^/\\\x00-\x1f]*",
+        "should have one {next}, such as LC-{year}-{next:04d}, and no slash",
+    ),
+    (r"[123](0[1-9]|1[0-9]|20)", "should be a slot and a channel of the scanner: 101 to 120, 201 to 220 or 301 to 320"),
+    (r"(none|event-[1-8]|key-[1-4])", "should be none, event-1 to event-8, or key-1 to key-4"),
+)
+"""Patterns of texts, and what to write. A test finds a pattern of our models that is not here."""
+
+
+def of_pattern(pattern: str) -> str:
+    """What to write for a text that has to match a pattern, as the end of a sentence."""
+    plain = pattern.removesuffix("|^$").removeprefix("^").removesuffix("$")
+    return dict(_OF_PATTERNS).get(plain, f"should match the pattern {pattern!r}")
+
+
 _BRANCH = re.compile(r"(constrained-)?(float|int|str|bool|date)|(tuple|list|dict|literal|function-[a-z]+)\[.*")
 """What pydantic adds to the place of a value that may be of several types."""
 
@@ -88,7 +118,8 @@ def _line(item: Mapping[str, Any], model: type[BaseModel]) -> str:
             said = item["msg"].removeprefix("Value error, ").removeprefix("Input ")
             said = re.sub(r"^(List|Dictionary|Tuple) should have at least 1 .*", "is empty", said)
             said = re.sub(r"^(List|Dictionary|Tuple) (should have .*) items? after validation", r"\2 entries", said)
-            words = _PLAIN.get(item["type"], said)
+            words = of_pattern(item["ctx"]["pattern"]) if item["type"] == "string_pattern_mismatch" else said
+            words = _PLAIN.get(item["type"], words)
             shown = "" if isinstance(got, Mapping) or not place else f" (it is {got!r})"
             return f"{place}: {words}{shown}".removeprefix(": ")
 

@@ -20,7 +20,7 @@ from procedures.column_names import unit_of
 from procedures.run_list import RunList
 from rig.bench import playing
 from rig.config import FOLLOWS_S
-from rig.controller import Site, start_run
+from rig.controller import Result, Site, start_run
 from rig.engine.pace import Pace, follows_s
 from rig.engine.session import Outcome, Progress, Signals
 from rig.errors import RigError
@@ -119,6 +119,13 @@ def _assumed(plan: Plan) -> Iterator[str]:
             )
 
 
+def _at_rest(result: Result) -> str:
+    """What to look at if limits were left before the first point; "" otherwise."""
+    if len(result.state.accepted) or ", outside " not in result.message:
+        return ""
+    return "\nnothing had been set yet: the limits have to include the value at rest, before the first setting"
+
+
 def rehearse(plan: Plan, on_progress: Callable[[Progress], None], *, points: int | None = None) -> Forecast:
     """Run the first `points` points dry and extrapolate.
 
@@ -148,7 +155,7 @@ def rehearse(plan: Plan, on_progress: Callable[[Progress], None], *, points: int
             dry, Path(folder), signals=Signals(), announce=paths.append, on_progress=rehearsing, site=site
         )
         if result.outcome is not Outcome.COMPLETE:
-            raise RigError(f"a rehearsal on simulated instruments failed: {result.message}")
+            raise RigError(f"a rehearsal on simulated instruments failed: {result.message}{_at_rest(result)}")
         with RunReader.open(paths[0]) as reader:
             seen = [(r.elapsed_s, r.whole_plot) for r in reader.records(Observed.kind)]
             soaked = {

@@ -78,6 +78,8 @@ def load_plan(procedure: Path, bench: Path, *, dry: bool = False, world: Path | 
             raise ConfigurationError(f"{what}; name the last calibration, or remove the line") from error
     documents["procedure.toml"] = _with_files(documents["procedure.toml"], procedure)
     plan = _plan(documents, dry, {"bench.toml": str(bench), "procedure.toml": str(procedure), "world.toml": str(world)})
+    if world is not None:
+        _check_person(plan, world)
     try:
         kind_of(plan.procedure).check_design(plan.procedure, plan.run_list)
     except FitError as error:
@@ -87,6 +89,22 @@ def load_plan(procedure: Path, bench: Path, *, dry: bool = False, world: Path | 
     if misfit is not None and (defect := misfit(columns, tuple(config.temperatures))):
         raise ConfigurationError(f"{procedure}: {defect}")
     return plan
+
+
+def _check_person(plan: Plan, world: Path) -> None:
+    """Refuse a simulated person whose number no step by hand with a range accepts: it would be asked again for ever.
+
+    Raises:
+        ConfigurationError: with the step and its range.
+    """
+    person = plan.truth.get("person")
+    states = person.get("states") if isinstance(person, Mapping) else None
+    for step in plan.run_list.steps:
+        if isinstance(states, int | float) and step.value and step.refuses(repr(states)):
+            raise ConfigurationError(
+                f"{world}: person.states = {states:g} is refused at the step {step.instruction!r}, which accepts "
+                f"{step.low:g} to {step.high:g} as {step.value}; leave states out, and the person states the middle"
+            )
 
 
 def _register(config: BenchConfig, bench: Path) -> dict[str, str]:

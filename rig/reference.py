@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import types
 import typing
-from collections.abc import Iterator
+from collections.abc import Iterator, Set
 from enum import Enum
 
 from annotated_types import Ge, Gt, Le, Lt
@@ -34,7 +34,8 @@ def document() -> str:
     parts += ["## bench.toml", *_tables(BenchConfig, "")]
     for name in installed("rig.drivers"):
         parts += [f'### `[instruments.NAME]` with `driver = "{name}"`, besides the above']
-        parts += [_table(driver_class(name).Options)]
+        driver = driver_class(name)
+        parts += [_table(driver.Options, supplied={one.option for one in driver.contracts})]
     parts += ["## equipment.toml", *_tables(Register, "")]
     parts += ["## certificate.toml", *_tables(CertificateSettings, "")]
     for name, kind in kinds().items():
@@ -62,11 +63,13 @@ def _tables(model: type[BaseModel], path: str, given: object = None, *, several:
             yield from _tables(inner, f"{below}.NAME" if _is_mapping(field) else below, default, several=several)
 
 
-def _table(model: type[BaseModel], given: object = None) -> str:
+def _table(model: type[BaseModel], given: object = None, supplied: Set[str] = frozenset()) -> str:
+    """Keys of a model; those `supplied` with a file of ours have a default that the model does not know."""
     rows = ["| key | value | default | meaning |", "| --- | --- | --- | --- |"]
     for name, field in model.model_fields.items():
         if _inner(field) is None:
-            rows.append(f"| `{name}` | {_type(field)} | {_default(name, field, given)} | {field.description or ''} |")
+            default = "the supplied one" if name in supplied else _default(name, field, given)
+            rows.append(f"| `{name}` | {_type(field)} | {default} | {field.description or ''} |")
     return "\n".join(rows) if len(rows) > 2 else "No keys of its own."
 
 

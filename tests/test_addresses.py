@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -16,7 +17,7 @@ from drivers.wires import SerialOptions, SerialSettings, Wires
 from drivers.wires.addresses import CanAddress, ModbusAddress, SerialAddress, Wire, parse_address
 from drivers.wires.visa_address import VisaAddress
 from rig.bench import check_options, open_bench
-from rig.config import parse_bench
+from rig.config import ADDRESSES, parse_bench
 from rig.errors import ConfigurationError
 from rig.simulated.dry_run import DryBench
 from sims.world import World
@@ -287,3 +288,12 @@ def test_what_can_work_is_not_refused(address):
 def test_an_adapter_whose_driver_is_not_installed_cannot_be_opened():
     with pytest.raises(Unreachable, match="kvaser 0"):
         Wires(World()).can("can:kvaser/0", "daq")
+
+
+def test_the_reference_of_files_has_every_form_of_address():
+    for wire in ("serial", "modbus", "can"):
+        with pytest.raises(WrongAddress) as refused:
+            parse_address("nowhere", wire)
+        forms = re.findall(r"(?:[a-z0-9-]+:|/dev)/?/?[^ ,]+", str(refused.value).replace("'nowhere'", ""))
+        assert len(forms) >= 3
+        assert [one for one in forms if one not in ADDRESSES] == []

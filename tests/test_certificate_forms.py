@@ -17,7 +17,7 @@ from rig.certificate.html import html
 from rig.certificate.layout import Grid, percent, sections
 from rig.certificate.numbers import padding, plain, raised, typeset
 from rig.certificate.pdf import pdf
-from rig.certificate.words import CORRELATED, INFERRED, uncertainty
+from rig.certificate.words import CORRELATED, EFFECTS, INFERRED, UNCONFIRMED, uncertainty
 from rig.errors import ConfigurationError
 
 pytest.importorskip("typst")
@@ -197,6 +197,16 @@ def test_sentences_on_results_are_of_results_that_are_there():
         results = tuple(replace(result, label=label) for label in labels)
         texts = " ".join(uncertainty(replace(document(), tables=(replace(table, results=results),))))
         assert [one for one in (CORRELATED, INFERRED) if one in texts] == list(said)
+
+
+def test_nothing_is_said_of_unconfirmed_effects_where_all_are_confirmed():
+    def notes(confirmed: bool) -> list[str]:
+        effects = tuple(replace(one, confirmed=confirmed) for one in document().effects)
+        (part,) = [one for one in sections(replace(document(), effects=effects)) if one.title.startswith("Effects")]
+        return [note for block in part.blocks if isinstance(block, Grid) for note in block.notes]
+
+    assert notes(True) == [EFFECTS]
+    assert notes(False) == [f"{EFFECTS} {UNCONFIRMED}"]
 
 
 def test_one_of_something_is_singular():

@@ -94,14 +94,15 @@ def test_all_sensors_with_an_effect_are_judged_together(bath):
         assert not np.any(np.delete(columns[:, :, place], at, axis=0))
 
 
-def test_the_first_row_of_a_further_run_says_nothing_of_what_needs_its_direction(first):
+def test_the_first_row_of_every_run_says_nothing_of_what_needs_its_direction(first):
     """It is not known from which side the first setting is approached: 0 in the table."""
     table = open_traced(first).traced.table
     n, side = len(table), np.where(np.arange(len(table)) < 1, 0.0, 1.0)
     both = replace(table, columns={k: np.tile(v, 2) for k, v in {**table.columns, "force_side": side}.items()})
     known = {"cell_V": Remembered(sides=("force_side",)), "other_V": Remembered(sides=("none_side",))}
     whole = Whole(both, {}, {}, {}, (0, n), known)
-    np.testing.assert_array_equal(whole.started("cell_V")[:, 0], np.arange(2 * n) == n)
+    np.testing.assert_array_equal(np.argmax(whole.started("cell_V"), axis=0), [0, n])
+    np.testing.assert_array_equal(whole.started("cell_V").sum(axis=0), [1.0, 1.0])
     assert whole.started("other_V").shape == whole.started("unknown_V").shape == (2 * n, 0)
 
 

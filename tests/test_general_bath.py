@@ -12,7 +12,7 @@ from general_lab import written
 from rig.config import parse_bench
 from rig.controller import start_run
 from rig.engine.session import Outcome, Signals
-from rig.errors import ConfigurationError
+from rig.errors import ConfigurationError, RigError
 from rig.forecast import rehearse
 from rig.plans import load_plan
 from rig.tables import run_table
@@ -105,3 +105,12 @@ def test_a_second_thermometer_in_the_bath_reads_the_bath(tmp_path):
     assert columns["inlet_degC"] == pytest.approx(1.001 * columns["bath_set_degC"] - 0.03, abs=0.1)
     with pytest.raises(ConfigurationError, match=r"place = 'tank_degC' is unknown; known: package, .*, lab, bath_degC"):
         parse_bench(bench.replace('place = "bath_degC"', 'place = "tank_degC"'), "bench.toml")
+
+
+def test_limits_without_the_value_at_rest_are_said_to_need_it(tmp_path):
+    """The simulated bath stands at room temperature before anything is set."""
+    bench = SLOW.replace("bath_degC = [-20, 140]", "bath_degC = [40, 140]")
+    assert bench != SLOW
+    procedure, bench_file, _ = written(tmp_path, WARM.replace("[15,35]", "[50,60]"), bench, lab.BATH_WORLD)
+    with pytest.raises(RigError, match="nothing had been set yet: the limits have to include the value at rest"):
+        rehearse(load_plan(procedure, bench_file), lambda _: None)

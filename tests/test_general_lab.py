@@ -567,6 +567,32 @@ def test_sensors_of_one_run_are_calibrated_and_used_together(thermometers, tmp_p
 # --- plans and worlds ---------------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize(
+    ("model", "why"),
+    [
+        ('formula = "a + b*exp(c*force_kN)"\nstart = { a = 0, b = 1, c = 0.1 }', "not linear in its coefficients, so"),
+        ('formula = "1 + force_kN + lab_degC"', "the model: no precision is predicted: lab_degC of its model is only"),
+    ],
+)
+def test_a_plan_without_predicted_precision_says_why_and_has_no_empty_table(tmp_path, model, why):
+    procedure = PROCEDURE.replace('formula = "1 + force_kN"', model)
+    bench = f"""{BENCH}
+[instruments.scanner]
+driver = "keysight-34970a"
+address = "/dev/rig/scanner"
+channels = {{ "101" = "rtd-4w-385" }}
+[temperatures.lab_degC]
+reader = "scanner"
+channel = "101"
+place = "lab"
+"""
+    files = written(tmp_path, procedure, bench)
+    shown = rig("plan", files[0], "--bench", files[1])
+    assert shown.returncode == 0, shown.stderr
+    assert why in " ".join(shown.stdout.split())
+    assert "Predicted precision" not in shown.stdout
+
+
 def test_a_plan_says_hours_precision_and_what_is_confounded(tmp_path):
     expect = "[expect]\nsigma = { cell = 0.002 }\n"
     files = written(tmp_path, PROCEDURE + expect)

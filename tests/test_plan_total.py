@@ -9,7 +9,10 @@ from pathlib import Path
 
 import pytest
 
+from procedures.general.of_runs import Asked, fit_run
+from procedures.general.planned import expected_run
 from rig.closed_loop.promised import expired, promised
+from rig.config import parse_procedure
 from rig.controller import start_run
 from rig.engine.session import Signals
 from rig.errors import ConfigurationError
@@ -22,6 +25,7 @@ from tests.dry import LAB, SHORT, write_short
 from tests.dry_pressure import LAB as PRESSURE_LAB
 from tests.dry_pressure import SHORT as SHORT_PRESSURE
 from tests.general_lab import BENCH, PROCEDURE, written
+from tests.test_hard_anything import FIXTURE_PROCEDURE
 
 TODAY = date(2026, 11, 24)
 
@@ -143,8 +147,25 @@ def test_outputs_are_promised_where_no_reading_determines_a_quantity(tmp_path):
     assert one.dominant == "X offset of bath_degC"
     # 5 mK at 400 ohm/K and 1.25 mA: 2.5 uV
     assert one.expanded == pytest.approx(1.96 * 1e5 * 1.25e-3 * 4e-3 * 0.005, rel=0.01)
-    assert "one draw of the errors of whole plots" in told.notes[0]
+    assert "errors of whole plots 1 times as large (expect.whole_plot_ratio)" in told.notes[0]
     assert any("states no errors of current_A, prt_1_mV" in note for note in told.notes)
+
+
+@pytest.mark.parametrize("ratio", [0.3, 4.0])
+def test_the_forecast_of_whole_plots_is_that_of_the_declared_errors_and_of_no_draw(ratio):
+    """The repeatability depended on one draw of the errors of ten whole plots, and so on the order of the run."""
+    expect = "[expect]\nsigma = { meter = 1e-3 }\noutput = { meter = '0.01 + 0.02*gap_mm + input_V' }\n"
+    text = FIXTURE_PROCEDURE.replace("REPLICATIONS", "5") + expect + f"whole_plot_ratio = {ratio}\n"
+    errors = []
+    for seed in (3, 4, 5):
+        procedure = parse_procedure(text.replace("seed = 3", f"seed = {seed}"), "procedure.toml")
+        table = expected_run(procedure, procedure.expand(), {"meter_V": "meter"}).table
+        fit = fit_run(Asked.of(table)).result
+        assert fit["sigma_subplot"] == pytest.approx(1e-3, rel=1e-6)
+        assert fit["sigma_wholeplot"] == pytest.approx(ratio * 1e-3, rel=1e-6)
+        errors.append([one["stderr"] for one in fit["coefficients"].values()])
+    assert errors[0] == pytest.approx(errors[1], rel=1e-6)
+    assert errors[0] == pytest.approx(errors[2], rel=1e-6)
 
 
 def test_an_expected_output_of_no_sensor_is_refused(tmp_path):

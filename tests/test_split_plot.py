@@ -257,6 +257,8 @@ ONE = slice(0, 220)
 PAIR = [0, 1, *range(12, 132, 12)]
 """Two readings of whole plot 1 and one each of the others."""
 INDICATORS = np.eye(21)[WHOLE_PLOT[ONE]][:, 1:]
+MEASURED = np.column_stack([np.ones(20), np.repeat([20.0, 50.0], 10) + 0.03 * np.sin(np.arange(20.0))])
+"""A straight line over a setting of two whole plots that was measured: it scatters a little within them."""
 
 
 @pytest.mark.parametrize(
@@ -272,6 +274,7 @@ INDICATORS = np.eye(21)[WHOLE_PLOT[ONE]][:, 1:]
         ("all readings are in one whole plot", (COLUMNS[:, [0, 1]], Y, np.ones(440)), None),
         ("every whole plot has a single reading", (COLUMNS, Y, np.arange(440)), None),
         ("use up all 20 whole plots", (INDICATORS, Y[ONE], WHOLE_PLOT[ONE]), None),
+        ("use up nearly all of 2 whole plots", (MEASURED, np.arange(20) % 3, np.arange(20) // 10), None),
         ("no degrees of freedom within", (COLUMNS[PAIR, :2], Y[PAIR], WHOLE_PLOT[PAIR]), None),
         ("show no error beyond rounding", (COLUMNS, COLUMNS @ np.arange(10.0), WHOLE_PLOT), None),
         ("whole plot 2 has readings in more than one", (COLUMNS, Y, WHOLE_PLOT), np.arange(440) // 13),

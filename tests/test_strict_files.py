@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 import re
+import typing
 
 import pytest
 from dry import write_short
 from pydantic import BaseModel
 
+from procedures.kind import kinds
 from rig.bench import check_options
-from rig.config import parse_bench, parse_procedure
+from rig.certificate.settings import CertificateSettings
+from rig.config import BenchConfig, parse_bench, parse_procedure
 from rig.controller import resume_run, start_run
 from rig.engine.session import Outcome, Signals
 from rig.errors import ConfigurationError
 from rig.examples import example
+from rig.explained import of_pattern
 from rig.plans import load_plan
+from rig.plugins import driver_class, installed
+from rig.register import Register
 
 PROCEDURE = 'kind = "pitch-roll"\nname = "n"\nreplications = 2\n[design]\ntype = "T6"\n'
 BENCH = example("attitude-lab") / "bench.toml"
@@ -107,3 +113,43 @@ def _laxly(cls, text, **options):
 def test_a_limit_that_limits_nothing_is_refused(limit):
     with pytest.raises(ConfigurationError, match=r"limits\.pitch_deg"):
         parse_bench(re.sub(r"(?m)^pitch_deg = .*$", f"pitch_deg = {limit}", BENCH.read_text()), "bench.toml")
+
+
+def _patterns(model, seen):
+    """Patterns of all texts of a model and of the models inside it."""
+    if model in seen:
+        return
+    seen.add(model)
+    for field in model.model_fields.values():
+        stack = [field.annotation]
+        yield from (one.pattern for one in field.metadata if getattr(one, "pattern", None))
+        while stack:
+            one = stack.pop()
+            stack += [*typing.get_args(one)]
+            yield from (item.pattern for item in getattr(one, "metadata", ()) if getattr(item, "pattern", None))
+            yield from (item.pattern for item in getattr(one, "__metadata__", ()) if getattr(item, "pattern", None))
+            if isinstance(one, type) and issubclass(one, BaseModel):
+                yield from _patterns(one, seen)
+
+
+def test_no_message_is_a_regular_expression():
+    models = [BenchConfig, Register, CertificateSettings, *(one.settings for one in kinds().values() if one.settings)]
+    models += [driver_class(name).Options for name in installed("rig.drivers")]
+    seen: set[type] = set()
+    patterns = {pattern for model in models for pattern in _patterns(model, seen)}
+    assert len(patterns) >= 7
+    assert [pattern for pattern in patterns if "pattern" in of_pattern(pattern)] == []
+    step = '[[by_hand]]\nbefore = 1\nsay = "weigh"\nchange = "weighed"\nvalue = "kN"\n'
+    assert refused(f"{PROCEDURE}{step}") == (
+        "night.toml: by_hand.0.value: should be a name and its unit, with an underscore between: force_kN (it is 'kN')"
+    )
+
+
+def test_what_is_on_a_bench_is_listed_once():
+    """A factor in degC that a thermometer measures is a readback and a temperature."""
+    text = (example("bath-lab") / "bench.toml").read_text()
+    text = f'{text}\n[interlocks.none]\nwatch = "nothing"\nwithin = [0, 1]\n'
+    with pytest.raises(ConfigurationError, match="on this bench there are") as caught:
+        check_options(parse_bench(text, "bench.toml"), "bench.toml")
+    names = str(caught.value).partition("there are ")[2].partition(";")[0].split(", ")
+    assert len(names) == len(set(names))

@@ -19,6 +19,7 @@ from fitter.errors import FitError
 from procedures.attitude.table import attitude_data
 from procedures.errors import DataError
 from procedures.general.clock_texts import seconds_of
+from procedures.general.directions import are_directions, likely_words, sides_of
 from procedures.general.fit import fit_general
 from procedures.general.rows import LinearRows
 from rig.errors import UsageError
@@ -282,7 +283,46 @@ def test_words_for_a_direction(tmp_path, words):
 def test_another_word_for_a_direction_is_asked_about(tmp_path):
     done, _ = roles_of(written(tmp_path, trace_lines(lambda i: i, ("hin", "her"))), "--direction", "side")
     assert done.returncode == 2
-    assert "side has 'hin'; give +1 and -1, up and down" in done.stderr
+    assert "side has 'her'; give +1 and -1, up and down" in done.stderr
+    assert "--direction 'side=hin,her', the upward one first" in " ".join(done.stderr.split())
+
+
+@pytest.mark.parametrize(
+    "words",
+    [("auf", "ab"), ("hin", "zurueck"), ("rise", "fall"), ("Mont\u00e9e", "descente"), ("monte\u0301e", "descente"),
+     ("steigend", "fallend"), ("loading", "unloading")],
+)  # fmt: skip
+def test_words_of_other_languages_for_a_direction(words):
+    assert are_directions(words)
+    assert sides_of(words).tolist() == [1.0, -1.0]
+
+
+def test_two_words_of_their_own_are_said_with_the_upward_one_first(tmp_path):
+    lines = trace_lines(lambda i: 10 * i, ("zu", "von"))
+    told = rig("fit", written(tmp_path, lines))
+    assert "--direction side=zu,von" in " ".join(told.stdout.split()), "side is no group here"
+    done, roles = roles_of(written(tmp_path, lines), "--time", "t", "--direction", "side=zu,von")
+    assert done.returncode == 0, done.stderr
+    assert roles["direction"] == "sign(side)"
+    found = json.loads(done.stdout)["sensors"]["y"]["effects"]
+    assert found[0]["effect"].startswith("direction")
+    for given, says in (
+        ("side=zu", "side=zu"),
+        ("side=zu,", "its two words"),
+        ("side=zu,ab", "side has 'von' too"),
+        ("none=a,b", "none"),
+    ):
+        done, _ = roles_of(written(tmp_path, lines), "--time", "t", "--direction", given)
+        assert done.returncode == 2
+        assert says in " ".join(done.stderr.split())
+
+
+def test_two_operators_are_no_direction():
+    turns = np.arange(48) % 12
+    x = np.where(turns < 6, turns, 11 - turns).astype(float)
+    assert likely_words(["her" if one < 6 else "hin" for one in turns], [x]) == ("her", "hin")
+    assert likely_words(["Ann" if i % 24 < 12 else "Bob" for i in range(48)], [x]) is None
+    assert likely_words(["a", "b", "a", "b"], [np.array([1.0, 2, 1, 2])]) is None, "too few"
 
 
 @pytest.mark.parametrize(

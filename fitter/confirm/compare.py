@@ -130,6 +130,13 @@ class Comparison:
             for member in self.question.members
         )
 
+    def expected(self, j: int) -> float:
+        """Standard errors by which the later run shows a member that is as large in it as in the first run."""
+        first, terms = self.both.only(~self.both.fresh), self.question.members[j].terms
+        sizes = Fit.of(first.columns_of([*terms, *self.question.rest]), first.outputs).estimate[: len(terms)]
+        there, gone = self.both.columns_in(terms, self.both.fresh) @ sizes, self._gone[j]
+        return float(np.linalg.norm(there - gone @ (gone.T @ there)))
+
     @cached_property
     def _free(self) -> tuple[float, ...]:
         """Degrees of freedom of the later run for each member."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from fitter.arrays import FloatArray
 from fitter.confirm.beside import Beside, beside
-from fitter.confirm.compare import Comparison, lasting, nuisance
+from fitter.confirm.compare import Comparison, fitted_again, lasting, nuisance
 from fitter.confirm.prediction import SensorError, prediction_errors
 from fitter.confirm.question import Hypothesis, Question
 from fitter.confirm.structure import p_structured
@@ -39,6 +39,7 @@ class Member:
         sigmas: standard errors by which it is worse than the best, all runs together.
         p_changed: probability of such a difference between its sizes in the two runs if it is the cause.
         shown: standard errors by which the later run shows it.
+        expected: the same if it is as large as in the first run: below the limit that run cannot tell.
         p_shown: probability of `shown` or more by chance without it in the later run; an upper bound.
         limit: standard errors that separate two explanations, and one from none: three, or more if the error is known
             with few degrees of freedom only.
@@ -58,6 +59,7 @@ class Member:
     sigmas: float
     p_changed: float
     shown: float
+    expected: float
     p_shown: float
     limit: float
     fits: bool
@@ -99,6 +101,8 @@ class Confirmation:
             position in that run.
         beside: causes of its class that may be there beside the explanation that holds.
         question: as it was judged, with the confirmed explanations of the others in its rest.
+        used_up: of the later run, the number of groups of readings with a common error, if the declared model, fitted
+            again in it, leaves no degrees of freedom between them; 0 otherwise.
     """
 
     effect: str
@@ -107,6 +111,7 @@ class Confirmation:
     holder: tuple[Any, ...] = ()
     beside: tuple[Beside, ...] = ()
     question: Question | None = None
+    used_up: int = 0
 
     @property
     def holding(self) -> tuple[str, ...]:
@@ -126,6 +131,11 @@ class Confirmation:
         if not self.members[0].seen:
             return "not shown"
         return "confirmed" if self.holding == (self.effect,) else "replaced"
+
+    @property
+    def cannot_tell(self) -> bool:
+        """Whether it is not shown because the later run would not show it as large as in the first run either."""
+        return self.verdict == "not shown" and self.members[0].expected < self.members[0].limit
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,7 +208,8 @@ def confirm(both: Together, question: Question) -> Confirmation:
         for j, (behind, shown) in enumerate(zip(told.behind[:, 0], told.shown[:, 0], strict=True))
     ]
     members.sort(key=lambda member: (not member.holds, member.sigmas, len(member.terms)))
-    answer = Confirmation(question.effect, tuple(members), aside, question=question)
+    used_up = both.used_up if fitted_again(both, question) else 0
+    answer = Confirmation(question.effect, tuple(members), aside, question=question, used_up=used_up)
     names = [member.effect for member in question.members]
     best = min(members, key=lambda member: (not member.holds if answer.holding else False, member.sigmas))
     named = next(member for member in members if member.effect == question.effect)
@@ -283,6 +294,7 @@ def _member(comparison: Comparison, j: int, sigmas: float, shown: float) -> Memb
         sigmas=sigmas,
         p_changed=float(p),
         shown=shown,
+        expected=comparison.expected(j),
         p_shown=float(f_tail(shown**2 / q, q, df)),
         limit=limit,
         fits=fits,

@@ -26,6 +26,8 @@ Candidates = Sequence[Any]
 
 RANK = 1e-8
 """Share of the largest singular value below which a direction is undetermined."""
+BETWEEN = 1e-3
+"""Share of its largest value by which a column differs between groups of readings, if it is not equal in all."""
 
 
 def solve(columns: FloatArray, outputs: FloatArray) -> FloatArray:
@@ -194,6 +196,19 @@ class Together(ABC):
             means = np.array([declared[own.rows].mean(0) for own in groups])
             out.append(max(len(groups) - int(np.linalg.matrix_rank(means, tol=1e-6 * np.abs(means).max())), 1))
         return tuple(out)
+
+    @property
+    def used_up(self) -> int:
+        """Number of groups with own errors in the last run if it has no more of them than the declared model of a
+        sensor has coefficients that differ between them; 0 otherwise.
+        """
+        for i, every in enumerate(self.own):
+            means = np.array([self.declared[i][own.rows].mean(0) for own in every if self.last[own.rows[0]]])
+            largest = np.max(np.abs(means), axis=0, initial=0.0) if means.size else np.zeros(0)
+            means = means[:, largest > 0] / largest[largest > 0] if means.size else means
+            if 0 < len(means) <= np.linalg.matrix_rank(means, tol=BETWEEN):
+                return len(means)
+        return 0
 
     @abstractmethod
     def untouched(self, terms: Candidates) -> FloatArray:

@@ -21,6 +21,9 @@ from fitter.split_plot.structure import Nesting, Variances
 
 EPS = float(np.finfo(float).eps)
 
+NEXT_TO_NOTHING = 0.01
+"""Share of every whole plot outside the columns below which the error between whole plots is taken up by these."""
+
 BATCH = 2048
 """Number of responses processed together, by the size of the cache."""
 
@@ -113,6 +116,18 @@ class SplitPlotDesign:
             structure=replace(structure, variances=structure.variances * subplot),
         )
 
+    def expected_errors(self, wholeplot: float, rng: np.random.Generator) -> FloatArray:
+        """(n,) errors outside the columns of which a fit estimates one for the subplot variance, and `wholeplot`.
+
+        Every eigenvector of the whole plots has its expected square, and the remainder of the readings its expected sum
+        of squares, in a direction that is drawn: so the restricted likelihood is highest at these variances.
+        """
+        spectrum = self.nesting.wholeplot_spectrum
+        signs = np.where(np.arange(len(spectrum.xi)) % 2 == 0, 1.0, -1.0)
+        between = spectrum.left @ (signs * np.sqrt(1.0 + wholeplot * spectrum.xi))
+        rest = spectrum.parts(rng.normal(size=self.n))[2]
+        return np.asarray(between + rest * np.sqrt(spectrum.rest_df) / np.linalg.norm(rest))
+
     def fit_many(self, ys: ArrayLike) -> SplitPlotBatch:
         """Fit m responses, the columns of (n, m) `ys`, each alone.
 
@@ -197,6 +212,12 @@ class SplitPlotDesign:
             return "every whole plot has a single reading: whole-plot and subplot error cannot be told apart"
         if len(spectrum.xi) == 0:
             return f"the columns use up all {count} whole plots: the error between whole plots cannot be estimated"
+        left = spectrum.right**2 @ spectrum.all_xi / np.bincount(self.nesting.whole_plot)
+        if left.max() < NEXT_TO_NOTHING:
+            return (
+                f"the columns use up nearly all of {count} whole plots, as of a measured setting that scatters a bit: "
+                f"the error between whole plots cannot be estimated; more whole plots are needed, or fewer terms"
+            )
         if spectrum.rest_df == 0:
             return "the columns leave no degrees of freedom within whole plots: the subplot error cannot be estimated"
         return None

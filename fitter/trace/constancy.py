@@ -19,7 +19,7 @@ from fitter.trace.flexible import Block, waves
 
 ENDS = 2
 """Number of half waves over a variable: larger at one end, larger in the middle."""
-OWN_SIZE = "with its own size"
+OWN_SIZE = "from where the effect is small to where it is large"
 
 
 @dataclass(frozen=True)

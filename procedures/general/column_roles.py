@@ -20,7 +20,7 @@ from procedures.column_names import with_word
 from procedures.errors import DataError
 from procedures.file_rows import rows_of_file
 from procedures.general.clock_texts import is_clock
-from procedures.general.directions import SIDES, approached_by, are_directions
+from procedures.general.directions import approached_by, are_directions, direction_option, sides_of, with_changes
 from procedures.general.effects.kind import TableEffect
 from procedures.general.effects.own import missing_in
 from procedures.general.effects.scene import Grouping, TableScene
@@ -48,6 +48,7 @@ class Roles:
         time: column of the time.
         direction: column of +-1, of words such as up and down, of a velocity, or a setting whose changes give the
             direction of approach.
+        sides: its words for up and for down, if they are not known ones.
         candidates: the only other columns to be used; None for all.
         ignore: columns not to be used.
         date: column of the dates of a time of day.
@@ -71,6 +72,7 @@ class Roles:
     date_order: str | None = None
     own: tuple[Entry, ...] = ()
     sensors: int = 1
+    sides: tuple[str, str] | None = None
 
     @property
     def label(self) -> str:
@@ -160,7 +162,7 @@ def _roles(table: Table, roles: Roles, formula: Formula, response: Formula) -> t
             **{c.name: _grouping(columns[c.name], declared=True) for term in formula.terms for c in term.categories},
         },
         time=time,
-        direction=_direction(roles, parts.settings, columns),
+        direction=_direction(roles, parts.settings, columns, ordered=time is not None),
         speed=_speed(roles, parts.settings, columns),
         setpoints={name: np.asarray(columns[setpoint], np.float64) for name, setpoint in read.items()},
     )
@@ -311,28 +313,43 @@ def _base(expression: Expression) -> Expression:
     return expression
 
 
-def _direction(roles: Roles, settings: Sequence[str], columns: Mapping[str, Any]) -> tuple[str, FloatArray] | None:
+def _direction(
+    roles: Roles, settings: Sequence[str], columns: Mapping[str, Any], *, ordered: bool
+) -> tuple[str, FloatArray] | None:
     if roles.direction is None:
         return None
     v = columns[roles.direction]
     if v.dtype.kind not in "fiu":
-        if not are_directions(v.tolist()):
-            other = next(word for word in v.tolist() if not are_directions([word]))
-            raise FitError(
-                f"--direction: {roles.direction} has {other[:40]!r}; give +1 and -1, up and down (or increasing and "
-                "decreasing, loading and unloading), a velocity or a setting"
-            )
-        v = np.array([SIDES[word.strip().lower()] for word in v.tolist()])
+        v = _sides_in(roles, v.tolist())
     if roles.direction not in settings:
         side = np.sign(v)
         if len(np.unique(side)) < 2:
             raise FitError(f"--direction: {roles.direction} has one sign only; there is nothing to compare")
+        if ordered and len(np.unique(np.abs(v))) < 3:  # no velocity, whose zero is rest
+            every = (columns[one] for name in settings for one in (_setpoint_of(name), name) if one in columns)
+            side = with_changes(side, every)
         return f"sign({roles.direction})", side
-    change = np.sign(np.diff(v, prepend=v[:1]))
-    for i in range(1, len(change)):
-        if change[i] == 0:
-            change[i] = change[i - 1]
-    return f"side({roles.direction})", change
+    return f"side({roles.direction})", with_changes(np.sign(np.diff(v, prepend=v[:1])), [v])
+
+
+def _sides_in(roles: Roles, cells: Sequence[str]) -> FloatArray:
+    """(n,) +1 or -1 of the words in the column of direction. Raises `FitError` for another word."""
+    levels = list(dict.fromkeys(cells))
+    if roles.sides is not None:
+        other = next((word for word in levels if word not in roles.sides), None)
+        if other is not None:
+            given = direction_option(str(roles.direction), roles.sides)
+            raise FitError(f"--direction {given}: {roles.direction} has {other[:40]!r} too")
+        return np.array([1.0 if cell == roles.sides[0] else -1.0 for cell in cells])
+    if not are_directions(levels):
+        other = next(word for word in levels if not are_directions([word]))
+        pair = ",".join(levels) if len(levels) == 2 and "," not in "".join(levels) else "UP,DOWN"
+        raise FitError(
+            f"--direction: {roles.direction} has {other[:40]!r}; give +1 and -1, up and down (or increasing and "
+            f"decreasing, loading and unloading), a velocity or a setting; or say which word is up: --direction "
+            f"'{roles.direction}={pair}', the upward one first"
+        )
+    return sides_of(cells)
 
 
 def _speed(roles: Roles, settings: Sequence[str], columns: Mapping[str, Any]) -> tuple[str, FloatArray] | None:

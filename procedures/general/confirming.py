@@ -26,7 +26,7 @@ from procedures.general.found_in_run import FoundInRun
 from procedures.general.further_runs import values_of, with_routine
 from procedures.general.of_runs import Asked, RunTraced, fit_run
 from procedures.general.options import FitOptions, TraceOptions
-from procedures.general.planning import check_declared
+from procedures.general.planning import check_declared, evaluations
 from procedures.general.settings import GeneralProcedure
 from procedures.general.together import TIME, GeneralTogether, Observations
 from procedures.run_list import RunList
@@ -36,6 +36,8 @@ LEAST_CANDIDATES, MOST_CANDIDATES = 5, 160
 """Numbers of units from which those of a run are chosen."""
 LEAST_POINTS = 12
 _COUNTS = 2, 3, 4, 5, 6, 8, 10, 12, 15, 19, 24, 30, 38, 48, 60, 76, 96, 120
+WITHIN = 0.05
+"""Share of a recorded quantity's variation within whole plots, or at equal hard settings, if it stays there."""
 CHOSEN = "chosen by rig confirm"
 """In place of the name of a file with the points."""
 OWN_UNITS = "the unit of each output"
@@ -251,10 +253,43 @@ class GeneralConfirming(Confirming):
             setting = np.array(run_list.column(factor.name), np.float64)
             columns |= {factor.name: setting, factor.set_name: setting}
         sides = np.array([p.sides for p in run_list.points], np.float64)
-        columns |= {f"{f.axis}_side": sides[:, at] for at, f in enumerate(run_list.factors) if not f.hard}
+        columns |= {f"{f.axis}_side": sides[:, at] for at, f in enumerate(run_list.factors) if f in run_list.sided}
         then, now = (t - t.min() for t in (first.columns[TIME], columns[TIME]))
-        others = {name: np.interp(now, then, v) for name, v in first.columns.items() if name not in columns}
+        near = _nearest(run_list, first)
+        recorded = {name: v for name, v in first.columns.items() if name not in columns}
+        others = {name: np.interp(now, then, v) for name, v in recorded.items()}
+        if near is not None:
+            of_plot, within = _means(now, plots)[1], first.columns["whole_plot"]
+            others |= {name: np.interp(of_plot, then, v) for name, v in recorded.items() if _stays(v, within)}
+            others |= {name: _means(v, near[1])[0][near[0]] for name, v in recorded.items() if _stays(v, near[1])}
         return Table("planned", {name: {**others, **columns}[name] for name in first.columns}, True, {})
+
+
+def _nearest(run_list: RunList, first: Table) -> tuple[IntArray, IntArray] | None:
+    """(n,) the hard settings of the first run that are nearest to those of each planned row, by their number, and (m,)
+    the numbers of those of its own rows; None without whole plots.
+    """
+    hard = [f for f in run_list.hard if f.name in first.columns]
+    if not hard or "whole_plot" not in first.columns:
+        return None
+    there = np.column_stack([first.columns[f.set_name if f.set_name in first.columns else f.name] for f in hard])
+    asked = np.column_stack([np.array(run_list.column(f.name), np.float64) for f in hard])
+    kinds, own = np.unique(there, axis=0, return_inverse=True)
+    span = np.where(np.ptp(there, axis=0) > 0.0, np.ptp(there, axis=0), 1.0)
+    apart = np.sum(((asked[:, None] - kinds) / span) ** 2, axis=2)
+    return np.argmin(apart, axis=1), own.reshape(-1)
+
+
+def _means(v: FloatArray, group: FloatArray | IntArray) -> tuple[FloatArray, FloatArray]:
+    """Means of the groups, ascending, and (n,) that of each row."""
+    index = np.unique(group, return_inverse=True)[1].reshape(-1)
+    means = np.bincount(index, v) / np.bincount(index)
+    return means, means[index]
+
+
+def _stays(v: FloatArray, group: FloatArray | IntArray) -> bool:
+    """Whether a recorded quantity hardly varies within groups of rows, and differs between them."""
+    return bool(np.sum((v - _means(v, group)[1]) ** 2) < WITHIN * np.sum((v - v.mean()) ** 2))
 
 
 def usable_term(label: str, factors: Sequence[str]) -> str:
@@ -290,9 +325,11 @@ def _of_points(run: GeneralProcedure, rows: list[list[float]]) -> GeneralProcedu
 
 
 def _determined(procedure: GeneralProcedure) -> bool:
-    """Whether the settings of a procedure determine the declared models."""
+    """Whether the settings of a procedure determine the declared models, and the error between whole plots beside."""
+    run_list = procedure.expand()
     try:
-        check_declared(procedure, procedure.expand())
+        check_declared(procedure, run_list)
     except FitError:
         return False
-    return True
+    freedom = (found.freedom.whole_plots for _, _, found in evaluations(procedure, run_list))
+    return all(df is None or df > 0 for df in freedom)

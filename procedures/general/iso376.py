@@ -14,7 +14,7 @@ import numpy as np
 
 from fitter.arrays import FloatArray, IntArray
 from fitter.errors import FitError
-from procedures.general.directions import SIDES, are_directions
+from procedures.general.directions import are_directions, sides_of
 from procedures.general.infer import CurveCalibration
 from procedures.general.order import codes
 from procedures.general.series import Series
@@ -48,7 +48,7 @@ def _direction(table: Table, series: Series) -> FloatArray:
     if values.dtype.kind == "f":
         found = values
     elif are_directions(values.tolist()):
-        found = np.array([SIDES[word.strip().lower()] for word in values.tolist()])
+        found = sides_of(values.tolist())
     if (np.sign(found) == 0).any():
         raise FitError(f"--direction: {series.direction} has to say of every row whether the force rises or falls")
     return np.asarray(np.sign(found), np.float64)

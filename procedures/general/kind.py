@@ -120,10 +120,12 @@ class GeneralKind(Kind):
                 return trace_run(asked, own)
             read = reader_of(source.table)
         from procedures.general.column_roles import Roles  # noqa: PLC0415
+        from procedures.general.directions import read_direction  # noqa: PLC0415
         from procedures.general.evaluate import trace_general_table  # noqa: PLC0415
 
         if options.response is None or options.formula is None:
             raise DataError("--response needs --formula, the declared model, such as --formula '1 + x'")
+        direction, sides = (None, None) if options.direction is None else read_direction(options.direction)
         roles = Roles(
             options.response,
             options.formula,
@@ -131,7 +133,8 @@ class GeneralKind(Kind):
             whole_plot=_names([options.whole_plot] if options.whole_plot else None),
             replicate=options.replicate,
             time=options.time,
-            direction=options.direction,
+            direction=direction,
+            sides=sides,
             candidates=None if options.candidates is None else _names(options.candidates),
             ignore=_names(options.ignore),
             wrap=options.wrap,

@@ -14,7 +14,13 @@ from fitter.errors import FitError
 from procedures.errors import DataError
 from procedures.general.clock_texts import is_clock
 from procedures.general.column_roles import Roles, read_roles
-from procedures.general.directions import are_directions, named_direction
+from procedures.general.directions import (
+    are_directions,
+    direction_option,
+    likely_words,
+    named_direction,
+    read_direction,
+)
 from procedures.general.first_model import alike, curved
 from procedures.general.fit import fit_general
 from procedures.general.models.units import unit_in
@@ -119,7 +125,7 @@ def _fixed(table: Table) -> Iterator[tuple[str, str]]:
         role = "text"
         if given and is_clock(given) and "time" not in taken:
             role = "date" if not any(":" in cell for cell in given) else "time"
-        elif levels == 2 and are_directions(given):
+        elif levels == 2 and (are_directions(given) or _words_of(table, name) is not None):
             role = "direction"
         elif 2 <= levels <= len(given) // 3:
             role = "group"
@@ -146,6 +152,12 @@ def _fixed(table: Table) -> Iterator[tuple[str, str]]:
         elif "time" not in taken and _TIME.search(name) and (np.diff(known) >= 0).mean() > 0.95:
             taken.add("time")
             yield name, "time"
+
+
+def _words_of(table: Table, name: str) -> tuple[str, str] | None:
+    """Words for up and down of a column of text, if they are no known ones, and go with the changes of a number."""
+    settings = (v for v in table.columns.values() if np.isfinite(v).all())
+    return likely_words(table.text[name].tolist(), settings) if name in table.text else None
 
 
 def _counts_rows(name: str, table: Table) -> bool:
@@ -265,14 +277,17 @@ def _options(table: Table, roles: Mapping[str, str]) -> dict[str, str]:
     for role in ("direction", "replicate", "group"):
         if role in by_role and "," not in by_role[role][0]:
             found[role] = by_role[role][0]
+    if "direction" in found:
+        found["direction"] = direction_option(found["direction"], _words_of(table, found["direction"]))
     return found
 
 
 def _roles(options: Mapping[str, str]) -> Roles:
     group = (options["group"],) if "group" in options else ()
+    direction, sides = read_direction(options["direction"]) if "direction" in options else (None, None)
     return Roles(
         options["response"], options["formula"], group=group, replicate=options.get("replicate"),
-        time=options.get("time"), date=options.get("date"), direction=options.get("direction"),
+        time=options.get("time"), date=options.get("date"), direction=direction, sides=sides,
     )  # fmt: skip
 
 

@@ -69,7 +69,7 @@ class TraceOptions(Options):
     direction: str | None = Field(
         None,
         description="column of +-1, of words (up, down), or of a velocity; or a setting, for the side it was "
-        "approached from",
+        "approached from; of two other words: COLUMN=UP,DOWN",
     )
     candidates: list[str] | None = Field(None, description="the only other columns to look at; repeatable, or a,b")
     ignore: list[str] | None = Field(None, description="column(s) not to look at; repeatable, or a,b")

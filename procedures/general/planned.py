@@ -9,6 +9,7 @@ import numpy as np
 from fitter.arithmetic_text import parse_expression
 from fitter.arrays import FloatArray
 from fitter.errors import FitError
+from fitter.split_plot import SplitPlotDesign
 from procedures.budgeting import Expected
 from procedures.column_names import stem_of
 from procedures.errors import DataError
@@ -88,12 +89,12 @@ class _Noise:
         self._plots, self._ratio = plots, ratio
 
     def of(self, fitted: FloatArray | None) -> FloatArray:
-        """(n,) of one sensor; residuals of exactly 1 about the (n, k) columns of its model without whole plots."""
-        noise = self._rng.normal(size=self._n)
-        if self._plots is not None and len(set(self._plots.tolist())) < self._n:
-            number = np.unique(self._plots, return_inverse=True)[1]
-            return np.asarray(noise + self._ratio * self._rng.normal(size=number.max() + 1)[number])
+        """(n,) of one sensor: a fit of its model, with (n, k) columns, has the declared standard deviations exactly."""
         basis = np.ones((self._n, 1)) if fitted is None else fitted
+        if self._plots is not None and len(set(self._plots.tolist())) < self._n:
+            design = SplitPlotDesign(basis, self._plots, [f"c{k}" for k in range(basis.shape[1])])
+            return design.expected_errors(self._ratio**2, self._rng)
+        noise = self._rng.normal(size=self._n)
         left = noise - basis @ np.linalg.lstsq(basis, noise, rcond=None)[0]
         return np.asarray(left * np.sqrt(max(self._n - basis.shape[1], 1)) / np.linalg.norm(left))
 
@@ -102,7 +103,7 @@ def _words(procedure: GeneralProcedure, told: list[str], known: Mapping[str, str
     each = (f"{name} = {procedure.expect.output[name]} with sd {procedure.expect.sigma[name]:g}" for name in told)
     yield f"outputs as expected, {'; '.join(each)} ([expect])"
     if any(factor.hard for factor in procedure.factors.values()):
-        yield "one draw of the errors of whole plots"
+        yield f"errors of whole plots {procedure.expect.whole_plot_ratio:g} times as large (expect.whole_plot_ratio)"
     left = [name for name in known if name not in told]
     if left:
         yield f"{', '.join(left)} without a forecast: expect.output and expect.sigma have not both"

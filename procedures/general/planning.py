@@ -131,6 +131,21 @@ def check_declared(procedure: GeneralProcedure, run_list: RunList) -> None:
         )
 
 
+def _why_not(procedure: GeneralProcedure, sensor: str, run_list: RunList) -> str:
+    """Why no precision of a model is predicted, as the end of a sentence."""
+    own = procedure.model.own
+    formula = formulas_of(procedure).get(sensor if sensor in own else "")
+    if formula is None:
+        return (
+            "its model is not linear in its coefficients, so their errors depend on their values; expect.output and "
+            "a register of equipment give total uncertainties (docs/register.md)"
+        )
+    read = [name for name in formula.names if name not in {factor.name for factor in run_list.factors}]
+    if not read:
+        return "its model has texts or levels that are only known when they are recorded"
+    return f"{', '.join(read)} of its model {'is' if len(read) == 1 else 'are'} only known when read"
+
+
 def precision(procedure: GeneralProcedure, run_list: RunList) -> Precision:
     """Standard error of every coefficient, and of the fitted value over the design."""
     expect, rows, further, cells = procedure.expect, [], [], []
@@ -139,8 +154,7 @@ def precision(procedure: GeneralProcedure, run_list: RunList) -> Precision:
         formula, found = models.get(sensor if sensor in procedure.model.own else "", (None, None))
         if formula is None or found is None:
             further.append(
-                f"{sensor or 'the model'}: no precision is predicted: its model is not linear in its coefficients, or "
-                f"has quantities that are only known when they are read"
+                f"{sensor or 'the model'}: no precision is predicted: {_why_not(procedure, sensor, run_list)}"
             )
             continue
         sigma, who = expect.sigma.get(sensor), sensor or "any sensor"

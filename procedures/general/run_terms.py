@@ -9,6 +9,7 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from procedures.general.effects import OF_CONSTANT, TableEffect
+from procedures.general.effects.columns import without_side
 from procedures.general.effects.literal import Rows, column
 from procedures.general.effects.scene import Profile, TableTerm
 from procedures.general.effects.time_columns import of_start
@@ -68,7 +69,7 @@ def columns_of(effect: TableEffect, block: TableTerm, sensor: str, sizes: FloatA
         sensor: its output.
         sizes: (d,) coefficients of its columns: one constant changes them all.
     """
-    own = np.array([not of_start(label) for label in block.labels])
+    own = np.array([not (of_start(label) or without_side(label)) for label in block.labels])
     for at in np.flatnonzero(own).tolist():
         yield RunTerm(effect, Label(block.labels[at]), sensor, block, at)
     sizes = sizes * own

@@ -153,8 +153,7 @@ class Whole:
     def started(self, output: str) -> FloatArray:
         """(n, c) decays from the first row of every later session on: it is not known what stood before, for how long.
 
-        And the first row of a later run itself, if the direction of its approach is unknown and an explanation needs
-        it.
+        And the first rows of every run, as long as the side of their approach is unknown, if an explanation needs it.
         """
         t, known = self.table.columns[TIME], self.remembered.get(output, Remembered())
         inside = interruptions(self.table.columns.get(BLOCK), MOST_INTERRUPTIONS + len(self.begins) - 1)
@@ -164,8 +163,9 @@ class Whole:
         every = itertools.product(range(1, len(begins)), known.constants)
         columns = [np.where(session == k, np.exp(-since / tau), 0.0) for k, tau in every]
         sides = [self.table.columns[name] for name in known.sides if name in self.table.columns]
-        unknown = [begin for begin in self.begins[1:] if any(side[begin] == 0.0 for side in sides)]
-        columns += [(np.arange(len(t)) == begin).astype(np.float64) for begin in unknown]
+        run = np.searchsorted(self.begins, np.arange(len(t)), side="right") - 1
+        unknown = [(side == 0.0) & (run == k) for side in sides for k in range(len(self.begins))]
+        columns += [rows.astype(np.float64) for rows in unknown if rows.any()]
         return np.column_stack([np.zeros((len(t), 0)), *columns])
 
 

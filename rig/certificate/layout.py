@@ -283,7 +283,8 @@ def _effects(document: Document) -> Iterator[Block]:
         )
         for one in document.effects
     ]
-    yield _texts("", heads, rows, notes=words.EFFECTS)
+    sure = all(one.confirmed for one in document.effects)
+    yield _texts("", heads, rows, notes=(words.EFFECTS if sure else f"{words.EFFECTS} {words.UNCONFIRMED}",))
 
 
 def _deviations(document: Document) -> Iterator[Block]:

@@ -29,10 +29,8 @@ INFERRED = (
 )
 CONDITIONS = ("Of all accepted observations of the run.",)
 CONFORMITY = ("The statements hold for the results above, at the time of the calibration.",)
-EFFECTS = (
-    "The declared model does not have these effects; they were found in the data of the run. The cause of an effect "
-    "that is not confirmed is inferred from these data alone.",
-)
+EFFECTS = "The declared model does not have these effects; they were found in the data of the run."
+UNCONFIRMED = "The cause of an effect that is not confirmed is known by these data alone."
 EVIDENCE = (
     "Every number above comes from this run file. Its head hash is the fingerprint of all of its records: "
     "`rig verify FILE --head HASH` shows whether a copy of the file is the one that this certificate was made from.",

@@ -7,13 +7,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rich.markup import escape
-from rich.table import Column, Table
+from rich.table import Table
 
 from procedures.durations import duration
 from rig.cli.show import err, mark, out, print_json
 from rig.errors import ExitCode
 
 if TYPE_CHECKING:
+    from fitter.confirm import Confirmation
     from rig.closed_loop.confirm.answers import Confirmed
     from rig.closed_loop.confirm.first import First
     from rig.closed_loop.confirm.proposal import Proposal
@@ -61,23 +62,20 @@ def show_proposals(
     from rig.closed_loop.confirm.proposal import SURE  # noqa: PLC0415
     from rig.closed_loop.confirm.proposals import otherwise  # noqa: PLC0415
 
-    table = Table("", "run", "points", "bench time", "pairs separated", "nearest pair", "shown by")
     shown = proposals if every else proposals[: max(take, SHOWN)]
+    width = len(str(len(shown)))
     for number, proposal in enumerate(shown, start=1):
+        colour = "[green]" if number == take else "[default]"
+        out.print(f"{colour}{number:>{width}}  {escape(proposal.variation.what)}[/]", soft_wrap=True)
         separated, pairs = proposal.separated
-        table.add_row(
-            f"[green]{number}[/]" if number == take else str(number),
-            proposal.variation.what,
-            proposal.size,
-            duration(proposal.hours * 3600.0),
-            f"{separated} of {pairs}" if pairs else "-",
-            "-" if proposal.nearest is None else _weakest(*proposal.nearest),
-            _weakest(*proposal.shown),
-        )
-    out.print(table)
+        told = [f"{proposal.size} points, {duration(proposal.hours * 3600.0)}"]
+        told += [f"{separated} of {pairs} pairs separated"] if pairs else []
+        told += [] if proposal.nearest is None else [f"nearest pair {_weakest(*proposal.nearest)}"]
+        told += [f"weakest cause {_weakest(*proposal.shown)}"]
+        out.print(f"{' ' * width}  {'; '.join(told)}", soft_wrap=True)
     out.print(
-        f"  pairs separated: with probability {SURE:.0%} or more; nearest pair, and weakest cause against none: "
-        "expected standard errors, and the probability that they are enough",
+        f"  time: of the bench; pairs separated: with probability {SURE:.0%} or more; nearest pair, and weakest cause "
+        "against none: expected standard errors, and the probability that they are enough",
         soft_wrap=True,
     )
     if len(proposals) > len(shown):
@@ -95,7 +93,7 @@ def _weakest(chance: float, sigmas: float) -> str:
 
 def show(confirmed: Confirmed, listed: Mapping[str, Any], report: Path | None, *, as_json: bool) -> int:
     """Verdicts, errors and sentences, and the report; returns the exit code."""
-    from rig.closed_loop.confirm.answers import chance, sentences, sizes  # noqa: PLC0415
+    from rig.closed_loop.confirm.answers import sentences  # noqa: PLC0415
 
     code = ExitCode.DONE if confirmed.settled else ExitCode.OUTSIDE_ACCEPTANCE
     if as_json:
@@ -105,23 +103,7 @@ def show(confirmed: Confirmed, listed: Mapping[str, Any], report: Path | None, *
     by = ", ".join(map(str, confirmed.paths)) + f" ({duration(3600.0 * confirmed.bench_h)} of bench time)"
     out.print(f"\n{mark(confirmed.first.simulated)}judged by {escape(by)}", soft_wrap=True)
     for answer in confirmed.answers:
-        out.print(f"\n[bold]{escape(answer.effect)}[/]: [bold]{answer.verdict}[/]")
-        shown = "shown by"
-        table = Table(Column("cause", no_wrap=True), "behind by", shown, "same size?", "size in the further run, 95 %")
-        for member in answer.members:
-            table.add_row(
-                f"[green]{escape(member.effect)}[/]" if member.holds else escape(member.effect),
-                f"{member.sigmas:.1f} sd",
-                f"{member.shown:.1f} sd (limit {member.limit:.1f}), p {chance(member.p_shown)}",
-                f"p {member.p_changed:.2g}" + ("" if member.fits else ", does not fit"),
-                escape("\n".join(sizes(member)) or "not told"),
-            )
-        out.print(table)
-        if answer.outliers:
-            which = ", ".join(str(row + 1) for row in answer.outliers)
-            out.print(
-                f"  [yellow]observations {which} of the further run are outliers and were left out[/]", soft_wrap=True
-            )
+        show_answer(answer)
     columns = ("declared model", "with the effects", "scatter of a reading")
     errors = Table(f"error on the further run / {confirmed.unit}", *columns)
     for name, e in confirmed.judged.errors.items():
@@ -135,6 +117,28 @@ def show(confirmed: Confirmed, listed: Mapping[str, Any], report: Path | None, *
         out.print(escape(sentence), soft_wrap=True)
     _write_report(confirmed, report)
     return code
+
+
+def show_answer(answer: Confirmation) -> None:
+    """A verdict, and every cause with its evidence and size."""
+    from rig.closed_loop.confirm.answers import chance, sizes  # noqa: PLC0415
+
+    out.print(f"\n[bold]{escape(answer.effect)}[/]: [bold]{answer.verdict}[/]")
+    for member in answer.members:
+        cause = f"[green]{escape(member.effect)}[/]" if member.holds else escape(member.effect)
+        out.print(f"  {cause}{'' if member.holds else ': does not hold'}", soft_wrap=True)
+        fits = "" if member.fits else "; does not fit the further run"
+        behind = f"{member.sigmas:.1f} standard errors behind the best; " if member.sigmas else ""
+        clear = f"{member.shown:.1f} standard errors (limit {member.limit:.1f}), p {chance(member.p_shown)}"
+        same = f"the same size in both runs: p {member.p_changed:.2g}"
+        out.print(f"    {behind}shown by {clear}; {same}{fits}", soft_wrap=True)
+        size = sizes(member) or ["not told"]
+        out.print("    size in the further run, 95 %: " + escape(f"\n{' ' * 35}".join(size)), soft_wrap=True)
+    if answer.outliers:
+        which = ", ".join(str(row + 1) for row in answer.outliers)
+        out.print(
+            f"  [yellow]observations {which} of the further run are outliers and were left out[/]", soft_wrap=True
+        )
 
 
 def _write_report(confirmed: Confirmed, report: Path | None) -> None:

@@ -159,6 +159,9 @@ class ByHand:
             self._answer = person.answer()
         if self._answer is None or step is None:
             return False
+        if not by_request and person is not None and isinstance(step, HandStep) and step.refuses(self._answer[0]):
+            self._answer, self._there = None, person.asked(step)  # as a real person: asked again
+            return False
         value, who = self._answer
         number = None if value is None else float(value)
         waited_s = round(self._journal.elapsed() - self._asked_s, 3)

@@ -134,7 +134,7 @@ class Plan(Result):
 
     def _precise(self) -> Iterator[Block]:
         precise = self.precision
-        if precise.columns:
+        if precise.cells:
             grid = Grid(precise.columns, title="Predicted precision")
             for row in precise.cells:
                 grid.add_row(*row)

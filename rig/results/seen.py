@@ -67,6 +67,12 @@ class SeenTable:
         if self.command:
             yield Line("Roles are a proposal by names and values. Nothing was fitted. A command to begin with:")
             yield Line(f"  {escape(self.command)}")
+            direction = self.seen.trace.get("direction", "")
+            if self._of == "fit" and "=" in direction:  # two words that only a person knows for sure
+                words = f"{direction.rpartition('=')[0]} looks like the side of approach; rig trace takes it by"
+                yield Line(
+                    escape(f"{words} --direction {shlex.quote(direction)}, the upward word first."), wrapped=True
+                )
             if self.seen.curve:
                 yield Line(escape(self.seen.curve), wrapped=True)
             if others := self.seen.responses[1:]:

@@ -47,9 +47,17 @@ class SimulatedPerson:
         if step is None:
             return None
         self._step = None
-        number = self._truth.states if step.value else None
-        self._sim.by_hand(step.change, number)
-        return (None if number is None else repr(number)), _NAME
+        number = self._states(step) if step.value else None
+        stated = None if number is None else repr(number)
+        if not step.refuses(stated):
+            self._sim.by_hand(step.change, number)
+        return stated, _NAME
+
+    def _states(self, step: HandStep) -> float:
+        """The number of the world file; without one the middle of the step's range, 0 where it has none."""
+        if self._truth.states is not None:
+            return self._truth.states
+        return 0.0 if step.low is None or step.high is None else 0.5 * (step.low + step.high)
 
     def recall_setting(self, factor: str, value: float) -> None:
         """See `Person.recall_setting`."""

@@ -12,7 +12,7 @@ from collections import Counter
 from dataclasses import dataclass, field, replace
 
 from sims.noise import normal
-from sims.physics.fields import BySensor, Switch, accepts, quantity
+from sims.physics.fields import BySensor, Number, Switch, accepts, quantity
 from sims.physics.undeclared import Effects
 
 PADS_LOCKED, REMOUNTED, OTHER_VOLTMETER, OTHER_GAUGE = "pads-locked", "remount", "voltmeter-swapped", "gauge-swapped"
@@ -34,13 +34,14 @@ class PersonTruth:
     Attributes:
         comes: whether a person comes when a step by hand is asked for.
         after_s: time until the step is done.
-        states: number that the person states if one is asked for.
+        states: number that the person states if one is asked for; None for the middle of the accepted range, 0 without
+            one.
         sets_s: time until a factor is set, when that is asked for.
     """
 
     comes: bool = field(default=True, metadata=accepts(Switch()))
     after_s: float = quantity(600.0, 1.0, 1e6)
-    states: float = quantity(0.0)
+    states: float | None = field(default=None, metadata=accepts(Number(-1e9, 1e9)))
     sets_s: float = quantity(30.0, 0.1, 1e6)
 
 

@@ -25,6 +25,8 @@ MOVES_WITH = 0.9
 RESOLVED = 1000
 """Parts of a range: settings that were read back scatter by less than one."""
 FEWEST_FOR_KNOT, FEWEST_FOR_WAVE = 10, 24
+NO_SIDE, NO_SIZE = " == 0)", 1e-9
+"""Condition of a row without a side, and the size below which a factor of it is rounding."""
 _ONE_WORD = re.compile(r"[\w.]+(\([^()]*\))?")
 
 Terms = Sequence[TableTerm]
@@ -192,7 +194,7 @@ def harmonic(scene: TableScene, name: str) -> Terms:
 
 def side(scene: TableScene, name: str) -> Terms:
     """The direction itself."""
-    return () if scene.direction is None else (TableTerm((name,), scene.direction[1][:, None]),)
+    return _sided(scene, name, np.ones(scene.n), "")
 
 
 def speed(scene: TableScene, name: str) -> Terms:
@@ -216,22 +218,34 @@ def speed(scene: TableScene, name: str) -> Terms:
 
 def side_times(scene: TableScene, name: str, variable: str) -> Terms:
     """The direction times a setting."""
-    if scene.direction is None:
-        return ()
     v = scene.of(variable)
-    text = f"{name} * {power_text(variable, origin(v), 1)}"
-    return (TableTerm((text,), (scene.direction[1] * (v - origin(v)))[:, None]),)
+    return _sided(scene, name, v - origin(v), f" * {power_text(variable, origin(v), 1)}")
 
 
 def loop(scene: TableScene, name: str, variable: str) -> Terms:
     """The direction times a parabola that is zero at both ends of a setting's range: a hysteresis loop."""
-    if scene.direction is None:
-        return ()
     v = scene.of(variable)
     half = rounded(0.5 * float(np.ptp(v)), float(np.ptp(v)))
     u = (v - middle(v)) / half
-    text = f"{name} * (1 - (({less(variable, middle(v))})/{half:.15g})^2)"
-    return (TableTerm((text,), (scene.direction[1] * (1.0 - u**2))[:, None]),)
+    return _sided(scene, name, 1.0 - u**2, f" * (1 - (({less(variable, middle(v))})/{half:.15g})^2)")
+
+
+def _sided(scene: TableScene, name: str, factor: FloatArray, text: str) -> Terms:
+    """The direction times a factor; rows whose side is not known have a column of their own, as of an unknown side."""
+    if scene.direction is None:
+        return ()
+    direction = scene.direction[1]
+    labels, columns = [f"{name}{text}"], [direction * factor]
+    unknown = np.where((direction == 0.0) & (scene.speed is None), factor, 0.0)
+    if np.any(np.abs(unknown) > NO_SIZE):
+        labels.append(f"({name}{NO_SIDE}{text}")
+        columns.append(unknown)
+    return (TableTerm(tuple(labels), np.column_stack(columns)),)
+
+
+def without_side(label: str) -> bool:
+    """Whether a column of an effect of direction is that of rows whose side is not known: no part of the effect."""
+    return NO_SIDE in label
 
 
 def searched(values: Sequence[float] | FloatArray, at: Callable[[float], TableTerm], *, log: bool = False) -> Terms:

@@ -183,15 +183,17 @@ class TableTerm:
         """The same for some of the rows."""
         return replace(self, columns=self.columns[kept], profile=self.profile and self.profile.rows(kept))
 
-    @property
+    @cached_property
     def price(self) -> int:
         """Columns it spends, a searched constant counted as one.
 
         Schwarz' price of a column is the logarithm of the rows that tell its coefficient. Of a level these are its own
-        and not all: as random effects levels cost no more (Pauler, Biometrika 85 (1998) 13).
+        and not all: as random effects levels cost no more (Pauler, Biometrika 85 (1998) 13). So a column of one row,
+        beside others, costs nothing.
         """
         n, width = (int(size) for size in self.columns.shape)
         if self.of_levels and width > 0 and n > 1:
             own = max(n / (width + 1), 2.0)
             return max(ceil(width * log(own) / log(n)), 1)
-        return width + (self.profile is not None)
+        of_one_row = int(np.sum(np.count_nonzero(self.columns, axis=0) == 1))
+        return max(width - of_one_row, min(width, 1)) + (self.profile is not None)

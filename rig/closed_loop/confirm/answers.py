@@ -110,6 +110,7 @@ class Confirmed:
                     "sigmas_behind": m.sigmas,
                     "p_changed": m.p_changed,
                     "sigmas_shown": m.shown,
+                    "sigmas_expected": m.expected,
                     "p_shown": m.p_shown,
                     "limit_sigmas": m.limit,
                     "fits": m.fits,
@@ -185,6 +186,8 @@ def _sentence(answer: Confirmation) -> str:
         return f"{answer.effect} is confirmed by a further run{excluded}."
     if answer.verdict == "replaced":
         return f"What was named {answer.effect} is {answer.members[0].effect}: a further run distinguishes them."
+    if answer.cannot_tell:
+        return _cannot_tell(answer)
     if answer.verdict == "not shown":
         return f"The further run does not show {answer.effect}: it is not distinguishable from zero."
     if answer.verdict == "undecided":
@@ -192,6 +195,20 @@ def _sentence(answer: Confirmation) -> str:
     return (
         f"{_listed([m.effect for m in answer.members])}: different sizes in the two runs, or more than error remains "
         f"with it. The cause is a different one, or it changed between the runs."
+    )
+
+
+def _cannot_tell(answer: Confirmation) -> str:
+    best = answer.members[0]
+    why = (
+        f": its {answer.used_up} groups of readings with a common error (whole plots or replications) leave no degrees "
+        "of freedom beside the coefficients of the declared model that differ between them"
+        if answer.used_up
+        else ""
+    )
+    return (
+        f"The further run cannot tell whether {answer.effect} is there: as large as in the first run, it would show it "
+        f"by {best.expected:.1f} standard errors{why}. A longer further run, or one with more whole plots, is needed."
     )
 
 
