@@ -134,8 +134,9 @@ class Confirmation:
 
     @property
     def cannot_tell(self) -> bool:
-        """Whether it is not shown, or undecided, because the later run would show no explanation that holds, as large as
-        in the first run.
+        """Whether it is not shown, or undecided, because the later run would show no explanation that holds.
+
+        That is, not even if it is as large as in the first run.
         """
         unsettled = self.verdict in ("not shown", "undecided")
         return unsettled and all(m.expected < m.limit for m in self.members if m.holds)
