@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Collection, Iterator, Mapping
 
 import numpy as np
@@ -203,12 +204,14 @@ def _of_order(procedure: GeneralProcedure, run_list: RunList) -> Iterator[str]:
     places = np.arange(float(len(run_list)))
     for name, factor in procedure.factors.items():
         once = procedure.replications == 1 and factor.order == AS_WRITTEN and not factor.hard
-        if swept(np.array(run_list.column(name)), places):
+        column = run_list.column(name)
+        again = len(list(itertools.groupby(column))) > len(set(column))
+        if swept(np.array(column), places):
             yield (
                 f"{name} changes in one direction only: its effect and a drift of any shape look alike; use "
                 f'order = "up-down" or "random", or replications'
             )
-        elif once and len(run_list.levels(run_list.factor(name))) > 2:
+        elif once and not again and len(set(column)) > 2:
             yield (
                 f"{name} is set in one order, once: its effect and a drift look alike; use "
                 f'order = "up-down" or "random", or replications'
