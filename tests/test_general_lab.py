@@ -144,6 +144,21 @@ def test_whole_plots_of_a_file_as_written_keep_their_order(tmp_path, numbered):
     assert run_list.whole_plots == (12 if numbered else 10), "neighbours with the same setting share one, if not numbered"
 
 
+def test_a_factor_that_is_varied_and_in_no_model_is_said_to_be_left_to_the_residual(tmp_path):
+    files = written(tmp_path, TWO_FACTORS.replace("HARD\n[design]\nDESIGN\n", ""), TWO)
+    bath = "bath_degC is varied and in no sensor's model"
+
+    def said(formula, more=""):
+        text = re.sub(r'formula = ".*"', f'formula = "{formula}"', files[0].read_text()) + more
+        return [one.sentence for one in advice(parse_procedure(text, "p")) if bath in one.sentence]
+
+    (one,) = said("1 + line_psia")
+    assert "goes into the residual, and calibrations hold at its mean (25); `+ bath_degC` in model.formula" in one
+    assert not said("1 + line_psia + bath_degC")
+    assert not said("1 + line_psia + oven_air_degC"), "a thermometer may follow it"
+    assert not said("1 + line_psia", '[model.cell]\nformula = "1 + line_psia + bath_degC"\n')
+
+
 def test_whole_plots_as_written_whose_rows_are_apart_are_refused(tmp_path):
     rows = "whole_plot,bath_degC,line_psia\n1,10,1\n2,40,1\n1,10,5\n"
     procedure = TWO_FACTORS.replace("HARD\n[design]\nDESIGN\n", 'hard = true\norder = "as written"\n')
