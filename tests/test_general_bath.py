@@ -118,6 +118,7 @@ def test_limits_without_the_value_at_rest_are_said_to_need_it(tmp_path):
     with pytest.raises(RigError, match="nothing had been set yet: the limits have to include the value at rest"):
         rehearse(load_plan(procedure, bench_file), lambda _: None)
 
+
 IN_A_BOX = f"""name = "a box"
 {lab.DVM}{lab.CHAMBER}{THERMOMETER.replace("NAME", "air_degC")}place = "bath_degC"
 follows_s = 900

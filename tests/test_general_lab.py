@@ -141,7 +141,7 @@ def test_whole_plots_of_a_file_as_written_keep_their_order(tmp_path, numbered):
     assert run_list.column("line_psia") == [1, 5, 3, 1] * 12
     plots = [point.whole_plot for point in run_list.points]
     assert plots == sorted(plots)
-    assert run_list.whole_plots == (12 if numbered else 10), "neighbours with the same setting share one, if not numbered"
+    assert run_list.whole_plots == (12 if numbered else 10), "neighbours share one if not numbered"
 
 
 def test_a_factor_that_is_varied_and_in_no_model_is_said_to_be_left_to_the_residual(tmp_path):
@@ -162,7 +162,7 @@ def test_a_factor_that_is_varied_and_in_no_model_is_said_to_be_left_to_the_resid
 def test_whole_plots_as_written_whose_rows_are_apart_are_refused(tmp_path):
     rows = "whole_plot,bath_degC,line_psia\n1,10,1\n2,40,1\n1,10,5\n"
     procedure = TWO_FACTORS.replace("HARD\n[design]\nDESIGN\n", 'hard = true\norder = "as written"\n')
-    with pytest.raises(ConfigurationError, match="whole plot 1 of the points are not together.*number of their own"):
+    with pytest.raises(ConfigurationError, match=r"whole plot 1 of the points are not together.*number of their own"):
         from_file(tmp_path, procedure, rows, TWO)
 
 

@@ -29,7 +29,15 @@ from procedures.fault_policies import (
     FaultSettings,
     Policy,
 )
-from procedures.general.design import MOST_POINTS, DesignSettings, Points, Setting, check_whole_plots, optimal_rows, rows_of
+from procedures.general.design import (
+    MOST_POINTS,
+    DesignSettings,
+    Points,
+    Setting,
+    check_whole_plots,
+    optimal_rows,
+    rows_of,
+)
 from procedures.general.factors import FACTOR_NAME, HEAD_ANGLES, FactorSettings
 from procedures.general.orders import sides, visits
 from procedures.general.response import response_of
