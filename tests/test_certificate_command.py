@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from certificate_lab import ISSUED, REGISTER, SETTINGS, settled, stand
 from command import rig
+from dry import SHORT, dry
 from general_lab import BENCH, PROCEDURE, WORLD, run_dry
 
 from fitter.budget.rounding import rounded
@@ -382,6 +383,17 @@ def test_a_doubtful_name_is_refused_until_it_is_confirmed(made, monkeypatch, run
     assert effect.cause == "what the trace of the run named creep"
     confirmed.answers = (SimpleNamespace(effect="creep", verdict="undecided", members=(other,)),)
     assert list(doubtful(outcomes, confirmed)) == [("cell_V", finding)]
+
+
+def test_a_further_run_of_another_kind_or_bench_is_refused_with_what_to_run(run, tmp_path):
+    few = SHORT.replace("replications = 2", "replications = 1")
+    (reason,) = reasons(run, tmp_path, confirmed_by=(dry(tmp_path / "attitude", text=few),))
+    assert "is a pitch-roll run and" in reason
+    assert f"rig confirm {run} --list shows those that would confirm it" in reason
+    other, _ = run_dry(tmp_path / "other", PROCEDURE, bench=BENCH.replace("a stand", "another stand"))
+    (reason,) = reasons(run, tmp_path, confirmed_by=(other,))
+    assert "was made on bench another stand" in reason
+    assert f"rig confirm {run} --list shows the runs that would confirm them" in reason
 
 
 @pytest.mark.parametrize(

@@ -9,8 +9,11 @@ from pathlib import Path
 
 import pytest
 
+from fitter.split_plot import fit_split_plot
 from procedures.general.of_runs import Asked, fit_run
 from procedures.general.planned import expected_run
+from procedures.pressure.planned import expected_run as expected_pressures
+from procedures.pressure.precision import coded_columns
 from rig.closed_loop.promised import expired, promised
 from rig.config import parse_procedure
 from rig.controller import start_run
@@ -201,3 +204,14 @@ def test_certificates_that_expire_before_the_end_are_named_where_the_bench_has_n
     assert said.startswith(
         "equipment.toml: equipment.DVM-0102.certificate.due = 2027-01-31, and this run would end on 2027"
     )
+
+
+def test_the_forecast_of_a_pressure_run_has_its_declared_errors():
+    procedure = parse_procedure((PRESSURE_LAB / "procedure.toml").read_text(), "procedure.toml")
+    run_list = procedure.expand()
+    table = expected_pressures(procedure, run_list, {"cell_mV": "cell"}).table
+    names, columns = coded_columns(procedure, run_list)
+    fit = fit_split_plot(columns, table.columns["cell_mV"], table.columns["whole_plot"], names)
+    expect = procedure.expect
+    assert fit.sigma_subplot == pytest.approx(expect.sigma_subplot_mV, rel=1e-6)
+    assert fit.sigma_wholeplot == pytest.approx(expect.sigma_wholeplot_mV, rel=1e-6)

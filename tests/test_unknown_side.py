@@ -80,3 +80,12 @@ def test_a_row_without_a_side_has_that_of_the_change_before_it_also_across_whole
     )
     other = np.array([0.0, 1.0, 0.0, -1.0])
     np.testing.assert_array_equal(with_changes(other, [np.array([1.0, 0.0, 1.0, 2.0])]), other)
+
+
+def test_the_side_of_a_measured_setting_is_that_of_its_setpoints():
+    """Readings of a reference standard scatter while the setting stays, and have no side."""
+    columns = _run()
+    read = columns["supply_V"] + 1e-3 * np.random.default_rng(2).normal(size=54)
+    data = _data({**columns, "supply_V": read, "supply_set_V": columns["supply_V"]}, direction="supply_V")
+    assert data.scene.direction[0] == "side(supply_set_V)"
+    np.testing.assert_array_equal(data.scene.direction[1], columns["supply_side"])

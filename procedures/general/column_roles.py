@@ -329,7 +329,9 @@ def _direction(
             every = (columns[one] for name in settings for one in (_setpoint_of(name), name) if one in columns)
             side = with_changes(side, every)
         return f"sign({roles.direction})", side
-    return f"side({roles.direction})", with_changes(np.sign(np.diff(v, prepend=v[:1])), [v])
+    asked = _setpoint_of(roles.direction)  # readings of a standard also change where the setting stays
+    name, v = (asked, columns[asked]) if asked in columns else (roles.direction, v)
+    return f"side({name})", with_changes(np.sign(np.diff(v, prepend=v[:1])), [v])
 
 
 def _sides_in(roles: Roles, cells: Sequence[str]) -> FloatArray:

@@ -6,7 +6,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from fitter.split_plot import SplitPlotDesign
 from procedures.budgeting import Expected
+from procedures.pressure.precision import coded_columns
 from procedures.pressure.settings import WholePlotProcedure
 from procedures.run_list import RunList
 from procedures.table import Table
@@ -21,8 +23,10 @@ def expected_run(procedure: WholePlotProcedure, run_list: RunList, sensors: Mapp
     pressure, sensor, sse = (np.array(run_list.column(name), np.float64) for name in names)
     plot = np.array([point.whole_plot for point in run_list.points], np.int64)
     rng, n = np.random.default_rng(_SEED), len(pressure)
-    of_plot = rng.normal(0.0, expect.sigma_wholeplot_mV, int(plot.max()) + 1)[plot]
-    output = expect.sensitivity_mV_per_psi * pressure + of_plot + rng.normal(0.0, expect.sigma_subplot_mV, n)
+    terms, fixed = coded_columns(procedure, run_list)
+    ratio = (expect.sigma_wholeplot_mV / expect.sigma_subplot_mV) ** 2
+    errors = expect.sigma_subplot_mV * SplitPlotDesign(fixed, plot, terms).expected_errors(ratio, rng)
+    output = expect.sensitivity_mV_per_psi * pressure + errors
     column = next(iter(sensors))
     columns = {
         "whole_plot": plot.astype(np.float64),

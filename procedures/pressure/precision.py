@@ -19,12 +19,10 @@ def precision(procedure: WholePlotProcedure, run_list: RunList) -> Precision:
     """Precision of each term of the pressure model, as its change from the middle of the design to its end."""
     expect = procedure.expect
     set_to = np.array([p.setpoints for p in run_list.points])
-    middle, half = (set_to.max(axis=0) + set_to.min(axis=0)) / 2.0, np.ptp(set_to, axis=0) / 2.0
-    half = np.where(half > 0, half, 1.0)
-    coded = (set_to - middle) / half
+    middle, half = _coding(set_to)
     whole_plot = np.array([p.whole_plot for p in run_list.points])
     formula = named_formula(procedure.declared_model)
-    names, columns = formula.columns(dict(zip(_VARIABLES, coded.T, strict=True)))
+    names, columns = coded_columns(procedure, run_list)
     found = plan_precision(columns, whole_plot, expect.sigma_wholeplot_mV, expect.sigma_subplot_mV, names)
     sensitivity = expect.sensitivity_mV_per_psi
     rows = [
@@ -61,6 +59,21 @@ def precision(procedure: WholePlotProcedure, run_list: RunList) -> Precision:
         "expect.sigma_wholeplot_mV, sigma_subplot_mV",
         tuple(further),
     )
+
+
+def coded_columns(procedure: WholePlotProcedure, run_list: RunList) -> tuple[tuple[str, ...], FloatArray]:
+    """Names and columns (n, k) of the declared model, each variable coded from -1 to 1 over the design."""
+    set_to = np.array([p.setpoints for p in run_list.points])
+    middle, half = _coding(set_to)
+    coded = (set_to - middle) / half
+    names, columns = named_formula(procedure.declared_model).columns(dict(zip(_VARIABLES, coded.T, strict=True)))
+    return tuple(names), columns
+
+
+def _coding(set_to: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Middle and half range of each variable over (n, 3) settings; one in place of a range of zero."""
+    half = np.ptp(set_to, axis=0) / 2.0
+    return (set_to.max(axis=0) + set_to.min(axis=0)) / 2.0, np.where(half > 0, half, 1.0)
 
 
 _VARIABLES = ("P", "T_sensor", "T_SSE")

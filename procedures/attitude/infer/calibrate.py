@@ -26,7 +26,6 @@ from procedures.attitude.infer.sensor_model import SensorModel, Term
 from procedures.attitude.model import (
     AXES,
     COLUMNS,
-    attitude_columns,
     attitude_parameters,
     fit_columns,
     no_roll_parameters,
@@ -95,9 +94,10 @@ def calibrate_package(
     degC = data.sensor_temperature_degC
     reference = None if degC is None else float(np.mean(degC))
     warmth = np.zeros(len(data)) if degC is None else degC - np.mean(degC)
-    base = attitude_columns(data.pitch_deg, data.roll_deg, roll=data.has_roll)
-    g = data.g_M.T if data.has_roll else np.stack([base[:, 1], np.zeros(len(data)), -base[:, 2]])
-    models, maps, fits, solvers, residuals = [], [], [], [], []
+    base, g = data.rows.columns, np.empty((3, 0))
+    if effects or temperature:  # of a million rows it is a tenth of the memory
+        g = data.g_M.T if data.has_roll else np.stack([base[:, 1], np.zeros(len(data)), -base[:, 2]])
+    models, maps, fits, fitted, residuals = [], [], [], [], []
     tables, spreads = [], []
     left: set[str] = set()
     misfits: dict[str, Misfit] = {}
@@ -124,7 +124,7 @@ def calibrate_package(
         models.append(SensorModel(name, letter, to_model @ fit.coefficients, fit.sigma, fit.df, terms))
         maps.append(to_model)
         fits.append(fit)
-        solvers.append(fit.root @ (fit.root.T @ columns.T))
+        fitted.append(columns)
         residuals.append(y - fit.predict(columns))
         alone, extra = fit.first(base.shape[1]), columns[:, base.shape[1] :]
         corrected = residuals[-1] + alone.predict(base)
@@ -140,7 +140,7 @@ def calibrate_package(
             f"{'; '.join(lacking)}; model error, which repeats in every replication, is not in standard deviations, "
             "nor in the intervals of angles"
         )
-    covariance = _joint(fits, maps, solvers, np.array(residuals))
+    covariance = _joint(fits, maps, fitted, np.array(residuals))
     drift, told = _drift(chosen, tables, covariance, spreads, models)
     notes += [told] if told else []
     return AttitudeCalibration(
@@ -223,7 +223,7 @@ def _beside(
         RankError: the points do not determine the model with these effects.
     """
     # the plain fit has checked that no column of the model is zero; those of effects are volts and may be small
-    one_each = np.column_stack([base, *(columns.sum(axis=1) for columns in shapes.values())])
+    one_each = np.column_stack([base, *(columns.sum(axis=1) for columns in shapes.values())]) if shapes else base
     fit = least_squares(one_each, y, (*names, *shapes))
     owners = [effect for effect, columns in shapes.items() for _ in range(columns.shape[1])]
     if len(owners) == len(shapes):
@@ -272,19 +272,25 @@ def _as_it_drifts(covariance: FloatArray, spreads: Sequence[FloatArray], models:
 
 
 def _joint(
-    fits: Sequence[LinearFit], maps: Sequence[FloatArray], solvers: Sequence[FloatArray], residuals: FloatArray
+    fits: Sequence[LinearFit], maps: Sequence[FloatArray], columns: Sequence[FloatArray], residuals: FloatArray
 ) -> FloatArray:
-    """(K, K) covariance of all coefficients; `solvers` (k, n) convert outputs to them, `maps` then to the model's."""
+    """(K, K) covariance of all coefficients, of fits to `columns` (n, k); `maps` convert them to the model's."""
+
+    def solver(i: int) -> FloatArray:
+        """(k, n) from outputs to coefficients; made when it is needed: of a million rows each is 32 MB."""
+        root = fits[i].root
+        return np.asarray(root @ (root.T @ columns[i].T))
+
     length = np.linalg.norm(residuals, axis=1)
     correlation = residuals @ residuals.T / np.outer(length, length)
     np.fill_diagonal(correlation, 1.0)
-    blocks = [
-        [
-            fits[i].sigma * fits[j].sigma * correlation[i, j] * (maps[i] @ (solvers[i] @ solvers[j].T) @ maps[j].T)
-            for j in range(len(fits))
-        ]
-        for i in range(len(fits))
-    ]
+    blocks = []
+    for i, one in enumerate(fits):
+        own, row = solver(i), []
+        for j, other in enumerate(fits):
+            product = own @ (own if j == i else solver(j)).T
+            row.append(one.sigma * other.sigma * correlation[i, j] * (maps[i] @ product @ maps[j].T))
+        blocks.append(row)
     covariance = np.block(blocks)
     return np.asarray((covariance + covariance.T) / 2)
 
