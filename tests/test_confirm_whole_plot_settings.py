@@ -13,6 +13,7 @@ from test_hard_anything import FIXTURE, FIXTURE_PROCEDURE, FIXTURE_WORLD
 
 from procedures.further_runs import Variation
 from procedures.general.confirming import _determined
+from rig.closed_loop.confirm.answers import judge
 from rig.closed_loop.confirm.choosing import _proposal
 from rig.closed_loop.confirm.first import open_traced
 from rig.config import parse_procedure
@@ -69,3 +70,12 @@ def test_a_quantity_that_follows_the_whole_plots_is_planned_with_their_settings(
     planned = again._planned(procedure.expand(), 0.0).columns
     np.testing.assert_array_equal(planned["air_degC"], 20.0 + planned["gap_mm"] ** 2)
     assert [len(set(planned[name].tolist())) for name in other] == [2, 2, 6]
+
+
+def test_what_is_left_undecided_for_the_same_reason_is_said_to_be_so(first, tmp_path):
+    later, _ = run_dry(tmp_path, TWO, FIXTURE, f"epoch = 2030-01-01T00:00:00Z\n{WORLD}")
+    (answer,) = judge(open_traced(first), later).answers
+    (one,) = answer.members
+    two = replace(answer, members=(one, replace(one, effect="another")))
+    assert (two.verdict, two.cannot_tell) == ("undecided", True)
+    assert not replace(two, members=(one, replace(one, effect="another", expected=9.0))).cannot_tell

@@ -134,8 +134,12 @@ class Confirmation:
 
     @property
     def cannot_tell(self) -> bool:
-        """Whether it is not shown because the later run would not show it as large as in the first run either."""
-        return self.verdict == "not shown" and self.members[0].expected < self.members[0].limit
+        """Whether it is not shown, or undecided, because the later run would show no explanation that holds.
+
+        That is, not even if it is as large as in the first run.
+        """
+        unsettled = self.verdict in ("not shown", "undecided")
+        return unsettled and all(m.expected < m.limit for m in self.members if m.holds)
 
 
 @dataclass(frozen=True, eq=False)

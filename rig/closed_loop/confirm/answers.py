@@ -199,7 +199,7 @@ def _sentence(answer: Confirmation) -> str:
 
 
 def _cannot_tell(answer: Confirmation) -> str:
-    best = answer.members[0]
+    largest = max(member.expected for member in answer.members if member.holds)
     why = (
         f": its {answer.used_up} groups of readings with a common error (whole plots or replications) leave no degrees "
         "of freedom beside the coefficients of the declared model that differ between them"
@@ -207,8 +207,9 @@ def _cannot_tell(answer: Confirmation) -> str:
         else ""
     )
     return (
-        f"The further run cannot tell whether {answer.effect} is there: as large as in the first run, it would show it "
-        f"by {best.expected:.1f} standard errors{why}. A longer further run, or one with more whole plots, is needed."
+        f"The further run cannot tell whether {' or '.join(answer.holding)} is there: as large as in the first run, it "
+        f"would show it by {largest:.1f} standard errors{why}. A longer further run, or one with more whole plots, is "
+        "needed."
     )
 
 
