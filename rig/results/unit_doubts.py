@@ -16,13 +16,13 @@ from rig.plans import Plan
 from rig.quantities import per_volt, scale
 
 _OTHERS = (
-    "Nm", "degC", "degF", "psi", "psia", "psig", "psid", "pct", "percent", "rpm", "RH", "rh", "count", "counts",
+    "Nm", "degC", "degF", "psi", "psid", "pct", "percent", "rpm", "RH", "rh", "count", "counts",
     "digit", "digits", "ue", "dB", "dBm", "pH", "t", "lb", "ft", "inch", "Torr", "VA", "var", "eV", "Ah", "Wh", "ppb",
     "Gal", "cP",
 )  # fmt: skip
 """Units beside those of the Digital SI."""
 _USUAL = ("Nm", "kNm", "kN", "mN", "V", "mV", "uV", "mA", "A", "degC", "K", "deg", "kPa", "hPa", "Pa", "bar", "mbar",
-          "psi", "psia", "mm", "um", "kg", "g", "ohm", "kohm", "Hz", "kHz", "W", "mV_per_V")  # fmt: skip
+          "psi", "mm", "um", "kg", "g", "ohm", "kohm", "Hz", "kHz", "W", "mV_per_V")  # fmt: skip
 """Units that a misspelt one may be meant for."""
 _LEAST_OF_RANGE = 1 / 500
 
