@@ -23,7 +23,7 @@ from procedures.results import Page, PlainFitted
 from procedures.table import Reader, Table
 from procedures.unused import RECORDED
 
-_WHOLE_PLOT, _REPLICATE, _TIME = "whole_plot", "replicate", "elapsed_s"
+_WHOLE_PLOT, _REPLICATE, _TIME, _BLOCK = "whole_plot", "replicate", "elapsed_s", "block"
 _FLAGS = {
     "reference": "since the reference standard read something else than was set",
     "noisy": "as noisier than the procedure allows",
@@ -101,6 +101,14 @@ def declared_of(model: SensorModel, table: Table) -> Declared:
 
 def _with_terms(model: SensorModel, terms: Sequence[str]) -> SensorModel:
     return model.model_copy(update={"formula": " + ".join([str(model.formula), *terms])}) if terms else model
+
+
+def recorded(table: Table) -> tuple[str, ...]:
+    """Quantities recorded beside the factors of a run, such as temperatures, which readings in use may have, too."""
+    known = {*table.factors, *table.outputs, _WHOLE_PLOT, _REPLICATE, _TIME, _BLOCK}
+    return tuple(
+        name for name in table.columns if name not in known and not name.endswith("_side") and not _ignored(name, table)
+    )
 
 
 def has_whole_plots(table: Table) -> bool:
