@@ -34,7 +34,7 @@ class Part:
     """Part of an effect in a calibration.
 
     Attributes:
-        terms: of the model: the effect, if it is a function of known quantities; otherwise what is left of it at rest.
+        terms: of the model: the effect, if it is a function of known quantities; otherwise its value at rest.
         off: (n,) contribution that is taken off the output otherwise, in order of time; zero for a term.
         holds: for which state the calibration holds without it, in words; "" if it is in the calibration.
     """
