@@ -25,12 +25,15 @@ class EnvironmentSettings(Strict):
 
 
 class SoakSettings(Strict):
-    """Criterion for settled temperatures of a whole plot: chamber and sensor, by readings, not by time."""
+    """Criterion for settled temperatures of a whole plot: chamber and thermometers, by readings, not by time.
+
+    Thermometers are those that have the factor's name, or its name as their `place`.
+    """
 
     tolerance_degC: Positive = Field(0.5, le=20, description="chamber within this of the setpoint")
-    sensor_tolerance_degC: Positive = Field(1.0, le=20, description="thermometer at the sensors within this of it")
-    dwell_s: float = Field(1200.0, ge=0, le=1e6, description="both for this long")
-    drift_degC_per_h: Positive = Field(0.5, description="and the drift of both slower than this")
+    sensor_tolerance_degC: Positive = Field(1.0, le=20, description="each thermometer at the sensors within this of it")
+    dwell_s: float = Field(1200.0, ge=0, le=1e6, description="all for this long")
+    drift_degC_per_h: Positive = Field(0.5, description="and the drift of each slower than this")
     renew_degC: Positive = Field(
         5.0,
         le=100,

@@ -87,7 +87,8 @@ class TemperatureConfig(_Strict):
     place: str = Field(
         "package",
         description="place of the thermometer, used by the simulation: package, enclosure, sensors, sse, lab, or the "
-        "name of a factor in degC that it measures too (a second thermometer in a bath)",
+        "name of a factor in degC that it measures too (a second thermometer in a bath); a soak of that factor waits "
+        "for this thermometer, too",
     )
     asset: str = Field("", description="your asset number of the thermometer, if it is not the reader's")
     follows_s: float | None = Field(
@@ -146,6 +147,10 @@ class BenchConfig(_Strict):
     interlocks: dict[str, InterlockConfig] = Field(default_factory=dict)
     safety: SafetyConfig = SafetyConfig()
     live: LiveConfig | None = None
+
+    def thermometers(self, factor: str) -> tuple[str, ...]:
+        """Temperature columns that are recorded in what sets a factor: of its name, or with it as their place."""
+        return tuple(name for name, one in self.temperatures.items() if factor in (name, one.place))
 
     @model_validator(mode="after")
     def _names_meet(self) -> Self:

@@ -19,7 +19,7 @@ from procedures.by_hand import ALLOWANCE_H, HandStep
 from procedures.column_names import unit_of
 from procedures.run_list import RunList
 from rig.bench import playing
-from rig.config import FOLLOWS_S
+from rig.config import FOLLOWS_S, BenchConfig
 from rig.controller import Result, Site, start_run
 from rig.engine.pace import Pace, follows_s
 from rig.engine.session import Outcome, Progress, Signals
@@ -88,8 +88,8 @@ def _ordinary(plan: Plan) -> dict[str, Any]:
     bench file.
     """
     bench, sources = plan.bench, playing(plan.bench, Source)
-    said = {name: one.follows_s for name, one in bench.temperatures.items() if one.follows_s and name in bench.factors}
-    baths = {name: {"time_constant_s": follows_s(bench, name)} for name in said if bench.factors[name] in sources}
+    said = {name: follows_s(bench, name) for name in bench.factors if _follows(bench, name)}
+    baths = {name: {"time_constant_s": s} for name, s in said.items() if bench.factors[name] in sources}
     chambers = {
         f"{stem if (stem := name.removesuffix('_temperature_degC')) in _CHAMBERS else _CHAMBERS[0]}_chamber": {
             "body_time_constant_s": seconds
@@ -100,22 +100,29 @@ def _ordinary(plan: Plan) -> dict[str, Any]:
     return chambers | ({"sources": baths} if baths else {})
 
 
+def _follows(bench: BenchConfig, factor: str) -> bool:
+    """Whether the bench file says how fast a thermometer of a factor follows."""
+    return any(bench.temperatures[name].follows_s is not None for name in bench.thermometers(factor))
+
+
 def _assumed(plan: Plan) -> Iterator[str]:
     """Assumptions about soaks if the bench file has no values."""
     bench, sources, chambers = plan.bench, playing(plan.bench, Source), playing(plan.bench, Chamber)
     for factor in plan.run_list.factors:
         name, setter = factor.name, bench.factors.get(factor.name, "")
-        thermometer = bench.temperatures.get(name)
-        follows = thermometer is not None and thermometer.follows_s is not None
+        thermometers = bench.thermometers(name)
+        follows = _follows(bench, name)
         if setter in sources and unit_of(name) == TEMPERATURE_UNIT:
             if "time_constant_s" not in bench.instruments[setter].options and not follows:
                 known = "time_constant_s" in driver_class(bench.instruments[setter].driver).Options.model_fields
                 better = f"; instruments.{setter}.time_constant_s in the bench file says better" if known else ""
                 yield f"assumed: {setter} approaches its setting with a time constant of {FOLLOWS_S:g} s{better}"
         elif factor.hard and unit_of(name) == TEMPERATURE_UNIT and setter in chambers and not follows:
+            key = f"temperatures.{thermometers[0] if thermometers else 'NAME'}.follows_s"
+            which = "" if thermometers else f', of a thermometer with place = "{name}",'
             yield (
-                f"assumed: what is in the chamber of {name} follows it with {FOLLOWS_S:g} s; "
-                f"temperatures.{name}.follows_s in the bench file says better"
+                f"assumed: what is in the chamber of {name} follows it with {FOLLOWS_S:g} s; {key}{which} in the bench "
+                "file says better"
             )
 
 

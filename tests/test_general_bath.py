@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 
+import few_points
 import general_lab as lab
 import pytest
 from command import rig
@@ -15,6 +16,8 @@ from rig.engine.session import Outcome, Signals
 from rig.errors import ConfigurationError, RigError
 from rig.forecast import rehearse
 from rig.plans import load_plan
+from rig.run_file.reader import RunReader
+from rig.run_file.sense import judged
 from rig.tables import run_table
 
 SLOW = lab.BATH.replace("dwell_s = 60\n", "dwell_s = 60\ntime_constant_s = 120\n")
@@ -114,3 +117,60 @@ def test_limits_without_the_value_at_rest_are_said_to_need_it(tmp_path):
     procedure, bench_file, _ = written(tmp_path, WARM.replace("[15,35]", "[50,60]"), bench, lab.BATH_WORLD)
     with pytest.raises(RigError, match="nothing had been set yet: the limits have to include the value at rest"):
         rehearse(load_plan(procedure, bench_file), lambda _: None)
+
+
+IN_A_BOX = f"""name = "a box"
+{lab.DVM}{lab.CHAMBER}{THERMOMETER.replace("NAME", "air_degC")}place = "bath_degC"
+follows_s = 900
+[sensors.cell]
+reader = "dvm"
+unit = "mV"
+[factors]
+bath_degC = "oven"
+[limits]
+bath_degC = [-60, 100]
+"""
+SOAKED = """kind = "general"
+name = "a box"
+seed = 1
+[factors.bath_degC]
+levels = [10, 40]
+hard = true
+[soak]
+dwell_s = 600
+[measure]
+readings = 2
+[model]
+formula = "1 + bath_degC"
+"""
+BOX_WORLD = """seed = 2
+[sensors.cell]
+formula = "100 + 10*bath_degC"
+[sensor_chamber]
+body_time_constant_s = 900
+"""
+
+
+def test_a_soak_waits_for_a_thermometer_whose_place_is_its_factor(tmp_path):
+    files = written(tmp_path, SOAKED, IN_A_BOX, BOX_WORLD)
+    path = made(load_plan(files[0], files[1], dry=True, world=files[2]), tmp_path)
+    began = few_points.records(path, status="whole-plot")
+    assert len(began) == 2
+    for one in began:
+        assert one.event.settling["air_degC"]["outcome"] == "settled"
+    with RunReader.open(path) as reader:
+        assert judged(reader, 10).findings == (), "its drift too was as asked for"
+
+
+def test_the_assumption_about_a_soak_names_the_key_that_removes_it(tmp_path):
+    unsaid = IN_A_BOX.replace("follows_s = 900\n", "")
+    without = unsaid.replace('place = "bath_degC"\n', "")
+
+    def assumed(bench):
+        return rehearse(load_plan(*written(tmp_path, SOAKED, bench)[:2]), lambda _: None).assumed
+
+    assert assumed(IN_A_BOX) == ()
+    (one,) = assumed(unsaid)
+    assert one.endswith("; temperatures.air_degC.follows_s in the bench file says better")
+    (one,) = assumed(without)
+    assert 'temperatures.NAME.follows_s, of a thermometer with place = "bath_degC", in the bench file' in one

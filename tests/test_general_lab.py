@@ -18,6 +18,7 @@ from few_points import Killed, kill_where, records
 from general_lab import BENCH, PROCEDURE, REFERENCE, WORLD, WORLD_WITH_STANDARD, run_dry, written
 
 from procedures.general.orders import sides, visits
+from procedures.general.planning import advice
 from rig.config import parse_procedure
 from rig.controller import resume_run, start_run
 from rig.engine.session import Outcome, Signals
@@ -100,6 +101,69 @@ def test_points_come_from_a_file_which_the_run_file_then_has(tmp_path):
     (tmp_path / "p.csv").unlink()
     with pytest.raises(ConfigurationError, match="does not exist"):
         load_plan(files[0], files[1])
+
+
+def from_file(folder, procedure, rows, bench=None):
+    """The plan of a procedure whose points are in a file."""
+    procedure = re.sub(r"levels = .*\n", "", procedure) + '[design]\ntype = "file"\npoints = "p.csv"\n'
+    files = written(folder, procedure, *([] if bench is None else [bench]))
+    (folder / "p.csv").write_text(rows)
+    return load_plan(files[0], files[1])
+
+
+def test_rows_of_a_file_as_written_are_steps_in_their_order(tmp_path):
+    steps = [0, 1, 2, 5, 5, 2, 1, 0]
+    rows = "force_kN\n" + "\n".join(map(str, steps)) + "\n"
+    plan = from_file(tmp_path, PROCEDURE.replace('"up-down"', '"as written"'), rows)
+    assert plan.run_list.column("force_kN") == steps * 2
+    assert [point.sides[0] for point in plan.run_list.points][:8] == [0, 1, 1, 1, 1, -1, -1, -1]
+    again = parse_procedure(plan.documents["procedure.toml"], "stored")
+    assert again.expand().sha256() == plan.run_list.sha256()
+    once = from_file(
+        tmp_path, PROCEDURE.replace('"up-down"', '"as written"').replace("replications = 2", "replications = 1"), rows
+    )
+    assert not [one for one in advice(once.procedure) if "look alike" in one.sentence], "it goes up and down"
+
+
+@pytest.mark.parametrize("numbered", [True, False])
+def test_whole_plots_of_a_file_as_written_keep_their_order(tmp_path, numbered):
+    baths = [10, 25, 40, 40, 25, 10]
+    lines = [
+        f"{plot},{bath},{line}" if numbered else f"{bath},{line}"
+        for plot, bath in enumerate(baths, 1)
+        for line in (1, 5, 3, 1)
+    ]
+    rows = "\n".join(["whole_plot,bath_degC,line_psia" if numbered else "bath_degC,line_psia", *lines]) + "\n"
+    both = TWO_FACTORS.replace("[factors.line_psia]", '[factors.line_psia]\norder = "as written"')
+    both = both.replace("HARD\n[design]\nDESIGN\n", 'hard = true\norder = "as written"\n')
+    run_list = from_file(tmp_path, both, rows, TWO).run_list
+    assert run_list.column("bath_degC") == [bath for bath in baths for _ in range(4)] * 2
+    assert run_list.column("line_psia") == [1, 5, 3, 1] * 12
+    plots = [point.whole_plot for point in run_list.points]
+    assert plots == sorted(plots)
+    assert run_list.whole_plots == (12 if numbered else 10), "neighbours share one if not numbered"
+
+
+def test_a_factor_that_is_varied_and_in_no_model_is_said_to_be_left_to_the_residual(tmp_path):
+    files = written(tmp_path, TWO_FACTORS.replace("HARD\n[design]\nDESIGN\n", ""), TWO)
+    bath = "bath_degC is varied and in no sensor's model"
+
+    def said(formula, more=""):
+        text = re.sub(r'formula = ".*"', f'formula = "{formula}"', files[0].read_text()) + more
+        return [one.sentence for one in advice(parse_procedure(text, "p")) if bath in one.sentence]
+
+    (one,) = said("1 + line_psia")
+    assert "goes into the residual, and calibrations hold at its mean (25); `+ bath_degC` in model.formula" in one
+    assert not said("1 + line_psia + bath_degC")
+    assert not said("1 + line_psia + oven_air_degC"), "a thermometer may follow it"
+    assert not said("1 + line_psia", '[model.cell]\nformula = "1 + line_psia + bath_degC"\n')
+
+
+def test_whole_plots_as_written_whose_rows_are_apart_are_refused(tmp_path):
+    rows = "whole_plot,bath_degC,line_psia\n1,10,1\n2,40,1\n1,10,5\n"
+    procedure = TWO_FACTORS.replace("HARD\n[design]\nDESIGN\n", 'hard = true\norder = "as written"\n')
+    with pytest.raises(ConfigurationError, match=r"whole plot 1 of the points are not together.*number of their own"):
+        from_file(tmp_path, procedure, rows, TWO)
 
 
 TWO_FACTORS = """kind = "general"

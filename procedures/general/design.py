@@ -15,7 +15,7 @@ from pydantic import Field, model_validator
 from fitter.arrays import FloatArray
 from fitter.errors import FitError
 from fitter.formula import Formula
-from procedures.general.factors import FactorSettings
+from procedures.general.factors import AS_WRITTEN, FactorSettings
 from procedures.settings import Strict
 
 MOST_POINTS = 100_000
@@ -50,7 +50,8 @@ class DesignSettings(Strict):
     points: str | int | None = Field(
         None,
         description="file: a CSV file beside the procedure, with a column for each factor, a row for each point, and "
-        "perhaps a column whole_plot; optimal: number of points",
+        "perhaps a column whole_plot (without it, points with the same hard settings share one; if these are as "
+        "written, only neighbours do); optimal: number of points",
     )
     criterion: Literal["D", "I"] = Field("D", description="optimal: D, precise coefficients; I, precise predictions")
     whole_plots: int | None = Field(
@@ -131,6 +132,37 @@ def check_levels(design: str, factors: Mapping[str, FactorSettings]) -> None:
             raise ValueError(f'factors.{name}: design "{design}" needs its levels')
         if design in ("central-composite", "optimal") and len(factor.levels or ()) < 2:
             raise ValueError(f'factors.{name}: design "{design}" needs two levels or more')
+
+
+def check_whole_plots(points: Points, factors: Mapping[str, FactorSettings], *, steps: bool) -> None:
+    """Refuse whole plots that do not go with the factors.
+
+    Args:
+        points: of one replication.
+        factors: by name, in the order of the settings.
+        steps: whether the points are steps in their order, as the rows of a file.
+
+    Raises:
+        ValueError: with the defect and what would mend it.
+    """
+    if points.plots is None:
+        return
+    hard = [factor.hard for factor in factors.values()]
+    if not any(hard):
+        raise ValueError("the points have a column whole_plot, and no factor is hard to change: hard = true")
+    stood: dict[int, Setting] = {}
+    for setting, plot in zip(points.settings, points.plots, strict=True):
+        stands = tuple(value for value, stiff in zip(setting, hard, strict=True) if stiff)
+        if stood.setdefault(plot, stands) != stands:
+            raise ValueError(f"whole plot {plot} of the points has two settings of a factor that is hard to change")
+    if steps and all(factor.order == AS_WRITTEN for factor in factors.values() if factor.hard):
+        begun = [plot for plot, _ in itertools.groupby(points.plots)]
+        again = next((plot for at, plot in enumerate(begun) if plot in begun[:at]), None)
+        if again is not None:
+            raise ValueError(
+                f"the rows of whole plot {again} of the points are not together, and are measured as written: give the "
+                "later ones a number of their own"
+            )
 
 
 def model_matrix(formulas: Sequence[Formula], factors: Sequence[str]) -> tuple[Formula, tuple[str, ...]]:

@@ -34,7 +34,7 @@ class FactorSettings(Strict):
     order: Literal["random", "up-down", "as written"] = Field(
         "random",
         description="up-down: from the lowest level to the highest and back, the highest once; as written: as in "
-        "`levels`, or in the file of points. The side of approach is planned and recorded",
+        "`levels`, or step by step as the rows of the file of points. The side of approach is planned and recorded",
     )
     hard: bool = Field(
         False, description="hard to change: its settings are whole plots, settled first, and in its order"

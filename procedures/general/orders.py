@@ -3,6 +3,8 @@
 Settings of hard-to-change factors are visited one after another. At each, settings of factors in random order are
 visited in random order. At each of these, factors that are swept (up-down, as written) run through their levels, the
 first one slowest. So a sweep is never interrupted by a change of another factor.
+
+The rows of a file are steps: what is as written keeps their order, and a setting that comes again is visited again.
 """
 
 from __future__ import annotations
@@ -11,7 +13,7 @@ import itertools
 import random
 from collections.abc import Iterator, Sequence
 
-from procedures.general.factors import AS_WRITTEN, RANDOM, UP_DOWN
+from procedures.general.factors import AS_WRITTEN, RANDOM
 
 Setting = tuple[float, ...]
 
@@ -25,6 +27,8 @@ def visits(
     rng: random.Random,
     before: Setting | None,
     plots: Sequence[int] | None = None,
+    *,
+    steps: bool = False,
 ) -> Iterator[tuple[int, Setting]]:
     """Points of one replication in running order, each with the number of its whole plot, from 0.
 
@@ -36,15 +40,23 @@ def visits(
         before: last hard settings of the replication before, which no whole plot repeats at once if that can be
             avoided; None for the first replication, or without hard factors.
         plots: whole plot of each point; None if points with the same hard settings share one.
+        steps: whether the points are steps in their order, as the rows of a file: factors as written run through them
+            in that order, and points with the same hard settings share a whole plot only as neighbours.
     """
     stiff = [at for at, one in enumerate(hard) if one]
     loose = [at for at, one in enumerate(hard) if not one]
-    groups = list(_grouped(points, stiff).items()) if plots is None else _by_plot(points, stiff, plots)
     swept = [at for at in loose if orders[at] != RANDOM]
-    order = _plots([key for key, _ in groups], [orders[at] for at in stiff], rng, before)
+    in_turn = steps and all(orders[at] == AS_WRITTEN for at in stiff)
+    if plots is not None:
+        groups = _by_plot(points, stiff, plots)
+    else:
+        groups = _runs(points, stiff) if in_turn else list(_grouped(points, stiff).items())
+    order = list(range(len(groups)))
+    if not in_turn:
+        order = _plots([key for key, _ in groups], [orders[at] for at in stiff], rng, before)
     for number, which in enumerate(order):
         for group in _at_random(groups[which][1], loose, orders, rng):
-            for point in _sweep(group, swept, orders):
+            for point in _sweep(group, swept, orders, steps=steps):
                 yield number, point
 
 
@@ -64,6 +76,12 @@ def _grouped(points: Sequence[Setting], at: Sequence[int]) -> dict[Setting, list
     for point in points:
         found.setdefault(tuple(point[i] for i in at), []).append(point)
     return found
+
+
+def _runs(points: Sequence[Setting], at: Sequence[int]) -> list[tuple[Setting, list[Setting]]]:
+    """Neighbouring points with the same values of some factors, in their order."""
+    found = itertools.groupby(points, lambda point: tuple(point[i] for i in at))
+    return [(key, list(inside)) for key, inside in found]
 
 
 def _plots(keys: Sequence[Setting], orders: Sequence[str], rng: random.Random, before: Setting | None) -> list[int]:
@@ -99,21 +117,23 @@ def _at_random(
     return groups
 
 
-def _sweep(points: Sequence[Setting], swept: Sequence[int], orders: Sequence[str]) -> Iterator[Setting]:
+def _sweep(
+    points: Sequence[Setting], swept: Sequence[int], orders: Sequence[str], *, steps: bool = False
+) -> Iterator[Setting]:
     """Points in the order of the swept factors, the first slowest."""
     if not swept:
         yield from points
         return
     first, *others = swept
-    levels = _grouped(points, [first])
-    if orders[first] == AS_WRITTEN:
-        keys = list(levels)
+    if steps and orders[first] == AS_WRITTEN:
+        turns = [inside for _, inside in _runs(points, [first])]
     else:
-        assert orders[first] == UP_DOWN
+        levels = _grouped(points, [first])
         up = sorted(levels)
-        keys = [*up, *up[-2::-1]]
-    for key in keys:
-        yield from _sweep(levels[key], others, orders)
+        keys = list(levels) if orders[first] == AS_WRITTEN else [*up, *up[-2::-1]]
+        turns = [levels[key] for key in keys]
+    for inside in turns:
+        yield from _sweep(inside, others, orders, steps=steps)
 
 
 def sides(settings: Sequence[Setting], sideless: Sequence[bool]) -> Iterator[tuple[int, ...]]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import re
 from collections.abc import Collection, Iterator, Mapping
 
 import numpy as np
@@ -22,6 +24,8 @@ from procedures.precision import Precision
 from procedures.run_list import RunList
 
 _MOST_SHOWN = 4
+_DEGC = "_degC"
+_NAME = re.compile(r"[A-Za-z]\w*")
 
 
 def formulas_of(procedure: GeneralProcedure) -> Mapping[str, Formula]:
@@ -194,7 +198,7 @@ def advice(procedure: GeneralProcedure) -> list[Advice]:
     for sensor, _, found in evaluations(procedure, run_list):
         of = f"{sensor}: " if sensor else ""
         told |= dict.fromkeys(f"{of}{sentence}" for sentence in of_design(found, list(procedure.factors)))
-    told |= dict.fromkeys(_of_order(procedure, run_list))
+    told |= dict.fromkeys([*_of_order(procedure, run_list), *_of_nothing(procedure, run_list)])
     return [Advice(0, "design", False, sentence) for sentence in told]
 
 
@@ -203,13 +207,32 @@ def _of_order(procedure: GeneralProcedure, run_list: RunList) -> Iterator[str]:
     places = np.arange(float(len(run_list)))
     for name, factor in procedure.factors.items():
         once = procedure.replications == 1 and factor.order == AS_WRITTEN and not factor.hard
-        if swept(np.array(run_list.column(name)), places):
+        column = run_list.column(name)
+        again = len(list(itertools.groupby(column))) > len(set(column))
+        if swept(np.array(column), places):
             yield (
                 f"{name} changes in one direction only: its effect and a drift of any shape look alike; use "
                 f'order = "up-down" or "random", or replications'
             )
-        elif once and len(run_list.levels(run_list.factor(name))) > 2:
+        elif once and not again and len(set(column)) > 2:
             yield (
                 f"{name} is set in one order, once: its effect and a drift look alike; use "
                 f'order = "up-down" or "random", or replications'
             )
+
+
+def _of_nothing(procedure: GeneralProcedure, run_list: RunList) -> Iterator[str]:
+    """Factors that are varied and in no sensor's model."""
+    models: list[SensorModel] = [procedure.model, *procedure.model.own.values()]
+    named = {name for one in models for name in _NAME.findall(one.formula or "")}
+    named |= {one.abscissa or next(iter(procedure.factors)) for one in models if one.standard is not None}
+    reads = any(name.endswith(_DEGC) for name in named - procedure.factors.keys())
+    for factor in run_list.factors:
+        values = run_list.column(factor.name)
+        if factor.name in named or len(set(values)) < 2 or (reads and factor.name.endswith(_DEGC)):
+            continue  # a thermometer in the model may be one that follows it
+        yield (
+            f"{factor.name} is varied and in no sensor's model: its influence, if any, goes into the residual, and "
+            f"calibrations hold at its mean ({sum(values) / len(values):.4g}); `+ {factor.name}` in model.formula "
+            "estimates it"
+        )

@@ -29,8 +29,16 @@ from procedures.fault_policies import (
     FaultSettings,
     Policy,
 )
-from procedures.general.design import MOST_POINTS, DesignSettings, Points, Setting, optimal_rows, rows_of
-from procedures.general.factors import FACTOR_NAME, HEAD_ANGLES, UP_DOWN, FactorSettings
+from procedures.general.design import (
+    MOST_POINTS,
+    DesignSettings,
+    Points,
+    Setting,
+    check_whole_plots,
+    optimal_rows,
+    rows_of,
+)
+from procedures.general.factors import FACTOR_NAME, HEAD_ANGLES, FactorSettings
 from procedures.general.orders import sides, visits
 from procedures.general.response import response_of
 from procedures.run_list import Factor, Point, RunList, Settle
@@ -240,7 +248,7 @@ class GeneralProcedure(Strict):
             )
         if not self.design.known:
             return self  # a file is read, or a design is searched, when a run is planned
-        self._check_whole_plots()
+        check_whole_plots(self._design, self.factors, steps=self._steps)
         points = sum(1 for _ in self._points())
         if points > MOST_POINTS:
             raise ValueError(f"the design has {points:,} points, more than {MOST_POINTS:,}")
@@ -279,22 +287,14 @@ class GeneralProcedure(Strict):
         found = {"rows": rows} if plots is None else {"rows": rows, "plots": plots}
         return {**values, "design": {**values["design"], **found}}
 
-    def _check_whole_plots(self) -> None:
-        """Refuse whole plots that do not go with the factors. Raises ValueError."""
-        points, hard = self._design, [factor.hard for factor in self.factors.values()]
-        if points.plots is None:
-            return
-        if not any(hard):
-            raise ValueError("the points have a column whole_plot, and no factor is hard to change: hard = true")
-        stood: dict[int, Setting] = {}
-        for setting, plot in zip(points.settings, points.plots, strict=True):
-            stands = tuple(value for value, stiff in zip(setting, hard, strict=True) if stiff)
-            if stood.setdefault(plot, stands) != stands:
-                raise ValueError(f"whole plot {plot} of the points has two settings of a factor that is hard to change")
-
     @property
     def _whole_plots(self) -> bool:
         return any(factor.hard for factor in self.factors.values())
+
+    @property
+    def _steps(self) -> bool:
+        """Whether the points are steps in their order."""
+        return self.design.type == "file"
 
     @cached_property
     def _design(self) -> Points:
@@ -391,12 +391,8 @@ class GeneralProcedure(Strict):
         last: Setting | None = None
         for replication in range(1, self.replications + 1):
             one: Setting | None = None
-            for number, setting in visits(self._settings, orders, hard, rng, last, self._design.plots):
+            plots = self._design.plots
+            for number, setting in visits(self._settings, orders, hard, rng, last, plots, steps=self._steps):
                 yield replication, number, setting
                 one = tuple(value for value, stiff in zip(setting, hard, strict=True) if stiff)
             last = one
-
-    @property
-    def directed(self) -> tuple[str, ...]:
-        """Factors that are swept up and down, whose direction may matter."""
-        return tuple(name for name, factor in self.factors.items() if factor.order == UP_DOWN and not factor.hard)

@@ -220,10 +220,10 @@ def _followers(run_list: RunList, bench: BenchConfig) -> Mapping[str, Follower]:
 def follows_s(bench: BenchConfig, factor: str) -> float:
     """Time constant with which what is measured at a hard factor follows its setting, seconds; assumed if not said.
 
-    It is that of the thermometer of this name, or of a bath, which has to arrive itself: the larger of both.
+    It is that of its thermometers, or of a bath, which has to arrive itself: the largest of them.
     """
-    thermometer = bench.temperatures.get(factor)
-    said = (None if thermometer is None else thermometer.follows_s, _rate(bench, factor, "time_constant_s"))
+    thermometers = [bench.temperatures[name].follows_s for name in bench.thermometers(factor)]
+    said = (*thermometers, _rate(bench, factor, "time_constant_s"))
     return max((one for one in said if one is not None), default=FOLLOWS_S)
 
 

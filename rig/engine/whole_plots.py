@@ -51,13 +51,13 @@ class Soaked:
     Attributes:
         factor: its name.
         chamber: the instrument that sets it.
-        thermometer: whether a temperature column of this name is recorded at the sensors.
+        thermometers: temperature columns that are recorded in it.
 
     """
 
     factor: str
     chamber: str
-    thermometer: bool
+    thermometers: tuple[str, ...]
 
 
 class WholePlots:
@@ -85,7 +85,7 @@ class WholePlots:
             f.name for f in run_list.hard if bench.by_hand(f.name) is not None
         }
         self.soaked = [
-            Soaked(f.name, bench.soaks(f.name)[0], f.name in bench.temperatures)
+            Soaked(f.name, bench.soaks(f.name)[0], bench.config.thermometers(f.name))
             for f in run_list.hard
             if f.name not in others
         ]
@@ -120,7 +120,7 @@ class WholePlots:
     @property
     def thermometers(self) -> list[str]:
         """Temperature columns that show when a factor has settled at the sensors."""
-        return [s.factor for s in self.soaked if s.thermometer]
+        return [name for s in self.soaked for name in s.thermometers]
 
     def targets(self, point: Point) -> dict[str, float]:
         """Chamber name to its setpoint in a point's whole plot, degrees Celsius."""
@@ -139,8 +139,8 @@ class WholePlots:
         for soaked in self.soaked:
             target = setting[soaked.factor]
             found[soaked.chamber] = Criteria(target, s.tolerance_degC, s.dwell_s, drift, s.timeout_s)
-            if soaked.thermometer:
-                found[soaked.factor] = Criteria(target, s.sensor_tolerance_degC, s.dwell_s, drift, s.timeout_s)
+            within = Criteria(target, s.sensor_tolerance_degC, s.dwell_s, drift, s.timeout_s)
+            found |= dict.fromkeys(soaked.thermometers, within)
         return found
 
     def left(self, point: Point, chambers: Mapping[str, Any]) -> bool:
@@ -246,9 +246,10 @@ class WholePlots:
             still_s = state.get("unchanged_s", 0.0)
             if still_s >= _HANGS_S and self._never_the_same(name):
                 return f"{name} hangs: it has read {state['temperature_degC']:g} degC for {still_s:.0f} s"
-            seen = temperatures.get(soaked.factor) if soaked.thermometer else None
-            if seen is not None and abs(seen.mean - target) > self._soak.sensor_tolerance_degC:
-                return f"{soaked.factor} is {seen.mean:.2f} degC, not {target:g} degC"
+            for thermometer in soaked.thermometers:
+                seen = temperatures.get(thermometer)
+                if seen is not None and abs(seen.mean - target) > self._soak.sensor_tolerance_degC:
+                    return f"{thermometer} is {seen.mean:.2f} degC, not {target:g} degC"
         return ""
 
 

@@ -121,8 +121,8 @@ class Evidence:
             asked = {}
             if self._case.soaks(factor):
                 asked[bench.factors.get(factor.name, "")] = Asked(target, soak.tolerance_degC, soak.dwell_s, drift)
-                if factor.name in bench.temperatures:
-                    asked[factor.name] = Asked(target, soak.sensor_tolerance_degC, soak.dwell_s, drift)
+                within = Asked(target, soak.sensor_tolerance_degC, soak.dwell_s, drift)
+                asked |= dict.fromkeys(bench.thermometers(factor.name), within)
             elif factor.name not in self._case.by_hand and self._case.conduct is not None:
                 settle = self._case.conduct.settled(factor.axis)
                 asked[factor.axis] = Asked(target, settle.band, settle.dwell_s, settle.drift_per_s)

@@ -107,9 +107,13 @@ class Places:
                 yield f"it does not say at what temperature {chamber} was"
                 continue
             yield from _stood(chamber, state, target, soak.tolerance_degC)
-            seen = event.temperatures.get(factor)
-            if seen is not None and not abs(seen["mean"] - target) <= soak.sensor_tolerance_degC + _ROUNDING:
-                yield f"{factor} is {seen['mean']:.2f}, not within {soak.sensor_tolerance_degC:g} of {target:g}"
+            for name in self._thermometers(factor):
+                seen = event.temperatures.get(name)
+                if seen is not None and not abs(seen["mean"] - target) <= soak.sensor_tolerance_degC + _ROUNDING:
+                    yield f"{name} is {seen['mean']:.2f}, not within {soak.sensor_tolerance_degC:g} of {target:g}"
+
+    def _thermometers(self, factor: str) -> tuple[str, ...]:
+        return () if self._case.bench is None else self._case.bench.thermometers(factor)
 
     def _held(self, factor: Factor, target: float, event: Observed) -> Iterator[str]:
         """Check a hard factor that is no temperature: its readback, or the value that a person stated."""
@@ -170,7 +174,9 @@ class Places:
             set_to = event.setpoints_degC.get(chamber)
             if set_to is None or abs(set_to - target) > _ROUNDING:
                 yield f"{chamber} was set to {set_to}, the plan has {target:g} degC for whole plot {event.planned}"
-            for name, tolerance in ((chamber, soak.tolerance_degC), (factor.name, soak.sensor_tolerance_degC)):
+            within = {chamber: soak.tolerance_degC}
+            within |= dict.fromkeys(self._thermometers(factor.name), soak.sensor_tolerance_degC)
+            for name, tolerance in within.items():
                 settled = event.settling.get(name)
                 if settled is not None:
                     yield from _settled(name, settled, target, tolerance)
