@@ -10,7 +10,7 @@ import pytest
 from procedures.general.column_roles import Roles, roles_of
 from procedures.general.effects import effects_of
 from procedures.general.effects.literal import Rows, column
-from procedures.general.effects.time_columns import lag, of_start
+from procedures.general.effects.time_columns import lag, lagging, of_start
 from procedures.general.run_terms import columns_of
 from procedures.general.together import Remembered, Whole
 from procedures.general.trace import family, trace_general
@@ -60,6 +60,33 @@ def test_creep_over_an_interruption_leaves_the_noise_and_nothing_else():
     labels = [row.label for row in result.after.rows()]
     assert {"within replications", "between replications"} <= {*labels}, "it has no whole plots"
     assert result.left_out == "replications"
+
+
+def test_a_setting_whose_time_is_known_is_a_step_in_a_trace_and_in_a_later_run():
+    table = _night(5, breaks=()) | {"force_since_s": np.full(63, 30.0)}
+    scene, state, creep = _data(table).scene, 0.0, [0.0]
+    for before, load in zip(table["force_kN"], table["force_kN"][1:], strict=False):
+        for stood, seconds in ((before, 48.0), (load, 30.0)):
+            state = stood + (state - stood) * np.exp(-seconds / TAU)
+        creep.append(state)
+    found = lagging(table["force_kN"], np.diff(table["elapsed_s"]), TAU, scene.since_in_its_unit("force_kN"))
+    np.testing.assert_allclose(found, creep, atol=1e-12)
+    assert list(scene.covariates) == list(_data(_night(5, breaks=())).scene.covariates)
+    term = lag(scene, "force_kN")[3]
+    np.testing.assert_allclose(column(term.labels[0], Rows(table, table["elapsed_s"])), term.columns[:, 0], atol=1e-9)
+
+
+def test_with_the_times_of_the_settings_the_interval_holds_the_truth():
+    night = _night(5, breaks=())
+    plain = trace_general(_data(night))
+    assert any("when force_kN was set is not known" in note for note in plain.notes)
+    table = night | {"force_since_s": np.full(63, 78.0)}
+    data = _data(table)
+    result = trace_general(data)
+    ((found,), (off,)) = result.added, plain.added
+    assert abs(found.coefficients[0] - SIZE) < 2.5 * found.stderr[0] < 0.02 * abs(SIZE)
+    assert abs(off.coefficients[0] - SIZE) > 2.5 * off.stderr[0]
+    assert not any("is not known" in note for note in result.notes)
 
 
 def _term(columns, group=()):

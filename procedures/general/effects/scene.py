@@ -113,6 +113,7 @@ class TableScene:
         own: the laboratory's own effects that the table can be tested for.
         labels: columns of text without a role, whose levels repeat; shapes without a name and coarse rounding are
             looked for by them, but no effects.
+        since: (n,) seconds that a variable had stood at its setting when the row was read, where that is known.
         constant: whether the declared model has a constant, in whatever columns.
     """
 
@@ -125,12 +126,19 @@ class TableScene:
     setpoints: Mapping[str, FloatArray] = field(default_factory=dict)
     own: tuple[Entry, ...] = ()
     labels: Mapping[str, Grouping] = field(default_factory=dict)
+    since: Mapping[str, FloatArray] = field(default_factory=dict)
     constant: bool = True
 
     @property
     def variables(self) -> dict[str, FloatArray]:
         """Settings and covariates."""
         return {**self.settings, **self.covariates}
+
+    def since_in_its_unit(self, name: str) -> FloatArray | None:
+        """(n,) `since` of a variable in the unit of the time; None if it is not known."""
+        if name not in self.since or self.time is None or self.time.unit_s is None:
+            return None
+        return self.since[name] / self.time.unit_s
 
     def of(self, name: str) -> FloatArray:
         """(n,) values of a setting, a covariate or the time."""
