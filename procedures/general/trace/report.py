@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -83,7 +83,7 @@ def trace_general(data: TableData) -> TableTrace:
         effects=(*effects, *noise),
         unnamed=rest,
         instead=drawn_instead(nameless, tuple(effect.effect for effect in effects if effect.doubtful)),
-        remarks=_remarks(found, data),
+        remarks=(*_remarks(found, data), *_not_predicted(0 if crossed is None else crossed[2])),
         y=data.y,
         variables=_variables(data) | _others(data),
         levels={name: g.levels for name, g in data.scene.groups.items()},
@@ -229,6 +229,14 @@ def _shares(
     beyond = [part - view.basis @ (view.basis.T @ part) for part in parts]
     residual = white - view.basis @ (view.basis.T @ white)
     return shares(beyond, residual, df * variance * (1.0 - unnamed))
+
+
+def _not_predicted(rows: int) -> Iterator[str]:
+    if rows:
+        yield (
+            f"cv_rms is without {rows} {'row' if rows == 1 else 'rows'} after an interruption: no row outside their group "
+            "determines what was remembered there of settings before"
+        )
 
 
 def _remarks(found: Found, data: TableData) -> tuple[str, ...]:
