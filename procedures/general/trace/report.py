@@ -234,7 +234,7 @@ def _shares(
 def _not_predicted(rows: int) -> Iterator[str]:
     if rows:
         yield (
-            f"cv_rms is without {rows} {'row' if rows == 1 else 'rows'} after an interruption: no row outside their group "
+            f"cv_rms is without {rows} {'row' if rows == 1 else 'rows'} after an interruption: no row of another group "
             "determines what was remembered there of settings before"
         )
 
