@@ -47,9 +47,10 @@ def corrected(columns: Columns, errors: Sequence[Stated]) -> Columns:
     """The columns with all stated corrections added, each computed from the recorded values."""
     found = dict(columns)
     for one in errors:
-        for name, scale in one.columns.items():
+        for name in one.columns:
             if name in columns:
-                found[name] = found[name] + scale * one.correction(columns[name] / scale)
+                correction = one.correction(one.quantity(name, columns[name]))
+                found[name] = found[name] + one.moved(name, columns[name], correction)
     return found
 
 
@@ -63,7 +64,7 @@ def explain(evaluation: Evaluation, stated: Statements) -> None:
             expected[sensor] += float(np.sum((left - base[sensor]) ** 2))
 
     for one in stated.errors if base else ():
-        if one.reads or not any(name in evaluation.columns for name in one.columns):
+        if (one.reads and not one.computed) or not any(name in evaluation.columns for name in one.columns):
             continue
         if one.behaves == "setting":
             for shift in _groups(evaluation, one):
@@ -185,7 +186,7 @@ def kept(evaluation: Evaluation, stated: Statements) -> tuple[list[Kept], list[s
 def _lines_in_use(one: Stated, columns: Columns) -> dict[str, tuple[float, float]] | None:
     """Error of readings, as a straight line by column; None if it is none."""
     found = {}
-    for name in _used(one, columns):
+    for name in (name for name in _used(one, columns) if name not in one.computed):
         values = np.linspace(float(columns[name].min()), float(columns[name].max()), 9)
         error = size(one, name, values)
         slope, start = np.polyfit(values, error, 1) if np.ptp(values) > 0 else (0.0, error[0])
@@ -245,10 +246,9 @@ def _used(one: Stated, columns: Columns) -> Iterator[str]:
 
 def size(one: Stated, column: str, values: FloatArray) -> FloatArray:
     """(n,) signed error of one standard uncertainty, in the column's unit; that of a gain has the sign of the value."""
-    scale = one.columns[column]
-    quantity = values / scale
-    error = scale * one.standard(quantity)
-    return np.asarray(error * np.sign(quantity) if one.behaves == "gain" else error)
+    quantity = one.quantity(column, values)
+    error = one.standard(quantity)
+    return one.moved(column, values, np.asarray(error * np.sign(quantity) if one.behaves == "gain" else error))
 
 
 def _in_use(one: Stated) -> Reading:

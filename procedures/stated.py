@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from math import inf
 from typing import Literal
 
+import numpy as np
+
 from fitter.arrays import FloatArray
 
 Behaviour = Literal["offset", "gain", "turn", "setting", "replication", "reading"]
@@ -21,6 +23,19 @@ BEHAVIOURS: dict[Behaviour, str] = {
 }
 
 Curve = Callable[[FloatArray], FloatArray]
+
+
+@dataclass(frozen=True, eq=False)
+class Computed:
+    """A column that is computed from the readings of a meter.
+
+    Attributes:
+        reading: (n,) values of the column to (n,) readings, in the unit of a stated quantity.
+        value: (n,) readings, in that unit, to (n,) values of the column.
+    """
+
+    reading: Curve
+    value: Curve
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +54,8 @@ class Stated:
         reads: whether it is a meter of sensors' outputs, which may be in use later too.
         covered: lowest and highest value of the quantity covered; None for any.
         key: place in the register's file, for messages.
+        computed: those of the columns that are computed from the quantity, such as a factor from the reading of its
+            reference standard. They are not outputs, whatever `reads` says.
     """
 
     name: str
@@ -52,6 +69,20 @@ class Stated:
     reads: bool = False
     covered: tuple[float, float] | None = None
     key: str = ""
+    computed: Mapping[str, Computed] = field(default_factory=dict)
+
+    def quantity(self, column: str, values: FloatArray) -> FloatArray:
+        """(n,) values of a column to (n,) values of the quantity."""
+        found = self.computed.get(column)
+        return values / self.columns[column] if found is None else found.reading(values)
+
+    def moved(self, column: str, values: FloatArray, error: FloatArray) -> FloatArray:
+        """(n,) changes of a column by (n,) errors of the quantity."""
+        found = self.computed.get(column)
+        if found is None:
+            return np.asarray(self.columns[column] * error)
+        reading = found.reading(values)
+        return np.asarray(found.value(reading + error) - found.value(reading))
 
 
 @dataclass(frozen=True)

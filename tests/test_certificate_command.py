@@ -190,6 +190,14 @@ def test_conformity_is_stated_by_the_rule(made):
     assert "1 times the expanded uncertainty" in statement.rule
 
 
+def test_an_item_with_another_slope_fails(run, tmp_path):
+    """2.1 V at 4 kN, where its data sheet has 1.9 V: the same tolerance of the inferred 4 kN would be a pass."""
+    tolerance = '[[tolerance]]\nresult = "output at force 4 kN"\nunit = "V"\nnominal = {}\ndeviation = 0.05'
+    for nominal, verdict in ((2.1, "pass"), (1.9, "fail")):
+        (statement,) = make(asked(run, settled(tmp_path, tolerance.format(nominal)))).document.statements
+        assert (statement.what, statement.verdict) == ("output at force 4 kN", verdict)
+
+
 @pytest.mark.parametrize(
     ("rule", "verdict"),
     [
@@ -429,6 +437,11 @@ def test_a_further_run_that_does_not_confirm_is_no_dead_end(monkeypatch, run, tm
             "no result has that label; there are: coefficient 1",
         ),
         ('[[tolerance]]\nresult = "coefficient 1"\nunit = "mV"\nlower = 1', "is in 'V': convert the limits"),
+        (
+            '[[tolerance]]\nresult = "inferred force at force 4 kN"\nunit = "kN"\nnominal = 4\ndeviation = 0.1',
+            "its value is the point by definition, whatever the item does, so every item would conform; state the "
+            "nominal output there, with its tolerance in the output's unit: result = 'output at force 4 kN'",
+        ),
     ],
 )
 def test_tolerances_that_belong_to_nothing(run, tmp_path, more, words):

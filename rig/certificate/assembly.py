@@ -20,6 +20,7 @@ from rig.dcc.si_units import per_term
 
 SMALL = 1e-3
 """Share of the variance below which an influence is not listed."""
+_ITS_POINT = "its value is the point by definition, whatever the item does, so every item would conform"
 _SHARED = "Quantities inferred from all items together"
 _OF_TEMPERATURES = -2
 """Last printed place of recorded temperatures: that of meters of temperatures, and of tables."""
@@ -163,17 +164,37 @@ def statements(run: RunBudget, stage: Stage, settings: CertificateSettings) -> I
 
 
 def without_result(run: RunBudget, settings: CertificateSettings) -> Iterator[str]:
-    """Tolerances that belong to no result, or are in another unit, one sentence each."""
+    """Tolerances that belong to no result, to one that is its point, or are in another unit, one sentence each."""
     for one in settings.tolerance:
         found = list(_judged(run, one))
         where = f"tolerance of {one.result!r}" + (f" of {one.sensor!r}" if one.sensor else "")
         if not found:
-            known = "; ".join(dict.fromkeys(_label(b, c, run) for c, b in zip(run.sensors, run.budgets, strict=True)))
+            known = "; ".join(label for label in _labels(run) if not _is_its_point(label))
             yield f"{where}: no result has that label; there are: {known}"
+        elif _is_its_point(one.result):
+            yield f"{where}: {_ITS_POINT}; {_instead(one.result, run)}"
+            continue
         for _, budget in found:
             unit = per_term(budget.unit)
             if unit != one.unit:
                 yield f"{where}: unit = {one.unit!r}, and {budget.name} is in {unit!r}: convert the limits"
+
+
+def _labels(run: RunBudget) -> Iterable[str]:
+    return dict.fromkeys(_label(b, c, run) for c, b in zip(run.sensors, run.budgets, strict=True))
+
+
+def _is_its_point(label: str) -> bool:
+    """Whether the value of a result is the point at which it is given, whatever the item does."""
+    return label.startswith("inferred ")
+
+
+def _instead(label: str, run: RunBudget) -> str:
+    """What has a tolerance in place of an inferred value: the outputs at its point."""
+    place = f" {label[label.find('at ') :]}"
+    ends = [one for one in _labels(run) if not _is_its_point(one) and one.endswith(place)]
+    named = " or ".join(map(repr, ends)) or "an output or a coefficient"
+    return f"state the nominal output there, with its tolerance in the output's unit: result = {named}"
 
 
 def _judged(run: RunBudget, tolerance: ToleranceSettings) -> Iterator[tuple[str, Budgeted]]:

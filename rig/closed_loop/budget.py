@@ -370,8 +370,9 @@ def of_drift(of: OfRun, evaluation: Evaluation, days: float) -> Iterator[tuple[s
 
 
 def unstated_of(evaluation: Evaluation, stated: Statements) -> tuple[str, ...]:
-    """Columns of an evaluation whose errors the register does not state."""
-    return tuple(name for name in evaluation.columns if not any(name in one.columns for one in stated.errors))
+    """Columns of an evaluation whose own errors the register does not state; those of a meter behind one are others."""
+    known = {name for one in stated.errors for name in one.columns if name not in one.computed}
+    return tuple(name for name in evaluation.columns if name not in known)
 
 
 def simulated_notes(made: Sequence[Budgeted], checks: Sequence[Check], seed: int) -> list[str]:

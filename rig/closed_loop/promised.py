@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import date
 from typing import Any
@@ -14,7 +15,7 @@ from fitter.errors import FitError
 from procedures.errors import DataError
 from procedures.influences import explain, influences
 from procedures.kind import kind_of
-from procedures.stated import Statements
+from procedures.stated import Stated, Statements
 from rig.closed_loop.budget import UNSTATED, constants_of, unstated_of
 from rig.errors import ConfigurationError
 from rig.plans import Plan
@@ -85,7 +86,7 @@ def promised(plan: Plan, on: date) -> Promised:
     try:
         expected = kind.expected(plan.procedure, plan.run_list, sensors)
         if not expected.meter:
-            stated = replace(stated, errors=[one for one in stated.errors if not one.reads])
+            stated = replace(stated, errors=_without_outputs(stated.errors))
         evaluation = kind.evaluation(expected.table, kind.budget_options(), (), constants_of(stated))
         found = _of(evaluation, stated)
     except (DataError, FitError) as error:
@@ -93,7 +94,7 @@ def promised(plan: Plan, on: date) -> Promised:
     notes = [f"total uncertainties by the register {register.name!r}, for {expected.assuming}"]
     unstated = [one for one in unstated_of(evaluation, stated) if expected.meter or one not in sensors]
     notes += [UNSTATED.format(names=", ".join(unstated))] if unstated else []
-    notes += [] if expected.meter else [NO_METER]
+    notes += [*stated.unused, *([] if expected.meter else [NO_METER])]
     notes += ["the register has example values"] if register.example else []
     return Promised(found, tuple(notes))
 
@@ -113,6 +114,14 @@ def expired(plan: Plan, on: date) -> list[str]:
     except ConfigurationError as error:
         return [line.replace("the run ended on", "this run would end on") for line in str(error).splitlines()]
     return []
+
+
+def _without_outputs(errors: Sequence[Stated]) -> list[Stated]:
+    """Errors without those of outputs' readings; a meter may read a reference standard, too."""
+    computed = [replace(one, columns={n: one.columns[n] for n in one.computed}, reads=False) for one in errors]
+    return [
+        rest if one.reads else one for one, rest in zip(errors, computed, strict=True) if rest.columns or not one.reads
+    ]
 
 
 def _of(evaluation: Any, stated: Statements) -> tuple[Promise, ...]:

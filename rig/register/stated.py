@@ -19,8 +19,9 @@ from procedures.table import Columns
 from rig.bench import playing
 from rig.config import BenchConfig
 from rig.errors import ConfigurationError
-from rig.quantities import HEAD
+from rig.quantities import HEAD, TEMPERATURE_UNIT, VOLT
 from rig.register.check import entries
+from rig.register.computed import computed_from
 from rig.register.drift import drifted
 from rig.register.schema import PLACE_UNITS, Equipment, Polynomial, Register, Statement, Uncertain
 from rig.register.units import factor, relative
@@ -28,6 +29,12 @@ from rig.register.units import factor, relative
 _T_FROM = 0.05
 _WIDTHS: Mapping[Distribution, float] = {"rectangular": sqrt(3.0), "triangular": sqrt(6.0), "arcsine": sqrt(2.0)}
 _AUTO = 1.2
+BEHIND = (
+    "references.{name}: the register states no errors in {unit} of {asset}, which reads it: they are not in these "
+    "uncertainties; state them, unless the certificate of the reference standard includes its meter"
+)
+VOLTS = "volts"
+"""Function of a scanner's channel that reads volts; its other ones read temperatures."""
 _SLACK = 1e-3
 
 
@@ -39,13 +46,15 @@ class Given:
         column: its name in tables.
         meter_range: configured range of the meter that reads it; None if it has none.
         output: whether it is the output of a sensor under calibration.
-        formula: whether the recorded value is computed from the reading.
+        formula: the column as a function of the reading; None if it is the reading.
+        reads: unit of the reading that it is computed from.
     """
 
     column: str
     meter_range: float | None = None
     output: bool = False
-    formula: bool = False
+    formula: str | None = None
+    reads: str = ""
 
 
 def degrees_of_freedom(one: Uncertain) -> float:
@@ -86,6 +95,7 @@ def stated_of(register: Register, config: BenchConfig, on: date) -> Statements:
     """
     errors: list[Stated] = []
     unused: list[str] = []
+    counted: set[str] = set()
     for asset, given in given_by(config).items():
         equipment = register.equipment.get(asset)
         if equipment is None:
@@ -93,12 +103,18 @@ def stated_of(register: Register, config: BenchConfig, on: date) -> Statements:
         ranges = [one.meter_range for one in equipment.says if one.meter_range is not None]
         for number, said in enumerate(equipment.says):
             place = f"equipment.{asset}.says.{number}"
-            mine = [one for one in given if _is_of(said, one.column) and not one.formula]
+            mine = [one for one in given if _is_of(said, one)]
             if not mine:
-                columns = ", ".join(one.column for one in given) or "no column"
+                columns = ", ".join(map(_words, given)) or "no column"
                 unused.append(f"{place}: nothing here is in {said.quantity}; {asset} gives {columns}")
             else:
                 errors += _stated(asset, equipment, said, mine, ranges, place, on)
+                counted |= {one.column for one in mine if one.formula is not None}
+    for name, reference in config.references.items():
+        if reference.formula is not None and name not in counted:
+            asset = config.instruments[reference.reader].asset or reference.reader
+            unit = _unit(config, reference.reader, reference.channel)
+            unused.append(BEHIND.format(name=name, asset=asset, unit=unit))
     place_constants: dict[str, PlaceConstant] = {name: _constant(name, register) for name in register.place}
     return Statements(tuple(_each_by_its_name(errors)), place_constants, tuple(unused), register.example)
 
@@ -129,8 +145,9 @@ def given_by(config: BenchConfig) -> Mapping[str, Sequence[Given]]:
         add(thermometer.asset, one)
     for name, reference in config.references.items():
         add(reference.asset, Given(name))
-        read = Given(name, _range(config, reference.reader, reference.channel), formula=reference.formula is not None)
-        add(asset[reference.reader], read)
+        where = (reference.reader, reference.channel)
+        unit = "" if reference.formula is None else _unit(config, *where)
+        add(asset[reference.reader], Given(name, _range(config, *where), formula=reference.formula, reads=unit))
     for name, instrument in _setters(config):
         if name not in config.references and name not in config.temperatures:
             add(asset[instrument], Given(name))
@@ -153,9 +170,23 @@ def _range(config: BenchConfig, reader: str, channel: str) -> float | None:
     return float(found) if isinstance(found, (int, float)) else None
 
 
-def _is_of(said: Statement, column: str) -> bool:
-    """Whether a statement is about a column: by its name, or by its unit."""
-    return said.quantity == column or ("_" not in said.quantity and factor(said.quantity, unit_of(column)) is not None)
+def _unit(config: BenchConfig, reader: str, channel: str) -> str:
+    """Unit of a channel's readings: volts, or degrees Celsius, unless the instrument's options say another one."""
+    options = config.instruments[reader].options
+    functions = options.get("channels")
+    function = functions.get(channel, VOLTS) if isinstance(functions, Mapping) else VOLTS
+    return str(options.get("unit", VOLT if function == VOLTS else TEMPERATURE_UNIT))
+
+
+def _words(one: Given) -> str:
+    return f"{one.column}, computed from {one.reads}" if one.reads else one.column
+
+
+def _is_of(said: Statement, one: Given) -> bool:
+    """Whether a statement is about a column or the reading that it is computed from: by its name, or by its unit."""
+    if said.quantity == one.column:
+        return True
+    return "_" not in said.quantity and factor(said.quantity, one.reads or unit_of(one.column)) is not None
 
 
 def _stated(
@@ -172,7 +203,13 @@ def _stated(
     if not mine:
         return
     columns = {one.column: factor(said.quantity_unit, unit_of(one.column)) or 1.0 for one in mine}
-    reads = all(one.output for one in mine)
+    computed = {
+        one.column: computed_from(one.column, one.formula, factor(said.quantity_unit, one.reads) or 1.0)
+        for one in mine
+        if one.formula is not None and said.quantity != one.column
+    }
+    direct = [one.output for one in mine if one.column not in computed]
+    reads = bool(direct) and all(direct)
     auto = said.meter_range is not None and any(one.meter_range is None for one in mine)
     inside = _within(said.meter_range, ranges) if auto and said.meter_range is not None else None
     share = relative(said.unit)
@@ -211,6 +248,7 @@ def _stated(
         reads,
         said.covered,
         key,
+        computed,
     )
     yield own
     since = f"drift since {certificate.date}" if certificate is not None else "drift"
@@ -285,14 +323,15 @@ def check_covered(stated: Statements, columns: Columns, where: str) -> None:
             continue
         low, high = one.covered
         slack = _SLACK * (high - low)
-        for name, scale in one.columns.items():
+        for name in one.columns:
             if name not in columns:
                 continue
-            values = columns[name] / scale
+            values = one.quantity(name, columns[name])
             least, most = float(np.nanmin(values)), float(np.nanmax(values))
+            read = f"the reading of {name}" if name in one.computed else name
             if least < low - slack or most > high + slack:
                 found.append(
-                    f"{where}: {one.key}.range: the certificate covers {low:g} to {high:g}, and {name} of the run goes "
+                    f"{where}: {one.key}.range: the certificate covers {low:g} to {high:g}, and {read} of the run goes "
                     f"from {least:g} to {most:g}: name a certificate that covers it, or a narrower run"
                 )
     if found:
