@@ -177,3 +177,8 @@ class ConfirmedFit:
     def page(self) -> Page | None:
         """Its report; None if it has none."""
         return self.fitted.page()
+
+
+def in_words(points: int, replications: int) -> str:
+    """Size of a run without whole plots."""
+    return f"{points} points x {replications} replication{'' if replications == 1 else 's'}"

@@ -18,7 +18,13 @@ def plain(monkeypatch):
 
 
 def proposal(**more):
-    known = {"size": "23 x 1", "hours": 0.5, "separated": (3, 4), "nearest": (0.97, 4.1), "shown": (1.0, 278.0)}
+    known = {
+        "size": "23 points x 1 replication",
+        "hours": 0.5,
+        "separated": (3, 4),
+        "nearest": (0.97, 4.1),
+        "shown": (1.0, 278.0),
+    }
     return SimpleNamespace(variation=SimpleNamespace(what=WHAT), **{**known, **more})
 
 
@@ -27,9 +33,9 @@ def test_a_proposed_run_is_two_lines(plain, capsys):
     lines = capsys.readouterr().out.splitlines()
     assert lines[:4] == [
         f"1  {WHAT}",
-        "   23 x 1 points, 30 min; 3 of 4 pairs separated; nearest pair 4.1 (97%); weakest cause 278 (100%)",
+        "   23 points x 1 replication, 30 min; 3 of 4 pairs separated; nearest pair 4.1 (97%); weakest cause 278 (100%)",
         f"2  {WHAT}",
-        "   23 x 1 points, 30 min; weakest cause 278 (100%)",
+        "   23 points x 1 replication, 30 min; weakest cause 278 (100%)",
     ]
     assert lines[-1] == "  run 1: it may leave two causes open"
 

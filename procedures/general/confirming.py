@@ -16,7 +16,7 @@ from fitter.effects.entry import Entry
 from fitter.effects.hands import Done
 from fitter.errors import FitError
 from procedures.column_names import unit_of
-from procedures.confirming import SETTLED, ConfirmedFit, Confirming
+from procedures.confirming import SETTLED, ConfirmedFit, Confirming, in_words
 from procedures.errors import DataError
 from procedures.further_runs import Variation, repeated
 from procedures.general.effects.literal import arithmetic
@@ -186,7 +186,7 @@ class GeneralConfirming(Confirming):
 
     def size(self, procedure: GeneralProcedure) -> str:
         """See `Confirming`."""
-        return f"{len(procedure.expand()) // procedure.replications} x {procedure.replications}"
+        return in_words(len(procedure.expand()) // procedure.replications, procedure.replications)
 
     def separated_by(self, one: Entry, other: Entry) -> str:
         """See `Confirming`."""

@@ -68,7 +68,7 @@ def show_proposals(
         colour = "[green]" if number == take else "[default]"
         out.print(f"{colour}{number:>{width}}  {escape(proposal.variation.what)}[/]", soft_wrap=True)
         separated, pairs = proposal.separated
-        told = [f"{proposal.size} points, {duration(proposal.hours * 3600.0)}"]
+        told = [f"{proposal.size}, {duration(proposal.hours * 3600.0)}"]
         told += [f"{separated} of {pairs} pairs separated"] if pairs else []
         told += [] if proposal.nearest is None else [f"nearest pair {_weakest(*proposal.nearest)}"]
         told += [f"weakest cause {_weakest(*proposal.shown)}"]
