@@ -17,9 +17,12 @@ def plain(monkeypatch):
     monkeypatch.setattr("rig.closed_loop.confirm.proposals.otherwise", lambda *_: ["it may leave two causes open"])
 
 
+SIZE = "23 points x 1 replication"
+
+
 def proposal(**more):
     known = {
-        "size": "23 points x 1 replication",
+        "size": SIZE,
         "hours": 0.5,
         "separated": (3, 4),
         "nearest": (0.97, 4.1),
@@ -33,9 +36,9 @@ def test_a_proposed_run_is_two_lines(plain, capsys):
     lines = capsys.readouterr().out.splitlines()
     assert lines[:4] == [
         f"1  {WHAT}",
-        "   23 points x 1 replication, 30 min; 3 of 4 pairs separated; nearest pair 4.1 (97%); weakest cause 278 (100%)",
+        f"   {SIZE}, 30 min; 3 of 4 pairs separated; nearest pair 4.1 (97%); weakest cause 278 (100%)",
         f"2  {WHAT}",
-        "   23 points x 1 replication, 30 min; weakest cause 278 (100%)",
+        f"   {SIZE}, 30 min; weakest cause 278 (100%)",
     ]
     assert lines[-1] == "  run 1: it may leave two causes open"
 

@@ -31,7 +31,7 @@ def expected_run(procedure: GeneralProcedure, run_list: RunList, sensors: Mappin
     known = {stem_of(column): column for column in sensors}
     told = [name for name in known if name in expect.output and name in expect.sigma]
     if not told:
-        has = {"output": expect.output, "sigma": expect.sigma}
+        has: dict[str, Mapping[str, object]] = {"output": expect.output, "sigma": expect.sigma}
         lacks = (f"{one}: no {' and no '.join(k for k, v in has.items() if one not in v)}" for one in known)
         raise DataError(
             f"[expect] has not both, output and sigma, of a sensor ({'; '.join(lacks)}): with them a total uncertainty "
