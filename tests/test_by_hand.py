@@ -356,7 +356,7 @@ def test_a_postponed_point_is_tried_again_before_the_bench_is_changed(tmp_path):
 
 
 def test_a_whole_plot_that_a_person_interrupts_for_long_is_measured_again(tmp_path):
-    """The wait is a gap like others: `continue_gap_s`. The step itself is not repeated."""
+    """It is looked at less often than `continue_gap_s`. The step itself is not repeated."""
     procedure = whole_plot(
         ((-60, 0),), by_hand=[{"before": 2, **PADS}], recovery={"continue_gap_s": 5.0}, faults={"retries": 1}
     )

@@ -614,7 +614,7 @@ def test_a_unit_that_sends_by_itself_has_no_twin() -> None:
 
 
 def test_the_document_lists_every_option() -> None:
-    assert_documented(CanDaq.Options)
+    assert_documented(CanDaq)
 
 
 def test_who_has_no_such_unit_does_not_wait_for_cantools() -> None:

@@ -364,7 +364,7 @@ def test_options_are_strict(options: dict[str, object], message: str) -> None:
 
 
 def test_the_document_lists_every_option() -> None:
-    assert_documented(CiA402Pair.Options)
+    assert_documented(CiA402Pair)
 
 
 # The twin alone, by the letters of CiA 402.

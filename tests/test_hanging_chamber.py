@@ -22,10 +22,9 @@ def rules(steps):
     """After eight points of one whole plot, at which the cold box read so much more than its setpoint."""
     bench = SimpleNamespace(
         soaks=lambda factor: (CHAMBERS[factor], None),
-        temperatures={},
         instruments={},
         by_hand=lambda factor: None,
-        config=SimpleNamespace(factors={}),
+        config=SimpleNamespace(factors={}, thermometers=lambda factor: ()),
     )
     found = WholePlots(bench, RUN_LIST, PROCEDURE.conduct.whole_plots)
     for off in steps:
@@ -158,10 +157,9 @@ def test_a_temperature_that_stands_is_left_towards_ambient(target, left):
 def with_thermometers():
     bench = SimpleNamespace(
         soaks=lambda factor: (CHAMBERS[factor], None),
-        temperatures=dict.fromkeys(CHAMBERS),
         instruments={},
         by_hand=lambda factor: None,
-        config=SimpleNamespace(factors={}),
+        config=SimpleNamespace(factors={}, thermometers=lambda factor: (factor,)),
     )
     return WholePlots(bench, RUN_LIST, PROCEDURE.conduct.whole_plots)
 

@@ -18,6 +18,7 @@ from rig.controller import resume_run
 from rig.engine.actions import BenchActions
 from rig.engine.axes import SourceMover
 from rig.engine.session import Outcome, Signals
+from rig.run_file.events.bench import Fault
 from rig.run_file.events.by_hand import AskedToSet
 from rig.run_file.events.points import WholePlotBegan, WholePlotLost
 from rig.run_file.reader import RunReader
@@ -202,3 +203,61 @@ def test_a_pressure_that_stands_is_left_before_it_is_set_for_another_whole_plot(
     makes_sense(path)
     assert [event.settings["line_psia"] for event in events(path, WholePlotBegan)] == [1, 1, 2]
     assert "setting whole plot 2 of 3" in told
+
+
+WEIGHTS_IN_A_CHAMBER = f"""name = "a stand in a chamber"
+{lab.DVM}{lab.CHAMBER}{lab.PERSON}
+[sensors.cell]
+reader = "dvm"
+unit = "mV"
+[factors]
+force_kN = "operator"
+bath_degC = "oven"
+[limits]
+force_kN = [0, 10]
+bath_degC = [-60, 100]
+"""
+SLOW_PERSON = """seed = 2
+[sensors.cell]
+formula = "100 + 5*force_kN + bath_degC"
+noise = 0.01
+[person]
+sets_s = 1500
+"""
+WARM_WEIGHTS = """kind = "general"
+name = "weights in a chamber"
+seed = 1
+[factors.force_kN]
+levels = [0, 2, 5]
+[factors.bath_degC]
+levels = [15, 35]
+hard = true
+[soak]
+dwell_s = 300
+[measure]
+readings = 2
+[model]
+formula = "1 + force_kN + bath_degC"
+"""
+
+
+def test_a_whole_plot_that_is_seen_to_stand_waits_for_a_person_as_long_as_it_takes(tmp_path):
+    path, result = run_dry(tmp_path, WARM_WEIGHTS, WEIGHTS_IN_A_CHAMBER, SLOW_PERSON)
+    assert result.outcome is Outcome.COMPLETE, result.message
+    assert events(path, WholePlotLost) == [], "25 minutes, and continue_gap_s is 10"
+    makes_sense(path)
+
+
+@pytest.mark.parametrize(("for_s", "lost"), [(10, 0), (1100, 1)])
+def test_a_whole_plot_that_did_not_stand_while_a_person_was_waited_for_is_lost(tmp_path, for_s, lost):
+    door = f'[[faults]]\nkind = "door-open"\non = "oven"\nat_s = 4400\nfor_s = {for_s}\n'
+    path, result = run_dry(tmp_path, WARM_WEIGHTS, WEIGHTS_IN_A_CHAMBER, SLOW_PERSON + door)
+    assert result.outcome is Outcome.COMPLETE, result.message
+    found = events(path, WholePlotLost)
+    assert len(found) == lost
+    for one in found:
+        assert "longer than continue_gap_s = 600 s (seen: oven is at " in one.reason
+    assert json.loads(rig("status", path, "--json").stdout)["kept_of_lost"] == 2 * lost
+    says = " ".join(f.message for f in events(path, Fault))
+    assert "then resume" not in says, "it goes on by itself"
+    makes_sense(path)

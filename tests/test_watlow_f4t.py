@@ -348,7 +348,7 @@ def test_options_are_strict(options: dict[str, object], message: str) -> None:
 
 
 def test_the_document_lists_every_option() -> None:
-    assert_documented(WatlowF4T.Options)
+    assert_documented(WatlowF4T)
 
 
 @pytest.mark.parametrize(("address", "count"), [(2782, 1), (2783, 1), (2783, 2), (2821, 1), (2782, 3), (5, 1)])

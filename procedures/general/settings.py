@@ -131,7 +131,11 @@ class RecoverySettings(Strict):
 
     max_gap_s: Positive = Field(1800.0, description="after a longer gap the bench is prepared again")
     continue_gap_s: float = Field(
-        600.0, ge=0, le=1e6, description="a whole plot left alone for longer is not continued"
+        600.0,
+        ge=0,
+        le=1e6,
+        description="a whole plot left alone for longer is not continued; one that is looked at while a "
+        "person is waited for is not left alone",
     )
     whole_plot_repeats: int = Field(
         2, ge=0, le=20, description="how often a whole plot may be measured again in one session because it was lost"

@@ -165,7 +165,11 @@ class WholePlotRecovery(Strict):
     """Handling of interruptions. A whole plot that may not continue is measured again under a new identity."""
 
     continue_gap_s: float = Field(
-        600.0, ge=0, le=1e6, description="a whole plot left alone for longer is not continued, whatever it reads"
+        600.0,
+        ge=0,
+        le=1e6,
+        description="a whole plot left alone for longer is not continued, whatever it "
+        "reads; one that is looked at while a person is waited for is not left alone",
     )
     hold_max_s: Positive = Field(
         12 * 3600.0, description="a hold that is not released ends the session after this time"

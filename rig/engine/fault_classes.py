@@ -47,7 +47,11 @@ class ReferenceDisagrees(DoubtfulReadings):
 
 
 class TemperatureLeft(DoubtfulReadings):
-    """A temperature that should be constant has left its band."""
+    """A temperature that should be constant has left its band. `advice` is added where the run does not go on."""
+
+    def __init__(self, message: str, advice: str = "") -> None:
+        super().__init__(message)
+        self.advice = advice
 
 
 class DriveFault(InstrumentError):

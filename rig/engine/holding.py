@@ -40,6 +40,7 @@ class Holding:
         interruptions: signals and requests.
         clock: bench time.
         hold_max_s: longest hold, seconds.
+        look: looks at the open whole plot, if there is one.
 
     """
 
@@ -52,9 +53,11 @@ class Holding:
         interruptions: Interruptions,
         clock: Clock,
         hold_max_s: float,
+        look: Callable[[], None],
     ) -> None:
         self._by_hand, self._journal, self._do, self._deciding = by_hand, journal, do, deciding
         self._interruptions, self._clock, self._hold_max_s = interruptions, clock, hold_max_s
+        self._look = look
 
     def until_done(self) -> str:
         """Wait until the step by hand is done. A person had their hands on the bench: it is checked as after a crash.
@@ -78,6 +81,7 @@ class Holding:
                     return "repeat-check"
                 try:
                     self._do.look_around(self._clock.now())
+                    self._look()
                 except InterlockHold as error:
                     why = str(error)
                 except DriverError as error:
@@ -114,6 +118,7 @@ class Holding:
                     told = True
                     return go_on()
                 self._do.look_around(self._clock.now())
+                self._look()
             except InterlockHold as error:
                 why = str(error)
             except DriverError as error:

@@ -147,7 +147,14 @@ class Sequencer:
         )
         self._standing = Standing(conduct, self._journal, self._queue, self._soaking)
         self._hold = Holding(
-            self._by_hand, self._journal, self._do, self._deciding, self._interruptions, clock, conduct.hold_max_s
+            self._by_hand,
+            self._journal,
+            self._do,
+            self._deciding,
+            self._interruptions,
+            clock,
+            conduct.hold_max_s,
+            self._soaking.look if self._soaking is not None else lambda: None,
         )
         self._way_out = Parking(bench, self._do, self._journal, self._deciding, clock, self._set_up)
         self._poll_s = conduct.poll_s
@@ -399,6 +406,8 @@ class Sequencer:
         decision, error = self._deciding.decide(error, state)
         self._needs_set_up |= isinstance(error, DriverError)
         message = f"the soak failed: {error}" if decision.fault == "soak" else str(error)
+        if isinstance(error, TemperatureLeft) and decision.action == ABORT:
+            message += error.advice
         match decision.action:
             case action if action == ABORT:
                 return self._give_up(message, recorded=False)

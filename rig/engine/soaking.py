@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from math import inf
 from typing import Any, NoReturn
 
 from drivers.clock import Clock
@@ -22,6 +24,8 @@ from rig.engine.whole_plots import WholePlots, without_power
 from rig.run_file.events.event import EMPTY
 from rig.run_file.events.points import Observed, Renewing, TemperaturesLeft, WholePlotBegan, WholePlotLost
 
+_LOOK_S = 60.0
+"""Time between looks at the open whole plot while a person is waited for, seconds."""
 _RECALLED = 40
 """Number of observations read again when a run is resumed, to know the behaviour of the chambers."""
 
@@ -68,7 +72,9 @@ class Soaking:
         self._held, self._settings, self.watched = Held(bench, run_list, conduct.settled), settings, False
         self._do, self._journal, self._queue = do, journal, queue
         self._clock, self._wait = clock, wait
-        self._lost = 0
+        self._lost: Counter[int] = Counter()
+        self._looked_s = self._seen_s = -inf
+        self._away = ""
         for record in journal.recent(_RECALLED):
             if isinstance(record.event, Observed):
                 self.rules.note(record.whole_plot, record.event.environment)
@@ -167,6 +173,22 @@ class Soaking:
         assert point.whole_plot is not None
         self._journal.write(TemperaturesLeft(planned=point.whole_plot))
 
+    def look(self) -> None:
+        """While a person is waited for: look whether the open whole plot stands.
+
+        As long as it is seen to stand, at most `continue_gap_s` apart, it is not left alone.
+        """
+        fold, now_s = self._journal.fold, self._journal.elapsed()
+        if not self.watched or fold.whole_plot is None or fold.planned is None or now_s - self._looked_s < _LOOK_S:
+            return
+        self._looked_s = now_s
+        point, as_found = self._run_list.points[self.rules.span(fold.planned)[0]], self._do.readback()
+        alone_s = min(now_s - (fold.worked_s or 0.0), now_s - self._seen_s)
+        away = self.rules.out_of_place(point, as_found["chambers"]) or self._moved(point, as_found)
+        if not away and alone_s <= self.rules.continue_gap_s:
+            self._seen_s, self._away = now_s, ""
+        self._away = self._away or away
+
     def check_while_working(self, point: Point) -> None:
         """Check a whole plot after a fault: it is lost if an instrument lost power, or after too long a time alone.
 
@@ -208,11 +230,20 @@ class Soaking:
         certain: bool = True,
     ) -> str:
         """Why the whole plot of `point` may not continue; "" if it may (`WholePlots.lost_meanwhile`)."""
+        if self.watched:
+            idle_s, gap_s = min(idle_s, self._journal.elapsed() - self._seen_s), self.rules.continue_gap_s
+            if certain and self._away and idle_s > gap_s:
+                longer = f"{idle_s / 60:.0f} min, longer than continue_gap_s = {gap_s:g} s"
+                return f"it did not stand for {longer} (seen: {self._away})"
         why = self.rules.lost_meanwhile(
             point, idle_s, certain=certain, watched=self.watched, restarted=restarted, as_found=as_found
         )
+        return why or self._moved(point, as_found)
+
+    def _moved(self, point: Point, as_found: Mapping[str, Any]) -> str:
+        """Which held setting does not stand any more, and where it is; "" if all do."""
         axes = ((f, as_found["axes"][f.axis]) for f in self._held.factors)
-        return why or self._held.out_of_place(
+        return self._held.out_of_place(
             point, {f.axis: (one[f.name], one["enabled"] and one["homed"]) for f, one in axes}
         )
 
@@ -240,11 +271,14 @@ class Soaking:
         """Give up the open whole plot because its temperatures were lost. Raises `TemperatureLeft`, for the
         policies.
         """
+        identity = self._journal.fold.whole_plot
         planned, kept = self.give_up(why)
+        times = self._lost[planned]
+        again = f", lost {times} times in this session" if times > 1 else ""
         look_at = "the chambers" if self.rules.soaked else "what sets it"
-        again = f"{self._lost} times in this session, last " if self._lost > 1 else ""
         raise TemperatureLeft(
-            f"whole plot {planned} was lost {again}because {why}; {kept}. Look at {look_at}, then resume"
+            f"whole plot {identity} (number {planned} of the design{again}) was lost because {why}; {kept}",
+            f". Look at {look_at}, then resume",
         )
 
     def give_up(self, why: str) -> tuple[int, str]:
@@ -263,17 +297,18 @@ class Soaking:
         kept = len(fold.accepted.intersection(range(first, first + count)))
         self._journal.take_up(None)
         lost = WholePlotLost(reason=why, planned=planned, first=first, count=count, kept=kept)
-        becomes = f"its {kept} readings are kept"
+        becomes = f"readings kept: {kept}"
         if self.rules.doubted_s:
             since = round(self._journal.elapsed() - self.rules.doubted_s, 3)
             last = [r for r in self._journal.recent(count) if r.whole_plot == fold.whole_plot]
             doubted = sum(r.elapsed_s >= since for r in last)
-            becomes = f"{kept - doubted} of its readings are kept, {doubted} are in doubt and left out"
+            becomes = f"readings kept: {kept - doubted}; in doubt and left out: {doubted}"
             reason = f"{why} ({doubted} of its readings are in doubt and left out)"
             lost = replace(lost, reason=reason, kept=kept - doubted, doubted_s=since, doubted=doubted)
             self.rules.doubted_s = 0.0
         self._journal.write(lost)
         self._settings.forget()
         self._queue.refill()
-        self._lost += 1
+        self._away = ""
+        self._lost[planned] += 1
         return planned, becomes

@@ -69,6 +69,7 @@ class WholePlots:
         conduct: soak and recovery.
 
     Attributes:
+        continue_gap_s: a whole plot left alone for longer is not continued, seconds.
         doubted_s: for a whole plot that was just found lost, the seconds before that in which a chamber repeated its
             reading to the last digit, which it never did before. Points accepted in this time are in doubt.
 
@@ -80,7 +81,7 @@ class WholePlots:
     def __init__(self, bench: Bench, run_list: RunList, conduct: WholePlotConduct) -> None:
         self._run_list = run_list
         self._soak = conduct.soak
-        self._continue_gap_s = conduct.continue_gap_s
+        self.continue_gap_s = conduct.continue_gap_s
         others = {f.name for f in held_factors(bench, run_list)} | {
             f.name for f in run_list.hard if bench.by_hand(f.name) is not None
         }
@@ -200,8 +201,8 @@ class WholePlots:
             return "the controller's machine was restarted, so it is not known how long the bench was left alone"
         if self._by_hand_only and watched:
             return ""  # what a person has set stays without power, and while the controller waits for somebody
-        if idle_s > self._continue_gap_s:
-            return f"left alone for {idle_s / 60:.0f} min, longer than continue_gap_s = {self._continue_gap_s:g} s"
+        if idle_s > self.continue_gap_s:
+            return f"left alone for {idle_s / 60:.0f} min, longer than continue_gap_s = {self.continue_gap_s:g} s"
         if restarted and not self._by_hand_only:
             return without_power(restarted)
         return self._left(self.targets(point), as_found["chambers"], {})
@@ -216,6 +217,10 @@ class WholePlots:
 
         """
         return self._left(self.targets(point), chambers, temperatures)
+
+    def out_of_place(self, point: Point, chambers: Mapping[str, Any]) -> str:
+        """Which chamber does not hold the whole plot of `point`, and where it is; "" if all do."""
+        return self._out_of_place(self.targets(point), chambers, {})
 
     def _left(
         self, targets: Mapping[str, float], chambers: Mapping[str, Any], temperatures: Mapping[str, Channel]

@@ -90,6 +90,8 @@ class Status:
             yield Line(f"  [yellow]point {index} skipped:[/] {escape(why)}")
         for number, why in told["whole_plots_lost"].items():
             yield Line(f"  [yellow]whole plot {number} was lost and measured again:[/] {escape(why)}")
+        if told["kept_of_lost"]:
+            yield Line(f"  readings kept of lost whole plots, as rows of their own in tables: {told['kept_of_lost']}")
         for words in told["warnings"]:
             yield Line(f"  [bold yellow]warning:[/] {escape(words)}")
         yield from self._faults()
@@ -178,6 +180,7 @@ def _status(run_file: Path) -> Status:
         "by_hand": [_done(event) for _, event in sorted(state.by_hand.items())],
         "warnings": warnings_in(run_file),
         "whole_plots_lost": {str(k): v for k, v in state.lost.items()},
+        "kept_of_lost": state.kept,
         "records": count,
         "head": head.hex(),
         "whole": False if wrong else True if looked else None,

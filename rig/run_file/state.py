@@ -49,6 +49,7 @@ class RunState:
         whole_plots: number of identities given so far.
         left_for: the planned whole plot for which temperatures have been left since the last was measured.
         lost: identity to reason, for whole plots that were given up and measured again.
+        kept: accepted readings of these that tables have.
         by_hand: steps that a person has done, by ordinal from 1.
         set_by_hand: last setting of each factor that a person set.
         steps: number of the steps of the run list.
@@ -82,6 +83,7 @@ class RunState:
     whole_plots: int = 0
     left_for: int | None = None
     lost: dict[int, str] = field(default_factory=dict)
+    kept: int = 0
     by_hand: dict[int, DoneByHand] = field(default_factory=dict)
     set_by_hand: dict[str, SetByHand] = field(default_factory=dict)
     steps: int = 0
@@ -187,6 +189,7 @@ class RunState:
                     self.skipped.pop(index, None)
                 assert record.whole_plot is not None
                 self.lost[record.whole_plot] = event.reason
+                self.kept += event.kept or 0
                 for number in undone(self._by_hand, event.points):
                     self.by_hand.pop(number, None)
                 self.whole_plot = self.planned = None

@@ -191,7 +191,7 @@ class WholePlotLost(Event, status="whole-plot-lost", matters=LOSS, exported=True
 
     def sentence(self, record: Record) -> str:
         """Reason and consequence."""
-        kept = "" if self.kept is None else f"{self.kept} readings stay, "
+        kept = "" if self.kept is None else f"readings kept: {self.kept}, "
         return f"whole plot {record.whole_plot} lost: {self.reason}; {kept}it is measured again under a new identity"
 
 
