@@ -58,8 +58,8 @@ class Budget(Result):
             value, expanded = with_error(one.value, one.expanded_uncertainty)
             words = f"{first.name}, {100 * first.share:.0f} %"
             grid.add_row(escape(one.name), f"{value} {one.unit}", expanded, f"{one.coverage_factor:.2f}", escape(words))
-        for one in lacking(self.found.unstated, self.found.of.stated):
-            yield Line(f"[bold]not in the uncertainties:[/] {escape(one)}")
+        for sentence in lacking(self.found.unstated, self.found.of.stated):
+            yield Line(f"[bold]not in the uncertainties:[/] {escape(sentence)}")
         yield Line(f"expanded uncertainties with a coverage probability of {100 * probability:g} %")
         yield grid
         yield from _checks(self.found)
