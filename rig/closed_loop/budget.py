@@ -376,7 +376,7 @@ def unstated_of(evaluation: Evaluation, stated: Statements) -> tuple[str, ...]:
 
 
 def lacking(unstated: Sequence[str], stated: Statements) -> list[str]:
-    """What is not in uncertainties, for the first lines of a result: columns, and statements of the register."""
+    """Sentences on errors that uncertainties lack, for the first lines of a result: of columns, of the register."""
     return [*([UNSTATED.format(names=", ".join(unstated))] if unstated else []), *stated.lacking]
 
 

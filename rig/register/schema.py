@@ -79,7 +79,7 @@ class Statement(Uncertain):
     quantity: str = Field(
         min_length=1,
         description="of what: a column of tables, `bath_degC` (also with another prefix), or a unit for all columns in "
-        "it, `V` or `mV_per_V`",
+        "it, `V` or `m3_per_h`",
     )
     behaves: Behaviour = Field(
         "offset", description="; ".join(f"`{name}`: {words}" for name, words in BEHAVIOURS.items())
@@ -114,7 +114,7 @@ class Statement(Uncertain):
 
     @property
     def of_unit(self) -> bool:
-        """Whether the quantity is a unit, such as `V`, `mV_per_V` or `mV/V`, and no column."""
+        """Whether the quantity is a unit, such as `V`, `m3_per_h` or `m3/h`, and no column."""
         return "_" not in spelled(self.quantity)
 
     @property
