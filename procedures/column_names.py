@@ -26,6 +26,11 @@ def with_word(name: str, word: str) -> str:
     return f"{stem}_{word}_{unit}"
 
 
+def since_of(name: str) -> str:
+    """The column with the seconds that a factor had stood at its setting when it was read: `force_since_s`."""
+    return f"{stem_of(name) or name}_since_s"
+
+
 def spelled(unit: str) -> str:
     """A unit as people write it: `m3_per_h` is `m3/h`."""
     return unit.replace("_per_", "/")

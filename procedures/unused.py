@@ -97,7 +97,7 @@ def unused_in_fit(table: Table, known: Collection[str], unit: str) -> Unused:
         stem, other = split_unit(name)
         if other in ("V", "mV", "uV", "kV"):
             found[name] = f"outputs are read in {unit}: convert it and name it {stem}_{unit}"
-        elif name in ("run_index", "accepted", "pressure_side") or stem.endswith("_readback"):
+        elif name in ("run_index", "accepted", "pressure_side") or stem.endswith(("_readback", "_since")):
             found[name] = RECORDED
         else:
             found[name] = why_unused(name, named, "columns of this kind have")

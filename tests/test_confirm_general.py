@@ -8,8 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from certificate_lab import REGISTER
 from command import rig
-from general_lab import PROCEDURE, run_dry, written
+from general_lab import BENCH, PROCEDURE, run_dry, written
 
 from fitter.errors import FitError
 from procedures.general.further_runs import further_runs
@@ -153,3 +154,20 @@ def test_the_report_of_a_trace_shows_every_sensor_and_calls_no_output_unused(bat
     unused = {one["column"]: one["why"] for one in told["unused"]["columns"]}
     assert not unused.keys() & {*outputs, "bath_degC", "current_A", "bath_set_degC"}
     assert "named with --ignore" not in unused.values()
+
+
+def test_a_calibration_by_two_runs_with_a_register_is_corrected_by_the_certificates_of_both(tmp_path):
+    bench = BENCH.replace('driver = "person"', 'driver = "person"\nasset = "W-1"')
+    bench = bench.replace("nplc = 1", 'nplc = 1\nasset = "DVM-1"')
+    register = REGISTER.replace('unit = "mV"\nstandard', 'unit = "mV"\ncorrection = 20\nstandard')
+    assert register != REGISTER
+    runs = []
+    for name, change in (("first", ""), ("later", "epoch = 2027-01-01T00:00:00Z\n")):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "equipment.toml").write_text(register)
+        runs.append(run_dry(tmp_path / name, MORE, bench=bench, world=change + CURVED)[0])
+    done = rig("fit", runs[0], "--confirmed-by", runs[1], "--out", tmp_path / "f.json", "--json")
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    assert told["coefficients"]["1"]["estimate"] == pytest.approx(0.12, abs=1e-4)
+    assert "--confirmed-by" in told["uncertainty"]

@@ -3,10 +3,23 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
+import numpy as np
 import pytest
 from command import rig
 from general_lab import PROCEDURE, WORLD, run_dry
+
+from procedures.errors import DataError
+from procedures.general.budget_traced import TracedEvaluation
+from procedures.general.effects.time_columns import lagging
+from procedures.general.infer import CurveCalibration
+from procedures.general.infer_runs import infer_sensors
+from procedures.general.infer_table import infer_general
+from procedures.general.of_runs import Asked, fit_run
+from procedures.general.traced import fit_traced
+from procedures.table import Table
+from rig.tables import run_table
 
 LEVELS = PROCEDURE.replace("[0, 1, 2, 5]", "[0, 1, 2, 3, 4, 5, 6, 7]")
 HIDDEN = WORLD.replace("noise = 1e-5", 'hidden = "0.0004*force_kN^2 + 0.0003*force_side"\nnoise = 1e-5')
@@ -24,6 +37,62 @@ def test_a_square_is_in_the_calibration_and_a_backlash_is_left_out_with_a_word(t
     for notes in (told["notes"], told["calibration"]["notes"]):
         assert any("second-order:force_kN is in the calibration" in note for note in notes)
         assert any(note.startswith("direction:") and "left out of the calibration" in note for note in notes)
+
+
+@pytest.fixture(scope="module")
+def in_air(tmp_path_factory):
+    """A run of two sensors beside which a temperature was recorded; one follows it, and so does another's line."""
+    run, _ = run_dry(tmp_path_factory.mktemp("air"), LEVELS.replace("replications = 2", "replications = 4"))
+    table = run_table(run)
+    n = len(table)
+    air = 20.0 + 6.0 * np.sin(np.arange(n) / 3.0)
+    cell = table.columns["cell_V"] + 0.004 * (air - 20.0)
+    return replace(table, columns={**table.columns, "air_degC": air, "cell_V": cell})
+
+
+def test_an_effect_of_a_recorded_temperature_is_in_the_calibration_and_needs_it_of_the_readings(in_air):
+    asked = Asked.of(in_air)
+    assert asked is not None
+    told = fit_traced(asked, (), ()).to_json()
+    assert any("readings in use need air_degC (14" in note for note in told["calibration"]["notes"])
+    calibration = CurveCalibration.from_dict(told["calibration"])
+    truth = 0.1 + 0.5 * 3.0 + 0.004 * -5.0
+    readings = {"cell_V": np.array([truth]), "air_degC": np.array([15.0])}
+    found = infer_general(calibration, lambda needed: Table("r.csv", readings, False, {}))
+    assert found.columns["force_kN"][0] == pytest.approx(3.0, abs=3e-4)
+    assert found.columns["force_kN_lo95"][0] < 3.0 < found.columns["force_kN_hi95"][0]
+    with pytest.raises(DataError, match="no column force_kN and air_degC"):
+        infer_general(calibration, lambda needed: Table("r.csv", {"cell_V": readings["cell_V"]}, False, {}))
+
+
+def test_a_budget_with_such_an_effect_is_at_its_mean_in_the_run(in_air):
+    every = TracedEvaluation(in_air, [{"force_kN": 3.0}]).each[0]
+    assert every.has_points
+    assert every.at["air_degC"] == pytest.approx(in_air.columns["air_degC"].mean(), rel=1e-3)
+
+
+def test_of_a_lag_of_a_recorded_quantity_what_stays_at_rest_is_in_the_calibration(in_air):
+    air, t = in_air.columns["air_degC"], in_air.columns["elapsed_s"]
+    late = lagging(air, np.diff(t), 3.0 * float(np.median(np.diff(t))))
+    plain = in_air.columns["cell_V"] - 0.004 * (air - 20.0)
+    table = replace(in_air, columns={**in_air.columns, "cell_V": plain + 0.004 * (late - 20.0)})
+    asked = Asked.of(table)
+    assert asked is not None
+    told = fit_traced(asked, (), ()).to_json()
+    found = {name: one["estimate"] for name, one in told["coefficients"].items()}
+    (slope,) = (size for name, size in found.items() if "air_degC" in name)
+    assert slope == pytest.approx(0.004, rel=0.03)
+    assert any("which holds at rest, when air_degC has long been what it is" in note for note in told["notes"])
+
+
+def test_columns_that_no_sensor_needs_are_named(in_air):
+    asked = Asked.of(replace(in_air, columns={k: v for k, v in in_air.columns.items() if k != "air_degC"}))
+    assert asked is not None
+    one = CurveCalibration.from_dict(fit_run(asked).to_json()["calibration"])
+    two = replace(one, response="other_V")
+    readings = {"cell_V": np.array([1.6]), "other_V": np.array([1.6]), "air_degC": np.array([15.0])}
+    found = infer_sensors({"cell_V": one, "other_V": two}, lambda needed: Table("r.csv", readings, False, {}))
+    assert list(found.unused.columns) == ["air_degC"]
 
 
 def test_it_is_for_run_files(tmp_path):

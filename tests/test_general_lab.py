@@ -321,6 +321,9 @@ def test_a_run_of_weights_asks_for_each_and_its_table_has_them(weights):
     names = list(table.columns)
     assert names[:5] == ["replicate", "order", "elapsed_s", "force_kN", "force_side"]
     assert names[-1] == "cell_V", "outputs come last"
+    since, gap = table.columns["force_since_s"], np.diff(table.columns["elapsed_s"])
+    assert np.all((since > 5.0) & (since < 15.0) | (np.arange(14) == 7)), "dwell and reading; the last weight stands"
+    assert since[7] == pytest.approx(since[6] + gap[6], abs=2e-3)
     assert table.columns["block"].tolist() == [1] * 14, "a setting is no change of the bench"
     asked = [r.event.setpoint for r in records(weights, "by-hand", "asked-to-set")]
     assert asked == [0, 1, 2, 5, 2, 1, 0, 1, 2, 5, 2, 1, 0], "weights that stand are not asked for"

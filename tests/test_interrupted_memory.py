@@ -10,10 +10,12 @@ import pytest
 from procedures.general.column_roles import Roles, roles_of
 from procedures.general.effects import effects_of
 from procedures.general.effects.literal import Rows, column
-from procedures.general.effects.time_columns import lag, of_start
+from procedures.general.effects.time_columns import lag, lagging, of_start
 from procedures.general.run_terms import columns_of
 from procedures.general.together import Remembered, Whole
 from procedures.general.trace import family, trace_general
+from procedures.general.trace.cross import _undetermined
+from procedures.general.trace.run import problem_of
 from procedures.table import Table
 
 TAU, SIZE, NOISE = 240.0, -0.0006, 1e-5
@@ -60,6 +62,46 @@ def test_creep_over_an_interruption_leaves_the_noise_and_nothing_else():
     labels = [row.label for row in result.after.rows()]
     assert {"within replications", "between replications"} <= {*labels}, "it has no whole plots"
     assert result.left_out == "replications"
+
+
+def test_what_a_left_out_fit_cannot_determine_is_not_predicted_by_it():
+    """A killed and resumed run: `the data left out do not confirm what was found`, 2512 %, of a true creep."""
+    night = _night(5, breaks=(43,)) | {"replicate": np.repeat([1.0, 2.0, 3.0], [21, 22, 20])}
+    problem = problem_of(_data(night))
+    every = [k for k, one in enumerate(problem.candidates) if one.effect.kind.terms is lag]
+    j = min(every, key=lambda k: abs(problem.candidates[k].term.profile.value - TAU))
+    group = np.repeat([0, 1, 2], [21, 22, 20])
+    far = [_undetermined(problem, (j,), np.flatnonzero(group != k)) for k in range(3)]
+    assert [int(one.sum()) for one in far[:2]] == [0, 0]
+    assert far[2][43]
+    assert _undetermined(problem, (j,), np.flatnonzero(np.arange(63) != 43)).sum() == 0, "the next row determines it"
+
+
+def test_a_setting_whose_time_is_known_is_a_step_in_a_trace_and_in_a_later_run():
+    table = _night(5, breaks=()) | {"force_since_s": np.full(63, 30.0)}
+    scene, state, creep = _data(table).scene, 0.0, [0.0]
+    for before, load in zip(table["force_kN"], table["force_kN"][1:], strict=False):
+        for stood, seconds in ((before, 48.0), (load, 30.0)):
+            state = stood + (state - stood) * np.exp(-seconds / TAU)
+        creep.append(state)
+    found = lagging(table["force_kN"], np.diff(table["elapsed_s"]), TAU, scene.since_in_its_unit("force_kN"))
+    np.testing.assert_allclose(found, creep, atol=1e-12)
+    assert list(scene.covariates) == list(_data(_night(5, breaks=())).scene.covariates)
+    term = lag(scene, "force_kN")[3]
+    np.testing.assert_allclose(column(term.labels[0], Rows(table, table["elapsed_s"])), term.columns[:, 0], atol=1e-9)
+
+
+def test_with_the_times_of_the_settings_the_interval_holds_the_truth():
+    night = _night(5, breaks=())
+    plain = trace_general(_data(night))
+    assert any("when force_kN was set is not known" in note for note in plain.notes)
+    table = night | {"force_since_s": np.full(63, 78.0)}
+    data = _data(table)
+    result = trace_general(data)
+    ((found,), (off,)) = result.added, plain.added
+    assert abs(found.coefficients[0] - SIZE) < 2.5 * found.stderr[0] < 0.02 * abs(SIZE)
+    assert abs(off.coefficients[0] - SIZE) > 2.5 * off.stderr[0]
+    assert not any("is not known" in note for note in result.notes)
 
 
 def _term(columns, group=()):

@@ -17,7 +17,7 @@ from fitter.budget import TypeA
 from fitter.errors import FitError
 from procedures.budgeting import alike
 from procedures.general.budget import GeneralEvaluation, Sensor
-from procedures.general.of_runs import Asked
+from procedures.general.of_runs import Asked, recorded
 from procedures.general.traced import with_effects
 from procedures.table import Table
 
@@ -28,8 +28,8 @@ class TracedEvaluation(GeneralEvaluation):
     def __init__(self, table: Table, at: Sequence[Mapping[str, float]]) -> None:
         asked = Asked.of(table)
         assert asked is not None  # a run's own outputs
-        self._found, self._points = with_effects(asked, (), covered=True), at
-        super().__init__(self._found.asked.table, at, self._found.asked.models)
+        self._found, self._points = with_effects(asked, (), covered=True), _with_means(table, at)
+        super().__init__(self._found.asked.table, self._points, self._found.asked.models)
 
     @cached_property
     def _moved(self) -> Sequence[tuple[str, str, str, FloatArray | None]]:
@@ -66,6 +66,12 @@ class TracedEvaluation(GeneralEvaluation):
     def not_kept(self) -> Iterable[str]:
         """See `Evaluation`."""
         return (f"{one.name}: intervals of rig infer do not cover it" for one in self.model_errors())
+
+
+def _with_means(table: Table, at: Sequence[Mapping[str, float]]) -> list[Mapping[str, float]]:
+    """Points with the means of recorded quantities that they do not give."""
+    means = {name: float(f"{table.columns[name].mean():.4g}") for name in recorded(table)}
+    return [{**means, **one} for one in at]
 
 
 def _difference(own: Sensor, other: Sensor) -> FloatArray:

@@ -16,7 +16,7 @@ from fitter.errors import FitError
 from fitter.formula import Formula
 from fitter.linear import orthonormal
 from procedures.catalogue import with_own
-from procedures.column_names import with_word
+from procedures.column_names import since_of, with_word
 from procedures.errors import DataError
 from procedures.file_rows import rows_of_file
 from procedures.general.clock_texts import is_clock
@@ -165,6 +165,7 @@ def _roles(table: Table, roles: Roles, formula: Formula, response: Formula) -> t
         direction=_direction(roles, parts.settings, columns, ordered=time is not None),
         speed=_speed(roles, parts.settings, columns),
         setpoints={name: np.asarray(columns[setpoint], np.float64) for name, setpoint in read.items()},
+        since={name: columns[since_of(name)] for name in (*settings, *free) if since_of(name) in columns},
     )
     labels = {name: _grouping(columns[name], declared=False) for name in _levels(table, unused) if name not in few}
     scene = replace(scene, own=tuple(_testable(scene, roles.own, notes)), labels=labels)
@@ -219,7 +220,7 @@ def _free(table: Table, roles: Roles, used: Sequence[str]) -> list[str]:
         if text:
             raise FitError(f"--candidates: {text[0]} is text; as a grouping it goes with --group")
         return [name for name in roles.candidates if name not in used]
-    taken = {*used, *roles.named, *roles.ignore}
+    taken = {*used, *roles.named, *roles.ignore, *(since_of(name) for name in table.columns)}
     return [name for name in table.columns if name not in taken]
 
 
@@ -274,6 +275,7 @@ def used_columns(roles: Roles, parts: Mapping[str, Any]) -> set[str]:
     named = {*_parse("--formula", roles.formula).names, *_parse("--response", f"0 + I({roles.response})").names}
     setpoints = {_setpoint_of(name) for name in parts.get("read by a reference", ())}
     direction = (parts["direction"] or "").partition("(")[2].removesuffix(")")
+    setpoints |= {since_of(name) for name in (*parts["settings"], *parts["covariates"])}
     return named | setpoints | {*roles.named, *parts["covariates"], parts["time"] or "", direction} - {""}
 
 

@@ -24,7 +24,7 @@ from procedures.general.effects.of_others import HYSTERESIS
 from procedures.general.factors import RANDOM
 from procedures.general.found_in_run import FoundInRun
 from procedures.general.further_runs import values_of, with_routine
-from procedures.general.of_runs import Asked, RunTraced, fit_run
+from procedures.general.of_runs import Asked, RunTraced, fit_run, recorded
 from procedures.general.options import FitOptions, TraceOptions
 from procedures.general.planning import check_declared, evaluations
 from procedures.general.settings import GeneralProcedure
@@ -216,9 +216,10 @@ class GeneralConfirming(Confirming):
                 continue
             members = {member.effect: member.terms for member in question.members}
             terms = [term for term in members.get(answer.holding[0], answer.holder) if not term.slope]
-            usable = {term: usable_term(term.term.name, self.traced.table.factors) for term in terms}
+            known = (*self.traced.table.factors, *recorded(self.traced.table))
+            usable = {term: usable_term(term.term.name, known) for term in terms}
             if not all(usable.values()):
-                why = "it is no function of the settings: the calibration does not have it"
+                why = "it is no function of settings and recorded quantities: the calibration does not have it"
                 effect["used"] = f"{effect['told']}; {why}"
                 continue
             for term in terms:
@@ -292,14 +293,14 @@ def _stays(v: FloatArray, group: FloatArray | IntArray) -> bool:
     return bool(np.sum((v - _means(v, group)[1]) ** 2) < WITHIN * np.sum((v - v.mean()) ** 2))
 
 
-def usable_term(label: str, factors: Sequence[str]) -> str:
-    """A column of an effect as arithmetic of factors, which are known when a sensor is used; "" if it is none."""
+def usable_term(label: str, known: Sequence[str]) -> str:
+    """A column of an effect as arithmetic of quantities that are known when a sensor is used; "" if it is none."""
     try:
         text = arithmetic(label)
         names = parse_expression(text).names
     except FitError:
         return ""
-    return text if names and set(names) <= set(factors) else ""
+    return text if names and set(names) <= set(known) else ""
 
 
 def _unit_keys(run_list: RunList) -> list[tuple[float, ...]]:

@@ -77,4 +77,8 @@ def infer_sensors(
     df = {name: one.df[one.quantities[0]] for name, one in zip(quantities, found.values(), strict=True)}
     several = {name: sensors for name, sensors in alike.items() if len(sensors) > 1}
     flags = int(flagged.sum())
-    return Inference(columns, added, (*notes, *told), flags, tuple(quantities), Unused(), df=df, alike=several)
+    spare = {name: why for name, why in next(iter(found.values())).unused.columns.items() if name not in calibrations}
+    spare = {name: why for name, why in spare.items() if all(name in one.unused.columns for one in found.values())}
+    lacking = tuple(dict.fromkeys(row for one in found.values() for row in one.unused.rows))
+    unused = Unused(spare, lacking)
+    return Inference(columns, added, (*notes, *told), flags, tuple(quantities), unused, df=df, alike=several)

@@ -12,7 +12,7 @@ from fitter.errors import FitError
 from fitter.formula import Formula
 from fitter.trace.outcome import Outcome
 from procedures.blocks import Block, Line
-from procedures.column_names import split_unit
+from procedures.column_names import since_of, split_unit
 from procedures.errors import DataError
 from procedures.general.column_roles import Roles
 from procedures.general.declared import Declared
@@ -23,7 +23,7 @@ from procedures.results import Page, PlainFitted
 from procedures.table import Reader, Table
 from procedures.unused import RECORDED
 
-_WHOLE_PLOT, _REPLICATE, _TIME = "whole_plot", "replicate", "elapsed_s"
+_WHOLE_PLOT, _REPLICATE, _TIME, _BLOCK = "whole_plot", "replicate", "elapsed_s", "block"
 _FLAGS = {
     "reference": "since the reference standard read something else than was set",
     "noisy": "as noisier than the procedure allows",
@@ -101,6 +101,14 @@ def declared_of(model: SensorModel, table: Table) -> Declared:
 
 def _with_terms(model: SensorModel, terms: Sequence[str]) -> SensorModel:
     return model.model_copy(update={"formula": " + ".join([str(model.formula), *terms])}) if terms else model
+
+
+def recorded(table: Table) -> tuple[str, ...]:
+    """Quantities recorded beside the factors of a run, such as temperatures, which readings in use may have, too."""
+    known = {*table.factors, *table.outputs, _WHOLE_PLOT, _REPLICATE, _TIME, _BLOCK}
+    return tuple(
+        name for name in table.columns if name not in known and not name.endswith("_side") and not _ignored(name, table)
+    )
 
 
 def has_whole_plots(table: Table) -> bool:
@@ -298,4 +306,5 @@ def _ignored(name: str, table: Table) -> bool:
     doubled = any(stem.endswith(end) for end in ("_set", "_readback")) and f"{stem.rpartition('_')[0]}_{unit}" in (
         table.columns
     )
-    return name in _NOT_TRACED or name in table.outputs or doubled
+    since = name in (since_of(factor) for factor in table.factors)
+    return name in _NOT_TRACED or name in table.outputs or doubled or since

@@ -1,12 +1,14 @@
 """Calibrations of a run's sensors with the effects that a trace finds: `rig fit RUN --traced`.
 
-An effect that is a function of the factors becomes a term of the model. Any other (of time, order, direction, or a
-recorded quantity) is fitted and then left out: its contribution by the trace is taken off the outputs, so that the
-calibration is that of a sensor at rest, half-way through the run.
+An effect that is a function of the factors and of recorded quantities, such as a temperature, becomes a term of the
+model; `rig infer` takes these quantities from the readings. Any other (of time, order, direction) is fitted and then
+left out: its contribution by the trace is taken off the outputs, so that the calibration is that of a sensor at rest,
+half-way through the run.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -14,12 +16,17 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.effects.entry import Entry
+from procedures.column_names import unit_of
 from procedures.general.confirming import usable_term
+from procedures.general.effects.columns import less, middle
 from procedures.general.effects.of_time import WARM_UP
 from procedures.general.effects.time_columns import lag, previous
-from procedures.general.of_runs import Asked, RunFitted, fit_run, noted_of, trace_run
+from procedures.general.of_runs import Asked, RunFitted, fit_run, noted_of, recorded, trace_run
 from procedures.general.together import TIME
 from procedures.general.trace import FoundTableEffect, TableTrace
+from procedures.table import Table
+
+_NAME = re.compile(r"[^\W\d]\w*")
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,12 +34,14 @@ class Part:
     """Part of an effect in a calibration.
 
     Attributes:
-        terms: of the model, if it is a function of the factors; () otherwise.
+        terms: of the model: the effect, if it is a function of known quantities; otherwise its value at rest.
         off: (n,) contribution that is taken off the output otherwise, in order of time; zero for a term.
+        holds: for which state the calibration holds without it, in words; "" if it is in the calibration.
     """
 
     terms: tuple[str, ...]
     off: FloatArray
+    holds: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,10 +86,11 @@ def with_effects(asked: Asked, own: Sequence[Entry], *, covered: bool = False) -
     replaced: list[tuple[str, str, str, Part]] = []
     for output, one in traced.each.items():
         for effect in one.trace.added:
-            part = _part(asked, one.trace, _candidates(one.trace, effect), np.array(effect.coefficients))
+            part = _part(asked, output, one.trace, _candidates(one.trace, effect), np.array(effect.coefficients))
             parts[output][effect.effect] = part
-            notes[output] += [told for told in (_doubt(effect, covered=covered), _used(effect, part)) if told]
-            replaced += [(output, effect.effect, *other) for other in _others(asked, one.trace, effect)]
+            used = _used(effect, part, output, asked.table)
+            notes[output] += [told for told in (_doubt(effect, covered=covered), used) if told]
+            replaced += [(output, effect.effect, *other) for other in _others(asked, output, one.trace, effect)]
     for output in traced.not_traced:
         notes[output] = ["it was not traced: its declared model is not linear in its coefficients"]
     others = (
@@ -98,17 +108,25 @@ def _run_with(asked: Asked, parts: Mapping[str, Mapping[str, Part]]) -> Asked:
         columns[output] = np.array(columns[output], np.float64)
         for part in by_effect.values():
             columns[output][order] -= part.off
-    terms = {output: [term for part in by.values() for term in part.terms] for output, by in parts.items()}
+    terms = {
+        output: list(dict.fromkeys(term for part in by.values() for term in part.terms)) for output, by in parts.items()
+    }
     return replace(asked, table=replace(table, columns=columns)).adding(terms)
 
 
-def _used(effect: FoundTableEffect, part: Part) -> str:
-    if part.terms:
-        return f"{effect.effect} is in the calibration: {', '.join(effect.terms)}"
-    return (
-        f"{effect.effect} was fitted and is left out of the calibration: it is no function of the factors. Intervals "
-        f"take its size as known"
+def _used(effect: FoundTableEffect, part: Part, output: str, table: Table) -> str:
+    if part.holds:
+        size = f"{np.max(np.abs(part.off)):.3g} {unit_of(output)}".strip()
+        return (
+            f"{effect.effect} was fitted and is left out of the calibration, which holds {part.holds}. In the run "
+            f"{output} was up to {size} away from that: intervals take this as known, and no other state is in them"
+        )
+    told = f"{effect.effect} is in the calibration: {', '.join(effect.terms)}"
+    used = [name for name in recorded(table) if any(name in _NAME.findall(term) for term in part.terms)]
+    where = ", ".join(
+        f"{name} ({np.min(table.columns[name]):.5g} to {np.max(table.columns[name]):.5g})" for name in used
     )
+    return f"{told}; readings in use need {where}" if used else told
 
 
 def _doubt(effect: FoundTableEffect, *, covered: bool) -> str:
@@ -124,7 +142,7 @@ def _candidates(trace: TableTrace, effect: FoundTableEffect) -> tuple[int, ...]:
     return tuple(j for j in chosen if judge.candidates[j].effect.name == effect.effect)
 
 
-def _others(asked: Asked, trace: TableTrace, effect: FoundTableEffect) -> Iterator[tuple[str, Part]]:
+def _others(asked: Asked, output: str, trace: TableTrace, effect: FoundTableEffect) -> Iterator[tuple[str, Part]]:
     """Every other cause of an effect that the data cannot separate from it, and what it is in the calibration."""
     judge, chosen = trace.search.judge, trace.search.chosen
     problem, mine = judge.problem, _candidates(trace, effect)
@@ -134,23 +152,37 @@ def _others(asked: Asked, trace: TableTrace, effect: FoundTableEffect) -> Iterat
             continue
         columns = np.hstack([beside, problem.of(rival.terms)])
         fitted = np.asarray(np.linalg.lstsq(columns, problem.y, rcond=None)[0], np.float64)
-        yield rival.effect, _part(asked, trace, rival.terms, fitted[beside.shape[1] :])
+        yield rival.effect, _part(asked, output, trace, rival.terms, fitted[beside.shape[1] :])
 
 
-def _part(asked: Asked, trace: TableTrace, candidates: Sequence[int], coefficients: FloatArray) -> Part:
+def _part(asked: Asked, output: str, trace: TableTrace, candidates: Sequence[int], coefficients: FloatArray) -> Part:
     """An effect in the calibration, by its candidates; its contribution beyond that in use is taken off if it is no
-    function of the factors.
+    function of known quantities.
     """
+    formula = asked.models[output].formula or ""
     judge, columns = trace.search.judge, trace.search.judge.problem.of(candidates)
     labels = [label for j in candidates for label in judge.candidates[j].term.labels]
-    usable = [usable_term(label, asked.table.factors) for label in labels]
+    known = (*asked.table.factors, *recorded(asked.table))
+    usable = [usable_term(label, known) for label in labels]
     if all(usable):
         return Part(tuple(f"I({label})" for label in usable), np.zeros(len(columns)))
     effect = judge.candidates[candidates[0]].effect
-    if effect.kind.terms is lag:  # at rest a lag is its setting
-        v = trace.variables[effect.columns[0]]
+    terms: tuple[str, ...] = ()
+    if effect.kind.terms is lag:  # at rest a lag is its setting, which the model needs
+        name = effect.columns[0]
+        v = trace.variables[name]
         columns = columns - (v - v.mean())[:, None]
         columns = columns - columns[:1]
-    elif effect.kind.terms is not previous and effect.kind.name != WARM_UP.name and effect.family != "direction":
+        at_rest = usable_term(less(name, middle(v)), known)
+        terms = (f"I({at_rest})",) if at_rest and name not in _NAME.findall(formula) else ()
+        holds = f"at rest, when {name} has long been what it is"
+    elif effect.kind.terms is previous:
+        holds = f"for a {effect.columns[0]} that was the same before"
+    elif effect.kind.name == WARM_UP.name:
+        holds = "long after the start"
+    elif effect.family == "direction":
+        holds = "half-way between both directions"
+    else:
         columns = columns - columns.mean(axis=0)
-    return Part((), np.asarray(columns @ coefficients))
+        holds = "for its mean over the run"
+    return Part(terms, np.asarray(columns @ coefficients), holds)

@@ -289,7 +289,7 @@ def fit_source(
     keeps their influences.
     """
     of = registered(source, equipment)
-    source = source if of.run is None else of.source
+    run, source = source.path, source if of.run is None else of.source
     kind, options = chosen(source, _asked(given), lambda one: one.fit_options)
     fitted: Fitted
     others = [name for name, value in (("--leave-out", leave_out), ("--confirmed-by", confirmed_by)) if value]
@@ -298,7 +298,7 @@ def fit_source(
 
         if leave_out:
             raise UsageError("--confirmed-by uses all rows: omit --leave-out")
-        fitted = fit_confirmed(source.path, confirmed_by, options)
+        fitted = fit_confirmed(run, confirmed_by, options, of.table_of)
     else:
         fitted = kind.fit(source, options, leave_out=leave_out, own=laboratory_effects(), keep=keep)
     uncertainty = of.uncertainty(_asked(given), others, keep=keep)

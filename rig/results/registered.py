@@ -14,7 +14,7 @@ from rig.closed_loop.kept import REPEATABILITY, budget_section
 from rig.errors import ConfigurationError, UsageError
 from rig.register import DOCUMENT
 from rig.run_file.reader import RunReader
-from rig.tables import FileSource, is_run
+from rig.tables import FileSource, is_run, run_table
 
 
 @dataclass(frozen=True)
@@ -51,16 +51,27 @@ class Registered:
     Attributes:
         run: the run with its register; None without one.
         why: why there is none.
+        equipment: the given register, in place of those of the runs; None if there is none.
     """
 
     run: OfRun | None
     why: str
+    equipment: Path | None = None
 
     @property
     def source(self) -> Any:
         """The corrected run."""
         assert self.run is not None
         return Corrected(self.run.table.source, self.run.table)
+
+    def table_of(self, path: Path) -> Table:
+        """The table of another run file, which is corrected if this one is.
+
+        Raises:
+            UsageError: it is no run file, or this run is corrected and that one has no register.
+            ConfigurationError: its register cannot be used.
+        """
+        return run_table(path) if self.run is None else run_with_register(path, self.equipment).table
 
     def uncertainty(self, given: Mapping[str, Any], others: Sequence[str], *, keep: bool) -> Uncertainty:
         """Uncertainties of a fit, with influences for its use if it is kept.
@@ -115,7 +126,7 @@ def registered(source: FileSource, equipment: Path | None) -> Registered:
             raise UsageError(f"--equipment is for run files, and {source.path} is a table")
         return Registered(None, "a table has no register of equipment")
     if equipment is not None:
-        return Registered(run_with_register(source.path, equipment), "")
+        return Registered(run_with_register(source.path, equipment), "", equipment)
     with RunReader.open(source.path) as reader:
         has_one = DOCUMENT in reader.documents()
     if not has_one:

@@ -17,14 +17,14 @@ from typing import Any
 import numpy as np
 
 from procedures.by_hand import Made
-from procedures.column_names import spelled, split_unit, with_word
+from procedures.column_names import since_of, spelled, split_unit, with_word
 from procedures.run_list import RunList
 from procedures.table import SENSOR_TEMPERATURE, Columns, Table
 from rig.errors import RunFileError
 from rig.run_file.bodies import ContentsError
 from rig.run_file.chain import Record
 from rig.run_file.documents import Stored, declared_model, kind_of_run, mounting_of
-from rig.run_file.events.by_hand import DoneByHand
+from rig.run_file.events.by_hand import DoneByHand, SetByHand
 from rig.run_file.events.points import Observed, Skipped, WholePlotLost
 from rig.run_file.events.sessions import Ended, Identified, SessionBegan
 from rig.run_file.reader import RunReader
@@ -54,7 +54,7 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False) ->
         bench = Stored.of(documents, "bench.toml")
         factors = bench.table("factors").texts()
         turned = {f"mounting_{axis}": turn for axis, turn in mounting_of(documents).items()}
-        made = () if salvage else _by_hand(reader)
+        made, settings = ((), []) if salvage else (_by_hand(reader), _set_by_hand(reader))
         rows: list[dict[str, float]] = []
         left_out, rejected, flags = 0, 0, Counter[str]()
         doubted = _doubted(reader.salvage() if salvage else reader.records(WholePlotLost.kind))
@@ -90,7 +90,7 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False) ->
         skipped = [] if salvage else _skipped(reader, run_list)
     if not rows:
         raise RunFileError(f"{path} holds no observations yet; `rig resume {path}` measures some")
-    _fill(rows, run_list, made, bench)
+    _fill(rows, run_list, made, bench, settings)
     columns = {name: np.array([row.get(name, math.nan) for row in rows], float) for name in _all_names(rows)}
     provenance = {
         "file": path.name,
@@ -155,6 +155,22 @@ def _by_hand(reader: RunReader) -> tuple[Made, ...]:
         for record, done in found
         if isinstance(done, DoneByHand)
     )
+
+
+def _set_by_hand(reader: RunReader) -> list[tuple[float, str]]:
+    """Elapsed time of every setting that a person made, and its factor, in order."""
+    found = ((record.elapsed_s, record.event) for record in reader.records(SetByHand.kind))
+    return [(elapsed_s, event.factor) for elapsed_s, event in found if isinstance(event, SetByHand)]
+
+
+def _fill_since(rows: Sequence[dict[str, float]], settings: Sequence[tuple[float, str]]) -> None:
+    """Give every row the seconds since a person set a factor, if it was set before the first row."""
+    for factor in dict.fromkeys(factor for _, factor in settings):
+        name, times = since_of(factor), [elapsed_s for elapsed_s, one in settings if one == factor]
+        if times[0] > min(row["elapsed_s"] for row in rows) or any(name in row for row in rows):
+            continue
+        for row in rows:
+            row[name] = round(row["elapsed_s"] - max(t for t in times if t <= row["elapsed_s"]), 3)
 
 
 def _fill_stated(rows: Sequence[dict[str, float]], made: Sequence[Made], bench: Stored) -> None:
@@ -271,14 +287,21 @@ def _row(record: Record, run_list: RunList, order: int, factors: Mapping[str, st
     return row | {"block": record.session, "run_index": point.index}
 
 
-def _fill(rows: Sequence[dict[str, float]], run_list: RunList, made: Sequence[Made], bench: Stored) -> None:
-    """Give every row the setpoint of a factor that was measured in some of them, and what a person stated before it."""
+def _fill(
+    rows: Sequence[dict[str, float]],
+    run_list: RunList,
+    made: Sequence[Made],
+    bench: Stored,
+    settings: Sequence[tuple[float, str]],
+) -> None:
+    """Give every row the setpoint of a factor that was measured in some of them, and what a person did before it."""
     for factor in run_list.factors:
         if any(factor.set_name in row for row in rows):
             for row in rows:
                 if factor.set_name not in row and "run_index" in row:
                     row[factor.set_name] = run_list.setting(run_list.points[int(row["run_index"])])[factor.name]
     _fill_stated(rows, made, bench)
+    _fill_since(rows, settings)
 
 
 def _readback_name(quantity: str) -> str:

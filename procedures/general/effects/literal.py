@@ -16,6 +16,7 @@ import numpy as np
 from fitter.arithmetic_text import parse_expression
 from fitter.arrays import FloatArray
 from fitter.errors import FitError
+from procedures.column_names import since_of
 from procedures.general.effects.time_columns import lagging
 
 _REMEMBERS = re.compile(r"(?<![\w.])(previous|lag|rate|side)\(")
@@ -89,7 +90,11 @@ def _remembered(function: str, arguments: Sequence[str], rows: Rows) -> FloatArr
     v = column(arguments[0], rows)
     if function == "lag":
         tau = float(arguments[1])
-        return rows.each(lambda own, t: lagging(own, np.diff(t), tau), v)
+        names = [since_of(name) for name in parse_expression(arguments[0]).names]
+        since = rows.values[names[0]] if len(names) == 1 and names[0] in rows.values else None
+        if since is None:
+            return rows.each(lambda own, t: lagging(own, np.diff(t), tau), v)
+        return rows.each(lambda own, t: lagging(own[:, 0], np.diff(t), tau, own[:, 1]), np.column_stack([v, since]))
     return rows.each({"previous": _previous, "rate": _rate, "side": _side}[function], v)
 
 

@@ -23,6 +23,9 @@ _UNITS = (
     (re.compile(r"min(utes?)?$", re.IGNORECASE), 60.0),
     (re.compile(r"sec|(^|_)s$", re.IGNORECASE), 1.0),
 )
+APART, WITHIN, ROWS_OF_LEVEL = 1.0 / 200.0, 1.0 / 100.0, 3
+"""Levels of a setting: least distance and largest deviation, as shares of its range, and fewest rows of one on
+average."""
 CYCLES = {"annual": 365.25 * 86400.0, "daily": 86400.0}
 """Periods with names, tested if the time covers them, seconds."""
 
@@ -35,6 +38,21 @@ def is_temperature(name: str) -> bool:
 def is_angle(name: str, values: FloatArray) -> bool:
     """Whether a column is an angle in degrees over most of a turn, by its name and range."""
     return bool(_ANGLE.search(name)) and 270.0 <= float(np.ptp(values)) <= 4000.0
+
+
+def at_levels(v: FloatArray) -> FloatArray:
+    """(n,) values of a setting (n,); where they scatter a little about a few levels, the mean of each level.
+
+    What has few levels resolves few waves, however finely its values were read.
+    """
+    step = np.diff(np.sort(v))
+    number = np.searchsorted(np.sort(v)[1:][step > APART * np.ptp(v)], v, side="right")
+    count = np.bincount(number)
+    if count.size > len(v) // ROWS_OF_LEVEL:
+        return v
+    means = (np.bincount(number, v) / count)[number]
+    off = np.abs(v - means).max()
+    return v if off > WITHIN * np.ptp(v) or off <= 1e-9 * np.ptp(v) else np.asarray(means)
 
 
 def seconds_per_unit(name: str) -> float | None:
@@ -95,6 +113,7 @@ class TableScene:
         own: the laboratory's own effects that the table can be tested for.
         labels: columns of text without a role, whose levels repeat; shapes without a name and coarse rounding are
             looked for by them, but no effects.
+        since: (n,) seconds that a variable had stood at its setting when the row was read, where that is known.
         constant: whether the declared model has a constant, in whatever columns.
     """
 
@@ -107,12 +126,19 @@ class TableScene:
     setpoints: Mapping[str, FloatArray] = field(default_factory=dict)
     own: tuple[Entry, ...] = ()
     labels: Mapping[str, Grouping] = field(default_factory=dict)
+    since: Mapping[str, FloatArray] = field(default_factory=dict)
     constant: bool = True
 
     @property
     def variables(self) -> dict[str, FloatArray]:
         """Settings and covariates."""
         return {**self.settings, **self.covariates}
+
+    def since_in_its_unit(self, name: str) -> FloatArray | None:
+        """(n,) `since` of a variable in the unit of the time; None if it is not known."""
+        if name not in self.since or self.time is None or self.time.unit_s is None:
+            return None
+        return self.since[name] / self.time.unit_s
 
     def of(self, name: str) -> FloatArray:
         """(n,) values of a setting, a covariate or the time."""

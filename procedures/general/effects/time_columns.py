@@ -140,10 +140,11 @@ def lag(scene: TableScene, name: str) -> Terms:
     constants = np.geomspace(0.5 * float(np.median(gap[gap > 0])), float(np.ptp(t)) / 3.0, LAGS)
     session = _session(scene)
     breaks = interruptions(session, MOST_INTERRUPTIONS)
+    since = scene.since_in_its_unit(name)
 
     def at(tau: float) -> TableTerm:
         tau = rounded(tau, tau)
-        labels, columns = [f"lag({less(name, middle(v))}, {tau:.15g})"], [lagging(v - middle(v), gap, tau)]
+        labels, columns = [f"lag({less(name, middle(v))}, {tau:.15g})"], [lagging(v - middle(v), gap, tau, since)]
         for first in breaks:
             start = rounded(float(t[first]), float(np.ptp(t)), 6)
             labels.append(f"({BLOCK} == {session[first]:g}) * exp(-({less(time.name, start)})/{tau:.15g})")
@@ -186,14 +187,25 @@ def previous(scene: TableScene, name: str) -> Terms:
     return (TableTerm((f"previous({name}) - {whole(name)}",), (before - v)[:, None]),)
 
 
-def lagging(v: FloatArray, gap: FloatArray, tau: float) -> FloatArray:
-    """(n,) v through a first-order lag, in equilibrium at the start and linear between rows."""
+def lagging(v: FloatArray, gap: FloatArray, tau: float, since: FloatArray | None = None) -> FloatArray:
+    """(n,) v through a first-order lag, in equilibrium at the start.
+
+    Args:
+        v: (n,) the variable.
+        gap: (n - 1,) time from each row to the next.
+        tau: time constant.
+        since: (n,) time from the step to the value of a row to the row, if known; without it, v is linear between rows.
+    """
     out, state = np.empty_like(v), float(v[0])
     out[0] = state
     for i, dt in enumerate(gap):
         r = dt / tau
         decay = float(np.exp(-r))
-        slope = (1.0 - decay) / r if r > 1e-9 else 1.0
-        state = decay * state + (slope - decay) * v[i] + (1.0 - slope) * v[i + 1]
+        if since is not None:
+            after = float(np.exp(-min(max(since[i + 1], 0.0), dt) / tau))
+            state = decay * state + (after - decay) * v[i] + (1.0 - after) * v[i + 1]
+        else:
+            slope = (1.0 - decay) / r if r > 1e-9 else 1.0
+            state = decay * state + (slope - decay) * v[i] + (1.0 - slope) * v[i + 1]
         out[i + 1] = state
     return out

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fitter.arrays import IntArray
 from fitter.linear import orthonormal
 from fitter.trace.search import search_and_name
 from procedures.general.effects.scene import TableTerm
+from procedures.general.effects.time_columns import of_start
 from procedures.general.trace.estimate import estimate
 from procedures.general.trace.family import TableFamily
 from procedures.general.trace.judge import TableJudge
@@ -23,10 +26,16 @@ SMALL, FOLDS, BLOCKS, SEED = 12, 5, 20, 5
 SHARING = "groups with an error in common"
 """Groups left out in turn: whole plots, or replications."""
 FEWEST_SPARE = 3
+FAR = 3.0
+"""Ratio to the largest in kept rows, above which they do not determine what a session remembers of its start."""
 
 
-def left_out(problem: Problem, judge: TableJudge, chosen: tuple[int, ...]) -> tuple[tuple[float, float], str] | None:
-    """Rms error before and after of rows left out of search and fit, and the groups of left-out rows.
+def left_out(
+    problem: Problem, judge: TableJudge, chosen: tuple[int, ...]
+) -> tuple[tuple[float, float], str, int] | None:
+    """Rms error before and after of rows left out of search and fit, the groups of left-out rows, and rows not counted.
+
+    Rows whose memory of what stood before a session no other row determines are not predicted, and not counted.
 
     Args:
         problem: the table before the refinement of searched constants.
@@ -42,7 +51,7 @@ def left_out(problem: Problem, judge: TableJudge, chosen: tuple[int, ...]) -> tu
     slow = judge.problem.noise.slow
     rival: Rivalry = "fast" if np.any(slow) and not slow[at] else "any"
     families: dict[tuple[int, Rivalry], TableFamily] = {(0, "any"): judge.family(at, rival)}
-    errors = np.zeros((2, problem.n))
+    errors, counted = np.zeros((2, problem.n)), np.ones(problem.n, np.bool_)
     for one in range(int(fold.max()) + 1):
         kept, out = np.flatnonzero(fold != one), np.flatnonzero(fold == one)
         if len(kept) - orthonormal(problem.declared[kept]).shape[1] < FEWEST_SPARE:
@@ -53,8 +62,21 @@ def left_out(problem: Problem, judge: TableJudge, chosen: tuple[int, ...]) -> tu
         moved = problem.with_terms({j: _whole(problem, fitted, j) for j in found})
         for i, terms in enumerate(((), found)):
             errors[i, out] = problem.y[out] - moved.model(terms)[out] @ estimate(fitted, terms).coefficients
-    before, after = np.sqrt(np.mean(errors**2, axis=1)).tolist()
-    return (before, after), words
+        counted[out] = ~_undetermined(moved, found, kept)[out]
+    if not np.any(counted):
+        return None
+    before, after = np.sqrt(np.mean(errors[:, counted] ** 2, axis=1)).tolist()
+    return (before, after), words, int(np.sum(~counted))
+
+
+def _undetermined(problem: Problem, found: Sequence[int], kept: IntArray) -> NDArray[np.bool_]:
+    """(n,) rows in which what a later session remembered of its start is far more than in any kept row."""
+    far = np.zeros(problem.n, np.bool_)
+    for term in (problem.candidates[j].term for j in found):
+        for label, column in zip(term.labels, term.columns.T, strict=True):
+            if of_start(label):
+                far |= np.abs(column) > FAR * np.abs(column[kept]).max()
+    return far
 
 
 def _whole(problem: Problem, fitted: TableJudge, j: int) -> TableTerm:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from fitter.trace.flexible import Block, turns
 from fitter.trace.found import Unnamed
 from fitter.trace.in_part import FEWEST, p_in_part
-from procedures.general.effects.scene import TableScene
+from procedures.general.effects.scene import TableScene, at_levels
 from procedures.general.trace.nameless import Nameless
 
 LEVELS = 6
@@ -113,7 +113,8 @@ def _shapes(nameless: Nameless, part: Part) -> Iterator[Block]:
             yield Block(block.place, block.columns[:, :order], (order,), block.roughness[:order])
     for name, v in scene.settings.items():
         if name != part.variable and np.ptp(v) > 0:
-            u = (v - v.min()) / np.ptp(v)
+            own = at_levels(v)
+            u = (own - own.min()) / np.ptp(own)
             most = min(int(np.sum(part.rows)) // PER_PERIOD, (np.unique(np.round(u, 6)).size - 1) // 2, FASTEST)
             for k in range(SLOWEST, most + 1):
                 columns = turns(360.0 * k * u, HARMONICS)

@@ -10,7 +10,7 @@ import numpy as np
 
 from fitter.arrays import FloatArray, IntArray
 from fitter.trace.flexible import Block, orders_of, turns, waves
-from procedures.general.effects.scene import TableScene, is_angle
+from procedures.general.effects.scene import TableScene, at_levels, is_angle
 from procedures.general.effects.time_columns import lagging
 
 OVER, TIME, BESIDE = 12, 12, 6
@@ -62,7 +62,7 @@ def _over(scene: TableScene) -> Iterator[Place]:
         if is_angle(name, v):
             columns, rough = _angular(v, OVER // 2)
         else:
-            columns = waves(v, _most(v, OVER))
+            columns = waves(at_levels(v) if name in scene.settings else v, _most(v, OVER))
             rough = _rough(columns)
         yield _place(f"over {name}", columns, rough, {name}, curve=name)
         levels, index = np.unique(v, return_inverse=True)
@@ -101,7 +101,8 @@ def _in_time(scene: TableScene, group: IntArray | None) -> Iterator[Place]:
         if len(v) >= 20:
             usual = float(np.median(gap[gap > 0]))
             constants = np.geomspace(0.5 * usual, float(np.ptp(t)) / 3.0, MEMORIES)
-            own = np.column_stack([lagging(_centred(v), gap, tau) - _centred(v) for tau in constants])
+            u, stood = _centred(v), scene.since_in_its_unit(name)
+            own = np.column_stack([lagging(u, gap, tau, stood) - u for tau in constants])
             block = Block(f"over earlier {name}", own, orders_of(own, (1, 2, MEMORIES)), np.ones(MEMORIES))
             yield Place(block, frozenset({name}), timed=True)
 
@@ -153,7 +154,8 @@ def _of_pairs(scene: TableScene) -> Iterator[Place]:
     names = [*scene.settings, *scene.covariates]
     pairs = [pair for pair in combinations(names, 2) if pair[0] in scene.settings]
     for a, b in pairs[:PAIRS]:
-        one, other = (waves(scene.of(name), min(_most(scene.of(name), BESIDE), BOTH)) for name in (a, b))
+        every = (at_levels(scene.of(name)) if name in scene.settings else scene.of(name) for name in (a, b))
+        one, other = (waves(v, min(_most(v, BESIDE), BOTH)) for v in every)
         steps = sorted((i + j + 1, i, j) for i in range(one.shape[1]) for j in range(other.shape[1]))
         if steps and len(steps) * PER_COLUMN <= len(one):
             columns = np.column_stack([one[:, i] * other[:, j] for _, i, j in steps])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,6 +18,7 @@ from fitter.trace.search import names_of
 from fitter.trace.shares import of_rest, shares, unnamed_part
 from procedures.general.effects import TableEffect
 from procedures.general.effects.of_others import GROUP_GAIN, GROUP_OFFSET
+from procedures.general.effects.time_columns import lag
 from procedures.general.swept import all_swept, functions_alike, swept_once
 from procedures.general.trace.both import Both
 from procedures.general.trace.cross import SHARING, left_out
@@ -82,7 +83,7 @@ def trace_general(data: TableData) -> TableTrace:
         effects=(*effects, *noise),
         unnamed=rest,
         instead=drawn_instead(nameless, tuple(effect.effect for effect in effects if effect.doubtful)),
-        remarks=_remarks(found, data),
+        remarks=(*_remarks(found, data), *_not_predicted(0 if crossed is None else crossed[2])),
         y=data.y,
         variables=_variables(data) | _others(data),
         levels={name: g.levels for name, g in data.scene.groups.items()},
@@ -230,6 +231,14 @@ def _shares(
     return shares(beyond, residual, df * variance * (1.0 - unnamed))
 
 
+def _not_predicted(rows: int) -> Iterator[str]:
+    if rows:
+        yield (
+            f"cv_rms is without {rows} {'row' if rows == 1 else 'rows'} after an interruption: no row of another group "
+            "determines what was remembered there of settings before"
+        )
+
+
 def _remarks(found: Found, data: TableData) -> tuple[str, ...]:
     judge, remarks = found.judge, [one.sentence for one in found.not_kept]
     time, *courses = _one_course(data) or ("",)
@@ -240,4 +249,11 @@ def _remarks(found: Found, data: TableData) -> tuple[str, ...]:
     if isinstance(noise, Wandering | Both) and noise.correlation[at] > 0:
         kind = "a random walk" if noise.correlation[at] == 1.0 else f"a correlation of {noise.correlation[at]:.2f}"
         remarks.append(f"neighbouring rows are not independent: effects were judged against {kind}")
-    return tuple(remarks)
+    lags = [one for one in (judge.candidates[j].effect for j in found.chosen) if one.kind.terms is lag]
+    remarks += [
+        f"{one.name}: when {one.columns[0]} was set is not known; it is taken to change evenly from row to row. "
+        f"Intervals leave that out: after steps, size and constant of a lag are further off"
+        for one in lags
+        if one.columns[0] in data.scene.settings and data.scene.since_in_its_unit(one.columns[0]) is None
+    ]
+    return tuple(dict.fromkeys(remarks))

@@ -2,26 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 from fitter.confirm import Confirmation
 from procedures.confirming import SETTLED
 from procedures.results import Fitted, Options
+from procedures.table import Table
 from rig.closed_loop.confirm.answers import Confirmed, evidence, judge
 from rig.closed_loop.confirm.first import First, open_traced
 from rig.errors import UsageError
 from rig.tables import run_table
 
 
-def fit_confirmed(run: Path, later: Sequence[Path], options: Options) -> Fitted:
+def fit_confirmed(
+    run: Path, later: Sequence[Path], options: Options, read: Callable[[Path], Table] = run_table
+) -> Fitted:
     """The calibration of a run with the causes confirmed by later ones.
 
     Args:
         run: the traced run.
         later: the judging runs.
         options: of `rig fit`, as declared by the run's kind; those that `rig trace` also has are passed to the trace.
+        read: gives the table of a run file, such as one with the corrections of certificates.
 
     Raises:
         UsageError: one is not a run file, or they do not belong together.
@@ -30,7 +34,8 @@ def fit_confirmed(run: Path, later: Sequence[Path], options: Options) -> Fitted:
     if any(path.suffix == ".csv" for path in (run, *later)):
         raise UsageError("--confirmed-by takes two run files: tables have no bench and no time")
     given = options.model_dump(exclude_unset=True)
-    first = open_traced(run, **{name: given[name] for name in ("formula", "temperature", "response") if name in given})
+    traced = {name: given[name] for name in ("formula", "temperature", "response") if name in given}
+    first = open_traced(run, read, **traced)
     return with_confirmed(first, judge(first, *later), options)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,6 +13,7 @@ from fitter.confirm import Later, Question, questions_of
 from fitter.effects.hands import Done
 from procedures.confirming import Confirming
 from procedures.kind import Procedure, kind_of
+from procedures.table import Table
 from rig.closed_loop import Traced, known, trace_table
 from rig.config import BenchConfig
 from rig.errors import UsageError
@@ -39,6 +40,7 @@ class First:
         dry: whether it used twins.
         began_utc_s: time of its begin.
         world_s: for a dry run, age of its world at the begin.
+        read: gives the table of a run file, that of later runs, too.
     """
 
     path: Path
@@ -51,6 +53,7 @@ class First:
     dry: bool
     began_utc_s: float
     world_s: float
+    read: Callable[[Path], Table] = run_table
 
     @property
     def simulated(self) -> bool:
@@ -96,11 +99,12 @@ def check_way(path: Path, *, dry: bool, rehearsed: bool) -> None:
         )
 
 
-def open_traced(path: Path, **options: Any) -> First:
+def open_traced(path: Path, read: Callable[[Path], Table] = run_table, /, **options: Any) -> First:
     """Trace a run.
 
     Args:
         path: its run file.
+        read: gives the table of a run file.
         options: of `rig trace` that the run's kind declares.
 
     Raises:
@@ -108,7 +112,7 @@ def open_traced(path: Path, **options: Any) -> First:
 
     """
     check_run_file(path)
-    table = run_table(path)
+    table = read(path)
     with RunReader.open(path) as reader:
         documents, run, began_utc_s = reader.documents(), reader.about(), reader.genesis().utc_s
     plan = plan_of(documents, dry=run.runs_dry, stored=True)
@@ -131,6 +135,7 @@ def open_traced(path: Path, **options: Any) -> First:
         dry=plan.dry,
         began_utc_s=began_utc_s,
         world_s=run.world_start_s or 0.0,
+        read=read,
     )
 
 
@@ -140,7 +145,7 @@ def read_later(first: First, path: Path) -> Later:
     Raises:
         UsageError: it has another kind, began before the first, or only one of them is simulated.
     """
-    table = run_table(path)
+    table = first.read(path)
     kind, of_first = known(table).name, known(first.traced.table).name
     if kind != of_first:
         raise UsageError(

@@ -1,0 +1,39 @@
+"""Settings of a few levels whose values were read finely: nothing finer than the levels is seen over them."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from procedures.general.effects.scene import TableScene, at_levels
+from procedures.general.trace.parts import _shapes
+from procedures.general.trace.places import places_of
+
+LEVELS = np.repeat([0.0, 50.0, 100.0, 150.0, 200.0], 18)
+READ = LEVELS + np.random.default_rng(1).normal(0.0, 0.02, LEVELS.size)
+
+
+def test_values_that_scatter_about_levels_are_the_levels():
+    found = at_levels(READ)
+    assert np.unique(found).size == 5
+    np.testing.assert_allclose(found, LEVELS, atol=0.02)
+
+
+@pytest.mark.parametrize("v", [LEVELS, np.linspace(0.0, 1.0, 90), np.random.default_rng(2).uniform(0.0, 1.0, 1000)])
+def test_levels_without_scatter_and_settings_without_levels_stay_as_they_are(v):
+    assert at_levels(v) is v
+
+
+def test_over_five_levels_there_are_four_waves_and_no_period():
+    side = np.tile([1.0, -1.0], LEVELS.size // 2)
+    scene = TableScene({"torque_Nm": READ}, {}, {}, None, ("torque_side", side))
+    places = places_of(scene, None)
+    over = next(place for place in places if place.block.place == "over torque_Nm")
+    assert over.block.columns.shape == (READ.size, 4)
+    nameless = SimpleNamespace(data=SimpleNamespace(scene=scene), places=places)
+    part = SimpleNamespace(variable="torque_side", rows=side < 0)
+    found = [block.place for block in _shapes(nameless, part)]
+    assert found
+    assert not any("periodic" in place for place in found)
