@@ -16,6 +16,7 @@ from typing import Any, Literal, Self, TypeVar, cast
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from procedures.column_names import stem_of, unit_of
 from procedures.kind import Procedure, kinds
 from procedures.settings import Name
 from procedures.table import UNITS
@@ -183,6 +184,11 @@ class BenchConfig(_Strict):
                 raise ValueError(f"temperatures.{name}: the name is a column and must end in its unit, _degC")
         for name, one in self.temperatures.items():
             places = [*_PLACES, *(factor for factor in self.factors if factor.endswith("_degC"))]
+            if one.place in self.factors and one.place not in places:
+                raise ValueError(
+                    f"temperatures.{name}.place = {one.place!r} is a factor in {unit_of(one.place)}; a thermometer "
+                    f"reads degC: call the factor {stem_of(one.place)}_degC, here and in the procedure"
+                )
             if one.place not in places:
                 raise ValueError(f"temperatures.{name}.place = {one.place!r} is unknown; known: {', '.join(places)}")
         for name in UNITS.keys() & self.sensors.keys():

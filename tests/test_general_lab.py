@@ -19,13 +19,14 @@ from general_lab import BENCH, PROCEDURE, REFERENCE, WORLD, WORLD_WITH_STANDARD,
 
 from procedures.general.orders import sides, visits
 from procedures.general.planning import advice
-from rig.config import parse_procedure
+from rig.config import parse_bench, parse_procedure
 from rig.controller import resume_run, start_run
 from rig.engine.session import Outcome, Signals
 from rig.engine.set_by_hand import ToSet
 from rig.errors import ConfigurationError
 from rig.plans import load_plan
 from rig.quantities import scale
+from rig.results.unit_doubts import unit_doubts
 from rig.run_file.live import live_path, read_json, request_path
 from rig.run_file.reader import RunReader
 from rig.run_file.sense import judged
@@ -754,3 +755,46 @@ def test_a_sensor_that_cannot_be_traced_is_named(tmp_path):
     assert list(told["sensors"]) == ["prt_1_V"]
     assert told["not_traced"] == ["prt_2_mV"]
     assert "not traced: prt_2_mV" in rig("trace", path).stdout.replace("\n", " ")
+
+
+def doubts(folder, procedure=PROCEDURE, bench=BENCH):
+    files = written(folder, procedure, bench)
+    return list(unit_doubts(load_plan(files[0], files[1])))
+
+
+@pytest.mark.parametrize(
+    ("unit", "says"),
+    [
+        ("NM", "NM is no unit that this program knows (force_NM): it is taken as a name; Nm is meant?"),
+        ("Newtonmeter", "Newtonmeter is no unit that this program knows (force_Newtonmeter): it is taken as a name"),
+        ("kN", None),
+        ("kNm", None),
+        ("m3_per_h", None),
+        ("mm2", None),
+        ("degF", None),
+        ("rpm", None),
+    ],
+)
+def test_a_unit_that_nobody_knows_is_said_once(tmp_path, unit, says):
+    procedure, bench = (text.replace("force_kN", f"force_{unit}") for text in (PROCEDURE, BENCH))
+    assert doubts(tmp_path, procedure, bench) == ([] if says is None else [says])
+
+
+def test_megavolts_and_outputs_that_do_not_go_with_the_range_are_doubted(tmp_path):
+    mega = BENCH.replace('reader = "dvm"\n', 'reader = "dvm"\nunit = "MV"\n')
+    assert doubts(tmp_path, bench=mega) == ["MV (sensors.cell) is 1e+06 V; mV is a thousandth of a volt"]
+    expects = PROCEDURE + '[expect]\nsigma = { cell = 1e-4 }\noutput = { cell = "0.5*force_kN" }\n'
+    ranged = BENCH.replace("nplc = 1\n", "nplc = 1\nrange_V = 10\n")
+    assert doubts(tmp_path, expects, ranged) == []
+    (one,) = doubts(tmp_path, expects, ranged.replace('reader = "dvm"\n', 'reader = "dvm"\nunit = "mV"\n'))
+    assert "cell: its expected output goes to 2.5 mV, 0.025 % of the range of dvm, 10 V: is it in mV" in one
+    (one,) = doubts(tmp_path, expects.replace("0.5*", "50*"), ranged)
+    assert "goes to 250 V, 2.5e+03 % of the range" in one
+
+
+def test_a_thermometer_in_a_factor_of_another_unit_is_refused_with_the_unit():
+    bench = TWO.replace("bath_degC", "bath_degc") + (
+        '[temperatures.air_degC]\nreader = "dvm"\nchannel = "x"\nplace = "bath_degc"\n'
+    )
+    with pytest.raises(ConfigurationError, match=r"is a factor in degc; .* reads degC: call the factor bath_degC"):
+        parse_bench(bench, "bench.toml")

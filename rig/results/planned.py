@@ -34,6 +34,7 @@ from rig.plans import load_plan
 from rig.plugins import driver_class
 from rig.results.frames import Frame, of_rows
 from rig.results.result import Plots, Result
+from rig.results.unit_doubts import unit_doubts
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -262,7 +263,8 @@ def plan(
     except FitError as error:
         why = f"the design does not determine a sensor: {error}; use more settings"
         raise ConfigurationError(f"{procedure}: {why}") from error
-    advice = _advice(checked, usage)
+    doubts = [Advice(0, "units", False, sentence) for sentence in unit_doubts(checked)]
+    advice = [*_advice(checked, usage), *doubts]
     forecast = rehearse(checked, on_progress)
     now = datetime.fromtimestamp(RealClock().utc(), UTC).astimezone()
     folder = Path(out)
