@@ -127,7 +127,7 @@ def unlikely(proposals: Sequence[Proposal]) -> str:
     for pair, chance in (told for p in proposals for s in p.separations for told in s.chances.items()):
         chances[pair] = max(chance, chances.get(pair, 0.0))
     never = [
-        f"{one} or {'nothing' if other == NOTHING else other} (probability {chance:.0%} at most)"
+        f"{one} and {'nothing' if other == NOTHING else other} (probability {chance:.0%} at most)"
         for (one, other), chance in chances.items()
         if chance < LIKELY
     ]
