@@ -75,7 +75,8 @@ def test_why_no_run_is_likely_to_settle_everything_is_said():
 
     said = unlikely([run(0.01), run(0.04)])
     assert said == (
-        "no run of this bench is likely to settle everything: none decides between lag and line (probability 4% at most)"
+        "no run of this bench is likely to settle everything: none decides between lag and line (probability 4% at "
+        "most)"
     )
     assert "each of them leaves another question open" in unlikely([run(0.9)])
     assert unlikely([run(0.01), run(0.6, likely=True)]) == ""
