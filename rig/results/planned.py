@@ -103,7 +103,7 @@ class Plan(Result):
             "finish_latest": self.finish_latest.isoformat(timespec="minutes"),
             "precision": self.precision.rows,
             "total": [one.to_json() for one in self.promised.results],
-            "uncertainty": list(self.promised.notes),
+            "uncertainty": [*self.promised.lacking, *self.promised.notes],
             "reach": run_list.extremes(),
             "limits": self._limits,
             "overdue": self.overdue,
@@ -145,6 +145,7 @@ class Plan(Result):
             yield Line(f"  ({precise.assuming})")
 
     def _promised(self) -> Iterator[Block]:
+        yield from (Line(f"  [bold]not in the totals:[/] {escape(one)}") for one in self.promised.lacking)
         if self.promised.results:
             grid = Grid(("result", "total, 95 %", "repeatability", "largest influence", "more points gain at most"))
             for one in self.promised.results:
