@@ -46,6 +46,10 @@ class Confirming(ABC):
     drawn: tuple[str, float]
     caution = ""
 
+    def unit_for(self, output: str) -> str:
+        """Unit in which errors of one output are said."""
+        return self.unit
+
     def after(self, earlier: Sequence[Later]) -> Self:
         """The same run after further ones."""
         this: Any = self

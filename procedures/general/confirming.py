@@ -15,7 +15,7 @@ from fitter.confirm import Confirmation, Later, Question
 from fitter.effects.entry import Entry
 from fitter.effects.hands import Done
 from fitter.errors import FitError
-from procedures.column_names import unit_of
+from procedures.column_names import spelled, unit_of
 from procedures.confirming import SETTLED, ConfirmedFit, Confirming, in_words
 from procedures.errors import DataError
 from procedures.further_runs import Variation, repeated
@@ -88,6 +88,10 @@ class GeneralConfirming(Confirming):
         """Unit of all outputs, if they have one."""
         units = {unit_of(output) for output in self.traced.each}
         return units.pop() if len(units) == 1 else OWN_UNITS
+
+    def unit_for(self, output: str) -> str:
+        """See `Confirming`: its own."""
+        return spelled(unit_of(output))
 
     @property
     def output_unit(self) -> str:  # type: ignore[override]
