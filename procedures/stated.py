@@ -115,9 +115,11 @@ class Statements:
         place: constants of the place, by name.
         unused: parts of the register that belong to this bench and that nothing uses, with the reason.
         example: whether the values are examples.
+        lacking: errors that are missing, though the bench has what makes them, a sentence each.
     """
 
     errors: Sequence[Stated] = ()
     place: Mapping[str, PlaceConstant] = field(default_factory=dict)
     unused: Sequence[str] = ()
     example: bool = False
+    lacking: Sequence[str] = ()

@@ -33,7 +33,7 @@ from rig.guarded import guarded
 from rig.person import Person
 from rig.plugins import driver_class
 from rig.protection import STATES
-from rig.quantities import HEAD, PRESSURE, TEMPERATURE_UNIT, VOLT, per_volt, scale
+from rig.quantities import HEAD, PER, PRESSURE, TEMPERATURE_UNIT, VOLT, per_volt, scale
 
 if TYPE_CHECKING:
     from drivers.driver import DriverClass
@@ -264,10 +264,13 @@ class Bench:
         own = instrument.units()[channel] if isinstance(instrument, WithUnits) else VOLT
         found = scale(own, unit)
         if found is None:
-            raise ConfigurationError(
-                f"bench {self.config.name}: {column}: channel {channel} of {reader} reads {own}, not {unit}; "
-                f'write unit = "{own}", or that with another prefix'
-            )
+            what = f"bench {self.config.name}: {column}: channel {channel} of {reader} reads {own}, not {unit}"
+            if PER in unit and PER not in own:
+                raise ConfigurationError(
+                    f"{what}; a ratio is read by a meter that gives it: name one as the reader, such as a scpi-meter "
+                    f'with unit = "{unit}" (docs/scpi.md); {reader} can record the output in {own} alone'
+                )
+            raise ConfigurationError(f'{what}; write unit = "{own}", or that with another prefix')
         return found
 
     def _check_channels(self) -> None:

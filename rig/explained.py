@@ -43,7 +43,7 @@ _OF_PATTERNS = (
     ),
     (
         r"[A-Za-z][A-Za-z0-9]*(_per_[A-Za-z][A-Za-z0-9]*)?",
-        "should be a unit of letters and digits, such as V, or L_per_min with the word per",
+        "should be a unit of letters and digits, such as V, with the word per for a slash: L_per_min",
     ),
     (r"[A-Z]{2}", "should be two capital letters by ISO 3166-1, such as GB"),
     (

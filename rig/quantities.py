@@ -16,6 +16,9 @@ VOLT = "V"
 PER_VOLT = {"V": 1.0, "mV": 1e3}
 """Units in which small and large voltages are told to people, per volt."""
 
+PER = "_per_"
+"""In place of the slash of a unit in names."""
+
 _PREFIXES = {"p": -12, "n": -9, "u": -6, "m": -3, "": 0, "k": 3, "M": 6, "G": 9}
 """Powers of ten of the prefixes that a unit may have."""
 _WHOLE = ("m", "min", "mol", "mmHg", "mHg", "kg", "Pa", "psi", "psia", "psig", "pct", "ppm", "cd", "degC", "deg", "K")
@@ -26,12 +29,12 @@ def scale(of: str, to: str) -> float | None:
     """Number of units `to` in one `of`, which differ by a prefix at most; None if they are different units."""
     if of == to:
         return 1.0
-    parts = of.split("_per_"), to.split("_per_")
+    parts = of.split(PER), to.split(PER)
     if len(parts[0]) > 1 and len(parts[0]) == len(parts[1]):
         top, *below = (scale(one, other) for one, other in zip(*parts, strict=True))
         known = [one for one in below if one is not None]
         return None if top is None or len(known) < len(below) else top / prod(known)
-    if any(unit[-1:].isdigit() or "_per_" in unit for unit in (of, to)):  # mm2 is no thousandth of m2
+    if any(unit[-1:].isdigit() or PER in unit for unit in (of, to)):  # mm2 is no thousandth of m2
         return None
     found, wanted = _split(of), _split(to)
     if found[1] != wanted[1]:

@@ -119,7 +119,7 @@ def test_what_is_read_or_set_without_a_stated_error_is_refused(run, tmp_path, as
     said = rf"(?s)\[\[equipment\.{asset}\.says\]\].*?(?=\[equipment\.DVM-1\]|\[sensors)"
     register.write_text(re.sub(said, "", REGISTER))
     assert any(one.startswith(f"{column}: the register states") for one in reasons(run, tmp_path, equipment=register))
-    told = f"the register states no errors of {column}: none are in these uncertainties"
+    told = f"the register states no errors of {column}: none are in these uncertainties, which are too small"
     assert told in budget(run, equipment=register).notes()
 
 

@@ -14,6 +14,7 @@ from rig.dcc.si_units import per_term, si_unit
 from rig.engine.session import Outcome
 from rig.examples import example
 from rig.quantities import scale
+from rig.register import Statement
 from rig.register.units import factor
 from rig.tables import run_table
 from rig.tables.of_others.units import unit_in
@@ -174,6 +175,21 @@ def test_a_laboratory_with_such_a_factor_is_run_fitted_and_exported(tmp_path, mo
 def test_prefixes_of_quotients(of, to, value):
     found = scale(of, to)
     assert found is None if value is None else found == pytest.approx(value, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("quantity", "unit", "own"),
+    [
+        ("mV_per_V", "mV_per_V", "mV_per_V"),
+        ("mV/V", "uV_per_V", "mV/V"),
+        ("ta_mV_per_V", "mV/V", "mV_per_V"),
+        ("V", "mV", "V"),
+        ("torque_kNm", "Nm", "kNm"),
+    ],
+)
+def test_a_quantity_of_a_register_is_a_column_or_a_unit(quantity, unit, own):
+    said = Statement(quantity=quantity, unit=unit, standard=1e-5)
+    assert (said.quantity_unit, said.of_unit) == (own, "_" not in quantity or quantity == "mV_per_V")
 
 
 def test_registers_and_certificates_know_such_units():

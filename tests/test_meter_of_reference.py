@@ -13,6 +13,7 @@ from rig.config import parse_bench
 from rig.errors import ConfigurationError
 from rig.register import check_covered, parse_register, stated_of
 from rig.register.computed import computed_from
+from rig.unattended.doctor.instruments import check_stated
 from tests.test_influences import by_result, general
 
 METER = '[instruments.{0}]\ndriver = "keysight-34970a"\naddress = "/dev/rig/{0}"\n'
@@ -79,11 +80,11 @@ def test_a_correction_of_the_meter_corrects_the_reference():
 
 
 def test_a_meter_behind_a_reference_without_stated_errors_is_told():
-    told = stated(REFERENCE).unused
+    told = stated(REFERENCE).lacking
     assert any(
         "references.force_kN: the register states no errors in V of DVM-1, which reads it" in one for one in told
     )
-    assert not any("references" in one for one in stated(REFERENCE + GAIN).unused)
+    assert not any("references" in one for one in stated(REFERENCE + GAIN).lacking)
 
 
 def test_the_errors_of_its_meter_are_not_those_of_the_reference():
@@ -110,3 +111,27 @@ def test_readings_are_found_from_the_values_of_a_formula(formula):
 def test_a_value_that_no_reading_gives_is_told():
     with pytest.raises(ConfigurationError, match=r"references.force_kN.formula: no reading was found .* force_kN = -1"):
         computed_from("force_kN", "reading^2", 1.0).reading(np.array([4.0, -1.0]))
+
+
+def test_a_statement_in_another_prefix_of_the_unit_is_that_of_the_column():
+    own, other = (
+        moved(SAYS.format("REF-1", name, "offset", unit, "0.003") + GAIN)[0]["REF-1 offset of " + name]
+        for name, unit in (("force_kN", "kN"), ("force_MN", "kN"))
+    )
+    assert own == pytest.approx(other)
+    assert (
+        stated(SAYS.format("REF-1", "load_kN", "offset", "kN", 1))
+        .lacking[0]
+        .startswith("equipment.REF-1.says.0 is not used: REF-1 gives no load_kN, but force_kN; correct the quantity")
+    )
+
+
+def test_the_doctor_warns_of_a_register_that_states_too_little():
+    config = parse_bench(BENCH, "b")
+    text = f'name = "r"\n{EQUIPMENT}' + SAYS.format("REF-1", "load_kN", "offset", "kN", 1)
+    found = [one.found for one in check_stated(config, parse_register(text, "r"), 1.8e9)]
+    assert found[0] == "it states no errors of cell_V, force_kN"
+    assert "says.0 is not used" in found[1]
+    assert "DVM-1, which reads it" in found[2]
+    whole = f'name = "r"\n{EQUIPMENT}{GAIN}{REFERENCE}' + SAYS.format("DVM-2", "V", "gain", "ppm", 1)
+    assert [one.level for one in check_stated(config, parse_register(whole, "r"), 1.8e9)] == ["ok"]

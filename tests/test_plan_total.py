@@ -110,7 +110,10 @@ def test_more_replications_of_a_general_run_approach_the_limit(tmp_path):
 @pytest.mark.parametrize(
     ("expect", "says"),
     [
-        ("sigma = { cell = 2e-5 }\n", "repeatability only: [expect] has no sensor's output and sigma: with them"),
+        (
+            "sigma = { cell = 2e-5 }\n",
+            "repeatability only: [expect] has not both, output and sigma, of a sensor (cell: no output): with",
+        ),
         ("sigma = { cell = 1 }\noutput = { cell = '1 + force' }\n", "output.cell: force is not a factor (force_kN)"),
         ("sigma = { cell = 1 }\noutput = { cell = '1/(force_kN - 5)' }\n", "it has no value at a setting of the plan"),
         ("sigma = { cell = 1 }\noutput = { cell = '1 +' }\n", "expect.output.cell: "),
@@ -127,8 +130,8 @@ def test_a_plan_names_what_the_register_says_nothing_of(tmp_path):
     plan = general(tmp_path, expect)
     without = plan.documents[DOCUMENT].replace('"force_kN"', '"torque_Nm"')
     told = promised(replace(plan, documents={**plan.documents, DOCUMENT: without}), TODAY)
-    assert "the register states no errors of force_kN: none are in these uncertainties" in told.notes
-    assert not any("states no errors" in note for note in promised(plan, TODAY).notes)
+    assert told.lacking[0].startswith("the register states no errors of force_kN: none are in these uncertainties")
+    assert not any("states no errors" in note for note in promised(plan, TODAY).lacking)
 
 
 def test_outputs_are_promised_where_no_reading_determines_a_quantity(tmp_path):
@@ -151,7 +154,7 @@ def test_outputs_are_promised_where_no_reading_determines_a_quantity(tmp_path):
     # 5 mK at 400 ohm/K and 1.25 mA: 2.5 uV
     assert one.expanded == pytest.approx(1.96 * 1e5 * 1.25e-3 * 4e-3 * 0.005, rel=0.01)
     assert "errors of whole plots 1 times as large (expect.whole_plot_ratio)" in told.notes[0]
-    assert any("states no errors of current_A, prt_1_mV" in note for note in told.notes)
+    assert any("states no errors of current_A, prt_1_mV" in note for note in told.lacking)
 
 
 @pytest.mark.parametrize("ratio", [0.3, 4.0])

@@ -48,7 +48,7 @@ DOMINATED = (
     "or more); their coverage factor is by the shape of the distribution and smaller than Student's t (EA-4/02, S9 and "
     "S10)"
 )
-UNSTATED = "the register states no errors of {names}: none are in these uncertainties"
+UNSTATED = "the register states no errors of {names}: none are in these uncertainties, which are too small"
 IN_USE = (
     "inferred values are for a use {days:g} days after the run, with the drift of the sensors by their history; "
     "coefficients and outputs are those of the run"
@@ -322,9 +322,9 @@ def budget_of(
         made = budgets(results.names, results.units, results.values, type_a, found.influences, **asked)
     except FitError as error:
         raise DataError(f"{of.table.source}: {error}") from error
-    notes = [SAME_METER if same_meter else OTHER_METER, *found.notes, *of.stated.unused]
     unstated = unstated_of(evaluation, of.stated)
-    notes += [UNSTATED.format(names=", ".join(unstated))] if unstated else []
+    notes = lacking(unstated, of.stated)
+    notes += [SAME_METER if same_meter else OTHER_METER, *found.notes, *of.stated.unused]
     outside = tuple(outside_of(of.table, at))
     notes += outside
     if of.corrected:
@@ -373,6 +373,11 @@ def unstated_of(evaluation: Evaluation, stated: Statements) -> tuple[str, ...]:
     """Columns of an evaluation whose own errors the register does not state; those of a meter behind one are others."""
     known = {name for one in stated.errors for name in one.columns if name not in one.computed}
     return tuple(name for name in evaluation.columns if name not in known)
+
+
+def lacking(unstated: Sequence[str], stated: Statements) -> list[str]:
+    """Sentences on errors that uncertainties lack, for the first lines of a result: of columns, of the register."""
+    return [*([UNSTATED.format(names=", ".join(unstated))] if unstated else []), *stated.lacking]
 
 
 def simulated_notes(made: Sequence[Budgeted], checks: Sequence[Check], seed: int) -> list[str]:

@@ -16,7 +16,7 @@ from procedures.errors import DataError
 from procedures.influences import explain, influences
 from procedures.kind import kind_of
 from procedures.stated import Stated, Statements
-from rig.closed_loop.budget import UNSTATED, constants_of, unstated_of
+from rig.closed_loop.budget import constants_of, lacking, unstated_of
 from rig.errors import ConfigurationError
 from rig.plans import Plan
 from rig.register import DOCUMENT, check_covered, check_validity, entries, parse_register, stated_of
@@ -62,10 +62,12 @@ class Promised:
     Attributes:
         results: promised results; () if there are none.
         notes: assumptions, or why there are none.
+        lacking: what is not in them, though it should be.
     """
 
     results: tuple[Promise, ...]
     notes: tuple[str, ...]
+    lacking: tuple[str, ...] = ()
 
 
 def promised(plan: Plan, on: date) -> Promised:
@@ -91,12 +93,11 @@ def promised(plan: Plan, on: date) -> Promised:
         found = _of(evaluation, stated)
     except (DataError, FitError) as error:
         return Promised((), (f"repeatability only: {error}",))
-    notes = [f"total uncertainties by the register {register.name!r}, for {expected.assuming}"]
     unstated = [one for one in unstated_of(evaluation, stated) if expected.meter or one not in sensors]
-    notes += [UNSTATED.format(names=", ".join(unstated))] if unstated else []
-    notes += [*stated.unused, *([] if expected.meter else [NO_METER])]
+    notes = [f"total uncertainties by the register {register.name!r}, for {expected.assuming}"]
+    notes += [] if expected.meter else [NO_METER]
     notes += ["the register has example values"] if register.example else []
-    return Promised(found, tuple(notes))
+    return Promised(found, tuple(notes), tuple(lacking(unstated, stated)))
 
 
 def expired(plan: Plan, on: date) -> list[str]:

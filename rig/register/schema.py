@@ -12,7 +12,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from procedures.column_names import unit_of
+from procedures.column_names import spelled, unit_of
 from procedures.settings import Name, Strict
 from procedures.stated import BEHAVIOURS, Behaviour, Distribution
 from rig.register.units import factor, relative
@@ -78,7 +78,8 @@ class Statement(Uncertain):
 
     quantity: str = Field(
         min_length=1,
-        description="of what: a column of tables, `bath_degC`, or a unit for all columns in it, `V`",
+        description="of what: a column of tables, `bath_degC` (also with another prefix), or a unit for all columns in "
+        "it, `V` or `m3_per_h`",
     )
     behaves: Behaviour = Field(
         "offset", description="; ".join(f"`{name}`: {words}" for name, words in BEHAVIOURS.items())
@@ -109,7 +110,12 @@ class Statement(Uncertain):
     @property
     def quantity_unit(self) -> str:
         """Unit of the quantity."""
-        return unit_of(self.quantity)
+        return self.quantity if self.of_unit else unit_of(self.quantity)
+
+    @property
+    def of_unit(self) -> bool:
+        """Whether the quantity is a unit, such as `V`, `m3_per_h` or `m3/h`, and no column."""
+        return "_" not in spelled(self.quantity)
 
     @property
     def covered(self) -> tuple[float, float] | None:

@@ -13,13 +13,13 @@ from scipy import special
 
 from drivers.roles import Head
 from fitter.arrays import FloatArray
-from procedures.column_names import unit_of
+from procedures.column_names import stem_of, unit_of
 from procedures.stated import Behaviour, Curve, Distribution, PlaceConstant, Stated, Statements
 from procedures.table import Columns
 from rig.bench import playing
 from rig.config import BenchConfig
 from rig.errors import ConfigurationError
-from rig.quantities import HEAD, TEMPERATURE_UNIT, VOLT
+from rig.quantities import HEAD, TEMPERATURE_UNIT, VOLT, scale
 from rig.register.check import entries
 from rig.register.computed import computed_from
 from rig.register.drift import drifted
@@ -29,6 +29,7 @@ from rig.register.units import factor, relative
 _T_FROM = 0.05
 _WIDTHS: Mapping[Distribution, float] = {"rectangular": sqrt(3.0), "triangular": sqrt(6.0), "arcsine": sqrt(2.0)}
 _AUTO = 1.2
+MISFIT = "{place} is not used: {asset} gives no {quantity}, but {columns}; correct the quantity"
 BEHIND = (
     "references.{name}: the register states no errors in {unit} of {asset}, which reads it: they are not in these "
     "uncertainties; state them, unless the certificate of the reference standard includes its meter"
@@ -95,6 +96,7 @@ def stated_of(register: Register, config: BenchConfig, on: date) -> Statements:
     """
     errors: list[Stated] = []
     unused: list[str] = []
+    lacking: list[str] = []
     counted: set[str] = set()
     for asset, given in given_by(config).items():
         equipment = register.equipment.get(asset)
@@ -106,7 +108,10 @@ def stated_of(register: Register, config: BenchConfig, on: date) -> Statements:
             mine = [one for one in given if _is_of(said, one)]
             if not mine:
                 columns = ", ".join(map(_words, given)) or "no column"
-                unused.append(f"{place}: nothing here is in {said.quantity}; {asset} gives {columns}")
+                if any(_is_of(other, one) for other in equipment.says for one in given) or not given:
+                    unused.append(f"{place}: nothing here is in {said.quantity}; {asset} gives {columns}")
+                else:
+                    lacking.append(MISFIT.format(place=place, asset=asset, quantity=said.quantity, columns=columns))
             else:
                 errors += _stated(asset, equipment, said, mine, ranges, place, on)
                 counted |= {one.column for one in mine if one.formula is not None}
@@ -114,9 +119,10 @@ def stated_of(register: Register, config: BenchConfig, on: date) -> Statements:
         if reference.formula is not None and name not in counted:
             asset = config.instruments[reference.reader].asset or reference.reader
             unit = _unit(config, reference.reader, reference.channel)
-            unused.append(BEHIND.format(name=name, asset=asset, unit=unit))
+            lacking.append(BEHIND.format(name=name, asset=asset, unit=unit))
     place_constants: dict[str, PlaceConstant] = {name: _constant(name, register) for name in register.place}
-    return Statements(tuple(_each_by_its_name(errors)), place_constants, tuple(unused), register.example)
+    every = tuple(_each_by_its_name(errors))
+    return Statements(every, place_constants, tuple(unused), register.example, tuple(lacking))
 
 
 def _each_by_its_name(errors: Sequence[Stated]) -> Iterator[Stated]:
@@ -184,9 +190,17 @@ def _words(one: Given) -> str:
 
 def _is_of(said: Statement, one: Given) -> bool:
     """Whether a statement is about a column or the reading that it is computed from: by its name, or by its unit."""
-    if said.quantity == one.column:
+    if _is_named(said, one.column):
         return True
-    return "_" not in said.quantity and factor(said.quantity, one.reads or unit_of(one.column)) is not None
+    return said.of_unit and factor(said.quantity, one.reads or unit_of(one.column)) is not None
+
+
+def _is_named(said: Statement, column: str) -> bool:
+    """Whether a statement has the name of a column; the unit may have another prefix."""
+    if said.of_unit or said.quantity == column:
+        return said.quantity == column
+    same = stem_of(said.quantity) == stem_of(column)
+    return same and scale(said.quantity_unit, unit_of(column)) is not None
 
 
 def _stated(
@@ -206,7 +220,7 @@ def _stated(
     computed = {
         one.column: computed_from(one.column, one.formula, factor(said.quantity_unit, one.reads) or 1.0)
         for one in mine
-        if one.formula is not None and said.quantity != one.column
+        if one.formula is not None and not _is_named(said, one.column)
     }
     direct = [one.output for one in mine if one.column not in computed]
     reads = bool(direct) and all(direct)

@@ -17,12 +17,13 @@ from rig.config import BenchConfig, parse_toml, read_text
 from rig.contract_files import read_bench
 from rig.errors import RigError, UsageError
 from rig.plans import Plan, load_plan, plan_of
+from rig.register import parse_register, register_beside
 from rig.run_file.live import controller_alive
 from rig.run_file.reader import RunReader
 from rig.run_file.state import RunState, read_state
 from rig.unattended.doctor.disk import check_disk
 from rig.unattended.doctor.findings import Finding, Level, ok, problem
-from rig.unattended.doctor.instruments import check_due, check_instruments, check_twins
+from rig.unattended.doctor.instruments import check_due, check_instruments, check_stated, check_twins
 from rig.unattended.doctor.machine import check_power, check_software
 from rig.unattended.doctor.people import check_people
 from rig.unattended.doctor.time_of_day import check_clock
@@ -85,6 +86,7 @@ def examine(visit: Visit) -> Iterator[Finding]:
         yield from _caught(_instruments(visit, patient), "bench")
     if patient.config is not None:
         yield from check_due(patient.config, now_s, patient.end_s)
+        yield from _caught(_register(visit, patient.config), "register of equipment")
     yield from check_disk(visit.out if visit.run is None else visit.run.parent, patient.left)
     newest = None if patient.state is None or patient.state.simulated else patient.state.utc_s
     yield from check_clock(now_s, patient.end_s, newest)
@@ -170,6 +172,13 @@ def _instruments(visit: Visit, patient: _Patient) -> Iterator[Finding]:
         yield from check_twins(patient.config, patient.truth, known)
     else:
         yield from check_instruments(patient.config, known, visit.run)
+
+
+def _register(visit: Visit, config: BenchConfig) -> Iterator[Finding]:
+    """Errors that the register of a bench file does not state, and statements that belong to nothing."""
+    found = register_beside(config, visit.bench) if visit.bench is not None else None
+    if found is not None:
+        yield from check_stated(config, parse_register(found[1], str(found[0])), RealClock().utc())
 
 
 def _facts(visit: Visit, patient: _Patient) -> RunFacts:

@@ -18,6 +18,7 @@ from rig.config import BenchConfig, InstrumentConfig, due_dates
 from rig.errors import BusyError
 from rig.locks import locked_addresses
 from rig.plugins import driver_class
+from rig.register import Register, stated_of
 from rig.unattended.doctor.addresses import check_addresses
 from rig.unattended.doctor.findings import Finding, ok, problem, warning
 
@@ -117,6 +118,21 @@ def check_due(config: BenchConfig, now_s: float, end_s: float | None) -> Iterato
     for kind, names, due in due_dates(config):
         of = "the reference standard of " if kind == "reference" else ""
         yield _due(f"calibration of {of}{names}", due, today, last)
+
+
+def check_stated(config: BenchConfig, register: Register, now_s: float) -> Iterator[Finding]:
+    """Findings about a register: outputs and reference standards without stated errors, statements of nothing here."""
+    name = "register of equipment"
+    stated = stated_of(register, config, datetime.fromtimestamp(now_s, UTC).date())
+    known = {column for one in stated.errors for column in one.columns if column not in one.computed}
+    needed = [*(f"{sensor}_{one.unit}" for sensor, one in config.sensors.items()), *config.references]
+    lacking = [column for column in needed if column not in known]
+    advice = "correct it first: uncertainties would be too small, or a certificate refused"
+    if lacking:
+        yield warning(name, f"it states no errors of {', '.join(lacking)}", advice)
+    yield from (warning(name, one, advice) for one in stated.lacking)
+    if not lacking and not stated.lacking:
+        yield ok(name, "it states errors of every output and reference standard")
 
 
 def _due(check: str, due: date | None, today: date, last: date) -> Finding:
