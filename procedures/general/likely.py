@@ -90,9 +90,9 @@ def likely(source: Source, table: Table) -> Seen:
             continue
         found = roles | dict.fromkeys(free, "covariate") | dict.fromkeys(settings, "setting")
         found |= dict.fromkeys(sensors, "response")
-        others = [name for name in free if found[name] == "covariate" and _is_output(name, response, table)]
-        found |= dict.fromkeys(others, OTHER_OUTPUT)
-        beside = [name for name in (*sensors, *others) if name != response and "," not in name]
+        outputs = [name for name in free if found[name] == "covariate" and _is_output(name, response, table)]
+        found |= dict.fromkeys(outputs, OTHER_OUTPUT)
+        beside = [name for name in (*sensors, *outputs) if name != response and "," not in name]
         if beside:  # what they have in common with it is the setting's error
             trace["ignore"] = ",".join(beside)
         return Seen(_columns(table, found), fit, trace, without, curve, sensors)

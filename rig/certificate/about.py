@@ -228,7 +228,7 @@ _KINDS = {"references": "reference standard of {}", "temperatures": "thermometer
 
 
 def _what(key: str) -> str:
-    """What an entry of a bench file is, for people."""
+    """Name of an entry of a bench file, for people."""
     table, _, name = key.partition(".")
     words = stem_of(name) if table in _KINDS else name
     return _KINDS.get(table, "{}").format(words.replace("_", " "))
