@@ -46,6 +46,10 @@ class Confirming(ABC):
     drawn: tuple[str, float]
     caution = ""
 
+    def unit_for(self, output: str) -> str:
+        """Unit in which errors of one output are said."""
+        return self.unit
+
     def after(self, earlier: Sequence[Later]) -> Self:
         """The same run after further ones."""
         this: Any = self
@@ -177,3 +181,8 @@ class ConfirmedFit:
     def page(self) -> Page | None:
         """Its report; None if it has none."""
         return self.fitted.page()
+
+
+def in_words(points: int, replications: int) -> str:
+    """Size of a run without whole plots."""
+    return f"{points} points x {replications} replication{'' if replications == 1 else 's'}"

@@ -159,7 +159,7 @@ def test_what_cannot_be_confirmed_is_refused(tmp_path: Path, sagging: Path) -> N
         ((tmp_path / "table.csv", "--dry"), "not a run file"),
         ((first, "--dry", "--take", "99"), "--list shows them"),
         ((first, "--world", tmp_path / "table.csv"), "it requires --dry"),
-        ((first, "--by", first), "must be later"),
+        ((first, "--by", first), "is the traced run itself"),
     ):
         done = rig("confirm", *words, "--out", tmp_path)
         assert done.returncode == 2, done.stderr

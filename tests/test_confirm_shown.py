@@ -6,7 +6,12 @@ from types import SimpleNamespace
 
 import pytest
 
+from fitter.confirm import NOTHING, Member
+from procedures.general.confirming import OWN_UNITS, GeneralConfirming
+from procedures.general.effects import OF_CONSTANT, _said
 from rig.cli import confirm_show
+from rig.closed_loop.confirm.answers import Confirmed
+from rig.closed_loop.confirm.proposals import unlikely
 
 WHAT = "force_kN at the settings of the first run and between them"
 
@@ -17,8 +22,17 @@ def plain(monkeypatch):
     monkeypatch.setattr("rig.closed_loop.confirm.proposals.otherwise", lambda *_: ["it may leave two causes open"])
 
 
+SIZE = "23 points x 1 replication"
+
+
 def proposal(**more):
-    known = {"size": "23 x 1", "hours": 0.5, "separated": (3, 4), "nearest": (0.97, 4.1), "shown": (1.0, 278.0)}
+    known = {
+        "size": SIZE,
+        "hours": 0.5,
+        "separated": (3, 4),
+        "nearest": (0.97, 4.1),
+        "shown": (1.0, 278.0),
+    }
     return SimpleNamespace(variation=SimpleNamespace(what=WHAT), **{**known, **more})
 
 
@@ -27,9 +41,9 @@ def test_a_proposed_run_is_two_lines(plain, capsys):
     lines = capsys.readouterr().out.splitlines()
     assert lines[:4] == [
         f"1  {WHAT}",
-        "   23 x 1 points, 30 min; 3 of 4 pairs separated; nearest pair 4.1 (97%); weakest cause 278 (100%)",
+        f"   {SIZE}, 30 min; 3 of 4 pairs separated; nearest pair 4.1 (97%); weakest cause 278 (100%)",
         f"2  {WHAT}",
-        "   23 x 1 points, 30 min; weakest cause 278 (100%)",
+        f"   {SIZE}, 30 min; weakest cause 278 (100%)",
     ]
     assert lines[-1] == "  run 1: it may leave two causes open"
 
@@ -61,3 +75,53 @@ def test_a_verdict_has_its_numbers_in_sentences(plain, capsys):
         "    size in the further run, 95 %: a_V: 1 mV",
         "                                   b_V: 2 mV",
     ]
+
+
+def test_why_no_run_is_likely_to_settle_everything_is_said():
+    def run(chance, **more):
+        chances = {("lag", "line"): chance, ("lag", NOTHING): 0.99}
+        return SimpleNamespace(separations=[SimpleNamespace(chances=chances)], **{"likely": False, **more})
+
+    said = unlikely([run(0.01), run(0.04)])
+    assert said == (
+        "no run of this bench is likely to settle everything: none decides between lag and line (probability 4% at "
+        "most)"
+    )
+    assert "each of them leaves another question open" in unlikely([run(0.9)])
+    assert unlikely([run(0.01), run(0.6, likely=True)]) == ""
+
+
+def test_an_error_of_a_searched_constant_may_be_zero_and_is_told_in_percent():
+    lag, shift = "lag(x, 300) (a_V)", f"{OF_CONSTANT}lag(x, 300) (a_V)"
+    known = {"terms": (lag, shift), "intervals": ((-2.0, -1.0), (-0.1, 0.1)), "shifts": frozenset({shift})}
+    others = dict.fromkeys(Member.__dataclass_fields__, None)
+    assert Member(**{**others, **known}).zero == ()
+    assert Member(**{**others, **known, "shifts": frozenset()}).zero == (shift,)
+    assert _said(shift, 0.0285) == "+2.85 % in its constant"
+
+
+def test_errors_of_outputs_in_different_units_have_their_own():
+    confirming = GeneralConfirming(SimpleNamespace(each={"a_mV_per_V": None, "b_V": None}))
+    confirmed = Confirmed(SimpleNamespace(confirming=confirming), (), (), None)
+    assert confirming.unit == OWN_UNITS
+    assert [confirmed.named(name) for name in ("a_mV_per_V", "b_V")] == ["a_mV_per_V / mV/V", "b_V / V"]
+    error = SimpleNamespace(before=2.0, after=1.0, sigma=1.0, slope=1.0)
+    assert set(confirmed._error("a_mV_per_V", error)) == {f"{one}_mV_per_V" for one in ("before", "after", "reading")}
+    alike = GeneralConfirming(SimpleNamespace(each={"b_V": None}))
+    assert Confirmed(SimpleNamespace(confirming=alike), (), (), None).named("b_V") == "b_V"
+
+
+@pytest.mark.parametrize(
+    ("alike", "near", "says"),
+    [
+        ((), (), "these data exclude every other cause"),
+        ((), ("b",), "these data barely exclude other causes, which are judged as well: b (3.5 standard errors)"),
+        (("c",), (), "these data do not distinguish it from c"),
+    ],
+)
+def test_an_open_question_is_told_in_one_way(capsys, alike, near, says):
+    members = [SimpleNamespace(effect="a", near=False, sigmas=0.0)]
+    members += [SimpleNamespace(effect=name, near=name in near, sigmas=3.5) for name in (*alike, *near)]
+    question = SimpleNamespace(effect="a", members=tuple(members))
+    confirm_show.show_open(SimpleNamespace(questions=(question,)), ())
+    assert capsys.readouterr().out.splitlines() == [f"a: {says}"]

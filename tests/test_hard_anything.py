@@ -14,10 +14,11 @@ from general_lab import run_dry
 
 from drivers.roles import SourceState
 from procedures.run_list import Factor
+from rig.cli.show import run_progress
 from rig.controller import resume_run
 from rig.engine.actions import BenchActions
 from rig.engine.axes import SourceMover
-from rig.engine.session import Outcome, Signals
+from rig.engine.session import Outcome, Progress, Signals
 from rig.run_file.events.bench import Fault
 from rig.run_file.events.by_hand import AskedToSet
 from rig.run_file.events.points import WholePlotBegan, WholePlotLost
@@ -261,3 +262,40 @@ def test_a_whole_plot_that_did_not_stand_while_a_person_was_waited_for_is_lost(t
     says = " ".join(f.message for f in events(path, Fault))
     assert "then resume" not in says, "it goes on by itself"
     makes_sense(path)
+
+
+def test_a_resumed_dry_run_says_that_its_bench_begins_anew_and_not_that_power_was_lost_alone(tmp_path):
+    world = SLOW_PERSON.replace("1500", "20")
+    with pytest.raises(Killed):
+        run_dry(
+            tmp_path, WARM_WEIGHTS, WEIGHTS_IN_A_CHAMBER, world, on_progress=kill_where(lambda news: news.done == 1)
+        )
+    (path,) = tmp_path.glob("*.sqlite")
+    assert resume_run(path, signals=Signals(), on_progress=lambda _: None).outcome is Outcome.COMPLETE
+    (lost,) = events(path, WholePlotLost)
+    assert lost.reason.startswith("the bench of a dry run begins anew in each session: ")
+    makes_sense(path)
+
+
+def test_a_plan_says_that_a_person_sets_a_factor_and_not_its_overtravel(tmp_path):
+    files = lab.written(tmp_path, WARM_WEIGHTS, WEIGHTS_IN_A_CHAMBER, SLOW_PERSON)
+    shown = rig("plan", files[0], "--bench", files[1]).stdout
+    assert "force_kN from 0 to 5, set by a person; limits 0 to 10: ok" in shown
+    assert "bath_degC from 15 to 35, with overtravel" in shown
+
+
+def test_a_log_of_a_dry_run_has_no_line_for_what_a_simulated_person_does_at_once(capsys, monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr("rig.cli.show.RealClock", lambda: SimpleNamespace(stopwatch=lambda: now[0]))
+    asked = Progress("holding", 1, 20, 5.0, None, "to do by hand: put on 2 kN; then `rig done x`")
+    with run_progress(simulated=True) as show:
+        show(Progress("soaking", 1, 20, 4.0, None, "soaking"))
+        show(asked)
+        show(asked)
+        now[0] = 2.0
+        assert "by hand" not in capsys.readouterr().err
+        show(asked)
+    assert "put on 2 kN" in capsys.readouterr().err, "a real person is waited for"
+    with run_progress(simulated=False) as show:
+        show(asked)
+    assert "put on 2 kN" in capsys.readouterr().err

@@ -110,7 +110,10 @@ def test_more_replications_of_a_general_run_approach_the_limit(tmp_path):
 @pytest.mark.parametrize(
     ("expect", "says"),
     [
-        ("sigma = { cell = 2e-5 }\n", "repeatability only: [expect] has no sensor's output and sigma: with them"),
+        (
+            "sigma = { cell = 2e-5 }\n",
+            "repeatability only: [expect] has not both, output and sigma, of a sensor (cell: no output): with",
+        ),
         ("sigma = { cell = 1 }\noutput = { cell = '1 + force' }\n", "output.cell: force is not a factor (force_kN)"),
         ("sigma = { cell = 1 }\noutput = { cell = '1/(force_kN - 5)' }\n", "it has no value at a setting of the plan"),
         ("sigma = { cell = 1 }\noutput = { cell = '1 +' }\n", "expect.output.cell: "),

@@ -52,6 +52,7 @@ class Member:
         sizes: sizes of the cause by the later run alone, in physical terms, by sensor; with its interval for a single
             term: "5.0e-4 deg/g (4.1e-4 deg/g to 5.9e-4 deg/g)". Empty if that run does not determine them.
         against: field of the data for a plot of its residual.
+        shifts: names of terms that are errors of searched constants: zero is what is expected of them.
     """
 
     effect: str
@@ -70,13 +71,13 @@ class Member:
     intervals_together: tuple[tuple[float, float], ...]
     sizes: Mapping[str, str]
     against: str
+    shifts: frozenset[str] = frozenset()
 
     @property
     def zero(self) -> tuple[str, ...]:
-        """Names of the terms whose interval by the later run alone contains zero, or is undetermined."""
-        return tuple(
-            name for name, (low, high) in zip(self.terms, self.intervals, strict=True) if not (low > 0 or high < 0)
-        )
+        """Names of the terms, but `shifts`, whose interval by the later run alone contains zero, or is undetermined."""
+        every = zip(self.terms, self.intervals, strict=True)
+        return tuple(name for name, (low, high) in every if not (low > 0 or high < 0) and name not in self.shifts)
 
     @property
     def seen(self) -> bool:
@@ -292,6 +293,7 @@ def _member(comparison: Comparison, j: int, sigmas: float, shown: float) -> Memb
     alone, error = _alone(both, member, question.rest)
     t = t_limit(0.95, df)
     intervals, wide = _around(alone, error, t), _around(together, spread, t)
+    names = [term.term.name + ("" if term.sensor is None else f" ({term.sensor})") for term in member.terms]
     return Member(
         effect=member.effect,
         causes=member.causes,
@@ -302,13 +304,14 @@ def _member(comparison: Comparison, j: int, sigmas: float, shown: float) -> Memb
         p_shown=float(f_tail(shown**2 / q, q, df)),
         limit=limit,
         fits=fits,
-        terms=tuple(term.term.name + ("" if term.sensor is None else f" ({term.sensor})") for term in member.terms),
+        terms=tuple(names),
         coefficients=tuple(alone.tolist()),
         intervals=intervals,
         together=tuple(together.tolist()),
         intervals_together=wide,
         sizes=_sizes(both, member, alone, intervals),
         against=member.terms[0].effect.against,
+        shifts=frozenset(name for name, t in zip(names, member.terms, strict=True) if getattr(t, "slope", ())),
     )
 
 

@@ -22,7 +22,7 @@ from procedures.attitude.parameters import SCALE, UNIT
 from procedures.attitude.settings import DesignSettings, PitchRollProcedure
 from procedures.attitude.table import attitude_data
 from procedures.attitude.together import AttitudeTogether, mountings
-from procedures.confirming import SETTLED, Confirming
+from procedures.confirming import SETTLED, Confirming, in_words
 from procedures.errors import DataError
 from procedures.further_runs import Variation, repeated
 from procedures.run_list import RunList
@@ -131,7 +131,7 @@ class AttitudeConfirming(Confirming):
 
     def size(self, procedure: PitchRollProcedure) -> str:
         """See `Confirming`."""
-        return f"{len(procedure.design.build())} x {procedure.replications}"
+        return in_words(len(procedure.design.build()), procedure.replications)
 
     def mounting(self, procedure: PitchRollProcedure) -> Mapping[str, float] | None:
         """See `Confirming`."""

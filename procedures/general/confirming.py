@@ -15,8 +15,8 @@ from fitter.confirm import Confirmation, Later, Question
 from fitter.effects.entry import Entry
 from fitter.effects.hands import Done
 from fitter.errors import FitError
-from procedures.column_names import unit_of
-from procedures.confirming import SETTLED, ConfirmedFit, Confirming
+from procedures.column_names import spelled, unit_of
+from procedures.confirming import SETTLED, ConfirmedFit, Confirming, in_words
 from procedures.errors import DataError
 from procedures.further_runs import Variation, repeated
 from procedures.general.effects.literal import arithmetic
@@ -88,6 +88,10 @@ class GeneralConfirming(Confirming):
         """Unit of all outputs, if they have one."""
         units = {unit_of(output) for output in self.traced.each}
         return units.pop() if len(units) == 1 else OWN_UNITS
+
+    def unit_for(self, output: str) -> str:
+        """See `Confirming`: its own."""
+        return spelled(unit_of(output))
 
     @property
     def output_unit(self) -> str:  # type: ignore[override]
@@ -186,7 +190,7 @@ class GeneralConfirming(Confirming):
 
     def size(self, procedure: GeneralProcedure) -> str:
         """See `Confirming`."""
-        return f"{len(procedure.expand()) // procedure.replications} x {procedure.replications}"
+        return in_words(len(procedure.expand()) // procedure.replications, procedure.replications)
 
     def separated_by(self, one: Entry, other: Entry) -> str:
         """See `Confirming`."""

@@ -31,9 +31,11 @@ def expected_run(procedure: GeneralProcedure, run_list: RunList, sensors: Mappin
     known = {stem_of(column): column for column in sensors}
     told = [name for name in known if name in expect.output and name in expect.sigma]
     if not told:
+        has: dict[str, Mapping[str, object]] = {"output": expect.output, "sigma": expect.sigma}
+        lacks = (f"{one}: no {' and no '.join(k for k, v in has.items() if one not in v)}" for one in known)
         raise DataError(
-            "[expect] has no sensor's output and sigma: with them a total uncertainty is promised, as in "
-            f"output = {{ {next(iter(known))} = '0.1 + 0.5*{names[0]}' }}"
+            f"[expect] has not both, output and sigma, of a sensor ({'; '.join(lacks)}): with them a total uncertainty "
+            f"is promised, as in output = {{ {next(iter(known))} = '0.1 + 0.5*{names[0]}' }}"
         )
     columns: dict[str, FloatArray] = {name: np.array(run_list.column(name), np.float64) for name in names}
     n = len(run_list)

@@ -102,7 +102,7 @@ class WholePlotConfirming(Confirming):
         """See `Confirming`."""
         design = procedure.design
         plots = len(design.pairs()) * procedure.replications
-        return f"{plots} whole plots x {len(design.pressures_psia) + len(design.repeated_psia)}"
+        return f"{plots} whole plots x {len(design.pressures_psia) + len(design.repeated_psia)} points"
 
     def separated_by(self, one: Entry, other: Entry) -> str:
         """See `Confirming`."""

@@ -215,7 +215,7 @@ def _chosen(
     first: First, asked: First, take: int, *, every: bool, as_json: bool
 ) -> tuple[Proposal | None, dict[str, Any]]:
     """The run to make, None if there is none; and all of them for `--json`."""
-    from rig.closed_loop.confirm.proposals import consider, inseparable, propose  # noqa: PLC0415
+    from rig.closed_loop.confirm.proposals import consider, inseparable, propose, unlikely  # noqa: PLC0415
 
     considered = consider(asked)
     proposals, never = propose(considered), inseparable(asked, considered)
@@ -231,7 +231,10 @@ def _chosen(
         raise UsageError(f"--take {take}: there are {len(proposals)} proposed runs; --list shows them")
     elif not as_json:
         show_proposals(asked, proposals, never, take, every=every)
-    return proposals[take - 1] if proposals else None, listed(first, proposals, never)
+    why = unlikely(proposals) if proposals else ""
+    if why and not as_json:
+        err.print(f"{escape(why)}. Run {take} is for what it can settle; --take chooses another", soft_wrap=True)
+    return proposals[take - 1] if proposals else None, {**listed(first, proposals, never), "unlikely": why}
 
 
 def _end(told: Confirmed, about: Mapping[str, Any], report: Path | None, *, dry: bool, as_json: bool) -> int:
@@ -241,8 +244,10 @@ def _end(told: Confirmed, about: Mapping[str, Any], report: Path | None, *, dry:
     code = show(told, about, report, as_json=as_json)
     if following(told) is not None:
         words = " ".join(f"--after {path}" for path in told.paths) + (" --dry" if dry else "")
+        few = f"{escape(why)}; its further runs are unlikely to decide it" if (why := about.get("unlikely")) else ""
         err.print(
-            f"a further run may decide more: rig confirm {escape(str(told.first.path))} {escape(words)}", soft_wrap=True
+            f"{few or 'a further run may decide more'}: rig confirm {escape(str(told.first.path))} {escape(words)}",
+            soft_wrap=True,
         )
     return code
 

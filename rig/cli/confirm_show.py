@@ -37,9 +37,10 @@ def show_open(first: First, never: Sequence[Inseparable]) -> None:
     """Open questions, and those that no run can answer."""
     for question in first.questions:
         alike = [m.effect for m in question.members[1:] if not m.near]
-        text = f"not distinguishable from {', '.join(alike)} by these data" if alike else "it is not confounded"
-        near = [f"{m.effect} ({m.sigmas:.1f} standard errors)" for m in question.members if m.near]
-        text += f"; barely excluded, so judged as well: {', '.join(near)}" if near else ""
+        near = ", ".join(f"{m.effect} ({m.sigmas:.1f} standard errors)" for m in question.members if m.near)
+        told = [f"these data do not distinguish it from {', '.join(alike)}"] if alike else []
+        told += [f"these data barely exclude other causes, which are judged as well: {near}"] if near else []
+        text = "; ".join(told) or "these data exclude every other cause"
         out.print(f"[bold]{escape(question.effect)}[/]: {escape(text)}", soft_wrap=True)
     for one in never:
         a, b = one.pair
@@ -68,7 +69,7 @@ def show_proposals(
         colour = "[green]" if number == take else "[default]"
         out.print(f"{colour}{number:>{width}}  {escape(proposal.variation.what)}[/]", soft_wrap=True)
         separated, pairs = proposal.separated
-        told = [f"{proposal.size} points, {duration(proposal.hours * 3600.0)}"]
+        told = [f"{proposal.size}, {duration(proposal.hours * 3600.0)}"]
         told += [f"{separated} of {pairs} pairs separated"] if pairs else []
         told += [] if proposal.nearest is None else [f"nearest pair {_weakest(*proposal.nearest)}"]
         told += [f"weakest cause {_weakest(*proposal.shown)}"]
@@ -105,9 +106,12 @@ def show(confirmed: Confirmed, listed: Mapping[str, Any], report: Path | None, *
     for answer in confirmed.answers:
         show_answer(answer)
     columns = ("declared model", "with the effects", "scatter of a reading")
-    errors = Table(f"error on the further run / {confirmed.unit}", *columns)
+    several = any(confirmed.named(name) != name for name in confirmed.judged.errors)
+    errors = Table("error on the further run" + ("" if several else f" / {confirmed.unit}"), *columns)
     for name, e in confirmed.judged.errors.items():
-        errors.add_row(escape(name), *(f"{confirmed.inferred(e, v):.3g}" for v in (e.before, e.after, e.sigma)))
+        errors.add_row(
+            escape(confirmed.named(name)), *(f"{confirmed.inferred(e, v):.3g}" for v in (e.before, e.after, e.sigma))
+        )
     out.print()
     out.print(errors)
     if confirmed.own:

@@ -167,6 +167,11 @@ def counting(what: str, total: int) -> Iterator[Callable[[str], None]]:
 _EVERY_S = 60.0
 
 
+_BY_HAND = "to do by hand: "
+_ANSWERED_S = 1.0
+"""A simulated person has answered by then, in real seconds."""
+
+
 class _PlainProgress:
     """One line per tenth of the run and per message, for logs."""
 
@@ -174,8 +179,12 @@ class _PlainProgress:
         self._mark = "SIMULATED " if simulated else ""
         self._tenth = -1
         self._message = ""
+        self._stopwatch = RealClock().stopwatch
+        self._asked, self._asked_s = "", 0.0
 
     def show(self, news: News) -> None:
+        if self._mark and news.message.startswith(_BY_HAND) and not self._lasts(news.message):
+            return  # a simulated person answers at once
         tenth = 10 * news.done // max(1, news.total)
         said = news.message and news.message != self._message
         if said or (tenth != self._tenth and news.state != "preparing"):
@@ -183,3 +192,9 @@ class _PlainProgress:
             text = f"{self._mark}{news.state}: {news.done}/{news.total} points, {duration(news.elapsed_s)}{left}"
             print(visible(f"{text} {news.message}".rstrip()), file=sys.stderr, flush=True)
         self._tenth, self._message = tenth, news.message
+
+    def _lasts(self, asked: str) -> bool:
+        """Whether a person has been asked for this for some time."""
+        if asked != self._asked:
+            self._asked, self._asked_s = asked, self._stopwatch()
+        return self._stopwatch() - self._asked_s >= _ANSWERED_S

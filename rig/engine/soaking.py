@@ -75,6 +75,7 @@ class Soaking:
         self._lost: Counter[int] = Counter()
         self._looked_s = self._seen_s = -inf
         self._away = ""
+        self._anew = bench.config.simulated and bench.config.live is None
         for record in journal.recent(_RECALLED):
             if isinstance(record.event, Observed):
                 self.rules.note(record.whole_plot, record.event.environment)
@@ -238,6 +239,8 @@ class Soaking:
         why = self.rules.lost_meanwhile(
             point, idle_s, certain=certain, watched=self.watched, restarted=restarted, as_found=as_found
         )
+        if why and restarted and self._anew and not self.watched:
+            return f"the bench of a dry run begins anew in each session: {why}"
         return why or self._moved(point, as_found)
 
     def _moved(self, point: Point, as_found: Mapping[str, Any]) -> str:

@@ -33,11 +33,11 @@ def confirm_report(confirmed: Confirmed) -> str:
     told, errors = confirmed.to_json(), confirmed.judged.errors
     contents = {
         "first": confirmed.first.path.name,
-        "unit": confirmed.unit,
+        "unit": "" if any(confirmed.named(name) != name for name in errors) else confirmed.unit,
         "sentences": list(sentences(confirmed)),
         "taken_out": confirmed.own,
         "errors": [
-            [name, *(f"{confirmed.inferred(e, v):.3g}" for v in (e.before, e.after, e.sigma))]
+            [confirmed.named(name), *(f"{confirmed.inferred(e, v):.3g}" for v in (e.before, e.after, e.sigma))]
             for name, e in errors.items()
         ],
         "answers": [_answer(confirmed, a, json) for a, json in zip(confirmed.answers, told["effects"], strict=True)],

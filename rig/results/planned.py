@@ -13,7 +13,7 @@ import numpy as np
 from rich.markup import escape
 
 from drivers.clock import RealClock
-from drivers.roles import Chamber
+from drivers.roles import ByHand, Chamber
 from fitter.errors import FitError
 from procedures.advice import Advice
 from procedures.blocks import Block, Grid, Line
@@ -22,6 +22,7 @@ from procedures.durations import duration
 from procedures.kind import kind_of
 from procedures.precision import Precision
 from procedures.unused import unit_of
+from rig.bench import playing
 from rig.closed_loop.promised import Promised, expired, promised
 from rig.config import BenchConfig, due_dates
 from rig.disk_space import needed_bytes
@@ -194,11 +195,16 @@ class Plan(Result):
             yield Line(f"  follows the paper's recommendations {numbers}; --json has the numbers")
 
     def _in_the_way(self) -> Iterator[Block]:
-        for name, (low, high) in self.checked.run_list.extremes().items():
+        checked = self.checked
+        people = playing(checked.bench, ByHand)
+        for name, reach in checked.run_list.extremes().items():
+            by_hand = checked.bench.factors.get(name) in people
+            values = checked.run_list.column(name) if by_hand else reach
+            low, high, how = min(values), max(values), "set by a person" if by_hand else "with overtravel"
             allowed = self._limits.get(name)
             no_limit = "[yellow]no limit in the bench file[/]"
             shown = f"limits {allowed[0]:g} to {allowed[1]:g}: ok" if allowed else no_limit
-            yield Line(f"  {name} from {low:g} to {high:g}, with overtravel; {shown}")
+            yield Line(f"  {name} from {low:g} to {high:g}, {how}; {shown}")
         environment = _environment(self.checked)
         if environment:
             yield Line(f"  environment: {escape(environment)}")

@@ -36,7 +36,7 @@ def _effect(kind: TableKind, names: tuple[str, ...], response: str) -> TableEffe
         scope="sensor",
         stratum=kind.stratum,
         unit=kind.unit.format(*names, **words),
-        size=lambda values, _scale: ", ".join(f"{value:.4g}{_of_what(name)}" for name, value in values.items()),
+        size=lambda values, _scale: ", ".join(_said(name, value) for name, value in values.items()),
         against=names[-1] if kind.of in ("direction of setting", "direction by covariate") else names[0],
         separate_by=kind.separate_by.format(*names, **words),
         usual_size=kind.usual_size,
@@ -48,9 +48,9 @@ def _effect(kind: TableKind, names: tuple[str, ...], response: str) -> TableEffe
     )
 
 
-def _of_what(name: str) -> str:
-    """Words for the coefficient of an error of a searched constant; "" for others."""
-    return " (its constant)" if name.startswith(OF_CONSTANT) else ""
+def _said(name: str, value: float) -> str:
+    """A coefficient in words; the error of a searched constant as a share of it."""
+    return f"{100.0 * value:+.3g} % in its constant" if name.startswith(OF_CONSTANT) else f"{value:.4g}"
 
 
 def _columns_for(of: Of, scene: TableScene) -> Iterator[tuple[str, ...]]:

@@ -12,6 +12,7 @@ from rig.closed_loop.confirm.proposals import (
     ordered,
     otherwise,
     propose,
+    unlikely,
 )
 
 __all__ = [
@@ -35,4 +36,5 @@ __all__ = [
     "propose",
     "sentences",
     "sizes",
+    "unlikely",
 ]

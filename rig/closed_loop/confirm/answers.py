@@ -71,6 +71,11 @@ class Confirmed:
         """Unit of the inferred quantity, in which errors are given."""
         return self.first.confirming.unit
 
+    def named(self, output: str) -> str:
+        """An output with the unit of its errors, where outputs have different ones."""
+        own = self.first.confirming.unit_for(output)
+        return output if own == self.unit or not own else f"{output} / {own}"
+
     @property
     def own(self) -> str:
         """Parameters estimated from the further run itself for its prediction, in words; "" if there are none."""
@@ -86,7 +91,7 @@ class Confirmed:
             self._answer(a) | {"sentence": _sentence(a), "evidence": evidence(a), "caution": may_be_beside(a)}
             for a in self.answers
         ]
-        errors = {name: self._error(e) for name, e in self.judged.errors.items()}
+        errors = {name: self._error(name, e) for name, e in self.judged.errors.items()}
         about = {
             "run": str(self.path),
             "runs": [str(path) for path in self.paths],
@@ -126,11 +131,12 @@ class Confirmed:
             ],
         }
 
-    def _error(self, error: SensorError) -> dict[str, float]:
-        output = self.first.confirming.output_unit
+    def _error(self, name: str, error: SensorError) -> dict[str, float]:
+        output, unit = self.first.confirming.output_unit, self.first.confirming.unit_for(name).replace("/", "_per_")
+        output = unit if output == self.unit else output
         values = {"before": error.before, "after": error.after, "reading": error.sigma}
         return {f"{name}_{output}": value for name, value in values.items()} | {
-            f"{name}_{self.unit}": self.inferred(error, value) for name, value in values.items()
+            f"{name}_{unit}": self.inferred(error, value) for name, value in values.items()
         }
 
 
@@ -173,9 +179,10 @@ def sentences(confirmed: Confirmed) -> Iterator[str]:
         yield "The further run is too short to determine the error of either model."
         return
     before, after = (confirmed.inferred(errors[name], v) for v in (errors[name].before, errors[name].after))
+    unit = confirmed.first.confirming.unit_for(name)
     yield (
-        f"On data not used by either model the error of {name} is {before:.3g} {confirmed.unit} rms with the "
-        f"declared model and {after:.3g} {confirmed.unit} with the effects."
+        f"On data not used by either model the error of {name} is {before:.3g} {unit} rms with the "
+        f"declared model and {after:.3g} {unit} with the effects."
     )
 
 

@@ -13,7 +13,7 @@ from procedures.durations import duration
 from procedures.further_runs import with_step
 from rig.closed_loop.confirm.choosing import STEP, best, groups_of
 from rig.closed_loop.confirm.first import First
-from rig.closed_loop.confirm.proposal import HARDLY, Proposal
+from rig.closed_loop.confirm.proposal import HARDLY, LIKELY, Proposal
 
 CHANGED = 3
 """Number of the best kinds of runs that are also considered with a change by a person, besides those of the same bench.
@@ -117,6 +117,22 @@ def _by_hand(considered: Sequence[Proposal], pair: Pair) -> tuple[str, ...]:
         if any(s.chances.get(pair, 0.0) >= HARDLY for s in proposal.separations)
     )
     return tuple(dict.fromkeys(says))
+
+
+def unlikely(proposals: Sequence[Proposal]) -> str:
+    """Why no proposed run is likely to settle all questions, in words; "" if one is."""
+    if any(proposal.likely for proposal in proposals):
+        return ""
+    chances: dict[Pair, float] = {}
+    for pair, chance in (told for p in proposals for s in p.separations for told in s.chances.items()):
+        chances[pair] = max(chance, chances.get(pair, 0.0))
+    never = [
+        f"{one} and {'nothing' if other == NOTHING else other} (probability {chance:.0%} at most)"
+        for (one, other), chance in chances.items()
+        if chance < LIKELY
+    ]
+    why = f"none decides between {'; '.join(never)}" if never else "each of them leaves another question open"
+    return f"no run of this bench is likely to settle everything: {why}"
 
 
 def otherwise(first: First, proposal: Proposal, never: Sequence[Inseparable] = ()) -> Iterator[str]:
