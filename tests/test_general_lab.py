@@ -259,7 +259,7 @@ def test_units_differ_by_a_prefix_at_most(of, to, times):
         (("bench", '"dvm"\n[factors]', '"dvm"\nunit = "kN"\n[factors]'), "channel input of dvm reads V, not kN"),
         (
             ("bench", '"dvm"\n[factors]', '"dvm"\nunit = "mV_per_V"\n[factors]'),
-            'a ratio is read by a meter that gives it: name one as the reader, such as a scpi-meter with unit = "mV_per',
+            "a ratio is read by a meter that gives it: name one as the reader, such as a scpi-meter with",
         ),
         (
             ("procedure", '"1 + force_kN"', '"1 + force_kN + force_kN^2 + force_kN^3 + force_kN^4"'),
