@@ -16,19 +16,21 @@ import pytest
 from certificate_lab import ISSUED, REGISTER, SETTINGS, settled, stand
 from command import rig
 from dry import SHORT, dry
-from general_lab import BENCH, PROCEDURE, WORLD, run_dry
+from general_lab import BENCH, CHAMBER, PROCEDURE, WORLD, run_dry
 
 from fitter.budget.rounding import rounded
 from fitter.trace.outcome import Finding
 from procedures import by_hand
-from rig.certificate.about import steps_by_hand
+from rig.certificate.about import equipment, steps_by_hand
 from rig.certificate.assembly import conditions, decimal_text, doubtful, effects
 from rig.certificate.files import write_once
 from rig.certificate.layout import sections
 from rig.certificate.numbers import plain
 from rig.certificate.words import UNTRACED
+from rig.closed_loop.budget import checked_run
 from rig.dcc.reader import read_dcc
 from rig.dcc.si_units import per_term
+from rig.engine.session import Outcome
 from rig.errors import ConfigurationError, UsageError
 from rig.results.budget import budget
 from rig.results.certificate import Asked, Made, Refused, make
@@ -542,6 +544,77 @@ def test_steps_by_hand_are_told_as_the_procedure_says_them():
         "stated for force: 5, 5.01 kN.",
         "A person did a step by hand, 2 h 00 min after the begin of the run: lock the pads.",
     ]
+
+
+WARM = PROCEDURE.replace(
+    "[settle]", "[factors.oven_degC]\nlevels = [10, 40]\nhard = true\n[soak]\ndwell_s = 60\n[settle]"
+)
+WARM_BENCH = (
+    BENCH.replace("[sensors.cell]", f"{CHAMBER}[sensors.cell]")
+    .replace(
+        'force_kN = "operator"\n[limits]', 'force_kN = "operator"\noven_degC = "oven"\n[limits]\noven_degC = [-60, 100]'
+    )
+    .replace('driver = "person"\n', 'driver = "person"\nasset = "W-1"\n')
+    .replace("nplc = 1\n", 'nplc = 1\nasset = "DVM-1"\n', 1)
+)
+
+
+@pytest.fixture(scope="module")
+def warm(tmp_path_factory) -> Path:
+    """A run at two temperatures, which are in no model."""
+    folder = tmp_path_factory.mktemp("warm")
+    (folder / "equipment.toml").write_text(REGISTER)
+    path, result = run_dry(folder, WARM, WARM_BENCH)
+    assert result.outcome is Outcome.COMPLETE, result.message
+    return path
+
+
+def test_a_factor_without_influence_is_no_part_of_a_point_and_the_certificate_says_where_results_hold(warm, tmp_path):
+    """Nothing depends on the oven: the point needs none, and the results hold at its temperatures."""
+    document = make(asked(warm, settled(tmp_path))).document
+    told = "Results hold at the conditions of the run, which are in no model: oven 9.995 to 40 °C, mean 25 °C."
+    assert told in document.notes
+    assert [one.label for one in document.tables[0].results][-1] == "inferred force at force 4 kN"
+    text = SETTINGS.replace("force_kN = 1 }", "force_kN = 1, oven_degC = 23 }").replace(
+        "force_kN = 4 }", "force_kN = 4, oven_degC = 23 }"
+    )
+    document = make(asked(warm, settled(tmp_path, text=text))).document
+    assert "Of the points oven_degC is not used: no result depends on it." in " ".join(document.notes)
+
+
+@pytest.mark.parametrize(
+    ("at", "says"),
+    [
+        ("{ oven_degC = 20 }", "they lack force_kN, on which results of cell_V depend; add it"),
+        ("{ force_N = 20 }", "the run has no force_N; its factors are"),
+        (
+            "{ force_kN = 1 }, { force_kN = 1, oven_degC = 2 }",
+            "they have different quantities, force_kN and",
+        ),
+    ],
+)
+def test_points_that_cannot_be_used_name_the_settings_as_well(warm, tmp_path, at, says):
+    text = re.sub(r"at = .*", f"at = [{at}]", SETTINGS)
+    (reason,) = [one for one in reasons(warm, tmp_path, text) if "points of results" in one]
+    assert reason.startswith("the points of results (`--at`, or `at` in certificate.toml): ")
+    assert says in reason
+
+
+def test_what_is_not_traced_has_no_certificate_in_the_table(warm, tmp_path):
+    document = make(asked(warm, settled(tmp_path))).document
+    by_name = {one.name: one for one in document.equipment}
+    assert by_name["oven"].certificate == by_name["oven"].laboratory == ""
+    assert by_name["dvm"].certificate == "E-1"
+    # a certificate of which the register states nothing traces no result
+    silent = REGISTER.replace('quantity = "force_kN"', 'quantity = "load_kN"')
+    of = checked_run(warm, written_register(tmp_path, silent)).of
+    assert [one.certificate for one in equipment([of]) if one.asset == "W-1"] == [""]
+
+
+def written_register(folder: Path, text: str) -> Path:
+    path = folder / "other.toml"
+    path.write_text(text)
+    return path
 
 
 def test_a_point_outside_the_run_is_refused(run, tmp_path):

@@ -258,6 +258,10 @@ def test_units_differ_by_a_prefix_at_most(of, to, times):
         (("bench", "force_kN = [0, 10]", "force_kN = [0, 4]"), "point 3 asks for force_kN = 5, outside 0 to 4"),
         (("bench", '"dvm"\n[factors]', '"dvm"\nunit = "kN"\n[factors]'), "channel input of dvm reads V, not kN"),
         (
+            ("bench", '"dvm"\n[factors]', '"dvm"\nunit = "mV_per_V"\n[factors]'),
+            "a ratio is read by a meter that gives it: name one as the reader, such as a scpi-meter with",
+        ),
+        (
             ("procedure", '"1 + force_kN"', '"1 + force_kN + force_kN^2 + force_kN^3 + force_kN^4"'),
             "it does not determine",
         ),

@@ -178,7 +178,11 @@ def test_nothing_is_looked_for_where_the_formula_has_no_value():
     ("table", "formula", "message"),
     [
         ("x,y\n-2,4.1\n-1,1\n0,0.1\n1,0.9\n2,4\n", "1 + x + x^2", "does not rise or fall all the way from x = -2 to 2"),
-        ("x,z,y\n1,1,1\n2,1,2\n3,2,3.1\n4,3,4\n5,1,5\n", "1 + x + z", "has no column x and z: one reading"),
+        (
+            "x,z,y\n1,1,1\n2,1,2\n3,2,3.1\n4,3,4\n5,1,5\n",
+            "1 + x + z",
+            "has no column z: one reading of y determines",
+        ),
         ("x,y\n1,1\n2,2.1\n", "1 + x", "its error is unknown"),
     ],
 )

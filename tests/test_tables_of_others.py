@@ -515,6 +515,35 @@ def test_the_likely_roles_of_a_table(tmp_path):
     assert "--time Time --direction direction" in told["next"]
 
 
+FORCES = "1 + `Drehmoment (Nm)`"
+GERMAN = "Drehmoment (Nm);Signal A (mV/V);Signal B (V)\n" + "".join(
+    f"{x};{0.01 * x + e:.5f};{0.05 * x - e:.5f}\n".replace(".", ",")
+    for x, e in zip(
+        np.tile([0, 50, 100, 150, 200], 4).tolist(), np.random.default_rng(3).normal(0, 2e-4, 20).tolist(), strict=True
+    )
+)
+
+
+def test_a_second_output_in_another_unit_is_no_covariate(tmp_path):
+    path = written(tmp_path, GERMAN)
+    told = json.loads(rig("trace", path, "--json").stdout)
+    roles = {each["column"]: each["role"] for each in told["columns"]}
+    assert roles == {"Drehmoment (Nm)": "setting", "Signal A (mV/V)": "other output", "Signal B (V)": "response"}
+    assert "--ignore 'Signal A (mV/V)'" in told["next"]
+
+
+def test_a_response_of_several_words_is_traced_with_and_without_back_ticks(tmp_path):
+    path = written(tmp_path, GERMAN)
+    plain, ticked = (
+        rig("trace", path, "--response", name, "--formula", FORCES, "--ignore", "Signal B (V)", "--json")
+        for name in ("Signal A (mV/V)", "`Signal A (mV/V)`")
+    )
+    assert plain.returncode == 0, plain.stderr
+    assert json.loads(plain.stdout) == json.loads(ticked.stdout)
+    missing = rig("trace", path, "--response", "Signal C (mV/V)", "--formula", FORCES)
+    assert "a name of several words needs back-ticks" in missing.stderr
+
+
 def a_table(**columns):
     return (
         "\n".join([",".join(columns), *(",".join(map(str, row)) for row in zip(*columns.values(), strict=True))]) + "\n"

@@ -24,6 +24,7 @@ from procedures.general.settings import SensorModel
 from procedures.scatter import Scatter, scatter
 from procedures.table import Columns, Table
 
+_AT = "the points of results (`--at`, or `at` in certificate.toml)"
 _ITERATIONS, _TOLERANCE = 50, 1e-13
 
 
@@ -318,16 +319,24 @@ def general_evaluation(table: Table, at: Sequence[Mapping[str, float]], *, trace
 
     if not table.outputs:
         raise DataError(f"{table.source}: budgets are made of runs, whose bench says what reads what")
-    for one in at:
-        unknown = [name for name in one if name not in table.columns]
-        missing = [name for name in table.factors if name not in one]
-        if unknown or missing:
-            names = ",".join(f"{name}=..." for name in table.factors)
-            raise DataError(f"--at: a point has every factor of the run: --at {names}")
+    _check_names(table, at)
     try:
-        return made(table, at or _points(table))
+        found = made(table, at or _points(table))
     except FitError as error:
         raise DataError(f"{table.source}: {error}") from error
+    for name in table.factors if at else ():
+        if name not in at[0] and (by := [one.name for one in found.each if name in one.plain.formula.names]):
+            raise DataError(f"{_AT}: they lack {name}, on which results of {', '.join(by)} depend; add it")
+    return found
+
+
+def _check_names(table: Table, at: Sequence[Mapping[str, float]]) -> None:
+    """Refuse points of unknown quantities, or of different ones."""
+    for one in at:
+        if unknown := [name for name in one if name not in table.columns]:
+            raise DataError(f"{_AT}: the run has no {unknown[0]}; its factors are {', '.join(table.factors)}")
+        if set(one) != set(at[0]):
+            raise DataError(f"{_AT}: they have different quantities, {', '.join(at[0])} and {', '.join(one)}")
 
 
 def _points(table: Table) -> list[Mapping[str, float]]:

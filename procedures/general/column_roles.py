@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from fitter.arithmetic import Expression
+from fitter.arithmetic import Expression, quoted
 from fitter.arithmetic_text import column_name
 from fitter.arrays import FloatArray, IntArray
 from fitter.effects.entry import Entry
@@ -84,6 +84,16 @@ class Roles:
         """Columns with their own role, which are not covariates."""
         given = (self.replicate, self.time, self.date, self.direction)
         return (*self.group, *self.whole_plot, *(name for name in given if name is not None))
+
+
+def with_response(read: Reader, roles: Roles) -> Roles:
+    """The roles with a response that is no arithmetic in back-ticks, if it is a column: `Load cell (kN)`."""
+    try:
+        _parse("--response", f"0 + I({roles.response})")
+        return roles
+    except DataError:
+        known = roles.response in read(()).columns
+    return replace(roles, response=quoted(roles.response)) if known else roles
 
 
 def read_roles(read: Reader, roles: Roles) -> tuple[Table, TableData, tuple[str, ...]]:

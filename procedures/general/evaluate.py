@@ -16,7 +16,7 @@ from fitter.trace.outcome import Finding, Outcome, run_json
 from procedures.blocks import Block
 from procedures.certificate import Change, Errors, certified, with_words
 from procedures.errors import DataError
-from procedures.general.column_roles import Roles, parts_played, read_roles, used_columns
+from procedures.general.column_roles import Roles, parts_played, read_roles, used_columns, with_response
 from procedures.general.trace import FoundTableEffect, TableTrace, trace_general
 from procedures.results import Page
 from procedures.table import Reader, Table
@@ -129,6 +129,7 @@ def trace_general_table(read: Reader, roles: Roles) -> GeneralTraced:
     Raises:
         DataError: a column is missing, the formula cannot be read, or there are too few rows for it.
     """
+    roles = with_response(read, roles)
     table, data, taken = read_roles(read, roles)
     try:
         return GeneralTraced(table, roles, trace_general(data), taken, parts_played(data))

@@ -85,10 +85,9 @@ def _variable(calibration: CurveCalibration, table: Table, quantity: str | None)
     variable = quantity or (names[0] if len(names) == 1 else unknown[0])
     missing = [name for name in unknown if name != variable]
     if missing:
-        which = " and ".join([variable, *missing]) if quantity is None else missing[0]
         raise DataError(
-            f"{table.source} has no column {which}: one reading of {response} determines one variable, and the values "
-            f"of the others have to be in the table"
+            f"{table.source} has no column {' and '.join(missing)}: one reading of {response} determines one variable, "
+            f"here {variable}, and the values of the others have to be in the table"
         )
     return variable
 

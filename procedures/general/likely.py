@@ -55,6 +55,9 @@ _SETTING = re.compile(
     re.IGNORECASE,
 )
 
+OTHER_OUTPUT, _TOGETHER = "other output", 0.99
+"""Role of a column that follows the setting as the response does, and the correlation from which it does."""
+
 
 def likely(source: Source, table: Table) -> Seen:
     """The columns of a table with likely roles, and options for a first fit and trace that were tried."""
@@ -87,12 +90,19 @@ def likely(source: Source, table: Table) -> Seen:
             continue
         found = roles | dict.fromkeys(free, "covariate") | dict.fromkeys(settings, "setting")
         found |= dict.fromkeys(sensors, "response")
-        beside = [name for name in sensors if name != response and "," not in name]
+        outputs = [name for name in free if found[name] == "covariate" and _is_output(name, response, table)]
+        found |= dict.fromkeys(outputs, OTHER_OUTPUT)
+        beside = [name for name in (*sensors, *outputs) if name != response and "," not in name]
         if beside:  # what they have in common with it is the setting's error
             trace["ignore"] = ",".join(beside)
         return Seen(_columns(table, found), fit, trace, without, curve, sensors)
     why = tried or "it takes two columns of numbers that vary: a response and a setting"
     return Seen(_columns(table, roles | dict.fromkeys(free, "covariate")), {}, {}, why)
+
+
+def _is_output(name: str, response: str, table: Table) -> bool:
+    """Whether a column is another output, of any unit: by its name or unit, and because it follows the response."""
+    return _merit(name, table) >= 2.0 and _follows(table.columns[name], table.columns[response]) > _TOGETHER
 
 
 def _values(table: Table, name: str) -> list[Any]:

@@ -17,9 +17,9 @@ from rig.certificate.files import changes
 from rig.certificate.settings import CertificateSettings
 from rig.certificate.words import count
 from rig.closed_loop.budget import OfRun
-from rig.config import SensorConfig, parse_toml, read_text
+from rig.config import InstrumentConfig, SensorConfig, parse_toml, read_text
 from rig.register import DOCUMENT, Register, SensorItem
-from rig.register.check import entries
+from rig.register.check import Entry, entries
 from rig.run_file.state import RunState
 from rig.version import VERSION
 
@@ -199,12 +199,14 @@ def equipment(runs: Sequence[OfRun]) -> tuple[Equipment, ...]:
         for key, entry in entries(of.config):
             known = of.register.equipment.get(entry.asset)
             if known is None:
+                if not _is_person(entry) and not _is_stated(of, key):
+                    found.setdefault((key, ""), Equipment(_what(key), "", "", "", entry.asset, "", "", None, None))
                 continue
-            certificate, kind = known.certificate, key.partition(".")[2]
+            certificate = known.certificate if _states(of, entry.asset) else None
             found.setdefault(
                 (entry.asset, certificate.number if certificate else ""),
                 Equipment(
-                    known.description or kind,
+                    known.description or _what(key),
                     known.maker,
                     known.model,
                     known.serial,
@@ -220,6 +222,30 @@ def equipment(runs: Sequence[OfRun]) -> tuple[Equipment, ...]:
                 words = name.replace("_", " ")
                 found.setdefault((words, ""), Equipment(words, "", "", "", "", "", constant.source, None, None))
     return tuple(found.values())
+
+
+_KINDS = {"references": "reference standard of {}", "temperatures": "thermometer {}"}
+
+
+def _what(key: str) -> str:
+    """Name of an entry of a bench file, for people."""
+    table, _, name = key.partition(".")
+    words = stem_of(name) if table in _KINDS else name
+    return _KINDS.get(table, "{}").format(words.replace("_", " "))
+
+
+def _is_person(entry: Entry) -> bool:
+    return isinstance(entry, InstrumentConfig) and entry.driver == "person"
+
+
+def _is_stated(of: OfRun, key: str) -> bool:
+    """Whether the register states an error of the column of an entry, by the instrument that reads it."""
+    return any(key.partition(".")[2] in one.columns for one in of.stated.errors)
+
+
+def _states(of: OfRun, asset: str) -> bool:
+    """Whether the register states an error of what an asset gives here; otherwise no result is traced to it."""
+    return any(one.key.startswith(f"equipment.{asset}.says.") for one in of.stated.errors)
 
 
 def deviations(of: OfRun, state: RunState, stage: Stage, registers: tuple[str | None, Path | None]) -> Iterator[str]:

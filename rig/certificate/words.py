@@ -14,7 +14,8 @@ TRACEABILITY = (
     "The results are traceable to the International System of Units (SI) through the certificates in this table.",
 )
 UNTRACED = (
-    "Instruments without a certificate keep or watch conditions: no output is read and no factor is set by them alone.",
+    "Instruments without a certificate keep or watch conditions, or the register states no error of them: no result is "
+    "traceable through them, and conditions that they alone record are indications.",
 )
 UNCERTAINTY = (
     "The expanded uncertainty is the combined standard uncertainty times the coverage factor k. The value of the "

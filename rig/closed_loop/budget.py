@@ -22,6 +22,7 @@ from procedures.kind import Kind, kind_of_table
 from procedures.simulated_budget import whole
 from procedures.stated import Statements
 from procedures.table import Table
+from rig.closed_loop.held import held
 from rig.config import BenchConfig, parse_bench
 from rig.errors import ConfigurationError, RigError, UsageError
 from rig.register import (
@@ -323,10 +324,10 @@ def budget_of(
     except FitError as error:
         raise DataError(f"{of.table.source}: {error}") from error
     unstated = unstated_of(evaluation, of.stated)
-    notes = lacking(unstated, of.stated)
-    notes += [SAME_METER if same_meter else OTHER_METER, *found.notes, *of.stated.unused]
+    meter = SAME_METER if same_meter else OTHER_METER
+    notes = [*lacking(unstated, of.stated), meter, *found.notes, *of.stated.unused]
     outside = tuple(outside_of(of.table, at))
-    notes += outside
+    notes += [*outside, *held(of, evaluation.columns, at)]
     if of.corrected:
         notes.insert(0, f"corrected by the certificates: {', '.join(of.corrected)}")
     if of.stated.example:

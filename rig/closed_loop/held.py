@@ -1,0 +1,39 @@
+"""At what the results of a run hold, where no model has it: factors that were varied, and recorded temperatures."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from procedures.column_names import spelled, stem_of, unit_of
+
+if TYPE_CHECKING:
+    from rig.closed_loop.budget import OfRun
+
+HOLD = "results hold at the conditions of the run, which are in no model: {conditions}"
+NOT_USED = "of the points {name} is not used: no result depends on it"
+
+
+def held(of: OfRun, used: Collection[str], at: Sequence[Mapping[str, float]]) -> Iterator[str]:
+    """Sentences about factors and recorded temperatures on which no result depends.
+
+    Args:
+        of: the run.
+        used: columns on which results depend.
+        at: points of the results.
+    """
+    columns = of.table.columns
+    free = [one for one in dict.fromkeys((*of.table.factors, *of.config.temperatures)) if one not in used]
+    told = []
+    for name in free:
+        values = columns.get(name, np.zeros(0))
+        values = values[np.isfinite(values)]
+        if len(values):
+            low, mean, high = (f"{value:.4g}" for value in (values.min(), values.mean(), values.max()))
+            words, unit = stem_of(name).replace("_", " "), spelled(unit_of(name)).replace("degC", "\N{DEGREE SIGN}C")
+            told.append(f"{words} {low} to {high} {unit}, mean {mean} {unit}")
+    if told:
+        yield HOLD.format(conditions="; ".join(told))
+    yield from (NOT_USED.format(name=name) for name in free if any(name in one for one in at))
