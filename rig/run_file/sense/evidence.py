@@ -51,6 +51,7 @@ class Evidence:
         self._read_s: list[float] = []
         self._session_s = 0.0
         self._off: dict[str, tuple[int, str]] = {}
+        self._waited_for: set[str] = set()
 
     def look(self, record: Record, event: Event, fold: RunState) -> Iterator[str]:
         """See `Rule.look`."""
@@ -113,6 +114,7 @@ class Evidence:
         soak, bench = self._case.soak, self._case.bench
         if soak is None or bench is None:
             return
+        self._waited_for |= event.settling.keys()
         first, _ = self._case.run_list.points.span(event.planned)
         point, drift = self._case.run_list.points[first], soak.drift_degC_per_h / 3600.0
         for factor, target in zip(self._case.run_list.factors, point.setpoints, strict=True):
@@ -122,7 +124,9 @@ class Evidence:
             if self._case.soaks(factor):
                 asked[bench.factors.get(factor.name, "")] = Asked(target, soak.tolerance_degC, soak.dwell_s, drift)
                 within = Asked(target, soak.sensor_tolerance_degC, soak.dwell_s, drift)
-                asked |= dict.fromkeys(bench.thermometers(factor.name), within)
+                # until 2026-11-25 a soak waited for the thermometer with the name of its factor only
+                every = bench.thermometers(factor.name)
+                asked |= {name: within for name in every if name == factor.name or name in self._waited_for}
             elif factor.name not in self._case.by_hand and self._case.conduct is not None:
                 settle = self._case.conduct.settled(factor.axis)
                 asked[factor.axis] = Asked(target, settle.band, settle.dwell_s, settle.drift_per_s)

@@ -38,6 +38,7 @@ class Places:
         self._case = case
         self._conduct = case.conduct
         self._chambers = {} if case.bench is None else dict(case.bench.factors)
+        self._waited_for: set[str] = set()
 
     def look(self, record: Record, event: Event, _fold: RunState) -> Iterator[str]:
         """See `Rule.look`."""
@@ -113,7 +114,9 @@ class Places:
                     yield f"{name} is {seen['mean']:.2f}, not within {soak.sensor_tolerance_degC:g} of {target:g}"
 
     def _thermometers(self, factor: str) -> tuple[str, ...]:
-        return () if self._case.bench is None else self._case.bench.thermometers(factor)
+        """Those that a soak waited for: of the factor's name, or also others with it as their place."""
+        every = () if self._case.bench is None else self._case.bench.thermometers(factor)
+        return tuple(name for name in every if name == factor or name in self._waited_for)
 
     def _held(self, factor: Factor, target: float, event: Observed) -> Iterator[str]:
         """Check a hard factor that is no temperature: its readback, or the value that a person stated."""
@@ -161,6 +164,7 @@ class Places:
         except KeyError:
             yield f"it begins whole plot {event.planned}, which is not planned"
             return
+        self._waited_for |= event.settling.keys()
         point = self._case.run_list.points[first]
         sides = dict(zip(self._case.run_list.factors, point.sides, strict=True))
         for factor, target in self._hard(point):
