@@ -10,6 +10,7 @@ import pytest
 from command import rig
 from general_lab import written
 
+from proving.forger import forge
 from rig.config import parse_bench
 from rig.controller import start_run
 from rig.engine.session import Outcome, Signals
@@ -18,6 +19,7 @@ from rig.forecast import rehearse
 from rig.plans import load_plan
 from rig.run_file.reader import RunReader
 from rig.run_file.sense import judged
+from rig.run_file.verification import verify_file
 from rig.tables import run_table
 
 SLOW = lab.BATH.replace("dwell_s = 60\n", "dwell_s = 60\ntime_constant_s = 120\n")
@@ -160,6 +162,18 @@ def test_a_soak_waits_for_a_thermometer_whose_place_is_its_factor(tmp_path):
         assert one.event.settling["air_degC"]["outcome"] == "settled"
     with RunReader.open(path) as reader:
         assert judged(reader, 10).findings == (), "its drift too was as asked for"
+
+    def without(*ordinals):
+        def change(run):
+            for at, one in enumerate(run.all("event", "whole-plot")):
+                if at in ordinals:
+                    del one["body"]["settling"]["air_degC"]
+
+        return [str(one) for one in verify_file(forge(path, tmp_path / "changed.sqlite", change)).findings]
+
+    assert without(0, 1) == [], "as runs of 2026-11-24 and before are: no soak waited for it"
+    (found,) = without(1)
+    assert "does not say how air_degC settled" in found
 
 
 def test_the_assumption_about_a_soak_names_the_key_that_removes_it(tmp_path):
