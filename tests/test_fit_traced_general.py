@@ -61,7 +61,7 @@ def test_an_effect_of_a_recorded_temperature_is_in_the_calibration_and_needs_it_
     found = infer_general(calibration, lambda needed: Table("r.csv", readings, False, {}))
     assert found.columns["force_kN"][0] == pytest.approx(3.0, abs=3e-4)
     assert found.columns["force_kN_lo95"][0] < 3.0 < found.columns["force_kN_hi95"][0]
-    with pytest.raises(DataError, match="no column force_kN and air_degC"):
+    with pytest.raises(DataError, match="none of the columns force_kN, air_degC"):
         infer_general(calibration, lambda needed: Table("r.csv", {"cell_V": readings["cell_V"]}, False, {}))
 
 

@@ -146,7 +146,11 @@ def test_a_known_value_outside_the_calibrated_range_is_flagged_and_a_missing_one
 @pytest.mark.parametrize(
     ("columns", "quantity", "said"),
     [
-        (("meter_Hz",), None, "has no column flow_Lpm and water_degC: one reading of meter_Hz determines one variable"),
+        (
+            ("meter_Hz",),
+            None,
+            "has none of the columns flow_Lpm, water_degC: one reading of meter_Hz determines one variable",
+        ),
         (("meter_Hz", "flow_Lpm", "water_degC"), None, "say with --quantity which is to be inferred"),
         (("meter_Hz", "water_degC"), "flow", "--quantity flow: the calibration of meter_Hz has flow_Lpm, water_degC"),
         (("meter_Hz",), "flow_Lpm", "has no column water_degC"),

@@ -181,7 +181,7 @@ def test_nothing_is_looked_for_where_the_formula_has_no_value():
         (
             "x,z,y\n1,1,1\n2,1,2\n3,2,3.1\n4,3,4\n5,1,5\n",
             "1 + x + z",
-            "has no column z: one reading of y determines",
+            "has none of the columns x, z: one reading of y determines",
         ),
         ("x,y\n1,1\n2,2.1\n", "1 + x", "its error is unknown"),
     ],

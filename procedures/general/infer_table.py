@@ -82,9 +82,13 @@ def _variable(calibration: CurveCalibration, table: Table, quantity: str | None)
             f"{table.source} has columns of all variables of the calibration of {response}, {', '.join(names)}: say "
             f"with --quantity which is to be inferred"
         )
+    if quantity is None and len(unknown) > 1:
+        raise DataError(
+            f"{table.source} has none of the columns {', '.join(unknown)}: one reading of {response} determines one "
+            "variable, and the values of the others have to be in the table"
+        )
     variable = quantity or (names[0] if len(names) == 1 else unknown[0])
-    missing = [name for name in unknown if name != variable]
-    if missing:
+    if missing := [name for name in unknown if name != variable]:
         raise DataError(
             f"{table.source} has no column {' and '.join(missing)}: one reading of {response} determines one variable, "
             f"here {variable}, and the values of the others have to be in the table"
