@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks import figures
+from benchmarks import figures, in_turns
 
 ROOT = Path(__file__).parent.parent
 
@@ -102,3 +102,20 @@ def test_what_a_command_says_is_quoted_and_another_answer_is_refused():
         figures.measure(figures.Figure("one", "what", "python -c 'print(1)'", (), ("(took)",)))
     with pytest.raises(SystemExit, match="ended with 3"):
         figures.measure(figures.Figure("one", "what", "python -c 'raise SystemExit(3)'", (), ("(took)",)))
+
+
+def test_numbers_are_known_by_the_words_around_them():
+    said = "F4T: read() 15.1 us, 2 of them\nF4T: read() 16 us, 3 of them"
+    assert in_turns.numbers(said) == {
+        "F4T: read() # us, # of them [1]": 15.1,
+        "F4T: read() # us, # of them [2]": 2.0,
+        "F4T: read() # us, # of them [1]'": 16.0,
+        "F4T: read() # us, # of them [2]'": 3.0,
+    }
+
+
+def test_a_command_that_the_other_commit_does_not_have_is_said(tmp_path):
+    figure = figures.Figure("none", "what", "python -m benchmarks.no_such_thing", ())
+    (said,) = in_turns.compared(figure, tmp_path, 1)
+    assert said.startswith("none: fails there: ")
+    assert "no_such_thing" in said or "benchmarks" in said
