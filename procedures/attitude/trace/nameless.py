@@ -212,8 +212,8 @@ class Nameless:
         problem = self.problem
         mine = [j for j in self.chosen if problem.candidates[j].effect.name == name]
         shown = np.flatnonzero(sum((concerns(problem, j) for j in mine), np.zeros(len(problem.sensors))) > 0.1)
-        found = [left for i in shown.tolist() if (left := self.left_in(i, level)) is not None and left.p < DOUBT]
-        return min(found, key=lambda one: one.p, default=None)
+        at = [one for one in self.left if one.p < DOUBT and (one.place.level == level or one.place.remembers)]
+        return next((x for x in at if any(x.place.sensor in (None, i) and x.shows_in(i) for i in shown.tolist())), None)
 
     @cached_property
     def _groups(self) -> tuple[tuple[Level, tuple[str, ...]], ...]:
@@ -274,9 +274,10 @@ class Nameless:
         for place in (*self.places, *(between_replications(problem.scene) if level == "declared" else ())):
             if place.level == of:
                 by_text.setdefault(place.block.place, {})[place.sensor] = place
-        best, where = -np.inf, ""
+        alike = {text: next(iter(at.values())).alternatives for text, at in by_text.items()}
+        kinds, best, where = sum(1.0 / count for count in alike.values()), -np.inf, ""
         for text, at in by_text.items():
-            total = -float(np.log(len(by_text)))
+            total = -float(np.log(kinds * alike[text]))
             for i, place in at.items():
                 if i is None or i in sensors:
                     rows = slice(None) if i is None else slice(i * n, (i + 1) * n)
