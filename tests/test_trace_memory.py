@@ -35,6 +35,7 @@ def test_a_latch_keeps_its_state_between_its_limits():
     turned = latches(values[::-1], np.arange(7)[::-1])[:, 0]
     assert turned[::-1].tolist() == wide.tolist()
     assert latches(np.ones(7), np.arange(7)).shape == (7, 0)
+    assert latches(np.linspace(0.0, 1.0, 40), np.arange(40)).shape == (40, 0)  # it rises once: a step in time
 
 
 def test_a_loose_part_that_stays_where_it_fell_is_no_pad():

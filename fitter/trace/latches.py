@@ -18,7 +18,7 @@ LIMITS = ((0.25, 0.75), (0.25, 0.5), (0.5, 0.75))
 
 
 def latches(values: FloatArray, order: IntArray) -> FloatArray:
-    """(n, 2 m) states of latches between their limits, alone and times the variable; none of a constant variable.
+    """(n, 2 m) states of latches between their limits, alone and times the variable; of those that are seen in both.
 
     Args:
         values: (n,) the variable.
@@ -29,7 +29,8 @@ def latches(values: FloatArray, order: IntArray) -> FloatArray:
     if span == 0.0:
         return np.empty((values.size, 0))
     u = (values - values.min()) / span
-    states = np.column_stack([_state(u, order, low, high) for low, high in LIMITS])
+    every = np.column_stack([_state(u, order, low, high) for low, high in LIMITS])
+    states = every[:, (every.min(axis=0) < 0.0) & (every.max(axis=0) > 0.0)]
     return np.column_stack([states, states * (2.0 * u - 1.0)[:, None]])
 
 
