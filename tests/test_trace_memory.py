@@ -14,7 +14,7 @@ from procedures.pressure.trace import trace_whole_plots
 from procedures.table import Table
 from proving.truth import whole_plot
 from proving.truth.attitude import D1, simulate
-from proving.truth.attitude_hidden import CLEAN
+from proving.truth.attitude_hidden import CLEAN, sized
 
 X, BRIDGE = "x_V", "bridge_1_mV"
 
@@ -129,3 +129,19 @@ def test_what_happens_only_when_a_range_has_just_changed_is_said(monkeypatch):
     result = traced(columns, response="y", formula="1 + x", time="t_s")
     assert all(effect.doubtful for effect in result.added)
     assert any(one.where == "in rows where range has just changed" for one in result.unnamed)
+
+
+def test_a_cause_of_all_sensors_is_doubtful_where_one_of_them_still_has_a_period():
+    """What a press next door does while it holds is seen in one sensor, and may be what another one shows."""
+    plan = D1(180, 13, 13, replications=4)
+    data, truth = simulate(sized("pads", 0.6, plan), plan, seed=1)
+    sd = float(np.std(data.outputs["y_V"] - truth["y_V"]))
+    holds = 1.5 * sd * np.sin(2.0 * np.pi * data.order / 6.43)
+    for given, doubtful in (
+        (data, False),
+        (replace(data, outputs={**data.outputs, "y_V": data.outputs["y_V"] + holds}), True),
+    ):
+        found = [effect for one in trace(given, validate=False).sensors.values() for effect in one.effects]
+        named = [effect for effect in found if effect.stratum != "noise"]
+        assert {effect.effect for effect in named} == {"isolation-pad-deflection"}
+        assert [bool(effect.doubtful) for effect in named] == [doubtful] * len(named)
