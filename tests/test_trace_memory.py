@@ -10,6 +10,7 @@ from fitter.trace.latches import latches
 from procedures.attitude.trace import trace
 from procedures.general.column_roles import Roles, roles_of
 from procedures.general.trace import family, trace_general
+from procedures.pressure.effects import PRESSURE_CATALOGUE
 from procedures.pressure.trace import trace_whole_plots
 from procedures.table import Table
 from proving.truth import whole_plot
@@ -145,3 +146,18 @@ def test_a_cause_of_all_sensors_is_doubtful_where_one_of_them_still_has_a_period
         named = [effect for effect in found if effect.stratum != "noise"]
         assert {effect.effect for effect in named} == {"isolation-pad-deflection"}
         assert [bool(effect.doubtful) for effect in named] == [doubtful] * len(named)
+
+
+def test_a_name_is_doubtful_where_another_transducer_follows_a_shape_without_one():
+    data = whole_plot.simulate(
+        whole_plot.Bench((whole_plot.Transducer(), whole_plot.Transducer(sensitivity=1.9))), seed=31
+    )
+    p, (one, other) = data.pressure_psia, data.outputs
+    bent = {**data.outputs, one: data.outputs[one] + 25.0 * whole_plot.SUBPLOT * (p / np.max(p)) ** 3}
+    wave = whole_plot.SUBPLOT * data.pressure_side * np.sin(3.0 * p)
+    known = [effect for effect in PRESSURE_CATALOGUE if not effect.name.startswith("hysteresis")]
+    for outputs, doubtful in ((bent, False), ({**bent, other: bent[other] + wave}, True)):
+        found = trace_whole_plots(replace(data, outputs=outputs), validate=False, catalogue=known).sensors[one]
+        (effect,) = (effect for effect in found.effects if effect.stratum != "noise")
+        assert effect.effect == "pressure-third-order"
+        assert ("follows a shape without a name" in str(effect.doubtful)) == doubtful == bool(effect.doubtful)
