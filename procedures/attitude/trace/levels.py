@@ -83,13 +83,10 @@ class Levels:
         return off(centred(columns, self.point) if level == "points" else columns, self._basis(level))
 
     def taken(self, level: Level) -> tuple[FloatArray, Any]:
-        """What a level removes: an orthonormal basis (n, r), and a sparse one (p, n) of the points, orthogonal to it."""
-        weight = (
-            sparse.diags_array(1.0 / np.sqrt(self._visits))
-            if level == "points"
-            else sparse.csr_array((0, self.n_points))
-        )
-        return self._basis(level), weight @ self._added
+        """What a level removes: an orthonormal basis (n, r), and a sparse one (p, n), orthogonal to it, of points."""
+        if level != "points":
+            return self._basis(level), sparse.csr_array((0, len(self.point)))
+        return self._basis(level), sparse.diags_array(1.0 / np.sqrt(self._visits)) @ self._added
 
     @cached_property
     def _rows(self) -> list[slice | NDArray[np.bool_]]:
