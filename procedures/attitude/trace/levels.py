@@ -83,7 +83,7 @@ class Levels:
         return off(centred(columns, self.point) if level == "points" else columns, self._basis(level))
 
     def taken(self, level: Level) -> tuple[FloatArray, Any]:
-        """What a level removes: an orthonormal basis (n, r), and a sparse one (p, n), orthogonal to it, of points."""
+        """Bases of the parts that a level removes: (n, r) orthonormal, and (p, n) of the points, sparse, beside it."""
         if level != "points":
             return self._basis(level), sparse.csr_array((0, len(self.point)))
         return self._basis(level), sparse.diags_array(1.0 / np.sqrt(self._visits)) @ self._added
