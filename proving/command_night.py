@@ -137,7 +137,7 @@ class _Nights:
 
 def _read(bench: Path) -> dict[str, str]:
     """A bench file and the contract files that it names, by name. Raises `ConfigurationError`."""
-    from rig.bench import check_options  # noqa: PLC0415
+    from rig.bench_file import check_options  # noqa: PLC0415
     from rig.config import read_text  # noqa: PLC0415
     from rig.contract_files import read_bench  # noqa: PLC0415
     from rig.simulated.dry_run import twin_classes  # noqa: PLC0415

@@ -59,7 +59,7 @@ def _named(config: BenchConfig) -> list[tuple[str, str, str]]:
     found = []
     for name, instrument in config.instruments.items():
         if instrument.driver not in installed("rig.drivers"):
-            continue  # `rig.bench.check_options` reports it with its place
+            continue  # `rig.bench_file.check_options` reports it with its place
         for contract in driver_class(instrument.driver).contracts:
             text = instrument.options.get(contract.option)
             if isinstance(text, str) and text.strip() and "\n" not in text:

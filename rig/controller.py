@@ -20,7 +20,8 @@ from typing import Any
 from drivers.clock import Clock, RealClock, ScaledClock, boot_id
 from drivers.errors import DriverError
 from procedures.kind import Procedure
-from rig.bench import Bench, check_options, identities, open_bench
+from rig.bench import Bench, identities, open_bench
+from rig.bench_file import check_options
 from rig.disk_space import check_may_write, check_room
 from rig.engine.axes import own_limits
 from rig.engine.gap import Gap, gap_since

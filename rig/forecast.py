@@ -18,7 +18,7 @@ from drivers.roles import Chamber, Source
 from procedures.by_hand import ALLOWANCE_H, HandStep
 from procedures.column_names import unit_of
 from procedures.run_list import RunList
-from rig.bench import playing
+from rig.bench_file import playing
 from rig.config import FOLLOWS_S, BenchConfig
 from rig.controller import Result, Site, start_run
 from rig.engine.pace import Pace, follows_s

@@ -15,7 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from drivers.roles import Chamber, Head, PressureController, Reader, Source
-from rig.bench import Bench, check_options, open_bench
+from rig.bench import Bench, open_bench
+from rig.bench_file import check_options
 from rig.config import parse_bench
 from rig.plugins import driver_class
 from rig.simulated.dry_run import DryBench

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from drivers.errors import DriverError, NotReady
-from rig.bench import Bench, check_options, open_bench
+from rig.bench import Bench, open_bench
+from rig.bench_file import check_options
 from rig.config import parse_bench
 from rig.simulated.dry_run import DryBench
 from sims.bench import SimBench

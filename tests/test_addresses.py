@@ -16,7 +16,8 @@ from drivers.roles import Reader
 from drivers.wires import SerialOptions, SerialSettings, Wires
 from drivers.wires.addresses import CanAddress, ModbusAddress, SerialAddress, Wire, parse_address
 from drivers.wires.visa_address import VisaAddress
-from rig.bench import check_options, open_bench
+from rig.bench import open_bench
+from rig.bench_file import check_options
 from rig.config import ADDRESSES, parse_bench
 from rig.errors import ConfigurationError
 from rig.simulated.dry_run import DryBench

@@ -17,8 +17,8 @@ from fitter.formula import Formula
 from proving.crashes.damages import small_finished
 from proving.crashes.runs import PROCEDURES
 from proving.doors.hostile import Seeded
+from proving.doors.of_pages import Page
 from proving.doors.of_runs import Image
-from proving.doors.of_wires import Page
 from rig.atomic import check_writable
 from rig.config import parse_bench, parse_procedure, parse_toml, read_text
 from rig.controller import opened

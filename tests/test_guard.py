@@ -12,7 +12,8 @@ from ideal_pressure_bench import PressureBench
 
 from drivers.errors import NoReply
 from drivers.roles import Chamber, Head, PressureController, Reader, Referenced, Restartable
-from rig.bench import check_options, driver_class, open_bench
+from rig.bench import driver_class, open_bench
+from rig.bench_file import check_options
 from rig.config import InstrumentConfig, parse_bench
 from rig.engine.guard import Guard
 from rig.engine.safe_state import make_safe

@@ -28,7 +28,7 @@ EXCEPTIONS: dict[str, tuple[set[str], str]] = {
     "engine/safe_state.py": ({"psia"}, _CONTROLLER),
     "forecast.py": ({"sse"}, "places of thermometers of a bench file"),
     "guarded.py": ({"psia"}, _CONTROLLER),
-    "plans.py": ({"psia"}, _CONTROLLER),
+    "matching.py": ({"psia"}, _CONTROLLER),
     "protection.py": ({"psia"}, _CONTROLLER),
     "quantities.py": ({"pitch", "roll", "psia", "mv"}, "what the roles of instruments set, and units of outputs"),
     "register/units.py": ({"psia"}, "units that convert"),

@@ -16,7 +16,7 @@ from dry import SHORT, dry
 
 from proving.night.campaign import replay
 from proving.night.scenario import draw
-from rig.bench import check_options
+from rig.bench_file import check_options
 from rig.contract_files import read_bench
 from rig.errors import BusyError
 from rig.locks import locked_addresses

@@ -10,7 +10,7 @@ import pytest
 from buses import EDS, without_objects
 from dry import LAB, SHORT, dry, write_short
 
-from rig.bench import check_options
+from rig.bench_file import check_options
 from rig.contract_files import read_bench
 from rig.errors import ConfigurationError
 from rig.plans import load_plan, plan_of, stored_plan

@@ -19,7 +19,8 @@ from procedures.attitude.settings import PitchRollProcedure
 from procedures.fault_policies import HeadFaults, Step, step_at
 from procedures.pressure.settings import WholePlotFaults
 from procedures.words import incomplete
-from rig.bench import check_options, open_bench
+from rig.bench import open_bench
+from rig.bench_file import check_options
 from rig.config import parse_bench, parse_procedure
 from rig.engine.actions import BenchActions
 from rig.engine.axes import Axes, HeadMover

@@ -15,7 +15,8 @@ from drivers.roles import OVERLOAD
 from drivers.scpi_meter import DescribedMeter
 from drivers.scpi_source import DescribedSource
 from drivers.wires import Wires
-from rig.bench import check_options, open_bench
+from rig.bench import open_bench
+from rig.bench_file import check_options
 from rig.config import parse_bench
 from rig.simulated.dry_run import DryBench
 

@@ -14,7 +14,8 @@ from drivers.driver import DriverClass
 from drivers.roles import Reader, Source
 from drivers.scpi_meter import DescribedMeter
 from drivers.scpi_source import DescribedSource
-from rig.bench import check_options, open_bench
+from rig.bench import open_bench
+from rig.bench_file import check_options
 from rig.config import parse_bench
 from rig.simulated.dry_run import DryBench
 from sims.serve import toml

@@ -10,7 +10,7 @@ from dry import write_short
 from pydantic import BaseModel
 
 from procedures.kind import kinds
-from rig.bench import check_options
+from rig.bench_file import check_options
 from rig.certificate.settings import CertificateSettings
 from rig.config import BenchConfig, parse_bench, parse_procedure
 from rig.controller import resume_run, start_run

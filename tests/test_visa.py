@@ -14,7 +14,8 @@ from drivers.errors import NoReply, Unreachable
 from drivers.keysight_34401a import Keysight34401A
 from drivers.wires import SerialSettings, Wires
 from drivers.wires.visa_address import VisaAddress
-from rig.bench import check_options, open_bench
+from rig.bench import open_bench
+from rig.bench_file import check_options
 from rig.config import parse_bench
 from rig.errors import ConfigurationError
 from rig.locks import wire_of
@@ -170,7 +171,8 @@ def test_settings_of_a_serial_line_are_refused_with_the_bench_file(more, says):
 WITHOUT = """
 import sys
 sys.modules["pyvisa"] = sys.modules["pyvisa_py"] = None
-from rig.bench import check_options, open_bench
+from rig.bench import open_bench
+from rig.bench_file import check_options
 from rig.config import parse_bench
 from rig.simulated.dry_run import DryBench
 from drivers.clock import RealClock

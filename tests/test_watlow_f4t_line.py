@@ -20,7 +20,8 @@ from drivers.roles import Chamber, Reader
 from drivers.watlow_f4t import WatlowF4T
 from drivers.wires import Wires
 from proving.crashes.kills import rig
-from rig.bench import Bench, check_options, identities, open_bench
+from rig.bench import Bench, identities, open_bench
+from rig.bench_file import check_options
 from rig.config import BenchConfig, parse_bench
 from rig.simulated.dry_run import DryBench
 from sims.physics import Plant

@@ -11,7 +11,7 @@ from buses import REGISTER_MAP, Simulated, oven
 from drivers.errors import BadReply
 from drivers.watlow_f4t import WatlowF4T
 from drivers.wires import Wires
-from rig.bench import check_options
+from rig.bench_file import check_options
 from rig.config import parse_bench
 from rig.errors import ConfigurationError
 from rig.simulated.dry_run import DryBench

@@ -8,7 +8,7 @@ from __future__ import annotations
 import resource
 import signal
 import traceback
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -16,8 +16,8 @@ import typer
 
 from drivers.clock import RealClock
 from procedures.errors import DataError
-from proving.doors import of_runs, of_texts, of_wires
-from proving.doors.hostile import Material, Seeded
+from proving.doors import of_messages, of_pages, of_runs, of_texts
+from proving.doors.hostile import Acts, Material, Seeded
 from rig.errors import RigError
 
 __all__ = ["DOORS", "Found", "Material", "attack"]
@@ -53,7 +53,6 @@ class Found:
         self.counts[what] = self.counts.get(what, 0) + 1
 
 
-Acts = Iterator[Callable[[], object]]
 DOORS: Mapping[str, Callable[[Seeded, Material], Acts]] = {
     "toml": of_texts.toml,
     "csv": of_texts.csv,
@@ -63,8 +62,8 @@ DOORS: Mapping[str, Callable[[Seeded, Material], Acts]] = {
     "paths": of_texts.paths,
     "run": of_runs.run,
     "beside": of_runs.beside,
-    "http": of_wires.http,
-    "notify": of_wires.notify,
+    "http": of_pages.http,
+    "notify": of_messages.notify,
 }
 
 

@@ -8,7 +8,7 @@ import json
 import os
 import random
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -21,6 +21,14 @@ from proving.crashes.damages import small_finished
 from proving.night.campaign import replay
 from rig.cli import app
 from rig.errors import RigError
+
+Acts = Iterator[Callable[[], object]]
+"""What a door is asked to do, one call at a time."""
+
+
+class Wrong(Exception):
+    """An answer that nobody should get."""
+
 
 VALUES: tuple[Any, ...] = (
     *(None, True, False, 0, -1, 1, 2**31, 2**63, -(2**63), 10**400, 1e308, -1e308, 1e-320, 0.5, 1e12, -0.0),

@@ -10,19 +10,18 @@ import os
 import random
 import sqlite3
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar, cast
 
 from procedures.run_list import Factor, rows_sha256
-from proving.doors.hostile import VALUES, Material, Seeded, check_json, command, damaged, edited, mutated
+from proving.doors.hostile import VALUES, Acts, Material, Seeded, check_json, command, damaged, edited, mutated
 from rig.report.frame import story
 from rig.run_file.chain import GENESIS, Record, encode, link
 from rig.watch import Shelf
 from rig.watch.feed import RunFeed, encoded
 
-Acts = Iterator[Callable[[], object]]
 Row = list[Any]
 
 _MORE: tuple[tuple[str, str | None, dict[str, Any]], ...] = (

@@ -6,7 +6,7 @@ import contextlib
 import json
 import os
 import random
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ from fitter.effects.own import own_effects
 from fitter.formula import Formula
 from procedures.kind import kinds
 from proving.crashes.runs import PROCEDURES
-from proving.doors.hostile import Material, command, damaged, edited, mutated, words
+from proving.doors.hostile import Acts, Material, command, damaged, edited, mutated, words
 from rig.config import parse_bench, parse_procedure
 from rig.contract_files import with_contracts
 from rig.controller import opened
@@ -25,7 +25,6 @@ from rig.examples import example
 from rig.plans import plan_of
 from rig.plugins import installed
 
-Acts = Iterator[Callable[[], object]]
 LABS = tuple(sorted(PROCEDURES))
 
 

@@ -11,7 +11,7 @@ from operator import attrgetter
 from procedures.column_names import unit_of
 from procedures.run_list import Factor, Point
 from proving.night.judged import Night
-from rig.bench import of_reading
+from rig.bench_file import of_reading
 from rig.quantities import HEAD_AXES
 from rig.run_file.chain import Record
 from rig.run_file.events.points import WholePlotBegan

@@ -21,7 +21,8 @@ from proving.disk import Crash, Disk, folding
 from proving.night.mishaps import Mishap
 from proving.night.safety import not_safe
 from proving.night.scenario import Scenario
-from rig.bench import Bench, check_options, open_bench
+from rig.bench import Bench, open_bench
+from rig.bench_file import check_options
 from rig.controller import Site, resume_run, start_run
 from rig.engine.holes import WatchedClock
 from rig.engine.session import Outcome, Signals

@@ -16,7 +16,7 @@ from fitter.arrays import FloatArray
 from procedures.column_names import stem_of, unit_of
 from procedures.stated import Behaviour, Curve, Distribution, PlaceConstant, Stated, Statements
 from procedures.table import Columns
-from rig.bench import playing
+from rig.bench_file import playing
 from rig.config import BenchConfig
 from rig.errors import ConfigurationError
 from rig.quantities import HEAD, TEMPERATURE_UNIT, VOLT, scale

@@ -22,7 +22,7 @@ from procedures.durations import duration
 from procedures.kind import kind_of
 from procedures.precision import Precision
 from procedures.unused import unit_of
-from rig.bench import playing
+from rig.bench_file import playing
 from rig.closed_loop.promised import Promised, expired, promised
 from rig.config import BenchConfig, due_dates
 from rig.disk_space import needed_bytes

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from rig.atomic import check_added_to, check_writable
-from rig.bench import check_options
+from rig.bench_file import check_options
 from rig.config import parse_toml, read_text
 from rig.contract_files import read_bench
 from rig.errors import ConfigurationError, RigError

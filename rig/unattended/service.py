@@ -11,7 +11,7 @@ from pathlib import Path
 
 from drivers.wires.addresses import CanAddress, parse_address
 from drivers.wires.visa_address import VisaAddress
-from rig.bench import check_options
+from rig.bench_file import check_options
 from rig.config import BenchConfig
 from rig.errors import ExitCode, UsageError
 from rig.quantities import ATMOSPHERE_PSIA

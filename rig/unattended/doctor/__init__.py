@@ -12,7 +12,7 @@ from typing import Any
 
 from drivers.clock import RealClock
 from procedures.durations import duration
-from rig.bench import check_options
+from rig.bench_file import check_options
 from rig.config import BenchConfig, parse_toml, read_text
 from rig.contract_files import read_bench
 from rig.errors import RigError, UsageError

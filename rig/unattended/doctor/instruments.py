@@ -13,7 +13,7 @@ from drivers.clock import Clock, RealClock, ScaledClock
 from drivers.errors import DriverError
 from drivers.roles import Identity, Instrument, Remarking
 from drivers.wires import Wires
-from rig.bench import check_options
+from rig.bench_file import check_options
 from rig.config import BenchConfig, InstrumentConfig, due_dates
 from rig.errors import BusyError
 from rig.locks import locked_addresses
