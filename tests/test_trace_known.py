@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 
 from fitter.linear import least_squares, orthonormal
 from fitter.replication import Rows, analyse, drift_of, sigma_E
-from fitter.trace.aliases import Products, _paths
+from fitter.trace.aliases import DELTA, Products, _paths, rivals
 from fitter.trace.lines import line, lines
 from procedures.attitude.effects import CATALOGUE
 from procedures.attitude.trace.estimate import estimate, stated
@@ -26,6 +28,16 @@ from proving.truth.whole_plot import Bench, Run, Transducer
 from proving.truth.whole_plot import simulate as simulate_plots
 
 SMALL = D1(60, 5, 5, replications=4)
+
+
+@dataclass(frozen=True)
+class Named:
+    name: str
+    sensor: str
+
+    @property
+    def effect(self):
+        return self
 
 
 @pytest.fixture(scope="module")
@@ -58,6 +70,22 @@ def test_paths_of_several_names_are_those_of_each():
     for path in together[:2]:
         for terms, price in path.items():
             assert price == pytest.approx(products.price(terms), rel=1e-9)
+
+
+def test_names_that_cannot_explain_it_are_left_out_and_no_alias_is():
+    """Of columns like the first two and of others, in two sensors, by what is nearly all and by all explanations."""
+    rng = np.random.default_rng(7)
+    x = np.zeros((80, 16))
+    x[:40, :8], x[40:, 8:] = rng.standard_normal((2, 40, 8))
+    for k in (0, 8):
+        x[:, k + 2 : k + 4] = x[:, k : k + 2] + 0.02 * rng.standard_normal((80, 2)) * (x[:, k : k + 2] != 0)
+    y = x[:, [0, 1, 8, 9]] @ [3.0, 2.0, -3.0, 4.0] + rng.standard_normal(80)
+    products = Products(x.T @ x, x.T @ y)
+    entries = [Named(("one", "like it", "other", "another")[j % 8 // 2], "ab"[j // 8]) for j in range(16)]
+    every = rivals(entries, products, (0, 1, 8, 9), (), ("a", "b"))
+    near = rivals(entries, products, (0, 1, 8, 9), (), ("a", "b"), within=DELTA)
+    assert [r.effect for r in every if r.alias] == ["one", "like it"]
+    assert near == tuple(r for r in every if r.effect in ("one", "like it"))
 
 
 def test_periods_of_several_residuals_are_those_of_each():
