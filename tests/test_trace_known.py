@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from scipy import special
 
 from fitter.linear import least_squares, orthonormal
 from fitter.replication import Rows, analyse, drift_of, sigma_E
@@ -13,7 +14,9 @@ from fitter.trace.aliases import DELTA, Products, _paths, rivals
 from fitter.trace.lines import line, lines
 from procedures.attitude.effects import CATALOGUE
 from procedures.attitude.trace.estimate import estimate, stated
+from procedures.attitude.trace.judge import _together
 from procedures.attitude.trace.pose import pose
+from procedures.attitude.trace.replications import Between
 from procedures.pressure.effects import PRESSURE_CATALOGUE
 from procedures.pressure.fit import named_formula
 from procedures.pressure.trace.estimate import design_of
@@ -138,6 +141,16 @@ def test_tables_of_an_estimate_are_made_when_they_are_read(attitude, monkeypatch
     assert not made
     assert errors.tolist() == [table.sigma_E for table in fitted.tables]
     assert len(made) == len(attitude.sensors)
+
+
+def test_a_unit_of_several_columns_has_no_weights_between_replications_and_within():
+    """Its share is not asked for: it may be above one by rounding."""
+    between = Between(np.array([0.01, 0.04]), np.array([0.0, -1.0]), np.array([1.0 + 1e-9, 0.5]))
+    p, sign = _together(between, [0, 1], np.array([0.2, 0.03]), np.array([1.0, -1.0]))
+    assert p[0] == pytest.approx(0.002 * (1.0 - np.log(0.002)), rel=1e-12), "by Fisher's method"
+    z = np.sqrt(0.5) * (special.ndtri(0.02) + special.ndtri(0.015))
+    assert p[1] == pytest.approx(2.0 * special.ndtr(z), rel=1e-12)
+    assert sign.tolist() == [0.0, -1.0]
 
 
 def test_scores_of_one_candidate_are_those_among_all(plots):

@@ -330,9 +330,9 @@ def _together(
     """
     p = np.clip(np.stack([between.p[units], within]), np.finfo(float).tiny, 1.0)
     log_product = np.sum(np.log(p), axis=0)  # the product may be too small for a double
-    share = between.share[units]
+    alone = between.sign[units] != 0.0
+    share = np.where(alone, between.share[units], 0.5)
     z = -special.ndtri(0.5 * p) * np.sqrt(np.stack([share, 1.0 - share]))
     signed = z[0] * between.sign[units] + z[1] * sign
-    alone = between.sign[units] != 0.0
     both = np.minimum(2.0 * special.ndtr(-signed * between.sign[units]), 1.0)
     return np.where(alone, both, np.exp(log_product) * (1.0 - log_product)), np.where(alone, np.sign(signed), 0.0)
