@@ -12,6 +12,7 @@ from fitter.linear import least_squares, orthonormal
 from fitter.replication import Rows, analyse, drift_of, sigma_E
 from fitter.trace.aliases import DELTA, Products, _paths, rivals
 from fitter.trace.lines import line, lines
+from fitter.trace.shape import nearest
 from procedures.attitude.effects import CATALOGUE
 from procedures.attitude.trace.estimate import estimate, stated
 from procedures.attitude.trace.judge import _together
@@ -151,6 +152,13 @@ def test_a_unit_of_several_columns_has_no_weights_between_replications_and_withi
     z = np.sqrt(0.5) * (special.ndtri(0.02) + special.ndtri(0.015))
     assert p[1] == pytest.approx(2.0 * special.ndtr(z), rel=1e-12)
     assert sign.tolist() == [0.0, -1.0]
+
+
+def test_of_names_that_explain_the_same_the_first_in_the_catalogue_is_told_first():
+    """Their shares differ by rounding only."""
+    basis = np.eye(4)[:, :2]
+    near = {"other": (0.5, basis), "first": (0.7 - 2e-16, basis), "second": (0.7, basis)}
+    assert [one.effect for one in nearest(near, np.ones(4), basis)] == ["first", "second", "other"]
 
 
 def test_scores_of_one_candidate_are_those_among_all(plots):
