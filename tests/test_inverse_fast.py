@@ -1,6 +1,7 @@
 """Three axes, fast: the same attitudes as by iteration to the end; and the document's example."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,8 @@ from scipy.optimize import least_squares
 from test_inverse import BENCH, PACKAGES, attitudes, true_calibration, volts
 
 from procedures.attitude.infer import AttitudeCalibration, SensorModel, ThreeAxis, infer_attitude
-from procedures.attitude.infer.package import t_limits
+from procedures.attitude.infer.package import Noise, Propagation, angles, directions, gravity, t_limits
+from procedures.attitude.infer.tangent import Tangent
 from procedures.attitude.infer.three_axis import CHUNK
 from proving.truth.attitude import D1, Bench, simulate
 
@@ -123,3 +125,45 @@ def test_example_of_the_document():
     exec(code, space)
     assert space["found"].pitch_deg[0] == pytest.approx(12.0, abs=1e-3)
     assert space["found"].roll_deg[0] == pytest.approx(-30.0, abs=1e-3)
+
+
+def test_angles_by_half_angles_are_those_of_arctan2_in_every_octant_and_on_every_axis():
+    rng = np.random.default_rng(3)
+    axes = np.array([[x, y, z] for x in (-1.0, 0.0, 1.0) for y in (-1.0, 0.0, 1.0) for z in (-1.0, 0.0, 1.0)]).T
+    g = np.concatenate([axes, rng.normal(size=(3, 2000)), rng.normal(size=(3, 500)) * [[1.0], [1e-9], [1e-9]]], axis=1)
+    pitch, roll = angles(g)
+    assert np.abs(pitch - np.arctan2(g[0], np.hypot(g[1], g[2]))).max() < 5e-16
+    assert np.abs(roll - np.arctan2(-g[1], -g[2])).max() < 1e-15
+
+
+@pytest.mark.parametrize("count", [2, 3, 4])
+def test_gains_are_those_of_weighted_least_squares_in_the_tangent_plane(count):
+    rng = np.random.default_rng(count)
+    matrix, weights = rng.normal(size=(count, 3)), rng.uniform(0.1, 10.0, count)
+    g = rng.normal(size=(3, 50))
+    g /= np.linalg.norm(g, axis=0)
+    turns, c = directions(g)
+    assert np.allclose(c, np.hypot(g[1], g[2]), rtol=1e-14)
+    found = Tangent.of(matrix, weights).gains(g, turns)
+    for i in range(g.shape[1]):
+        plane = turns[:, :, i]
+        assert np.allclose(np.column_stack([plane, g[:, i]]).T @ plane, np.eye(3)[:, :2], atol=1e-15)
+        slopes = matrix @ plane
+        by_hand = np.linalg.solve(slopes.T * weights @ slopes, slopes.T * weights)
+        assert np.allclose(found[:, :, i].T, by_hand, rtol=1e-9, atol=1e-9)
+
+
+def test_variances_of_both_angles_at_once_are_those_of_the_whole_covariance():
+    calibration = true_calibration(NAMES)
+    root = np.random.default_rng(7).normal(size=(12, 12)) * 1e-6
+    calibration = replace(calibration, covariance=root @ root.T)
+    pitch, roll, _ = attitudes(40, pitch=80.0)
+    g = gravity(np.radians(pitch), np.radians(roll))
+    noise = Noise(calibration.sigma_V**2, of_fit=True)
+    gains = Tangent.of(calibration.matrix, 1.0 / noise.variance).gains(g, directions(g)[0])
+    found = Propagation.at(calibration, noise, g, np.zeros(40)).spread(gains)
+    columns = np.stack([np.ones(40), g[0], -g[1], -g[2]])
+    moved = (gains[:, None] * columns[None, :, None]).reshape(12, 2, 40)
+    whole = np.einsum("akn,ab,bkn->kn", moved, calibration.covariance, moved)
+    whole += np.einsum("skn,s->kn", gains**2, noise.variance)
+    assert np.abs(found.variance / whole - 1.0).max() < 1e-12

@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 from fitter.arrays import FloatArray
 from procedures.attitude.infer.calibration import AttitudeCalibration
 from procedures.attitude.infer.known_roll import wrap
+from procedures.attitude.infer.package import DEGREE
 
 HALF_TURN = 180.0
-DEGREE = 180.0 / np.pi
-"""Degrees of a radian: `np.degrees` is the same number in six times the time."""
 RANGE_ROOM_DEG = 0.1
 """Tolerance of the calibrated range for an angle: readbacks of the head and the inferred angle have errors."""
 

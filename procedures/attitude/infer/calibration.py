@@ -149,14 +149,15 @@ class AttitudeCalibration:
 
     @cached_property
     def products(self) -> FloatArray:
-        """(S (S + 1) / 2, 10) factors of the products of two of the four columns, each pair once, in the covariance of
-        the parts of each pair of sensors without further terms (`use_covariance`).
+        """(S (S + 1) / 2, 10) factors of products of two of one and the components of gravity, each pair once, in the
+        covariance of the parts of each pair of sensors without further terms (`use_covariance`).
         """
         parts = self.use_covariance.reshape(len(self.sensors), 4, len(self.sensors), 4)
         s, t = np.triu_indices(len(self.sensors))
         i, j = np.triu_indices(4)
         every = parts[s, :, t]
         found = every[:, i, j] + np.where(i == j, 0.0, every[:, j, i])
+        found *= np.sign(i - 1.5) * np.sign(j - 1.5)  # columns: 1, gx, -gy, -gz
         return np.asarray(found * np.where(s == t, 1.0, 2.0)[:, None])
 
     def parameters(self, name: str) -> tuple[AttitudeParameters | NoRollParameters, float]:

@@ -32,7 +32,7 @@ from procedures.attitude.infer.answer import (
 )
 from procedures.attitude.infer.calibration import AttitudeCalibration
 from procedures.attitude.infer.known_roll import DECISIVE, KnownRoll, polish, wrap
-from procedures.attitude.infer.package import NORMAL_95, Propagation, angles, directions, gravity, t_limits, tangent
+from procedures.attitude.infer.package import NORMAL_95, Propagation, angles, directions, gravity, t_limits
 from procedures.attitude.infer.question import (
     Question,
     absurd_squares,
@@ -44,6 +44,7 @@ from procedures.attitude.infer.question import (
     worse_at_most,
 )
 from procedures.attitude.infer.singular import FEWEST_SD, normal
+from procedures.attitude.infer.tangent import Tangent
 from procedures.attitude.infer.three_axis import ThreeAxis
 
 CHUNK = 16384
@@ -135,21 +136,27 @@ def _as_named(
     roll = np.radians(given) if roll_deg is not None or not calibration.roll else None
     if roll is None and len(calibration.sensors) == 1:
         raise FitError("one sensor does not determine roll: measured roll is needed")
-    spread = np.radians(each("roll_sd_deg", roll_sd_deg, n))
+    spread = np.radians(np.asarray(roll_sd_deg, np.float64))
     if not np.all((spread >= 0) & np.isfinite(spread)):
         raise FitError("roll_sd_deg: a standard deviation is a number that is not negative")
-    near_pitch, near_roll = near_of(calibration.matrix, near_deg, n, free=roll is None)
+    roll_variance = each("roll_sd_deg", spread**2, n)
+    near_pitch, near_roll, over = near_of(calibration.matrix, near_deg, n, free=roll is None)
     degC = None if sensor_temperature_degC is None else each("sensor_temperature_degC", sensor_temperature_degC, n)
     if degC is None and calibration.needs_temperature:
         raise FitError("the calibration has temperature terms: the sensors' temperature is needed")
-    warmth = np.zeros(n) if degC is None or calibration.reference_degC is None else degC - calibration.reference_degC
+    warmth = each(
+        "warmth", 0.0 if degC is None or calibration.reference_degC is None else degC - calibration.reference_degC, n
+    )
     noise = noise_of(calibration, noise_sd_V)
     weights = 1.0 / noise.variance if weighted else np.full(len(noise.variance), 1.0 / noise.variance.max())
     out = empty(n)
-    y = np.subtract(outputs.T, calibration.offsets_V[:, None], order="C")
-    three, worse = None, worse_at_most(calibration, noise)
+    three, tangent, offsets = None, None, calibration.offsets_V[:, None]
+    if roll is None:
+        tangent = Tangent.of(calibration.matrix, weights)
     if roll is None and len(calibration.sensors) > 2:
         three = ThreeAxis.of(np.zeros(len(calibration.sensors)), calibration.matrix, weights**-0.5)
+    worse = worse_at_most(calibration, noise)
+    absurd = absurd_squares(calibration, worse, free=roll is None)
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         for i in range(0, n, CHUNK):
             p = slice(i, i + CHUNK)
@@ -157,14 +164,17 @@ def _as_named(
                 calibration,
                 noise,
                 weights,
-                y[:, p],
+                np.subtract(outputs[p].T, offsets, order="C"),
                 warmth[p],
                 near_pitch[p],
                 near_roll[p],
+                over[p],
                 None if roll is None else roll[p],
-                spread[p] ** 2,
+                roll_variance[p],
                 weighted and len(calibration.sensors) > 1 and (roll is not None or three is not None),
                 worse,
+                absurd,
+                tangent,
             )
             part = InferredAttitude(**{f.name: getattr(out, f.name)[p] for f in fields(InferredAttitude)})
             if question.roll is not None:
@@ -181,18 +191,19 @@ def _as_named(
 
 def _three_axes(q: Question, three: ThreeAxis, out: InferredAttitude) -> None:
     matrix = q.calibration.matrix
-    extra = np.zeros_like(q.y)
+    y, extra = q.y, np.zeros((1, 1))
     for _ in range(_TERMS_ITERATIONS):
-        y = q.y - extra
         g = three.gravity(y.T, steps=3)
         again = beyond(q, g)
         if again is None or _settled(again, extra):
             break
-        extra = again
-    left = y - matrix @ g
-    squares = np.einsum("sn,sn,s->n", left, left, q.weights)
+        y, extra = q.y - again, again
+    left = matrix @ g
+    left -= y
+    left *= left
+    squares = q.weights @ left
     _tangent_errors(q, g, out)
-    wrong = ~((squares <= absurd_squares(q)) & (np.einsum("in,in->n", g, g) > 0.5))  # zero g fits no output
+    wrong = ~((squares <= q.absurd) & (np.einsum("in,in->n", g, g) > 0.5))  # zero g fits no output
     if wrong.any():
         reason(out.flag, wrong, NOT_1_G)
         length = np.linalg.norm(three.to_principal @ y, axis=0)
@@ -210,36 +221,34 @@ def _two_axes(q: Question, out: InferredAttitude) -> None:
             break
         extra = again
     out.assumed[:] = True
-    error = _tangent_errors(q, g, out)
+    error = np.sqrt(_tangent_errors(q, g, out))
     folded = ~(np.abs(t) > FEWEST_SD * error)
     if folded.any():
         _open_fold(q, g, t, length, np.flatnonzero(folded), out)
 
 
 def _tangent_errors(q: Question, g: FloatArray, out: InferredAttitude) -> FloatArray:
-    """Angles and their errors of (3, n) gravity in `out`; returns (n,) sd over both directions, rad."""
-    up, along, c = directions(g)
-    by_up, by_along = tangent(q.calibration.matrix, q.weights, up, along)
-    errors = Propagation.at(q.calibration, q.noise, g, q.warmth)
-    of_pitch, of_roll = (errors.spread(gains, weighed=q.weighed) for gains in (by_up, by_along))
+    """Angles and their errors of (3, n) gravity in `out`; returns (n,) variance over both directions, rad^2."""
+    assert q.tangent is not None
+    turns, c = directions(g)
+    both = Propagation.at(q.calibration, q.noise, g, q.warmth).spread(q.tangent.gains(g, turns), weighed=q.weighed)
+    sd, limit = np.sqrt(both.variance), t_limits(both.df)
+    out.df[:], out.roll_df[:] = both.df
     pitch, roll = angles(g, c)
-    out.df[:], out.roll_df[:] = of_pitch.df, of_roll.df
-    put(out, "pitch", pitch, np.sqrt(of_pitch.variance), t_limits(of_pitch.df))
-    put(out, "roll", roll, np.sqrt(of_roll.variance) / c, t_limits(of_roll.df))
-    pole = ~(c > FEWEST_SD * np.sqrt(of_roll.variance))
+    put(out, "pitch", pitch, sd[0], limit[0])
+    put(out, "roll", roll, sd[1] / c, limit[1])
+    pole = ~(c > FEWEST_SD * sd[1])
     if pole.any():
         # at the pole itself pitch is below 90 deg by a distance in two directions: F(2, df), not t
-        df = np.minimum(of_pitch.df, 1e9)[pole]
-        sd = np.sqrt(np.maximum(of_pitch.variance, of_roll.variance))[pole]
-        half = np.degrees(np.sqrt(df * np.expm1(-2.0 / df * np.log(0.05))) * sd)
+        df = np.minimum(both.df[0, pole], 1e9)
+        half = np.degrees(np.sqrt(df * np.expm1(-2.0 / df * np.log(0.05))) * sd[:, pole].max(axis=0))
         out.pitch_lo95_deg[pole] = np.maximum(out.pitch_deg[pole] - half, -90.0)
         out.pitch_hi95_deg[pole] = np.minimum(out.pitch_deg[pole] + half, 90.0)
         leave_open(out, "roll", pole, -HALF_TURN, HALF_TURN)
         reason(out.flag, pole, ROLL_OPEN)
-    over = np.cos(q.near_pitch) < 0
-    if over.any():
-        turn_over(out, over)
-    return np.asarray(np.sqrt(of_pitch.variance + of_roll.variance))
+    if q.over.any():
+        turn_over(out, q.over)
+    return np.asarray(both.variance.sum(axis=0))
 
 
 def _open_fold(
@@ -261,7 +270,7 @@ def _open_fold(
     sideways = errors.spread(np.asarray(np.linalg.pinv(matrix).T @ np.cross(n, flat.T).T, np.float64))
     k = t_limits(radial.df)
     reach = np.sqrt(np.maximum(1.0 - length**2 + 2.0 * k * np.sqrt(radial.variance), 0.0))
-    over = np.cos(q.near_pitch[rows]) < 0
+    over = q.over[rows]
     pitch_low, pitch_high, roll_low, roll_high = two_axis.arc(matrix, g, t, reach, over)
     half = k * np.sqrt(sideways.variance)
     cosine = np.minimum(np.abs(np.cos(pitch_low)), np.abs(np.cos(pitch_high)))
@@ -280,7 +289,7 @@ def _open_fold(
         np.where(no_roll, HALF_TURN, np.degrees(roll_high + turn)),
     )
     out.flag[rows] = BOTH_OPEN
-    absurd = np.sqrt(f_absurd(1, q)) * np.sqrt(radial.variance)
+    absurd = np.sqrt(f_absurd(1, q.calibration)) * np.sqrt(radial.variance)
     none = np.zeros(len(out.flag), bool)
     none[rows] = ~(length - 1.0 <= absurd)
     nowhere(out, none)
@@ -314,7 +323,6 @@ def _known_roll(q: Question, out: InferredAttitude) -> None:
     curvature = np.sqrt(np.einsum("sn,sn->n", bend, problem.whiten(bend, pitch)) / information)
     flat = ~(FEWEST_SD * sd * curvature < 1.0)
     least = problem.cost(y, pitch)
-    absurd = absurd_squares(q)
     if flat.any():
         rows = np.flatnonzero(flat)
         lower, higher = _reach(problem.take(rows), y[:, rows], pitch[rows], limit[rows], q.worse)
@@ -323,9 +331,9 @@ def _known_roll(q: Question, out: InferredAttitude) -> None:
     if len(q.y) == 2 and np.any(q.roll_variance > 0):
         _mirrored(q, pitch, corrected, limit * sd, out)
     if len(q.y) == 1:
-        nowhere(out, flat & (least > absurd))
+        nowhere(out, flat & (least > q.absurd))
     else:
-        reason(out.flag, least > absurd, NOT_1_G)
+        reason(out.flag, least > q.absurd, NOT_1_G)
 
 
 def _mirrored(q: Question, pitch: FloatArray, roll: FloatArray, half: FloatArray, out: InferredAttitude) -> None:

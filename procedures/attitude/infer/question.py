@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from fitter.arrays import FloatArray
 from fitter.errors import FitError
@@ -14,6 +14,7 @@ from procedures.attitude.infer import two_axis
 from procedures.attitude.infer.calibration import AttitudeCalibration
 from procedures.attitude.infer.package import Noise, gravity
 from procedures.attitude.infer.singular import normal
+from procedures.attitude.infer.tangent import Tangent
 
 
 def noise_of(calibration: AttitudeCalibration, noise_sd_V: ArrayLike | None) -> Noise:
@@ -28,23 +29,26 @@ def noise_of(calibration: AttitudeCalibration, noise_sd_V: ArrayLike | None) -> 
 
 def near_of(
     matrix: FloatArray, near_deg: tuple[ArrayLike, ArrayLike] | None, n: int, *, free: bool
-) -> tuple[FloatArray, FloatArray]:
-    """(n,) pitch and (n,) roll in rad near the expected attitude; `free` if roll is inferred too.
+) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
+    """(n,) pitch and (n,) roll in rad near the expected attitude, and (n,) whether it is beyond +-90 deg of pitch;
+    `free` if roll is inferred too.
 
     Raises:
         FitError: two sensors' solutions are equally near, or neither is the usual one.
     """
+    usual = two_axis.default_near(matrix) if near_deg is None and free and len(matrix) == 2 else (0.0, 0.0)
+    given = usual if near_deg is None else tuple(np.radians(np.asarray(value, np.float64)) for value in near_deg)
+    pitch, roll = (np.asarray(value) for value in given)
+    over = np.asarray(np.cos(pitch) < 0)
+    near = each("near_deg", pitch, n), each("near_deg", roll, n)
     if near_deg is not None:
-        pitch, roll = (np.radians(each("near_deg", value, n)) for value in near_deg)
         if not (np.isfinite(pitch).all() and np.isfinite(roll).all()):
             raise FitError("near_deg: an attitude to look near is two finite numbers")
         if free and len(matrix) == 2:
-            beside = np.abs(normal(matrix) @ gravity(pitch, roll)) < 1e-6
+            beside = np.abs(normal(matrix) @ gravity(*near)) < 1e-6
             if beside.any():
                 raise FitError("near_deg: it lies between the two solutions and selects neither")
-        return pitch, roll
-    pitch_0, roll_0 = two_axis.default_near(matrix) if free and len(matrix) == 2 else (0.0, 0.0)
-    return np.full(n, pitch_0), np.full(n, roll_0)
+    return *near, np.broadcast_to(over, (n,))
 
 
 def each(name: str, values: ArrayLike, n: int) -> FloatArray:
@@ -60,8 +64,9 @@ _LEVEL_ABSURD = 1.0 - 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Question:
-    """Readings of one chunk: (S, n) outputs minus offsets, (n,) or None the rest; angles in rad. `worse` is that of
-    `worse_at_most`.
+    """Readings of one chunk: (S, n) outputs minus offsets, (n,) or None the rest; angles in rad. `over` is whether the
+    near pitch is beyond +-90 deg, `worse` that of `worse_at_most`, `absurd` that of `absurd_squares`; `tangent` is None
+    if roll is known.
     """
 
     calibration: AttitudeCalibration
@@ -71,10 +76,13 @@ class Question:
     warmth: FloatArray
     near_pitch: FloatArray
     near_roll: FloatArray
+    over: NDArray[np.bool_]
     roll: FloatArray | None
     roll_variance: FloatArray
     weighed: bool
     worse: float
+    absurd: float
+    tangent: Tangent | None
 
 
 def beyond(q: Question, g: FloatArray) -> FloatArray | None:
@@ -95,12 +103,14 @@ def worse_at_most(calibration: AttitudeCalibration, noise: Noise) -> float:
     return worst
 
 
-def f_absurd(above: int, q: Question) -> float:
+def f_absurd(above: int, calibration: AttitudeCalibration) -> float:
     """Limit of F for a package at rest, unchanged since its calibration."""
-    return f_limit(_LEVEL_ABSURD, above, float(q.calibration.sigma_df.min()))
+    return f_limit(_LEVEL_ABSURD, above, float(calibration.sigma_df.min()))
 
 
-def absurd_squares(q: Question) -> float:
-    """Limit of the remaining weighted squares beyond which a package is not at rest, or has changed."""
-    above = max(len(q.y) - (2 if q.roll is None else 1), 1)
-    return above * f_absurd(above, q) * q.worse
+def absurd_squares(calibration: AttitudeCalibration, worse: float, *, free: bool) -> float:
+    """Limit of the remaining weighted squares beyond which a package is not at rest, or has changed; `worse` is that of
+    `worse_at_most`, `free` whether roll is inferred.
+    """
+    above = max(len(calibration.sensors) - (2 if free else 1), 1)
+    return above * f_absurd(above, calibration) * worse

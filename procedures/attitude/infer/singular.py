@@ -49,7 +49,7 @@ def singularity(calibration: AttitudeCalibration, pitch_deg: ArrayLike, roll_deg
         return np.asarray(np.broadcast_to(cos_a, g.shape[1:]) * np.tensordot(normal(matrix), g, 1))
     if len(matrix) < 2:
         raise FitError("one sensor never determines pitch and roll")
-    up, along, c = directions(g.reshape(3, -1))
-    f_up, f_along = matrix @ up, matrix @ along
+    turns, c = directions(g.reshape(3, -1))
+    f_up, f_along = matrix @ turns[:, 0], matrix @ turns[:, 1]
     squares = (f_up**2).sum(0) * (f_along**2).sum(0) - (f_up * f_along).sum(0) ** 2
     return np.asarray((c * np.sqrt(np.maximum(squares, 0.0))).reshape(g.shape[1:]))

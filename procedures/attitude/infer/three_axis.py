@@ -24,6 +24,10 @@ from numpy.typing import ArrayLike
 
 from fitter.arrays import FloatArray
 from fitter.errors import FitError
+from procedures.attitude.infer.package import DEGREE, angles
+
+_SETTLED = 1e-9
+"""Change of the multiplier after which the next one is its square: below the rounding."""
 
 CHUNK = 8192
 """Number of readings processed together, by the size of the nearest cache."""
@@ -50,8 +54,8 @@ class ThreeAxis:
         return np.asarray(self.to_principal @ self.offsets_V)[:, None]
 
     @cached_property
-    def _variance_squared(self) -> FloatArray:
-        return np.asarray(self.variance**2)
+    def _sums(self) -> FloatArray:
+        return np.asarray(self.variance ** np.arange(3)[:, None])
 
     @staticmethod
     def of(offsets_V: FloatArray, matrix: FloatArray, sigma_V: FloatArray) -> ThreeAxis:
@@ -76,25 +80,38 @@ class ThreeAxis:
     def gravity(self, outputs_V: FloatArray, steps: int = 2) -> FloatArray:
         """(3, n) gravity in package axes of (n, S) outputs, of unit length to the order of `steps`."""
         u = self.to_principal @ outputs_V.T
-        u -= self._shift
+        if self._shift.any():
+            u -= self._shift
         s = u * u
-        first, second = self.variance @ s, self._variance_squared @ s
-        excess = s[0] + s[1]
-        excess += s[2]
+        excess, first, bent = self._sums @ s
         excess -= 1.0
-        multiplier = excess / first
+        first = np.divide(1.0, first, out=first)
+        excess *= first
+        multiplier = excess
         multiplier *= 0.5
-        bent = second / first
+        bent *= first
         bent *= multiplier
         bent *= 1.5
         bent += 1.0
         multiplier *= bent
         p = self.variance[:, None]
+        shrunk = np.empty_like(u)
         for _ in range(steps - 1):
-            shrunk = 1.0 / (1.0 + multiplier * p)
-            t = s * shrunk * shrunk
-            multiplier += (t.sum(axis=0) - 1.0) / (2.0 * (self.variance @ (t * shrunk)))
-        u /= p * multiplier + 1.0
+            np.multiply(p, multiplier, out=shrunk)
+            shrunk += 1.0
+            np.divide(1.0, shrunk, out=shrunk)
+            np.multiply(u, shrunk, out=s)
+            s *= s
+            change = s.sum(axis=0)
+            change -= 1.0
+            s *= shrunk
+            change /= (2.0 * self.variance) @ s
+            multiplier += change
+            if np.abs(change, out=change).max(initial=0.0) < _SETTLED:
+                break
+        np.multiply(p, multiplier, out=shrunk)
+        shrunk += 1.0
+        u /= shrunk
         return np.asarray(self.to_package @ u)
 
     def angles_deg(self, outputs_V: ArrayLike, steps: int = 1) -> tuple[FloatArray, FloatArray]:
@@ -114,9 +131,7 @@ class ThreeAxis:
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             for i in range(0, len(outputs), CHUNK):
                 part = slice(i, i + CHUNK)
-                x, y, z = self.gravity(outputs[part], steps)
-                np.arctan2(x, np.sqrt(y * y + z * z), out=pitch[part])
-                np.arctan2(-y, -z, out=roll[part])
-                pitch[part] *= 180.0 / np.pi
-                roll[part] *= 180.0 / np.pi
+                found = angles(self.gravity(outputs[part], steps))
+                np.multiply(found[0], DEGREE, out=pitch[part])
+                np.multiply(found[1], DEGREE, out=roll[part])
         return pitch, roll
