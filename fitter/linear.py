@@ -12,8 +12,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import qr as pivoted_qr
-from scipy.linalg.lapack import dtrtri
+from scipy.linalg.lapack import dgeqp3, dorgqr, dtrtri
 
 from fitter.arrays import FloatArray
 from fitter.errors import FitError
@@ -230,5 +229,13 @@ def orthonormal(
         return used
     used = np.array(used, np.float64, order="F", copy=None if overwrite else True)
     used /= length[length > 0]
-    q, r, _ = pivoted_qr(used, mode="economic", pivoting=True, check_finite=False, overwrite_a=True)
-    return np.asarray(q[:, : int(np.sum(np.abs(np.diag(r)) > tolerance))])
+    if used.shape[1] == 1:  # most calls, and the general way takes five times as long
+        size = float(np.linalg.norm(used))
+        return used / size if size > tolerance else used[:, :0]
+    # as scipy.linalg.qr with pivoting does, whose preparations take as long as this for a few columns
+    work = int(dgeqp3(used, lwork=-1)[3][0])
+    reflected, _, tau, _, _ = dgeqp3(used, lwork=work, overwrite_a=True)
+    rank = int(np.sum(np.abs(np.diag(reflected)) > tolerance))
+    square = reflected[:, : min(used.shape)]
+    work = int(dorgqr(square, tau, lwork=-1)[1][0])
+    return np.asarray(dorgqr(square, tau, lwork=work, overwrite_a=True)[0][:, :rank])

@@ -259,26 +259,23 @@ def analyse(fit: LinearFit, rows: Rows, output: FloatArray, beside: int = 0) -> 
         beside: number of fitted coefficients beyond those of the model; they cost degrees of freedom.
     """
     n, k = rows.columns.shape
-    y = centred(output[:, None], rows.point)
-    pe = float(np.sum(off(y, rows.effects) ** 2))
-    df_pe = n - rows.n_points - rows.effects.shape[1]
+    pe, df_pe, ss_pr, df_pr = _scatter(rows, output)
     df_lof = n - k - beside - df_pe
     lof = max(fit.rss - pe, 0.0)
-    sigma_E = float(np.sqrt(fit.rss / (n - k - beside))) if n > k + beside else NAN
+    whole = sigma_E(fit, beside)
     split = pe / fit.rss if fit.rss > 0 else NAN
     alone = _each_alone(rows.columns, output, rows.replicate, fit.names)
     df_w, ss_w = sum(f.df for f in alone), sum(f.rss for f in alone)
     offset, sensitivity = np.eye(k)[0], np.array([0.0, *fit.coefficients[1:]])
     sigma_b, drift_b = _drift(alone, offset, ss_w, df_w)
     sigma_S, drift_S = _drift(alone, sensitivity, ss_w, df_w)
-    ss_pr, df_pr = float(np.sum(off(y, rows.both) ** 2)), n - rows.n_points - rows.both.shape[1]
     drift = ratio(pe - ss_pr, df_pe - df_pr, ss_pr, df_pr)
     bias = ratio(lof, df_lof, pe, df_pe)
     hidden = blind(rows, output, drift, pe / df_pe) if df_pe > 0 and bias.value <= bias.limit_95 else None
     return Replication(
-        sigma_E=sigma_E,
-        sigma_bias=sigma_E * float(np.sqrt(1.0 - min(split, 1.0))) if df_pe > 0 else NAN,
-        sigma_prec=sigma_E * float(np.sqrt(min(split, 1.0))) if df_pe > 0 else NAN,
+        sigma_E=whole,
+        sigma_bias=whole * float(np.sqrt(1.0 - min(split, 1.0))) if df_pe > 0 else NAN,
+        sigma_prec=whole * float(np.sqrt(min(split, 1.0))) if df_pe > 0 else NAN,
         bias=bias,
         sigma_b=sigma_b,
         sigma_S=sigma_S,
@@ -291,6 +288,25 @@ def analyse(fit: LinearFit, rows: Rows, output: FloatArray, beside: int = 0) -> 
         n_points=rows.n_points,
         blind=hidden,
     )
+
+
+def sigma_E(fit: LinearFit, beside: int = 0) -> float:  # noqa: N802 - the paper's name
+    """Standard error of the regression of `analyse`, in the unit of the output; NaN without degrees of freedom."""
+    df = fit.n - len(fit.names) - beside
+    return float(np.sqrt(fit.rss / df)) if df > 0 else NAN
+
+
+def drift_of(rows: Rows, output: FloatArray) -> FTest:
+    """The joint drift test of `analyse` alone."""
+    pe, df_pe, pr, df_pr = _scatter(rows, output)
+    return ratio(pe - pr, df_pe - df_pr, pr, df_pr)
+
+
+def _scatter(rows: Rows, output: FloatArray) -> tuple[float, int, float, int]:
+    """Sums of squares within points and their degrees of freedom, with and without replications' own parameters."""
+    y, n = centred(output[:, None], rows.point), len(output) - rows.n_points
+    pe, pr = (float(np.sum(off(y, basis) ** 2)) for basis in (rows.effects, rows.both))
+    return pe, n - rows.effects.shape[1], pr, n - rows.both.shape[1]
 
 
 def between_replications(

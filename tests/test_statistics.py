@@ -37,7 +37,7 @@ TOY = Study({name: partial(toys.times, factor=factor) for name, factor in (("onc
 
 
 def test_every_module_is_a_campaign_that_can_be_asked_for():
-    frames = {"__init__", "__main__", "frame", "dry_runs", "confirm_any"}  # the last is a part of `confirm`
+    frames = {"__init__", "__main__", "frame", "told", "dry_runs", "confirm_any"}  # the last is a part of `confirm`
     assert {path.stem for path in FOLDER.glob("*.py")} - frames == set(NAMES)
 
 

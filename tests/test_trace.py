@@ -373,7 +373,7 @@ def test_explanations_of_several_sensors_are_found_sensor_by_sensor():
     products = Products(columns.T @ columns, columns.T @ y)
     units = [(j,) for j in range(7)]
     assert products.parts(units).tolist() == [0, 0, 0, 1, 1, 1, 1]
-    path = aliases._path(products, units)
+    (path,) = aliases._paths(products, [(units, False)])
     assert max(path, key=len) == (0, 2, 3, 4), "of two equal columns the first"
     for terms, price in path.items():
         gained = y @ y - np.linalg.lstsq(columns[:, terms], y, rcond=None)[1][0]
@@ -397,6 +397,6 @@ def test_a_candidate_alone_has_the_price_that_it_has_with_one_that_explains_noth
     columns[:, 3] = 0.0
     dots = columns.T @ y
     products = Products(columns.T @ columns, dots, signs=np.full(4, -sign * np.sign(dots[0])))
-    alone, beside = products.prices((), [(0,), (1,), (2,)]), products.prices((3,), [(0,), (1,), (2,)])
+    alone, beside = products.prices([(0,), (1,), (2,)]), products.prices([(3, 0), (3, 1), (3, 2)])
     np.testing.assert_allclose(alone, beside - PER_COLUMN, rtol=1e-12)
     assert sign or np.isfinite(alone).all()

@@ -7,7 +7,7 @@ another order of running separate causes that a correlation only compares.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Generator, Iterable, Sequence
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, replace
 from typing import Protocol
@@ -21,6 +21,9 @@ from fitter.trace.signs import SURE, Impossible, impossible
 from fitter.trace.whitened import Whitened
 
 BoolArray = NDArray[np.bool_]
+Path = dict[tuple[int, ...], float]
+"""Prices of the best unit of a name, of the best two, and so on, by their terms."""
+Paths = dict[str, Path]
 
 DELTA = 9.0
 """Units of the error's variance; three standard errors. Calibrated: in 120 runs of 13 x 13 points the true cause lost
@@ -95,6 +98,7 @@ def rivals(
     sensors: Iterable[str],
     units: Sequence[tuple[int, ...]] = (),
     searched: AbstractSet[str] = frozenset(),
+    known: Paths | None = None,
 ) -> tuple[Rival, ...]:
     """All explanations for the candidates `group`, the terms of one effect, including itself, best first.
 
@@ -106,6 +110,7 @@ def rivals(
         sensors: sensors of `group`; candidates of others cannot explain it.
         units: candidates that enter and leave together; by default each separately.
         searched: effects of which only one unit at a time is possible, because their units are values of one constant.
+        known: paths with the same products, units and sensors, by name; those that are not in it are added.
     """
     effect, where = candidates[group[0]].effect.name, {None, *sensors}
     units = units or [(j,) for j in range(len(candidates))]
@@ -115,19 +120,22 @@ def rivals(
             of.setdefault(candidates[unit[0]].effect.name, []).append(unit)
     held = {candidates[j].effect.name for j in rest if candidates[j].sensor in where}
     own = products.price(group) + PER_COLUMN * (effect in searched)
-    paths = [{group: own}]
-    for name, terms in of.items():
-        if name != effect and name not in held:
-            paths.append(_path(products, terms, searched=name in searched))
+    others, known = [name for name in of if name != effect and name not in held], {} if known is None else known
+    new = [name for name in others if name not in known]
+    known |= dict(zip(new, _paths(products, [(of[name], name in searched) for name in new]), strict=True))
+    paths = [{group: own}, *(known[name] for name in others)]
     best = min(min(path.values()) for path in paths if path)
     found = [_rival(candidates, _smallest(path, best), best, searched) for path in paths if path]
     allowed = {rival.effect for rival in found if rival.alias}
-    free = replace(products, signs=None)
+    refusable = dict[str, list[tuple[int, ...]]]()
     for name, every in of.items():
         terms = [unit for unit in every if not {*unit} & {*rest}]  # a name is found by one term, refused by another
-        if name in allowed or name == effect or not terms or not products.signed(terms):
-            continue
-        fit, price = _smallest(_path(free, terms, searched=name in searched), best)
+        if name not in allowed and name != effect and terms and products.signed(terms):
+            refusable[name] = terms
+    free = replace(products, signs=None)
+    every_free = _paths(free, [(terms, name in searched) for name, terms in refusable.items()])
+    for name, path in zip(refusable, every_free, strict=True):
+        fit, price = _smallest(path, best)
         wrong = products.impossible(fit)
         if wrong and price - best <= DELTA:
             found = [rival for rival in found if rival.effect != name]
@@ -239,14 +247,14 @@ class Products:
         weights = np.linalg.lstsq(gram / np.outer(length, length), dot / length, rcond=_RCOND)[0]
         return float(-weights @ (dot / length)) + PER_COLUMN * len(terms)
 
-    def prices(self, taken: tuple[int, ...], units: Sequence[tuple[int, ...]]) -> FloatArray:
-        """(U,) prices of the terms `taken` with each of the `units` in turn; infinite where a sign is impossible."""
-        out = np.empty(len(units))
-        for size in {len(unit) for unit in units}:
-            same = [u for u, unit in enumerate(units) if len(unit) == size]
-            picked = np.array([(*taken, *units[u]) for u in same], np.int64)
+    def prices(self, sets: Sequence[tuple[int, ...]]) -> FloatArray:
+        """(U,) prices of each of several sets of terms; infinite where a sign is impossible."""
+        out, size = np.empty(len(sets)), np.array([len(terms) for terms in sets], np.int64)
+        for width in set(size.tolist()):
+            same = np.flatnonzero(size == width)
+            picked = np.array([sets[u] for u in same.tolist()], np.int64)
             dot = self.outputs[picked]
-            if picked.shape[1] == 1:
+            if width == 1:
                 out[same] = self._prices_alone(picked[:, 0])
                 continue
             gram = self.columns[picked[:, :, None], picked[:, None, :]]
@@ -255,15 +263,15 @@ class Products:
             kept = values > _RCOND * values[:, -1:]
             inverse = np.where(kept, 1.0 / np.where(kept, values, 1.0), 0.0)
             along = np.einsum("ujk,uj->uk", vectors, dot / length)
-            out[same] = PER_COLUMN * picked.shape[1] - np.einsum("uk,uk->u", inverse, along**2)
+            out[same] = PER_COLUMN * width - np.einsum("uk,uk->u", inverse, along**2)
             if self.signs is not None and np.any(self.signs[picked]):
                 value = np.einsum("ujk,uk->uj", vectors, inverse * along)
                 stderr = np.sqrt(np.einsum("ujk,uk->uj", vectors**2, inverse))
-                out[np.array(same)[np.any(self.signs[picked] * value < -SURE * stderr, axis=1)]] = np.inf
+                out[same[np.any(self.signs[picked] * value < -SURE * stderr, axis=1)]] = np.inf
         return out
 
     def _prices_alone(self, picked: IntArray) -> FloatArray:
-        """(U,) `prices` of single candidates with nothing beside them: half of all calls are these."""
+        """(U,) `prices` of single candidates: half of all are these."""
         gram = self.columns[picked, picked]
         length = np.sqrt(np.maximum(gram, np.finfo(float).tiny))
         unit, along = gram / (length * length), self.outputs[picked] / length
@@ -286,31 +294,58 @@ def _connected(joined: BoolArray) -> IntArray:
         part = least
 
 
-def _path(
-    products: Products, units: Sequence[tuple[int, ...]], *, searched: bool = False
-) -> dict[tuple[int, ...], float]:
+Asking = Generator[Sequence[tuple[int, ...]], FloatArray, Path]
+"""Asks for prices of sets of terms, and is a path at the end."""
+
+
+def _paths(products: Products, names: Sequence[tuple[Sequence[tuple[int, ...]], bool]]) -> list[Path]:
+    """`_path` of each of several names, by their units and whether these are values of one constant.
+
+    All go on side by side, so that prices are computed for all of them at once.
+    """
+    out = [Path() for _ in names]
+    going = {k: _path(products, units, searched=searched) for k, (units, searched) in enumerate(names)}
+    asked = {k: next(path) for k, path in going.items()}
+    while asked:
+        prices = products.prices([terms for sets in asked.values() for terms in sets])
+        ends = np.cumsum([len(sets) for sets in asked.values()])
+        answers = dict(zip(asked, np.split(prices, ends[:-1]), strict=True))
+        asked = {}
+        for k, answer in answers.items():
+            try:
+                asked[k] = going[k].send(answer)
+            except StopIteration as end:
+                out[k] = end.value
+    return out
+
+
+def _path(products: Products, units: Sequence[tuple[int, ...]], *, searched: bool) -> Asking:
     """Price of the best unit, of the best two, and so on, added one by one while the price falls."""
-    path: dict[tuple[int, ...], float] = {}
-    part, prices = products.parts(units), products.prices((), units)
+    path = Path()
+    prices = (yield units).copy()
+    if searched:
+        least = float(np.min(prices))
+        best = int(np.argmax(prices <= least + ROUNDING * (1.0 + abs(least))))
+        return {tuple(sorted(units[best])): float(prices[best]) + PER_COLUMN} if least < np.inf else path
+    part = products.parts(units)
     taken: tuple[int, ...] = ()
     of_part: dict[int, tuple[tuple[int, ...], float]] = {}
     price, total = np.inf, 0.0
-    while prices.size and total + (least := float(np.min(prices))) < price:
+    while total + (least := float(np.min(prices))) < price:
         best = int(np.argmax(prices <= least + ROUNDING * (1.0 + abs(total + least))))
         own, paid = of_part.get(int(part[best]), ((), 0.0))
         of_part[int(part[best])] = own, paid = (*own, *units[best]), paid + float(prices[best])
         price = total = total + float(prices[best])
         taken = (*taken, *units[best])
-        path[tuple(sorted(taken))] = price + PER_COLUMN * searched
-        if searched:
-            break
+        path[tuple(sorted(taken))] = price
         prices[best] = np.inf
-        again = np.flatnonzero((part == part[best]) & np.array([unit[0] not in taken for unit in units]))
-        prices[again] = products.prices(own, [units[u] for u in again.tolist()]) - paid
+        again = [u for u, unit in enumerate(units) if part[u] == part[best] and unit[0] not in taken]
+        if again:
+            prices[again] = (yield [(*own, *units[u]) for u in again]) - paid
     return path
 
 
-def _smallest(path: dict[tuple[int, ...], float], best: float) -> tuple[tuple[int, ...], float]:
+def _smallest(path: Path, best: float) -> tuple[tuple[int, ...], float]:
     """The fewest terms of one cause within `DELTA` of the best explanation; otherwise its cheapest."""
     for terms, price in path.items():
         if price - best <= DELTA:

@@ -76,17 +76,29 @@ def line(left: FloatArray, elapsed_s: FloatArray, stretch: IntArray, white: Floa
             removes much at some frequencies would make the others significant. None if it removes nearly nothing.
 
     """
-    if left.size < FEWEST or not np.any(left):
-        return None
-    white = np.ones((left.size, 0)) if white is None else white
-    found = [_in_order(left, stretch, white)]
-    if np.ptp(elapsed_s) > 0:
-        found.append(_in_time(left, elapsed_s, white))
-        fastest = _fastest(elapsed_s)
-        if fastest > PAUSED * left.size / 2 and not white.shape[1]:
-            found.append(_between_pauses(left, elapsed_s, range(_slowest(elapsed_s, stretch), fastest + 1)))
-    best = min(found, key=lambda one: one.p)
-    return Line(best.period, best.unit, min(len(found) * best.p, 1.0), best.share)
+    return lines(left[None], elapsed_s, stretch, white)[0]
+
+
+def lines(
+    left: FloatArray, elapsed_s: FloatArray, stretch: IntArray, white: FloatArray | None = None
+) -> list[Line | None]:
+    """`line` of each of several residuals (S, n) after one projection."""
+    out = list[Line | None]([None] * len(left))
+    able = [i for i, one in enumerate(left) if one.size >= FEWEST and np.any(one)]
+    if not able:
+        return out
+    white = np.ones((left.shape[1], 0)) if white is None else white
+    in_time = _in_time(left[able], elapsed_s, white) if np.ptp(elapsed_s) > 0 else [None] * len(able)
+    for i, timed in zip(able, in_time, strict=True):
+        found = [_in_order(left[i], stretch, white)]
+        if timed is not None:
+            found.append(timed)
+            fastest = _fastest(elapsed_s)
+            if fastest > PAUSED * left[i].size / 2 and not white.shape[1]:
+                found.append(_between_pauses(left[i], elapsed_s, range(_slowest(elapsed_s, stretch), fastest + 1)))
+        best = min(found, key=lambda one: one.p)
+        out[i] = Line(best.period, best.unit, min(len(found) * best.p, 1.0), best.share)
+    return out
 
 
 def _in_order(left: FloatArray, stretch: IntArray, white: FloatArray) -> Line:
@@ -107,21 +119,26 @@ def _in_order(left: FloatArray, stretch: IntArray, white: FloatArray) -> Line:
     return out
 
 
-def _in_time(left: FloatArray, elapsed_s: FloatArray, white: FloatArray) -> Line:
-    n, length = left.size, float(np.ptp(elapsed_s)) * left.size / (left.size - 1)
+def _in_time(left: FloatArray, elapsed_s: FloatArray, white: FloatArray) -> list[Line]:
+    """The clearest period of each of residuals (S, n)."""
+    count, n = left.shape
+    length = float(np.ptp(elapsed_s)) * n / (n - 1)
     cycles = np.arange(1, min(n // 2, IN_TIME) + 1)
     turns = (elapsed_s - elapsed_s[0]) / length
-    power, known = np.empty(cycles.size), np.empty((cycles.size, white.shape[1]))
-    series = np.column_stack([left, white])
+    series = np.column_stack([*left, white])
+    power = np.empty((cycles.size, series.shape[1]))
     waves = np.exp(2j * np.pi * np.outer(cycles[:AT_ONCE], turns))
     turned = np.exp(2j * np.pi * AT_ONCE * turns)
     for first in range(0, cycles.size, AT_ONCE):
         waves = waves[: cycles.size - first]
-        both = (waves.real @ series) ** 2 + (waves.imag @ series) ** 2
-        power[first : first + AT_ONCE], known[first : first + AT_ONCE] = both[:, 0], both[:, 1:]
+        power[first : first + AT_ONCE] = (waves.real @ series) ** 2 + (waves.imag @ series) ** 2
         waves *= turned
-    at, p, value = _clearest(power, 1, _kept(known))
-    return Line(length / (at + 1.0), "s", p, min(2 * value / (n * float(left @ left)), 1.0))
+    kept = _kept(power[:, count:])
+    found = [_clearest(np.ascontiguousarray(one), 1, kept) for one in power[:, :count].T]
+    every = zip(left, found, strict=True)
+    return [
+        Line(length / (at + 1.0), "s", p, min(2 * value / (n * float(one @ one)), 1.0)) for one, (at, p, value) in every
+    ]
 
 
 def _fastest(elapsed_s: FloatArray) -> int:

@@ -13,11 +13,15 @@ from typing import Any
 
 import numpy as np
 
+from fitter.quantiles import t_limit
 from procedures.attitude.evaluate import AttitudeTraced
 from procedures.attitude.trace import trace
 from procedures.general.column_roles import Roles, roles_of
 from procedures.general.evaluate import GeneralTraced
 from procedures.general.trace import trace_general
+from procedures.general.trace.estimate import estimate
+from procedures.general.trace.judge import TableJudge
+from procedures.general.trace.run import problem_of
 from procedures.pressure.evaluate import Declared, WholePlotTraced
 from procedures.pressure.trace import trace_whole_plots
 from procedures.table import Table
@@ -79,6 +83,11 @@ def tables() -> Study:
     return _study({label: partial(_table, label=label) for label in TABLES})
 
 
+def told_tables() -> Study:
+    """The same tables with the effect told: there is no search, and the interval alone is judged."""
+    return _study({label: partial(_told_table, label=label) for label in TABLES})
+
+
 def _study(cases: dict[str, partial[Result]]) -> Study:
     return Study(cases, _counted, pooled(_counted))
 
@@ -126,11 +135,33 @@ def _whole_plots(seed: int, name: str) -> Result:
     transducer, truth = WHOLE_PLOTS[name]
     data = simulate_whole_plots(Bench((transducer,)), Run(), FIRST + seed)
     table = Table("run", {"pressure_psia": data.pressure_psia}, True, {})
-    traced = WholePlotTraced(table, data, trace_whole_plots(data), {}, Declared.of(table, None, data))
+    found = trace_whole_plots(data, validate=False)
+    traced = WholePlotTraced(table, data, found, {}, Declared.of(table, None, data))
     return _holds(traced.to_json()["sensors"]["bridge_1_mV"]["effects"], name, truth)
 
 
 def _table(seed: int, label: str) -> Result:
+    table, roles, size = _drawn(seed, label)
+    data, taken = roles_of(table, roles)
+    found = GeneralTraced(table, roles, trace_general(data), taken).to_json()["sensors"]["y"]
+    return _holds(found["effects"], _name(label), size)
+
+
+def _told_table(seed: int, label: str) -> Result:
+    table, roles, size = _drawn(seed, label)
+    problem = problem_of(roles_of(table, roles)[0])
+    own = next(one for one in problem.candidates if one.effect.name.startswith(_name(label)))
+    fit = estimate(TableJudge(replace(problem, candidates=(own,))), (0,))
+    off = abs(float(fit.coefficients[-1]) - size)
+    return {"held": bool(off <= t_limit(0.95, fit.df) * float(fit.stderr[-1]))}
+
+
+def _name(label: str) -> str:
+    return label.partition(",")[0]
+
+
+def _drawn(seed: int, label: str) -> tuple[Table, Roles, float]:
+    """A table, what is said of its columns, and the coefficient of what is hidden in it."""
     (lab, column), sizes = TABLES[label], list[float]()
 
     def effect(c: dict[str, Any], _rng: np.random.Generator) -> Any:
@@ -140,11 +171,13 @@ def _table(seed: int, label: str) -> Result:
         sizes.append(3.0 / np.sqrt(np.mean(left**2)))
         return sizes[0] * shape
 
-    c, roles = simulate_table(lab, FIRST + seed, effect), Roles(**options(lab))
-    table = Table("table", c, True, {})
-    data, taken = roles_of(table, roles)
-    found = GeneralTraced(table, roles, trace_general(data), taken).to_json()["sensors"]["y"]
-    return _holds(found["effects"], label.partition(",")[0], sizes[0])
+    columns = simulate_table(lab, FIRST + seed, effect)
+    return Table("table", columns, True, {}), Roles(**options(lab)), sizes[0]
 
 
-PARTS = {"nights": Part(nights), "whole-plots": Part(whole_plots), "tables": Part(tables)}
+PARTS = {
+    "nights": Part(nights),
+    "whole-plots": Part(whole_plots),
+    "tables": Part(tables),
+    "told-tables": Part(told_tables, 400),
+}

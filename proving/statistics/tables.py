@@ -18,7 +18,7 @@ from procedures.general.evaluate import trace_general_table
 from procedures.general.trace import search_table
 from procedures.table import Table
 from proving.ledger import Result
-from proving.statistics.frame import Figures, Part, Results, Study
+from proving.statistics.frame import Figures, Part, Results, Study, pooled
 from proving.truth.table import MISSING, Lab, options, simulate
 from rig.errors import UsageError
 from rig.tables import FileSource
@@ -89,14 +89,19 @@ def _by_shape(found: Mapping[str, Results]) -> Mapping[str, Figures]:
     return {"all": _reported(every), **{p: _reported([one for one in every if p in one["parts"]]) for p in parts}}
 
 
-def effects() -> Study:
-    """How often every effect is found by its name or as an alias of what was named, and anything besides."""
+def effects(rows: int = 0) -> Study:
+    """How often every effect is found by its name or as an alias of what was named, and anything besides.
+
+    In tables of so many rows; 0 for those of each effect.
+    """
     which = [(name, rms) for name in MISSING for rms in (0.25, 0.5, 1.0)]
-    return Study({f"{name} at {rms:g} sd": partial(_effect, name=name, rms=rms) for name, rms in which}, _sums)
+    cases = {f"{name} at {rms:g} sd": partial(_effect, name=name, rms=rms, rows=rows) for name, rms in which}
+    return Study(cases, _sums, pooled(_sums))
 
 
-def _effect(seed: int, name: str, rms: float) -> Result:
+def _effect(seed: int, name: str, rms: float, rows: int) -> Result:
     missing = MISSING[name]
+    missing = replace(missing, lab=replace(missing.lab, n=rows or missing.lab.n))
     names = found_or_alike(simulate(missing.lab, seed, missing.at(rms)), options(missing.lab))
     right = [n for n in names if n.startswith(missing.named)]
     alike = [n for n, a in names.items() if n not in right and any(b.startswith(missing.named) for b in a)]

@@ -20,6 +20,7 @@ from procedures.pressure.fit import named_formula
 from procedures.pressure.trace import trace_whole_plots
 from proving.ledger import Result
 from proving.statistics.frame import Figures, Part, Results, Study, pooled
+from proving.statistics.told import free_of, powers
 from proving.truth.whole_plot import CUBIC, GROWING, Bench, Run, Transducer, simulate
 from proving.truth.whole_plot_hidden import HIDDEN, Hiding, hide
 
@@ -235,29 +236,12 @@ def _told_power(seed: int, name: str, size: float, level: float) -> Result:
     mean = (plots[:, None] == hidden.data.whole_plot).astype(np.float64)
     mean /= mean.sum(axis=1, keepdims=True)
     declared = mean @ named_formula(hidden.model).columns(hidden.data.table)[1]
-    left, singular, _ = np.linalg.svd(declared)
-    free = left[:, int(np.sum(singular > 1e-8 * singular[0])) :].T
+    free = free_of(declared)
     column = free @ mean @ next(iter(hidden.columns[0].values()))
     column *= size * plots.size**0.5 / np.linalg.norm(column)
     roots = [np.linalg.cholesky(free @ rho ** abs(np.subtract.outer(plots, plots)) @ free.T) for rho in ALIKE]
-
-    def gain(z: FloatArray, roots: Sequence[FloatArray]) -> FloatArray:
-        likely = []
-        for root in roots:
-            white, x = np.linalg.solve(root, z.T).T, np.linalg.solve(root, column)
-            rss, log_det = np.sum(white**2, axis=1), 2.0 * np.sum(np.log(np.diag(root)))
-            rest = rss - (white @ x) ** 2 / (x @ x)
-            likely.append(-0.5 * (len(column) * np.log(np.stack([rest, rss])) + log_det))
-        best = np.max(likely, axis=0)
-        return np.asarray(best[0] - best[1])
-
-    power: dict[str, float] = {}
-    for most in (0.0, 0.5, 0.7):
-        allowed = roots[: ALIKE.index(most) + 1]
-        chance = [rng.standard_normal((40_000, len(column))) @ root.T for root in allowed]
-        limit = max(float(np.quantile(gain(z, allowed), 1.0 - level)) for z in chance)
-        power[f"{most:g}"] = float(np.mean(gain(column + rng.standard_normal((4000, len(column))), allowed) > limit))
-    return {"power": power}
+    held = {f"{most:g}": ALIKE.index(most) + 1 for most in (0.0, 0.5, 0.7)}
+    return {"power": powers(column[:, None], {"": column}, roots, held, level, rng)[""]}
 
 
 def _powers(results: Results) -> Figures:

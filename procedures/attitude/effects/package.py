@@ -45,7 +45,7 @@ def _sag(about: int, along: int) -> Term:
     axis = np.eye(3)[about]
 
     def column(scene: Scene, sensor: str) -> FloatArray:
-        turned = np.cross(axis, scene.g) @ scene.axes[sensor]
+        turned = scene.crossed(about) @ scene.axes[sensor]
         return np.asarray(-_DEGREE * turned * scene.g[:, along])
 
     def shown(scene: Scene, sensor: str) -> tuple[str, float]:

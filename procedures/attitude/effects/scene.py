@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -95,27 +95,29 @@ class Scene:
 
     def volts(self, sensor: str) -> FloatArray:
         """(n,) output by the declared model, V."""
-        return np.asarray(self.offsets[sensor] + self.g @ self.axes[sensor])
+        return self.kept(("volts", sensor), lambda: np.asarray(self.offsets[sensor] + self.g @ self.axes[sensor]))
 
     def per_pitch(self, sensor: str) -> FloatArray:
         """(n,) output per degree of pitch, V/deg."""
-        return self._slopes(sensor)[0]
+        return self.kept(("pitch", sensor), lambda: np.asarray(self.g_per_pitch @ np.radians(self.axes[sensor])))
 
     def per_roll(self, sensor: str) -> FloatArray:
         """(n,) output per degree of roll, V/deg."""
-        return self._slopes(sensor)[1]
+        return self.kept(("roll", sensor), lambda: np.asarray(self.g_per_roll @ np.radians(self.axes[sensor])))
 
     def turned_about(self, sensor: str) -> FloatArray:
         """(3, n) output per radian by which gravity turns about each axis of the package, V."""
-        if sensor not in self._turned:
-            self._turned[sensor] = np.ascontiguousarray(np.cross(self.g, self.axes[sensor]).T)
-        return self._turned[sensor]
+        return self.kept(("turned", sensor), lambda: np.ascontiguousarray(np.cross(self.g, self.axes[sensor]).T))
 
-    def _slopes(self, sensor: str) -> tuple[FloatArray, FloatArray]:
-        if sensor not in self._kept:
-            m = np.radians(self.axes[sensor])
-            self._kept[sensor] = self.g_per_pitch @ m, self.g_per_roll @ m
-        return self._kept[sensor]
+    def crossed(self, axis: int) -> FloatArray:
+        """(n, 3) change of gravity, in package axes, for a turn of one radian about one of these axes."""
+        return self.kept(("crossed", axis), lambda: np.asarray(np.cross(np.eye(3)[axis], self.g)))
+
+    def kept(self, name: Hashable, compute: Callable[[], FloatArray]) -> FloatArray:
+        """What several columns have in common, computed once."""
+        if name not in self._known:
+            self._known[name] = compute()
+        return self._known[name]
 
     @cached_property
     def lagged(self) -> dict[float, FloatArray]:
@@ -134,11 +136,7 @@ class Scene:
         return {}
 
     @cached_property
-    def _turned(self) -> dict[str, FloatArray]:
-        return {}
-
-    @cached_property
-    def _kept(self) -> dict[str, tuple[FloatArray, FloatArray]]:
+    def _known(self) -> dict[Hashable, FloatArray]:
         return {}
 
     def warmth(self) -> FloatArray:

@@ -44,7 +44,7 @@ def _change(low_V: float, high_V: float) -> tuple[Term, Term]:
     at = f"|v|>{high_V:g} V" if low_V == high_V else f"|v|>{high_V:g} V until <{low_V:g} V"
 
     def upper(scene: Scene, sensor: str) -> FloatArray:
-        return _upper(scene.volts(sensor), scene.data.order, low_V, high_V)
+        return scene.kept((at, sensor), lambda: _upper(scene.volts(sensor), scene.data.order, low_V, high_V))
 
     return (
         Term(f"({at})", upper, group=at),

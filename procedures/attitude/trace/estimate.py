@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from fitter import LinearFit, RankError, least_squares
 from fitter.arrays import FloatArray
-from fitter.replication import Replication, analyse
+from fitter.replication import Replication, Rows, analyse, drift_of, sigma_E
 from fitter.trace.aliases import NOTHING_LEFT
 from fitter.trace.keep import LeftIn, taken_out
 from fitter.trace.not_kept import independent
@@ -38,7 +39,8 @@ class Estimate:
         corrected: (S, n) outputs minus the effects, and minus the temperature terms of the declared model, V.
         fits: of the declared model to the corrected outputs.
         temperatures: temperature terms of the declared model of each sensor; None without.
-        tables: Table 2 of each sensor, with the effects removed.
+        plain: `fits` without the errors of the effects' coefficients.
+        rows: of each sensor, with the columns of its effects.
         left_in: of each sensor, candidates that its outputs keep; () where all are taken out of all.
     """
 
@@ -50,7 +52,8 @@ class Estimate:
     corrected: FloatArray
     fits: tuple[LinearFit, ...]
     temperatures: tuple[Temperature | None, ...]
-    tables: tuple[Replication, ...]
+    plain: tuple[LinearFit, ...]
+    rows: tuple[Rows, ...]
     left_in: tuple[LeftIn, ...] = ()
 
     @property
@@ -58,10 +61,27 @@ class Estimate:
         """(S, q) one where a candidate is taken out of a sensor's output, else zero."""
         return taken_out(self.chosen, self.left_in, len(self.fits))
 
+    @cached_property
+    def tables(self) -> tuple[Replication, ...]:
+        """Table 2 of each sensor, with the effects removed."""
+        every = zip(self.plain, self.rows, self.corrected, strict=True)
+        return tuple(analyse(fit, rows, output, _beside(rows)) for fit, rows, output in every)
+
+    @property
+    def drifts(self) -> bool:
+        """Whether replications differ although the effects are removed."""
+        p = [drift_of(rows, output).p for rows, output in zip(self.rows, self.corrected, strict=True)]
+        return not all(value * len(p) >= DRIFTS for value in p)  # NaN: no point is visited twice, nothing denies it
+
 
 def stated(fitted: Estimate) -> FloatArray:
-    """(S,) standard error of an observation of each sensor, V."""
-    return np.array([table.sigma_E for table in fitted.tables])
+    """(S,) standard error of an observation of each sensor, V: `sigma_E` of its table."""
+    each = zip(fitted.plain, fitted.rows, strict=True)
+    return np.array([sigma_E(fit, _beside(rows)) for fit, rows in each])
+
+
+def _beside(rows: Rows) -> int:
+    return 0 if rows.extra is None else rows.extra.shape[1]
 
 
 def estimate(problem: Problem, chosen: tuple[int, ...], left_in: Sequence[LeftIn] = ()) -> Estimate:
@@ -77,9 +97,7 @@ def estimate(problem: Problem, chosen: tuple[int, ...], left_in: Sequence[LeftIn
 
 def _estimate(problem: Problem, chosen: tuple[int, ...]) -> Estimate:
     together = _estimate_at(problem, chosen, "declared")
-    p = [table.drift.p for table in together.tables]
-    drifts = not all(value * len(p) >= DRIFTS for value in p)  # NaN: no point is visited twice, nothing denies it
-    if not chosen or not drifts or not _left(problem, chosen):
+    if not chosen or not together.drifts or not _left(problem, chosen):
         return together
     return _estimate_at(problem, chosen, "replications")
 
@@ -142,7 +160,7 @@ def _estimate_at(problem: Problem, chosen: tuple[int, ...], level: Level, left_i
     taken = taken_out(chosen, left_in, len(problem.sensors))
     corrected -= np.einsum("snq,sq->sn", effects, taken * gamma)
     h = data.rows.columns
-    fits, temperatures, tables = [], [], []
+    fits, temperatures, plain, every = [], [], [], []
     for i, sensor in enumerate(problem.sensors):
         declared = problem.fits[sensor]
         fit, temperature = declared.refitted(data, corrected[i])
@@ -150,7 +168,8 @@ def _estimate_at(problem: Problem, chosen: tuple[int, ...], level: Level, left_i
             corrected[i] -= temperature.volts(h, data)
         own = [k for k, j in enumerate(picked) if concerns(problem, j)[i] > 0.01 and taken[i, k] > 0]
         extra = np.column_stack([declared.beside(data), effects[i][:, own]])
-        tables.append(analyse(fit, data.rows.beside(extra), corrected[i], extra.shape[1]))
+        plain.append(fit)
+        every.append(data.rows.beside(extra))
         fits.append(_joint(fit, h, effects[i][:, own], covariance[np.ix_(own, own)]))
         temperatures.append(temperature)
     apart = tuple(j for j, error in zip(chosen, np.diag(covariance), strict=True) if error > 0)
@@ -163,6 +182,7 @@ def _estimate_at(problem: Problem, chosen: tuple[int, ...], level: Level, left_i
         corrected,
         tuple(fits),
         tuple(temperatures),
-        tuple(tables),
+        tuple(plain),
+        tuple(every),
         tuple(left_in),
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,7 @@ from scipy import special
 
 from fitter.arrays import FloatArray
 from fitter.effects.entry import Stratum
-from fitter.trace.aliases import Products, Rival, rivals
+from fitter.trace.aliases import Paths, Products, Rival, rivals
 from fitter.trace.chance import ALPHA, Family
 from fitter.trace.signs import SURE, Impossible, Refused
 from procedures.attitude.effects.unnamed import NAMELESS
@@ -128,11 +129,16 @@ class AttitudeJudge:
         sigma = errors(problem, chosen)
         sensors = {problem.sensors[i] for j in group for i in np.flatnonzero(concerns(problem, j) > 0.01)}
         barred = frozenset((self.shut | NAMELESS) - {effect})
-        able_to = [unit for unit in problem.units if self.candidates[unit[0]].sensor in {None, *sensors}]
-        named = [unit for unit in able_to if self._may(unit, barred)]
-        products = self._products(estimate(problem, chosen).level, group, rest, named, sigma)
-        found = rivals(problem.candidates, products, group, rest, sensors, named, self.searched)
-        able = [r for r in found if r.effect == effect or self._reachable(products, r)]
+        where = {None, *sensors}
+        named = [
+            unit
+            for unit, (name, sensor) in zip(problem.units, problem.causes, strict=True)
+            if sensor in where and name not in barred and (name, sensor) not in self.closed
+        ]
+        products, paths = self._products(estimate(problem, chosen).level, group, rest, named, sigma)
+        found = rivals(problem.candidates, products, group, rest, sensors, named, self.searched, paths)
+        reachable = self._reachable(products, found)
+        able = [r for r, can in zip(found, reachable, strict=True) if r.effect == effect or can]
         best = min(r.sigmas for r in able if not r.refused)
         return tuple(replace(r, sigmas=float(np.sqrt(max(r.sigmas**2 - best**2, 0.0)))) for r in able)
 
@@ -143,8 +149,14 @@ class AttitudeJudge:
         rest: tuple[int, ...],
         named: Sequence[tuple[int, ...]],
         sigma: FloatArray,
-    ) -> Products:
-        """Products among the terms of each effect beside the `rest`: nobody asks for the others, which are most."""
+    ) -> tuple[Products, Paths]:
+        """Products among the terms of each effect beside the `rest`: nobody asks for the others, which are most.
+
+        They are the same for both names of a pair, and so are paths of explanations, which come with them.
+        """
+        key = frozenset(group), frozenset(rest), tuple(named)
+        if key in self._known_products:
+            return self._known_products[key]
         blocks: dict[str | tuple[int, ...], set[int]] = {group: set(group)}
         for unit in named:
             name = self.candidates[unit[0]].effect.name
@@ -160,19 +172,33 @@ class AttitudeJudge:
             length2 = np.sum((self.problem.length[:, here] / sigma[:, None, None]) ** 2, axis=0)
             some = Products(left.columns.sum(axis=0), left.outputs.sum(axis=0)).without(length2)
             out.columns[here[:, :, None], here[:, None, :]], out.outputs[here] = some.columns, some.outputs
-        return out
+        self._known_products.clear()
+        self._known_products[key] = out, {}
+        return self._known_products[key]
 
-    def _reachable(self, products: Products, rival: Rival) -> bool:
-        """Whether an explanation needs no coefficient that is impossibly large."""
-        picked = list(rival.terms)
-        if not np.any(np.isfinite(self._limits[picked])):
-            return True
-        gram, dot = products.columns[picked][:, picked], products.outputs[picked]
-        length = np.sqrt(np.maximum(np.diag(gram), np.finfo(float).tiny))
-        spread = gram / np.outer(length, length)
-        spread = np.linalg.pinv(spread, rcond=1e-10) if len(picked) > 1 else np.rint(spread)
-        value, stderr = spread @ (dot / length) / length, np.sqrt(np.maximum(np.diag(spread), 0.0)) / length
-        return bool(np.all(np.abs(value) - SURE * stderr <= self._limits[picked]))
+    @cached_property
+    def _known_products(self) -> dict[Any, tuple[Products, Paths]]:
+        """The last ones."""
+        return {}
+
+    def _reachable(self, products: Products, found: Sequence[Rival]) -> list[bool]:
+        """Whether each explanation needs no coefficient that is impossibly large."""
+        out, of = [True] * len(found), dict[int, list[int]]()
+        for k, rival in enumerate(found):
+            if not self._limited.isdisjoint(rival.terms):
+                of.setdefault(len(rival.terms), []).append(k)
+        for size, same in of.items():
+            picked = np.array([found[k].terms for k in same], np.int64)
+            gram, dot = products.columns[picked[:, :, None], picked[:, None, :]], products.outputs[picked]
+            length = np.sqrt(np.maximum(np.einsum("kjj->kj", gram), np.finfo(float).tiny))
+            spread = gram / (length[:, :, None] * length[:, None, :])
+            spread = np.linalg.pinv(spread, rcond=1e-10) if size > 1 else np.rint(spread)
+            value = np.einsum("kij,kj->ki", spread, dot / length) / length
+            stderr = np.sqrt(np.maximum(np.einsum("kjj->kj", spread), 0.0)) / length
+            can = np.all(np.abs(value) - SURE * stderr <= self._limits[picked], axis=1)
+            for k, one in zip(same, can.tolist(), strict=True):
+                out[k] = one
+        return out
 
     @cached_property
     def _limits(self) -> FloatArray:
@@ -180,13 +206,15 @@ class AttitudeJudge:
         return limits(self.problem, range(len(self.candidates)))
 
     @cached_property
+    def _limited(self) -> frozenset[int]:
+        """Candidates with a largest plausible coefficient."""
+        return frozenset(np.flatnonzero(np.isfinite(self._limits)).tolist())
+
+    @cached_property
     def _open(self) -> NDArray[np.bool_]:
         """(U,) units that may be added."""
-        return np.array([self._may(unit, self.shut) for unit in self.problem.units], np.bool_)
-
-    def _may(self, unit: tuple[int, ...], shut: frozenset[str]) -> bool:
-        first = self.candidates[unit[0]]
-        return first.effect.name not in shut and (first.effect.name, first.sensor) not in self.closed
+        causes, closed = self.problem.causes, self.closed
+        return np.array([one[0] not in self.shut and one not in closed for one in causes], np.bool_)
 
     @cached_property
     def closed(self) -> frozenset[tuple[str, str | None]]:

@@ -12,9 +12,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
 
 from fitter.arrays import FloatArray, IntArray
 from fitter.linear import orthonormal
@@ -80,6 +82,25 @@ class Levels:
         """(n, q) remainder of `columns` (n, q) at a level."""
         return off(centred(columns, self.point) if level == "points" else columns, self._basis(level))
 
+    def taken(self, level: Level) -> tuple[FloatArray, Any]:
+        """Bases of the parts that a level removes: (n, r) orthonormal, and (p, n) of the points, sparse, beside it."""
+        if level != "points":
+            return self._basis(level), sparse.csr_array((0, len(self.point)))
+        return self._basis(level), sparse.diags_array(1.0 / np.sqrt(self._visits)) @ self._added
+
+    @cached_property
+    def _rows(self) -> list[slice | NDArray[np.bool_]]:
+        """Rows of each replication; a slice, which copies nothing, where they follow one another."""
+        each = [self.replicate == r for r in range(len(self.alone))]
+        ends = [(int(np.argmax(one)), one.size - int(np.argmax(one[::-1]))) for one in each]
+        return [slice(*end) if end[1] - end[0] == one.sum() else one for one, end in zip(each, ends, strict=True)]
+
+    @cached_property
+    def _added(self) -> Any:
+        """(p, n) sparse matrix that adds rows up to points."""
+        ahead, ends = np.argsort(self.point, kind="stable"), np.concatenate([[0], np.cumsum(self._visits)])
+        return sparse.csr_array((np.ones(ahead.size), ahead, ends), shape=(self.n_points, ahead.size))
+
     def leave_beside(self, columns: FloatArray, beside: FloatArray, level: Level) -> FloatArray:
         """(n, q) remainder of `columns` (n, q) at a level, with one sensor's further columns (n, p) removed too."""
         left = self.leave(columns, level)
@@ -93,20 +114,20 @@ class Levels:
         """
         whole, out = columns.T @ columns, dict[Level, FloatArray]()
         for level in LEVELS:
-            taken = [self._basis(level).T @ columns]
+            basis = self._basis(level)
+            taken = [basis.T @ columns]
             if level == "points":
-                visits = np.sqrt(self._visits)[:, None]
-                taken.append(np.stack([np.bincount(self.point, one) for one in columns.T], axis=1) / visits)
+                taken.append((self._added @ columns) / np.sqrt(self._visits)[:, None])
             if beside.shape[1]:
                 taken.append(orthonormal(self.leave(beside, level), np.linalg.norm(beside, axis=0)).T @ columns)
-            basis = np.concatenate(taken)
+            along = np.concatenate(taken)
             out[level] = np.zeros((len(whole) + 1,) * 2)
-            np.subtract(whole, basis.T @ basis, out=out[level][:-1, :-1])
+            np.subtract(whole, along.T @ along, out=out[level][:-1, :-1])
         return out
 
     def own(self, columns: FloatArray) -> FloatArray:
         """(n_rep, L, q) parameters of each replication's own fit to `columns` (n, q), minus their means."""
-        each = np.stack([fit @ columns[self.replicate == r] for r, fit in enumerate(self.alone)])
+        each = np.stack([fit @ columns[rows] for fit, rows in zip(self.alone, self._rows, strict=True)])
         return np.asarray(each - each.mean(axis=0))
 
     def walks(self, level: Level) -> Walks:

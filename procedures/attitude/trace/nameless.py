@@ -14,7 +14,7 @@ from fitter.arrays import FloatArray
 from fitter.linear import orthonormal
 from fitter.trace.doubts import BUNDLE, DOUBT, EARNED, bundle, in_several, no_better, several_values, something_left
 from fitter.trace.flexible import Remainder, evidence, evidence_of, remainders, tried
-from fitter.trace.lines import Line, line
+from fitter.trace.lines import Line, lines
 from fitter.trace.search import names_of
 from procedures.attitude.trace.estimate import concerns
 from procedures.attitude.trace.levels import LEVELS, Level
@@ -151,10 +151,11 @@ class Nameless:
         left = self.view(level).outputs
         rows = problem.levels.executed
         drawn = np.random.default_rng(SEED).standard_normal((len(data), DRAWS))
-        found = (
-            line(one[rows], data.elapsed_s[rows], problem.levels.replicate[rows], problem.left(i, drawn, level)[rows])
-            for i, one in enumerate(left)
-        )
+        common = problem.levels.beside == 0
+        found = list[Line | None]()
+        for group in (left,) if common else left[:, None]:
+            noise = problem.left(len(found), drawn, level)[rows]
+            found += lines(group[:, rows], data.elapsed_s[rows], problem.levels.replicate[rows], noise)
         return tuple(None if x is None else replace(x, p=min(len(left) * x.p, 1.0)) for x in found)
 
     @cached_property

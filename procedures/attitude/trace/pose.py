@@ -120,9 +120,10 @@ def _judged_at(
 ) -> tuple[Level, ...]:
     within, both = (products[level].squares.sum(axis=0) for level in ("points", "replications"))
     least = np.maximum(KEPT * both, NOTHING_LEFT**2 * np.sum(length**2, axis=0))
+    over = within > least
     level: list[Level] = ["replications"] * len(candidates)
-    for unit in map(list, units):
-        if candidates[unit[0]].effect.stratum != "between-point" and np.any(within[unit] > least[unit]):
+    for unit in units:
+        if candidates[unit[0]].effect.stratum != "between-point" and any(over[j] for j in unit):
             for j in unit:
                 level[j] = "points"
     return tuple(level)

@@ -115,6 +115,11 @@ class Problem:
         return tuple(where[j] for j in range(len(self.candidates)))
 
     @cached_property
+    def causes(self) -> tuple[tuple[str, str | None], ...]:
+        """(U,) cause of each unit's candidates."""
+        return tuple(self.candidates[unit[0]].cause for unit in self.units)
+
+    @cached_property
     def any_value(self) -> frozenset[str]:
         """Effects with a searched constant that can have any value, not only that of one of a few boundaries."""
         return frozenset(c.effect.name for c in self.candidates if c.term.finer is not None)

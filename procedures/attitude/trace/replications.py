@@ -49,8 +49,8 @@ class Slow:
         columns: (Q,) the candidates.
         searched: (Q,) whether they have a searched constant of any value; few boundaries are counted as known moments.
         x: (S, n, Q) size of the change along the direction of a column's largest influence on a sensor's parameters,
-            centred; for sensors that a column does not concern, that of the same term on them.
-        direction: (S, L, Q) these directions.
+            centred; for sensors that a column does not concern, that of the same term on them, or zero.
+        direction: (S, L, Q) these directions, or zero.
         tested: (S, Q) sensors that the column concerns.
         others: (S, Q) sensors of the same term that this column does not concern.
         share: (Q,) share of the information about a column's coefficient from between replications.
@@ -105,24 +105,31 @@ def slow_of(problem: Problem) -> Slow:
     sigma = errors(problem, ())
     own = problem.own[..., picked] / sigma[:, None, None]
     moved = np.sum(own**2, axis=(0, 2))
-    both = np.moveaxis(own, 0, 2).transpose(0, 3, 2, 1)
-    direction = np.linalg.svd(both, full_matrices=False)[2][:, :, 0] if picked else np.zeros((sensors, 0, size))
-    x = np.einsum("sqnl,sql->snq", both, direction)
     within = np.einsum("sj,s->j", problem.products["points"].of(picked, picked), sigma**-2.0)
     length2 = np.einsum("sj,s->j", problem.length[:, picked] ** 2, sigma**-2.0)
     between = moved.sum(axis=0)
     tested = moved > REACHES * between
-    shows = (between > MOVES * length2) & (between > SHOWS * within)
+    kept = np.flatnonzero((between > MOVES * length2) & (between > SHOWS * within))
+    x, direction = np.zeros((sensors, n, len(picked))), np.zeros((sensors, size, len(picked)))
+    at = np.nonzero(tested)
+    each = own[:, at[0], :, at[1]]
+    largest = np.linalg.svd(each, full_matrices=False)[2][:, 0]
+    direction[at[0], :, at[1]], x[at[0], :, at[1]] = largest, np.einsum("knl,kl->kn", each, largest)
     others = np.zeros_like(tested)
     named = [(problem.candidates[j].effect.name, problem.candidates[j].term.name) for j in picked]
     alike: dict[tuple[str, str], list[int]] = {}
     for q, name in enumerate(named):
         alike.setdefault(name, []).append(q)
-    for q, name in enumerate(named):
-        for other in alike[name]:
-            if other != q and np.sum(tested[:, q]) == 1:
-                at = tested[:, other] & ~tested[:, q]
-                others[at, q], x[at, :, q], direction[at, q] = True, x[at, :, other], direction[at, other]
+    alone = tested.sum(axis=0) == 1
+    for q in kept[alone[kept]].tolist():
+        for other in alike[named[q]]:
+            if other != q:
+                there = tested[:, other] & ~tested[:, q]
+                others[there, q], x[there, :, q], direction[there, :, q] = (
+                    True,
+                    x[there, :, other],
+                    direction[there, :, other],
+                )
     slips = tuple(
         u
         for u, unit in enumerate(problem.units)
@@ -132,13 +139,12 @@ def slow_of(problem: Problem) -> Slow:
         and np.sum((problem.own[..., unit] / sigma[:, None, None]) ** 2)
         > MOVES * np.max(problem.length[:, unit] ** 2 / sigma[:, None] ** 2)
     )
-    kept = np.flatnonzero(shows)
     columns = np.array(picked, np.int64)[kept]
     return Slow(
         columns=columns,
         searched=np.array([problem.candidates[j].effect.name in problem.any_value for j in columns], np.bool_),
         x=x[..., kept],
-        direction=np.moveaxis(direction, 1, 2)[..., kept],
+        direction=direction[..., kept],
         tested=tested[:, kept],
         others=others[:, kept],
         share=between[kept] / (between + within)[kept],

@@ -156,8 +156,8 @@ def stays(judge: AttitudeJudge, chosen: tuple[int, ...]) -> tuple[tuple[int, ...
     def helps(chosen: tuple[int, ...], own: tuple[int, ...]) -> bool:
         fitted, without = estimate(problem, chosen), estimate(problem, tuple(j for j in chosen if j not in own))
         share = concerns(problem, own[0])
-        pairs = zip(fitted.tables, without.tables, share.tolist(), strict=True)
-        ratio = [one.sigma_E / other.sigma_E if other.sigma_E > 0 else 1.0 for one, other, _ in pairs]
+        pairs = zip(stated(fitted).tolist(), stated(without).tolist(), strict=True)
+        ratio = [one / other if other > 0 else 1.0 for one, other in pairs]
         return float(np.dot(share, np.square(ratio))) < 1.0
 
     stay, idle = kept(judge, fitted.told_apart, helps, "the standard error of an observation")

@@ -8,6 +8,7 @@ does not explain.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy import sparse, special
@@ -61,11 +62,17 @@ def expected(problem: Problem) -> Expected | None:
         return None
     stretch = stretches(data, min(OBSERVATIONS, each // STRETCHES))
     white, walk = list[FloatArray](), list[FloatArray]()
+    basis, means = problem.levels.taken(problem.levels.of_error)
+    added = _added(stretch)
+    added_basis, added_means = added @ basis, added @ means.T
     for _ in range(DRAWS // AT_ONCE):
         noise = rng.standard_normal((2, len(data), AT_ONCE))
         noise[1, problem.levels.executed] = np.cumsum(noise[1], axis=0)
         for out, one in zip((white, walk), noise, strict=True):
-            out.append(_sums(problem.levels.leave(one, problem.levels.of_error), stretch))
+            along, mean = basis.T @ one, means @ one
+            squares = [np.einsum("nq,nq->q", part, part) for part in (one, along, mean)]
+            sums = added @ one - added_basis @ along - added_means @ mean
+            out.append(np.stack([squares[0] - squares[1] - squares[2], np.einsum("nq,nq->q", sums, sums)]))
     sums = np.concatenate(white, axis=1)
     ratio = sums[1] / sums[0]
     return Expected(stretch, sums.mean(axis=1), np.mean(walk, axis=(0, 2)), float(ratio.std(ddof=1)))
@@ -102,5 +109,9 @@ def _walk(left: FloatArray, by: Expected) -> FloatArray:
 
 def _sums(noise: FloatArray, stretch: IntArray) -> FloatArray:
     """(2, q) sum of squares, and sum of squared sums over stretches, of each column of `noise` (n, q)."""
-    member = sparse.csr_array((np.ones(len(noise)), (stretch, np.arange(len(noise)))))
-    return np.stack([np.sum(noise**2, axis=0), np.sum(np.asarray(member @ noise) ** 2, axis=0)])
+    return np.stack([np.sum(noise**2, axis=0), np.sum(np.asarray(_added(stretch) @ noise) ** 2, axis=0)])
+
+
+def _added(stretch: IntArray) -> Any:
+    """(stretches, n) sparse matrix that adds rows up to stretches."""
+    return sparse.csr_array((np.ones(stretch.size), (stretch, np.arange(stretch.size))))

@@ -66,17 +66,28 @@ class Estimate:
 def estimate(
     problem: Problem, chosen: tuple[int, ...], outside: Sequence[LeftIn] = (), within: Sequence[LeftIn] = ()
 ) -> Estimate:
-    """Fit the `chosen` candidates and the declared model; those `outside` are left in."""
+    """Fit the `chosen` candidates and the declared model; those `outside` are left in. Known fits are used again."""
+    if any(outside) or any(within):
+        return _estimate(problem, chosen, outside, within)
+    known = problem.estimates
+    if chosen not in known:
+        known[chosen] = _estimate(problem, chosen, outside, within)
+    found: Estimate = known[chosen]
+    return found
+
+
+def _estimate(
+    problem: Problem, chosen: tuple[int, ...], outside: Sequence[LeftIn], within: Sequence[LeftIn]
+) -> Estimate:
     coefficients = coefficients_of(problem, chosen)
     contribution = contributed(problem, coefficients, taken=taken_out(chosen, outside, len(problem.sensors)))
-    replicate = problem.replicate if problem.replicate.max() > 0 else None
     fits, residual = [], np.empty_like(problem.outputs)
-    beside = SplitPlotDesign(problem.declared, problem.whole_plot, problem.names, replicate=replicate)
-    declared = np.stack([beside.fit(left).coefficients for left in problem.outputs - contribution])
+    plain = design_of(problem, np.empty((len(problem.declared), 0)), ())
+    declared = np.stack([plain.fit(left).coefficients for left in problem.outputs - contribution])
     for i, sensor in enumerate(problem.sensors):
         stays = outside[i] if outside else frozenset[int]()
         own = [j for j in chosen if problem.candidates[j].sensor == sensor and j not in stays]
-        names = [f"{problem.candidates[j].effect.name}: {problem.candidates[j].term.name}" for j in own]
+        names = tuple(f"{problem.candidates[j].effect.name}: {problem.candidates[j].term.name}" for j in own)
         columns = problem.raw[i][:, own]
         of_line = contribution[i] - columns @ np.array([coefficients[j].value for j in own])
         if within and within[i]:
@@ -85,15 +96,22 @@ def estimate(
             means = _whole_plot_means(problem, problem.raw[i])
             of_line = of_line - means[:, line] @ np.array([coefficients[j].value for j in line])
             columns = columns - np.where([j in inside for j in own], means[:, own], 0.0)
-        design = SplitPlotDesign(
+        fits.append(design_of(problem, columns, names).fit(problem.outputs[i] - of_line))
+        residual[i] = fits[-1].marginal_residuals
+    return Estimate(chosen, coefficients, contribution, declared, tuple(fits), residual, tuple(outside), tuple(within))
+
+
+def design_of(problem: Problem, columns: FloatArray, names: tuple[str, ...]) -> SplitPlotDesign:
+    """The declared model with further columns (n, q); of the same columns it is made once."""
+    key = names, columns.tobytes()
+    if key not in problem.designs:
+        problem.designs[key] = SplitPlotDesign(
             np.column_stack([problem.declared, columns]),
             problem.whole_plot,
             (*problem.names, *names),
-            replicate=replicate,
+            replicate=problem.replicate if problem.replicate.max() > 0 else None,
         )
-        fits.append(design.fit(problem.outputs[i] - of_line))
-        residual[i] = fits[-1].marginal_residuals
-    return Estimate(chosen, coefficients, contribution, declared, tuple(fits), residual, tuple(outside), tuple(within))
+    return problem.designs[key]
 
 
 def error_of(fitted: Estimate, level: Level, i: int) -> tuple[float, float]:

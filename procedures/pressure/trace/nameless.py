@@ -22,7 +22,7 @@ from procedures.pressure.effects.scene import TIMES_WARM, PressureScene
 from procedures.pressure.trace.neighbours import Neighbours, neighbours
 from procedures.pressure.trace.places import Place, places_of
 from procedures.pressure.trace.problem import Problem
-from procedures.pressure.trace.score import CHANCE, RESOLVED, SLOPES, TINY, beside
+from procedures.pressure.trace.score import CHANCE, SLOPES, TINY, beside
 from procedures.pressure.trace.strata import LEVELS, Level
 
 EARNED = -1.0
@@ -85,8 +85,7 @@ class Nameless:
     @cached_property
     def able(self) -> bool:
         """Whether there is noise for a comparison with shapes."""
-        swing = np.ptp(self.problem.outputs, axis=1)
-        return all(bool(np.all(self.view(level).sigma > 10 * RESOLVED * swing)) for level in LEVELS)
+        return all(bool(np.all(self.view(level).sigma > 10 * self.problem.rounding)) for level in LEVELS)
 
     @cached_property
     def left(self) -> tuple[Left, ...]:

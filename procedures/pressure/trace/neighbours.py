@@ -17,6 +17,7 @@ from scipy import linalg, special
 
 from fitter.arrays import FloatArray, IntArray
 from procedures.pressure.trace.problem import Problem
+from procedures.pressure.trace.strata import Strata
 
 RHO = np.array([0.0, 0.25, 0.5, 0.7, 0.85])
 """Tried correlations of neighbours."""
@@ -80,12 +81,13 @@ class Neighbours:
         for i, strata in enumerate(self.problem.strata):
             own = stratum.columns[i][:, self.chosen]
             own = own[:, np.any(own != 0.0, axis=0)]
-            same = next((k for k in range(i) if self.problem.strata[k] is strata and not own.size), None)
-            if same is not None and not np.any(stratum.columns[same][:, self.chosen]):
-                made.append(made[same])
+            if not own.size and strata in _OF_STRATA:
+                made.append(_OF_STRATA[strata])
                 continue
             taken = np.column_stack([strata.between, own / np.maximum(np.linalg.norm(own, axis=0), TINY)])
             made.append(tuple(self._alike(taken, strata.ratio, strata.total, rho) for rho in RHO))
+            if not own.size:
+                _OF_STRATA[strata] = made[-1]
         return tuple(made)
 
     def _alike(self, taken: FloatArray, ratio: float, total: FloatArray, rho: float) -> Alike:
@@ -186,6 +188,8 @@ def _likelihood_of(one: Alike, basis: FloatArray, outputs: FloatArray) -> float:
     return float(-0.5 * ((y.size - basis.shape[1]) * np.log(rss) + one.log_determinant + extra))
 
 
+_OF_STRATA: WeakKeyDictionary[Strata, tuple[Alike, ...]] = WeakKeyDictionary()
+"""Beside the declared model alone they are the same for a transducer among others and by itself."""
 _KNOWN: WeakKeyDictionary[Problem, dict[tuple[int, ...], Neighbours]] = WeakKeyDictionary()
 """Cached, because a search needs the same ones many times."""
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,11 @@ from procedures.pressure.trace.strata import LEVELS, Level, Strata
 
 IS_THE_MODEL = 1e-3
 """Minimum remaining share of a column beside the declared model."""
+
+RESOLVED = 1e-12
+"""Relative size of an output's range below which differences are rounding; data without noise are not tested against
+it.
+"""
 
 
 @dataclass(frozen=True)
@@ -80,6 +86,21 @@ class Problem:
     left_out: tuple[NotKept, ...] = ()
 
     @cached_property
+    def sensor_of(self) -> tuple[str | None, ...]:
+        """(J,) sensor of each candidate."""
+        return tuple(c.sensor for c in self.candidates)
+
+    @cached_property
+    def estimates(self) -> dict[tuple[int, ...], Any]:
+        """Cache of fits, by the candidates in them: `estimate`."""
+        return {}
+
+    @cached_property
+    def designs(self) -> dict[tuple[tuple[str, ...], bytes], SplitPlotDesign]:
+        """Cache of their designs: `estimate.design_of`."""
+        return {}
+
+    @cached_property
     def strata(self) -> tuple[Strata, ...]:
         """Projections of each transducer; shared for equal weights."""
         made: list[Strata] = []
@@ -106,13 +127,18 @@ class Problem:
         return {level: self._at(level) for level in LEVELS}
 
     @cached_property
+    def rounding(self) -> FloatArray:
+        """(S,) least error of each transducer, mV: smaller differences of its outputs are rounding."""
+        return np.asarray(np.maximum(RESOLVED * np.ptp(self.outputs, axis=1), np.finfo(float).tiny))
+
+    @cached_property
     def length_at(self) -> Mapping[Level, FloatArray]:
         """(S, J) length of each raw column at each level: of readings by weight, or of whole plots' means."""
         readings, means = np.zeros((2, len(self.sensors), len(self.candidates)))
         for i, (strata, mine) in enumerate(zip(self.strata, self._concerned, strict=True)):
-            own = self.raw[i][:, mine]
-            readings[i, mine] = np.linalg.norm(strata.whiten(own), axis=0)
-            means[i, mine] = np.linalg.norm(strata.means(own) * strata.precision[:, None], axis=0)
+            of_means = self._means[i][:, 1:]
+            readings[i, mine] = np.linalg.norm(strata.whiten(self.raw[i][:, mine]), axis=0)
+            means[i, mine] = np.linalg.norm(of_means * strata.precision[:, None], axis=0)
         return {"subplot": readings, "whole-plot": means}
 
     @cached_property
@@ -189,9 +215,18 @@ class Problem:
         count = self.outputs.shape[1] if level == "subplot" else int(self.whole_plot.max()) + 1
         outputs, columns = np.zeros((len(self.sensors), count)), np.zeros((len(self.sensors), count, self.raw.shape[2]))
         for i, (strata, mine) in enumerate(zip(self.strata, self._concerned, strict=True)):
-            left = strata.leave(np.column_stack([self.outputs[i], self.raw[i][:, mine]]), level)
+            both = np.column_stack([self.outputs[i], self.raw[i][:, mine]])
+            left = strata.leave(both, level, self._means[i])
             outputs[i], columns[i][:, mine] = left[:, 0], left[:, 1:]
         return Stratum(outputs, columns, np.array([float(strata.df(level)) for strata in self.strata]))
+
+    @cached_property
+    def _means(self) -> tuple[FloatArray, ...]:
+        """(W, q + 1) `Strata.means` of each transducer's output and of its candidates."""
+        return tuple(
+            strata.means(np.column_stack([y, raw[:, mine]]))
+            for strata, y, raw, mine in zip(self.strata, self.outputs, self.raw, self._concerned, strict=True)
+        )
 
     @cached_property
     def _concerned(self) -> tuple[IntArray, ...]:

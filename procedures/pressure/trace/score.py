@@ -17,9 +17,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import special
 
 from fitter.arrays import FloatArray, IntArray
@@ -33,18 +35,14 @@ NOTHING_LEFT = 0.02
 """Minimum remaining share of a candidate beside the others in its stratum: above the scatter of temperature readbacks
 about their setting.
 """
-RESOLVED = 1e-12
-"""Relative size of an output's range below which differences are rounding; data without noise are not tested against
-it.
-"""
-
-
 CHANCE = 0.05
 """Probability of the scatter of whole plots' slopes, below which sensitivities are assumed to vary between
 whole plots.
 """
 SLOPES = 3
 """Terms of slopes in a declared model: P, and P times both temperatures."""
+FEW = 8
+"""Candidates of one transducer up to which they are scored without the others."""
 TINY = np.finfo(float).tiny
 
 
@@ -116,30 +114,43 @@ def score(problem: Problem, chosen: Sequence[int], of: Sequence[int] | None = No
 
     Without a candidate of the line among the `chosen`, every transducer's own are scored with it alone.
     """
-    sensor = [c.sensor for c in problem.candidates]
+    sensor = problem.sensor_of
     if len(problem.sensors) == 1 or any(sensor[j] is None for j in chosen):
         return _scored(problem, chosen, of)
-    wanted = np.arange(len(sensor)) if of is None else np.asarray(of, np.int64)
-    scores = _scored(problem, chosen, [j for j in wanted.tolist() if sensor[j] is None])
+    wanted, in_model = _among(len(sensor), range(len(sensor)) if of is None else of), _among(len(sensor), chosen)
+    line = tuple(j for j in np.flatnonzero(wanted).tolist() if sensor[j] is None)
+    scores = _copied(_known(problem, tuple(chosen), line))
     for alone, mine in problem.alone:
-        asked = np.flatnonzero(np.isin(mine, wanted))
+        asked = np.flatnonzero(wanted[mine])
         if asked.size:
-            beside_it = tuple(np.flatnonzero(np.isin(mine, chosen)).tolist())
-            own = _all_of(alone, beside_it) if of is None else _scored(alone, beside_it, asked.tolist())
+            beside_it = tuple(np.flatnonzero(in_model[mine]).tolist())
+            few = asked.size < FEW and (beside_it, None) not in _KNOWN.get(alone, {})
+            own = _known(alone, beside_it, tuple(asked.tolist()) if few else None)
             for every, part in zip(vars(scores).values(), vars(own).values(), strict=True):
                 every[mine[asked]] = part[asked]
     return scores
 
 
-_KNOWN: WeakKeyDictionary[Problem, dict[tuple[int, ...], Scores]] = WeakKeyDictionary()
-"""Of transducers by themselves: one more candidate changes the scores of one of them."""
+_KNOWN: WeakKeyDictionary[Problem, dict[tuple[Any, Any], Scores]] = WeakKeyDictionary()
+"""By candidates in the model and candidates scored: one more candidate changes the scores of one transducer only."""
 
 
-def _all_of(alone: Problem, chosen: tuple[int, ...]) -> Scores:
-    known = _KNOWN.setdefault(alone, {})
-    if chosen not in known:
-        known[chosen] = _scored(alone, chosen, None)
-    return known[chosen]
+def _known(problem: Problem, chosen: tuple[int, ...], of: tuple[int, ...] | None) -> Scores:
+    known = _KNOWN.setdefault(problem, {})
+    if (chosen, of) not in known:
+        known[chosen, of] = _scored(problem, chosen, of)
+    return known[chosen, of]
+
+
+def _among(count: int, these: Sequence[int] | IntArray) -> NDArray[np.bool_]:
+    """(count,) whether each index is one of these."""
+    out = np.zeros(count, np.bool_)
+    out[np.asarray(these, np.int64)] = True
+    return out
+
+
+def _copied(scores: Scores) -> Scores:
+    return Scores(*(each.copy() for each in vars(scores).values()))
 
 
 def _scored(problem: Problem, chosen: Sequence[int], of: Sequence[int] | None) -> Scores:
@@ -158,7 +169,7 @@ def _scored(problem: Problem, chosen: Sequence[int], of: Sequence[int] | None) -
         length2 = np.sum((problem.length_at[level][:, here] / stratum.sigma[:, None]) ** 2, axis=0)
         concerned = norm2 > 1e-6 * total
         df = np.min(np.where(concerned, stratum.df[:, None], np.inf), axis=0) - 1.0
-        can = (total > NOTHING_LEFT**2 * length2) & ~np.isin(here, list(chosen)) & (df > 0) & np.isfinite(df)
+        can = (total > NOTHING_LEFT**2 * length2) & ~_among(count, chosen)[here] & (df > 0) & np.isfinite(df)
         total, df = np.where(can, total, 1.0), np.where(can, df, 1.0)
         gamma = np.where(can, dot.sum(axis=0), 0.0) / total
         after = np.sum(white.outputs**2, axis=1)[:, None] - 2 * gamma * dot + gamma**2 * norm2
@@ -192,14 +203,16 @@ def _errors(
     problem: Problem, level: Level, here: IntArray, outputs: FloatArray, taken: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """(S,) error of each transducer with the columns `taken` (S, m, q) of candidates `here` fitted, mV, and its df."""
-    sigma, df = np.empty(len(problem.sensors)), np.empty(len(problem.sensors))
-    floor = RESOLVED * np.ptp(problem.outputs, axis=1)
-    for i, (y, own) in enumerate(zip(outputs, taken, strict=True)):
-        basis = orthonormal(own, problem.length_at[level][i, here], NOTHING_LEFT)
-        left = y - basis @ (basis.T @ y)
-        df[i] = problem.at[level].df[i] - basis.shape[1]
-        sigma[i] = max(np.sqrt(np.sum(left**2) / df[i]) if df[i] > 0 else 1.0, floor[i], np.finfo(float).tiny)
-    return sigma, df
+    df, left = problem.at[level].df.copy(), outputs
+    concerned = np.flatnonzero(np.any(problem.length_at[level][:, here] > 0, axis=1))
+    if concerned.size:
+        left = outputs.copy()
+    for i in concerned.tolist():
+        basis = orthonormal(taken[i], problem.length_at[level][i, here], NOTHING_LEFT)
+        left[i] -= basis @ (basis.T @ outputs[i])
+        df[i] -= basis.shape[1]
+    mean = np.where(df > 0, np.sum(left**2, axis=1) / np.where(df > 0, df, 1.0), 1.0)
+    return np.maximum(np.sqrt(mean), problem.rounding), df
 
 
 def _of_slopes(problem: Problem, columns: FloatArray, left: FloatArray) -> tuple[FloatArray, float]:

@@ -89,11 +89,17 @@ class Strata:
             return self.total.size - int(self.between.shape[1])
         return self.whole_plot.size - self.total.size - int(self._within[1].shape[1])
 
-    def leave(self, columns: FloatArray, level: Level) -> FloatArray:
-        """Remainder of (n, q) `columns`: (n, q) of readings over their standard deviations, or (W, q) of means."""
+    def leave(self, columns: FloatArray, level: Level, means: FloatArray | None = None) -> FloatArray:
+        """Remainder of (n, q) `columns`: (n, q) of readings over their standard deviations, or (W, q) of means.
+
+        Args:
+            columns: to be reduced.
+            level: that of the remainder.
+            means: (W, q) `means` of them, if known.
+        """
         if level == "whole-plot":
-            return off(self.means(columns) * self.precision[:, None], self.between)
-        return off(self._centred(self._still(columns)), self._within[1])
+            return off((self.means(columns) if means is None else means) * self.precision[:, None], self.between)
+        return off(self._centred(self._still(columns, means)), self._within[1])
 
     def varies_within(self, columns: FloatArray) -> NDArray[np.bool_]:
         """(q,) whether columns vary within whole plots by more than rounding and readback noise."""
@@ -135,7 +141,7 @@ class Strata:
             columns - self.declared[:, picked] @ np.linalg.solve(triangle, basis.T @ self._centred(columns))
         )
 
-    def _still(self, columns: FloatArray) -> FloatArray:
+    def _still(self, columns: FloatArray, means: FloatArray | None) -> FloatArray:
         """(n, q) columns minus the contribution within whole plots of declared terms known from their means.
 
         It is negligible, unless a temperature was still settling when readings began.
@@ -143,7 +149,8 @@ class Strata:
         rest, moving = self._mostly_between
         if not np.any(moving):
             return columns
-        known = self._between_inverse[np.flatnonzero(moving)] @ (self.means(columns) * self.precision[:, None])
+        means = self.means(columns) if means is None else means
+        known = self._between_inverse[np.flatnonzero(moving)] @ (means * self.precision[:, None])
         return columns - self.declared[:, rest[moving]] @ known
 
     def _mean(self, columns: FloatArray) -> FloatArray:

@@ -1,0 +1,132 @@
+"""What a trace computes once, or for several at a time, is what it would compute each time by itself."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fitter.linear import least_squares, orthonormal
+from fitter.replication import Rows, analyse, drift_of, sigma_E
+from fitter.trace.aliases import Products, _paths
+from fitter.trace.lines import line, lines
+from procedures.attitude.effects import CATALOGUE
+from procedures.attitude.trace.estimate import estimate, stated
+from procedures.attitude.trace.pose import pose
+from procedures.pressure.effects import PRESSURE_CATALOGUE
+from procedures.pressure.fit import named_formula
+from procedures.pressure.trace.estimate import design_of
+from procedures.pressure.trace.estimate import estimate as estimate_plots
+from procedures.pressure.trace.problem import Problem
+from procedures.pressure.trace.problem import pose as pose_plots
+from procedures.pressure.trace.run import scene_of
+from procedures.pressure.trace.score import _scored, score
+from proving.truth.attitude import D1, simulate
+from proving.truth.attitude_hidden import CLEAN
+from proving.truth.whole_plot import Bench, Run, Transducer
+from proving.truth.whole_plot import simulate as simulate_plots
+
+SMALL = D1(60, 5, 5, replications=4)
+
+
+@pytest.fixture(scope="module")
+def attitude():
+    return pose(simulate(CLEAN, SMALL, 1)[0], CATALOGUE)
+
+
+@pytest.fixture(scope="module")
+def plots() -> Problem:
+    two = (Transducer(), Transducer(sensitivity=1.9))
+    data = simulate_plots(Bench(two), Run(), 1)
+    names, declared = named_formula("full").columns(data.table)
+    return pose_plots(data, names, declared, scene_of(data), PRESSURE_CATALOGUE)
+
+
+def test_paths_of_several_names_are_those_of_each():
+    rng = np.random.default_rng(2)
+    x = rng.standard_normal((60, 12))
+    y = x @ rng.normal(0.0, 3.0, 12) + rng.standard_normal(60)
+    products = Products(x.T @ x, x.T @ y)
+    names = [
+        ([(0,), (1,), (2,)], False),
+        ([(3, 4), (5, 6), (0, 7)], False),
+        ([(8,), (9,), (10,)], True),
+        ([(11,)], False),
+    ]
+    together = _paths(products, names)
+    assert together == [_paths(products, [name])[0] for name in names]
+    assert [len(path) for path in together] == [3, 3, 1, 1], "of values of one constant one at a time"
+    for path in together[:2]:
+        for terms, price in path.items():
+            assert price == pytest.approx(products.price(terms), rel=1e-9)
+
+
+def test_periods_of_several_residuals_are_those_of_each():
+    rng = np.random.default_rng(3)
+    left, at = rng.standard_normal((3, 90)), np.cumsum(1.0 + 0.2 * rng.random(90))
+    left[1] += np.sin(at / 2.0)
+    left[2] = 0.0
+    stretch, white = np.arange(90) // 30, rng.standard_normal((90, 4))
+    found = lines(left, at, stretch, white)
+    assert found[2] is None
+    for one, alone in zip(found, (line(each, at, stretch, white) for each in left), strict=True):
+        assert (one is None) == (alone is None)
+        if one is not None and alone is not None:
+            assert (one.period, one.unit) == (alone.period, alone.unit)
+            assert (one.p, one.share) == pytest.approx((alone.p, alone.share), rel=1e-9)
+
+
+def test_drift_and_standard_error_alone_are_those_of_table_2():
+    rng = np.random.default_rng(4)
+    columns = np.column_stack([np.ones(48), rng.standard_normal((48, 2))])
+    rows, y = Rows(columns, np.arange(48) % 12, np.arange(48) // 12), rng.standard_normal(48)
+    rows = rows.beside(rng.standard_normal((48, 1)))
+    fit = least_squares(columns, y, ["a", "b", "c"])
+    table = analyse(fit, rows, y, 1)
+    assert (drift_of(rows, y), sigma_E(fit, 1)) == (table.drift, table.sigma_E)
+
+
+def test_one_column_is_a_basis_as_it_is_of_several():
+    column = np.random.default_rng(5).standard_normal((20, 1))
+    both = orthonormal(np.column_stack([column, column]))
+    np.testing.assert_allclose(orthonormal(column) @ orthonormal(column).T, both @ both.T, atol=1e-15)
+    assert orthonormal(1e-9 * column, np.array([1.0])).shape == (20, 0), "short beside its own length"
+
+
+def test_what_a_level_removes_is_what_is_missing_in_the_remainder(attitude):
+    noise = np.random.default_rng(6).standard_normal((len(attitude.scene.data), 3))
+    for level in ("declared", "replications", "points"):
+        basis, means = attitude.levels.taken(level)
+        left = noise - basis @ (basis.T @ noise) - means.T @ (means @ noise)
+        np.testing.assert_allclose(left, attitude.levels.leave(noise, level), atol=1e-12)
+
+
+def test_tables_of_an_estimate_are_made_when_they_are_read(attitude, monkeypatch):
+    made = []
+    monkeypatch.setattr(
+        "procedures.attitude.trace.estimate.analyse", lambda *given: made.append(given) or analyse(*given)
+    )
+    fitted = estimate(attitude, (0,))
+    errors = stated(fitted)
+    assert not made
+    assert errors.tolist() == [table.sigma_E for table in fitted.tables]
+    assert len(made) == len(attitude.sensors)
+
+
+def test_scores_of_one_candidate_are_those_among_all(plots):
+    j = next(j for j, c in enumerate(plots.candidates) if c.sensor is not None)
+    before = _scored(plots, (), [j])
+    for _ in range(2):  # before all are known, and after
+        now = score(plots, (), (j,))
+        for name in ("gamma", "t", "df", "p"):
+            assert getattr(now, name)[j] == pytest.approx(getattr(before, name)[j], rel=1e-9), name
+        score(plots, ())
+    score(plots, ()).p[:] = -1.0
+    assert np.all(score(plots, ()).p >= 0.0), "who asks may write on them"
+
+
+def test_fits_and_designs_of_a_run_in_whole_plots_are_made_once(plots):
+    j = next(j for j, c in enumerate(plots.candidates) if c.sensor is not None)
+    assert estimate_plots(plots, (j,)) is estimate_plots(plots, (j,))
+    none = np.empty((len(plots.declared), 0))
+    assert design_of(plots, none, ()) is design_of(plots, none.copy(), ())
+    assert len(plots.designs) == 2, "of the transducer with the effect, and of the other"
