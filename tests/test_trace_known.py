@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
+from scipy import special
 
 from fitter.linear import least_squares, orthonormal
 from fitter.replication import Rows, analyse, drift_of, sigma_E
-from fitter.trace.aliases import Products, _paths
+from fitter.trace.aliases import DELTA, Products, _paths, rivals
 from fitter.trace.lines import line, lines
+from fitter.trace.shape import nearest
 from procedures.attitude.effects import CATALOGUE
 from procedures.attitude.trace.estimate import estimate, stated
+from procedures.attitude.trace.judge import _together
 from procedures.attitude.trace.pose import pose
+from procedures.attitude.trace.replications import Between
 from procedures.pressure.effects import PRESSURE_CATALOGUE
 from procedures.pressure.fit import named_formula
 from procedures.pressure.trace.estimate import design_of
@@ -26,6 +32,16 @@ from proving.truth.whole_plot import Bench, Run, Transducer
 from proving.truth.whole_plot import simulate as simulate_plots
 
 SMALL = D1(60, 5, 5, replications=4)
+
+
+@dataclass(frozen=True)
+class Named:
+    name: str
+    sensor: str
+
+    @property
+    def effect(self):
+        return self
 
 
 @pytest.fixture(scope="module")
@@ -58,6 +74,22 @@ def test_paths_of_several_names_are_those_of_each():
     for path in together[:2]:
         for terms, price in path.items():
             assert price == pytest.approx(products.price(terms), rel=1e-9)
+
+
+def test_names_that_cannot_explain_it_are_left_out_and_no_alias_is():
+    """Of columns like the first two and of others, in two sensors, by what is nearly all and by all explanations."""
+    rng = np.random.default_rng(7)
+    x = np.zeros((80, 16))
+    x[:40, :8], x[40:, 8:] = rng.standard_normal((2, 40, 8))
+    for k in (0, 8):
+        x[:, k + 2 : k + 4] = x[:, k : k + 2] + 0.02 * rng.standard_normal((80, 2)) * (x[:, k : k + 2] != 0)
+    y = x[:, [0, 1, 8, 9]] @ [3.0, 2.0, -3.0, 4.0] + rng.standard_normal(80)
+    products = Products(x.T @ x, x.T @ y)
+    entries = [Named(("one", "like it", "other", "another")[j % 8 // 2], "ab"[j // 8]) for j in range(16)]
+    every = rivals(entries, products, (0, 1, 8, 9), (), ("a", "b"))
+    near = rivals(entries, products, (0, 1, 8, 9), (), ("a", "b"), within=DELTA)
+    assert [r.effect for r in every if r.alias] == ["one", "like it"]
+    assert near == tuple(r for r in every if r.effect in ("one", "like it"))
 
 
 def test_periods_of_several_residuals_are_those_of_each():
@@ -110,6 +142,23 @@ def test_tables_of_an_estimate_are_made_when_they_are_read(attitude, monkeypatch
     assert not made
     assert errors.tolist() == [table.sigma_E for table in fitted.tables]
     assert len(made) == len(attitude.sensors)
+
+
+def test_a_unit_of_several_columns_has_no_weights_between_replications_and_within():
+    """Its share is not asked for: it may be above one by rounding."""
+    between = Between(np.array([0.01, 0.04]), np.array([0.0, -1.0]), np.array([1.0 + 1e-9, 0.5]))
+    p, sign = _together(between, [0, 1], np.array([0.2, 0.03]), np.array([1.0, -1.0]))
+    assert p[0] == pytest.approx(0.002 * (1.0 - np.log(0.002)), rel=1e-12), "by Fisher's method"
+    z = np.sqrt(0.5) * (special.ndtri(0.02) + special.ndtri(0.015))
+    assert p[1] == pytest.approx(2.0 * special.ndtr(z), rel=1e-12)
+    assert sign.tolist() == [0.0, -1.0]
+
+
+def test_of_names_that_explain_the_same_the_first_in_the_catalogue_is_told_first():
+    """Their shares differ by rounding only."""
+    basis = np.eye(4)[:, :2]
+    near = {"other": (0.5, basis), "first": (0.7 - 2e-16, basis), "second": (0.7, basis)}
+    assert [one.effect for one in nearest(near, np.ones(4), basis)] == ["first", "second", "other"]
 
 
 def test_scores_of_one_candidate_are_those_among_all(plots):

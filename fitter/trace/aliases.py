@@ -24,6 +24,7 @@ BoolArray = NDArray[np.bool_]
 Path = dict[tuple[int, ...], float]
 """Prices of the best unit of a name, of the best two, and so on, by their terms."""
 Paths = dict[str, Path]
+Units = list[tuple[int, ...]]
 
 DELTA = 9.0
 """Units of the error's variance; three standard errors. Calibrated: in 120 runs of 13 x 13 points the true cause lost
@@ -45,6 +46,8 @@ APART = 1e-14
 """Largest cosine between columns that are orthogonal but for rounding."""
 FEW = 4
 """Number of units below which it is faster not to look for such parts."""
+_ANY = 1e-13
+"""The same where nothing may be lost."""
 _RCOND = 1e-10
 """Smallest share of the largest eigenvalue that counts in products of columns of unit length."""
 
@@ -99,6 +102,7 @@ def rivals(
     units: Sequence[tuple[int, ...]] = (),
     searched: AbstractSet[str] = frozenset(),
     known: Paths | None = None,
+    within: float = np.inf,
 ) -> tuple[Rival, ...]:
     """All explanations for the candidates `group`, the terms of one effect, including itself, best first.
 
@@ -111,15 +115,18 @@ def rivals(
         units: candidates that enter and leave together; by default each separately.
         searched: effects of which only one unit at a time is possible, because their units are values of one constant.
         known: paths with the same products, units and sensors, by name; those that are not in it are added.
+        within: names that cannot come within this of the price of `group`, whatever their terms, are left out.
     """
     effect, where = candidates[group[0]].effect.name, {None, *sensors}
     units = units or [(j,) for j in range(len(candidates))]
-    of: dict[str, list[tuple[int, ...]]] = {}
+    of: dict[str, Units] = {}
     for unit in units:
         if candidates[unit[0]].sensor in where:
             of.setdefault(candidates[unit[0]].effect.name, []).append(unit)
     held = {candidates[j].effect.name for j in rest if candidates[j].sensor in where}
     own = products.price(group) + PER_COLUMN * (effect in searched)
+    if np.isfinite(within):
+        of = products.able(of, searched, own + within)
     others, known = [name for name in of if name != effect and name not in held], {} if known is None else known
     new = [name for name in others if name not in known]
     known |= dict(zip(new, _paths(products, [(of[name], name in searched) for name in new]), strict=True))
@@ -127,7 +134,7 @@ def rivals(
     best = min(min(path.values()) for path in paths if path)
     found = [_rival(candidates, _smallest(path, best), best, searched) for path in paths if path]
     allowed = {rival.effect for rival in found if rival.alias}
-    refusable = dict[str, list[tuple[int, ...]]]()
+    refusable = dict[str, Units]()
     for name, every in of.items():
         terms = [unit for unit in every if not {*unit} & {*rest}]  # a name is found by one term, refused by another
         if name not in allowed and name != effect and terms and products.signed(terms):
@@ -187,18 +194,19 @@ class Products:
         return () if self.signs is None else impossible(self.columns, self.outputs, terms, self.signs)
 
     @classmethod
-    def of(cls, white: Whitened) -> Products:
-        """Products of outputs and columns over all sensors together.
+    def of(cls, white: Whitened, weight: FloatArray | None = None) -> Products:
+        """Products of outputs and columns over all sensors together, each with its weight (S,).
 
         Most candidates belong to one sensor and are zero on the others, so each sensor's own block is multiplied alone.
         """
+        weight = np.ones(len(white.outputs)) if weight is None else weight
         count = white.columns.shape[2]
         products, outputs = np.zeros((count, count)), np.zeros(count)
-        for columns, y in zip(white.columns, white.outputs, strict=True):
+        for columns, y, each in zip(white.columns, white.outputs, weight.tolist(), strict=True):
             mine = np.flatnonzero(columns.any(axis=0))
             own = columns[:, mine]
-            products[np.ix_(mine, mine)] += own.T @ own
-            outputs[mine] += own.T @ y
+            products[np.ix_(mine, mine)] += each * (own.T @ own)
+            outputs[mine] += each * (own.T @ y)
         return cls(products, outputs)
 
     def among(self, mine: IntArray, count: int) -> Products:
@@ -217,6 +225,26 @@ class Products:
         return replace(
             self, columns=self.columns * kept[..., :, None] * kept[..., None, :], outputs=self.outputs * kept
         )
+
+    def able(self, of: dict[str, Units], searched: AbstractSet[str], most: float) -> dict[str, Units]:
+        """Those of several names whose price can be as low as this: with all their terms together, of the price of one.
+
+        Of names with a searched constant, of which one unit counts, nothing is said.
+        """
+        columns = {name: [j for unit in units for j in unit] for name, units in of.items() if name not in searched}
+        none = set[str]()
+        for width in {len(own) for own in columns.values()}:
+            same = [name for name, own in columns.items() if len(own) == width]
+            picked = np.array([columns[name] for name in same], np.int64)
+            gram = self.columns[picked[:, :, None], picked[:, None, :]]
+            length = np.sqrt(np.maximum(np.einsum("ujj->uj", gram), np.finfo(float).tiny))
+            values, vectors = np.linalg.eigh(gram / (length[:, :, None] * length[:, None, :]))
+            along = np.einsum("ujk,uj->uk", vectors, self.outputs[picked] / length) ** 2
+            gain = np.sum(
+                np.where(values > _ANY * values[:, -1:], along / np.where(values > 0, values, 1.0), 0.0), axis=1
+            )
+            none |= {name for name, one in zip(same, gain.tolist(), strict=True) if PER_COLUMN - one > most}
+        return {name: units for name, units in of.items() if name not in none}
 
     def parts(self, units: Sequence[tuple[int, ...]]) -> IntArray:
         """(U,) number of the part of each of the units, of parts whose columns are orthogonal but for rounding.

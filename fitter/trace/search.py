@@ -45,6 +45,9 @@ class Judge(Searched, Protocol):
     def rivals(self, chosen: tuple[int, ...], effect: str) -> tuple[Rival, ...]:
         """All explanations for the terms of `effect` among `chosen`, best first."""
 
+    def alike(self, chosen: tuple[int, ...], effect: str) -> tuple[Rival, ...]:
+        """The same without some that are not aliases, which takes less time."""
+
 
 S = TypeVar("S", bound=Searched)
 J = TypeVar("J", bound=Judge)
@@ -89,7 +92,7 @@ def search_and_name(
         settled = chosen
         for name in names_of(judge.candidates, chosen):
             if name in names_of(judge.candidates, settled):
-                first = lead(judge.rivals(settled, name))
+                first = lead(judge.alike(settled, name))
                 others = tuple(j for j in settled if judge.candidates[j].effect.name != name)
                 named = (*others, *first.terms)
                 if all(judge.p_adjusted(named, j) <= ALPHA for j in first.terms):

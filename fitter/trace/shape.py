@@ -24,6 +24,8 @@ OWN_LINES, LINES = 13, 6
 """The same for a second variable."""
 NAMES = 3
 """Nearest names that are told."""
+SAME_DIGITS = 9
+"""Digits in which names explain the same of a shape: the first in the catalogue is told first."""
 LEAST = 0.05
 """Share of a shape below which a name is not near it."""
 LEFT = 1e-2
@@ -278,7 +280,7 @@ def nearest(near: dict[str, tuple[float, FloatArray]], y: FloatArray, basis: Flo
         basis: (m, r) orthonormal, of the shape's waves.
 
     """
-    ranked = sorted(near.items(), key=lambda item: -item[1][0])[:NAMES]
+    ranked = sorted(near.items(), key=lambda item: -round(item[1][0], SAME_DIGITS))[:NAMES]
     return tuple(Near(name, min(explains, 1.0), _behind(own, y, basis)) for name, (explains, own) in ranked)
 
 

@@ -40,7 +40,8 @@ class Estimate:
         fits: of the declared model to the corrected outputs.
         temperatures: temperature terms of the declared model of each sensor; None without.
         plain: `fits` without the errors of the effects' coefficients.
-        rows: of each sensor, with the columns of its effects.
+        observations: rows of the declared model.
+        beside: of each sensor, (n, q) columns fitted beside it.
         left_in: of each sensor, candidates that its outputs keep; () where all are taken out of all.
     """
 
@@ -53,7 +54,8 @@ class Estimate:
     fits: tuple[LinearFit, ...]
     temperatures: tuple[Temperature | None, ...]
     plain: tuple[LinearFit, ...]
-    rows: tuple[Rows, ...]
+    observations: Rows
+    beside: tuple[FloatArray, ...]
     left_in: tuple[LeftIn, ...] = ()
 
     @property
@@ -64,24 +66,21 @@ class Estimate:
     @cached_property
     def tables(self) -> tuple[Replication, ...]:
         """Table 2 of each sensor, with the effects removed."""
-        every = zip(self.plain, self.rows, self.corrected, strict=True)
-        return tuple(analyse(fit, rows, output, _beside(rows)) for fit, rows, output in every)
+        every, rows = zip(self.plain, self.beside, self.corrected, strict=True), self.observations
+        return tuple(analyse(fit, rows.beside(extra), output, extra.shape[1]) for fit, extra, output in every)
 
     @property
     def drifts(self) -> bool:
         """Whether replications differ although the effects are removed."""
-        p = [drift_of(rows, output).p for rows, output in zip(self.rows, self.corrected, strict=True)]
+        every, rows = zip(self.beside, self.corrected, strict=True), self.observations
+        p = [drift_of(rows.beside(extra), output).p for extra, output in every]
         return not all(value * len(p) >= DRIFTS for value in p)  # NaN: no point is visited twice, nothing denies it
 
 
 def stated(fitted: Estimate) -> FloatArray:
     """(S,) standard error of an observation of each sensor, V: `sigma_E` of its table."""
-    each = zip(fitted.plain, fitted.rows, strict=True)
-    return np.array([sigma_E(fit, _beside(rows)) for fit, rows in each])
-
-
-def _beside(rows: Rows) -> int:
-    return 0 if rows.extra is None else rows.extra.shape[1]
+    each = zip(fitted.plain, fitted.beside, strict=True)
+    return np.array([sigma_E(fit, extra.shape[1]) for fit, extra in each])
 
 
 def estimate(problem: Problem, chosen: tuple[int, ...], left_in: Sequence[LeftIn] = ()) -> Estimate:
@@ -169,7 +168,7 @@ def _estimate_at(problem: Problem, chosen: tuple[int, ...], level: Level, left_i
         own = [k for k, j in enumerate(picked) if concerns(problem, j)[i] > 0.01 and taken[i, k] > 0]
         extra = np.column_stack([declared.beside(data), effects[i][:, own]])
         plain.append(fit)
-        every.append(data.rows.beside(extra))
+        every.append(extra)
         fits.append(_joint(fit, h, effects[i][:, own], covariance[np.ix_(own, own)]))
         temperatures.append(temperature)
     apart = tuple(j for j, error in zip(chosen, np.diag(covariance), strict=True) if error > 0)
@@ -183,6 +182,7 @@ def _estimate_at(problem: Problem, chosen: tuple[int, ...], level: Level, left_i
         tuple(fits),
         tuple(temperatures),
         tuple(plain),
+        data.rows,
         tuple(every),
         tuple(left_in),
     )

@@ -13,7 +13,7 @@ from scipy import special
 
 from fitter.arrays import FloatArray
 from fitter.effects.entry import Stratum
-from fitter.trace.aliases import Paths, Products, Rival, rivals
+from fitter.trace.aliases import DELTA, Paths, Products, Rival, rivals
 from fitter.trace.chance import ALPHA, Family
 from fitter.trace.signs import SURE, Impossible, Refused
 from procedures.attitude.effects.unnamed import NAMELESS
@@ -116,12 +116,18 @@ class AttitudeJudge:
         group = tuple(j for j in chosen if self.candidates[j].effect.name == effect)
         return self.explanations(group, tuple(j for j in chosen if j not in group))
 
-    def explanations(self, group: tuple[int, ...], rest: tuple[int, ...]) -> tuple[Rival, ...]:
+    def alike(self, chosen: tuple[int, ...], effect: str) -> tuple[Rival, ...]:
+        """The same without most that are not aliases."""
+        group = tuple(j for j in chosen if self.candidates[j].effect.name == effect)
+        return self.explanations(group, tuple(j for j in chosen if j not in group), within=DELTA)
+
+    def explanations(self, group: tuple[int, ...], rest: tuple[int, ...], within: float = np.inf) -> tuple[Rival, ...]:
         """All explanations of what some candidates explain beside the `rest` of the model.
 
         Args:
             group: candidates of one effect or of several; they come back under the name of the first.
             rest: the other candidates in the model.
+            within: see `fitter.trace.aliases.rivals`.
 
         """
         problem, chosen = self.problem, tuple(sorted((*group, *rest)))
@@ -136,7 +142,7 @@ class AttitudeJudge:
             if sensor in where and name not in barred and (name, sensor) not in self.closed
         ]
         products, paths = self._products(estimate(problem, chosen).level, group, rest, named, sigma)
-        found = rivals(problem.candidates, products, group, rest, sensors, named, self.searched, paths)
+        found = rivals(problem.candidates, products, group, rest, sensors, named, self.searched, paths, within)
         reachable = self._reachable(products, found)
         able = [r for r, can in zip(found, reachable, strict=True) if r.effect == effect or can]
         best = min(r.sigmas for r in able if not r.refused)
@@ -279,15 +285,14 @@ class AttitudeJudge:
         both = [u for u in tested if self.problem.judged_at[self.problem.units[u][0]] == "points"]
         scores, price = score(self.problem, chosen, both), self._price
         p, sign = between.p.copy(), between.sign.copy()
-        for u in both:
-            p[u], sign[u] = _together(between, u, scores.p[u], scores.sign[u])
+        p[both], sign[both] = _together(between, both, scores.p[both], scores.sign[both])
         near = tuple(np.flatnonzero(p * price <= ALPHA).tolist())
         again = between_replications(self.problem, self._slow, chosen, gamma, near) if near else between
         for u in near:
             p[u] = again.p[u]
             if self.problem.judged_at[self.problem.units[u][0]] == "points":
                 within = second_thoughts(self.problem, chosen, u, scores, 1.0)
-                p[u], sign[u] = _together(again, u, within, scores.sign[u])
+                p[[u]], sign[[u]] = _together(again, [u], np.array([within]), scores.sign[[u]])
         p = np.where(sign * self._unit_signs < 0, 1.0, p)
         return np.asarray(np.minimum(p * price, 1.0))
 
@@ -315,16 +320,19 @@ class AttitudeJudge:
         return np.where(any_value, sought, given)
 
 
-def _together(between: Between, u: int, within: float, sign: float) -> tuple[float, float]:
-    """P and sign of a unit between and within replications combined: by weight and sign; for several columns by
+def _together(
+    between: Between, units: list[int], within: FloatArray, sign: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """(Q,) p and signs of units between and within replications combined: by weight and sign; for several columns by
     Fisher's method.
 
     Several columns have no sign: 0.
     """
-    p = np.clip([between.p[u], within], np.finfo(float).tiny, 1.0)
-    if between.sign[u] == 0.0:
-        log_product = float(np.sum(np.log(p)))  # the product may be too small for a double
-        return float(np.exp(log_product)) * (1.0 - log_product), 0.0
-    z = -special.ndtri(0.5 * p) * np.sqrt([between.share[u], 1.0 - between.share[u]])
-    signed = z[0] * between.sign[u] + z[1] * sign
-    return float(min(2.0 * special.ndtr(-signed * between.sign[u]), 1.0)), float(np.sign(signed))
+    p = np.clip(np.stack([between.p[units], within]), np.finfo(float).tiny, 1.0)
+    log_product = np.sum(np.log(p), axis=0)  # the product may be too small for a double
+    alone = between.sign[units] != 0.0
+    share = np.where(alone, between.share[units], 0.5)
+    z = -special.ndtri(0.5 * p) * np.sqrt(np.stack([share, 1.0 - share]))
+    signed = z[0] * between.sign[units] + z[1] * sign
+    both = np.minimum(2.0 * special.ndtr(-signed * between.sign[units]), 1.0)
+    return np.where(alone, both, np.exp(log_product) * (1.0 - log_product)), np.where(alone, np.sign(signed), 0.0)

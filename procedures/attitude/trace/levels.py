@@ -29,6 +29,8 @@ Level = Literal["declared", "replications", "points"]
 LEVELS: tuple[Level, ...] = ("declared", "replications", "points")
 COINCIDENCE = 10
 """Degrees of freedom within replications for each of points visited again, from which such visits are coincidences."""
+AT_ONCE = 64
+"""Columns that are added up to points together: scipy copies them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +119,9 @@ class Levels:
             basis = self._basis(level)
             taken = [basis.T @ columns]
             if level == "points":
-                taken.append((self._added @ columns) / np.sqrt(self._visits)[:, None])
+                some = (columns[:, k : k + AT_ONCE] for k in range(0, columns.shape[1], AT_ONCE))
+                sums = np.concatenate([self._added @ one for one in some], axis=1)
+                taken.append(sums / np.sqrt(self._visits)[:, None])
             if beside.shape[1]:
                 taken.append(orthonormal(self.leave(beside, level), np.linalg.norm(beside, axis=0)).T @ columns)
             along = np.concatenate(taken)

@@ -115,6 +115,17 @@ class Problem:
         return tuple(where[j] for j in range(len(self.candidates)))
 
     @cached_property
+    def units_alike(self) -> tuple[tuple[Level, IntArray, IntArray], ...]:
+        """Units of one level and one number of columns q, (m,), and their candidates (m, q)."""
+        groups: dict[tuple[Level, int], list[int]] = {}
+        for u, unit in enumerate(self.units):
+            groups.setdefault((self.judged_at[unit[0]], len(unit)), []).append(u)
+        return tuple(
+            (level, np.array(same, np.int64), np.array([self.units[u] for u in same], np.int64))
+            for (level, _), same in groups.items()
+        )
+
+    @cached_property
     def causes(self) -> tuple[tuple[str, str | None], ...]:
         """(U,) cause of each unit's candidates."""
         return tuple(self.candidates[unit[0]].cause for unit in self.units)

@@ -167,18 +167,21 @@ def score(problem: Problem, chosen: Sequence[int], of: Sequence[int] | None = No
     )
     sigma = errors(problem, chosen)
     levels: tuple[Level, ...] = ("replications", "points")
-    wanted = [u for u in (range(count) if of is None else of) if not set(problem.units[u]) & set(chosen)]
+    able = np.zeros(count, np.bool_)
+    able[list(range(count) if of is None else of)] = True
+    able[[problem.unit_of[j] for j in chosen]] = False
     for level in levels:
-        units = [u for u in wanted if problem.judged_at[problem.units[u][0]] == level]
-        if not units or problem.levels.df(level) <= len(chosen) + 1:
+        if problem.levels.df(level) <= len(chosen) + 1:
             continue
         within = beside(problem, "points", chosen, np.zeros(0, np.int64), sigma).square
-        for size in {len(problem.units[u]) for u in units}:
-            same = [u for u in units if len(problem.units[u]) == size]
-            here = np.array([problem.units[u] for u in same], np.int64)
+        for at, units, candidates in problem.units_alike:
+            wanted = able[units]
+            if at != level or not np.any(wanted):
+                continue
+            same, here = units[wanted], candidates[wanted]
             length2 = np.sum((problem.length[:, here] / sigma[:, None, None]) ** 2, axis=0)
             left = beside(problem, level, chosen, here, sigma)
-            _judge(problem, level, len(chosen), scores, np.array(same), _Units(left, length2), within)
+            _judge(problem, level, len(chosen), scores, same, _Units(left, length2), within)
     return scores
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from itertools import permutations
 
+from fitter.trace.aliases import DELTA
 from fitter.trace.search import names_of
 from procedures.attitude.trace.judge import AttitudeJudge
 
@@ -31,7 +32,7 @@ def _one_for_two(judge: AttitudeJudge, chosen: tuple[int, ...]) -> tuple[int, ..
         if len({judge.problem.judged_at[j] for j in both}) > 1:
             continue
         rest = tuple(j for j in chosen if j not in both)
-        able = [r for r in judge.explanations(both, rest) if r.alias and r.effect != first]
+        able = [r for r in judge.explanations(both, rest, DELTA) if r.alias and r.effect != first]
         if able:
             return (*rest, *min(able, key=lambda rival: rival.sigmas).terms)
     return None

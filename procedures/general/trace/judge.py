@@ -134,6 +134,10 @@ class TableJudge:
         at = self.beside(chosen).best
         return rivals(self.candidates, self.view(at), self.white(at, chosen), chosen, effect)
 
+    def alike(self, chosen: tuple[int, ...], effect: str) -> tuple[Rival, ...]:
+        """The same: a table has few candidates."""
+        return self.rivals(chosen, effect)
+
     def lead(self, found: Sequence[Rival]) -> Rival:
         """The most probable of the indistinguishable explanations, with the price of columns by Schwarz's criterion.
         Among about equally probable ones the first in the catalogue.

@@ -10,10 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitter.arrays import FloatArray
-from fitter.trace.aliases import PER_COLUMN, Products, Rival, rivals, simplest
+from fitter.trace.aliases import DELTA, PER_COLUMN, Products, Rival, rivals, simplest
 from fitter.trace.chance import ALPHA
 from fitter.trace.signs import SURE, Impossible
-from fitter.trace.whitened import Whitened
 from procedures.pressure.trace.null import Families
 from procedures.pressure.trace.problem import Candidate, Problem
 from procedures.pressure.trace.score import NOTHING_LEFT, Beside, Scores, beside, score
@@ -98,6 +97,13 @@ class WholePlotJudge:
         """All explanations for the terms of `effect` among `chosen`, in their stratum. Terms of the effect supported by
         the other stratum are kept with every explanation.
         """
+        return self._rivals(chosen, effect, np.inf)
+
+    def alike(self, chosen: tuple[int, ...], effect: str) -> tuple[Rival, ...]:
+        """The same without most that are not aliases."""
+        return self._rivals(chosen, effect, DELTA)
+
+    def _rivals(self, chosen: tuple[int, ...], effect: str, within: float) -> tuple[Rival, ...]:
         problem, every = self.problem, np.arange(len(self.candidates))
         named = tuple(j for j in chosen if problem.candidates[j].effect.name == effect)
         level = problem.judged_at[named[0]]
@@ -108,16 +114,16 @@ class WholePlotJudge:
         able_to = [j for j, c in enumerate(self.candidates) if c.sensor is None or c.sensor in sensors]
         mine = problem.within(level, able_to)
         stratum, error = beside(problem, level, rest, mine), beside(problem, level, chosen, ()).sigma
-        scale = (stratum.sigma / error)[:, None]
         scores = score(problem, rest, mine.tolist())
         able = (self._possible(scores) | self.wrong(scores) | np.isin(every, group))[mine]
         able &= self._left(level, stratum, mine)
-        columns = np.where(able, stratum.white.columns * scale[:, :, None], 0.0)
-        white = Whitened(stratum.white.outputs * scale, columns)
         elsewhere = tuple(j for j in named if j not in group)
         searched = {e.name for c in self.candidates if (e := c.effect).searched and (len(sensors) == 1 or not c.sensor)}
-        products = replace(Products.of(white).among(mine, every.size), signs=self.signs)
-        found = rivals(problem.candidates, products, group, rest, sensors, searched=searched)
+        whole = Products.of(stratum.white, (stratum.sigma / error) ** 2)
+        whole = replace(whole, columns=whole.columns * np.outer(able, able), outputs=whole.outputs * able)
+        products = replace(whole.among(mine, every.size), signs=self.signs)
+        own = self._tried(Rival(effect, group, 0.0, effect in searched))
+        found = rivals(problem.candidates, products, group, rest, sensors, searched=searched, within=within + own)
         price = np.array([rival.sigmas**2 + self._tried(rival) for rival in found])
         least = min(p for p, rival in zip(price.tolist(), found, strict=True) if not rival.refused)
         price = np.maximum(price, least)
@@ -154,4 +160,5 @@ class WholePlotJudge:
     def _left(self, level: Level, stratum: Beside, mine: NDArray[np.int64]) -> NDArray[np.bool_]:
         """(q,) those of the candidates `mine` of a level that have a sufficient remainder beside the others."""
         length = np.linalg.norm(self.problem.length_at[level][:, mine] / stratum.sigma[:, None], axis=0)
-        return np.asarray(np.linalg.norm(stratum.white.columns, axis=(0, 1)) > NOTHING_LEFT * length)
+        left = np.sqrt(np.einsum("smj,smj->j", stratum.white.columns, stratum.white.columns))
+        return np.asarray(left > NOTHING_LEFT * length)

@@ -22,7 +22,8 @@ from procedures.pressure.trace.problem import Problem
 from procedures.pressure.trace.score import NOTHING_LEFT, beside
 from procedures.pressure.trace.strata import LEVELS, Level
 
-_T = np.linspace(0.0, 40.0, 4001)
+_PER_T = 100
+_T = np.arange(40 * _PER_T + 1) / _PER_T
 """Scores for interpolation of p: 20,000 draws do not determine more."""
 OF_THE_LEVEL: Mapping[Level, float] = {"whole-plot": 2 / 3, "subplot": 1 / 3}
 
@@ -129,10 +130,14 @@ def _least(
         df: degrees of freedom of that.
         judged_with: those used for p.
     """
-    smallest, log_p = np.zeros(len(square)), np.log(2.0 * special.stdtr(max(judged_with - 1.0, 1.0), -_T))
+    p = 2.0 * special.stdtr(max(judged_with - 1.0, 1.0), -_T)
+    smallest, log_p = np.zeros(len(square)), np.log(np.maximum(p, np.finfo(float).tiny))
+    slope = np.append(np.diff(log_p) / np.diff(_T), 0.0)  # flat beyond the last
     for part in np.unique(share):
         of = drawn[share == part]
         largest = np.maximum(of.max(axis=0), -of.min(axis=0)).astype(np.float64)
         error = np.sqrt(np.maximum(square - largest**2, np.finfo(float).tiny) / (df - 1.0))
-        smallest = np.minimum(smallest, np.interp(largest / error, _T, log_p) - np.log(part))
+        score = largest / error
+        at = np.minimum(score * _PER_T, _T.size - 1.0).astype(np.int64)
+        smallest = np.minimum(smallest, log_p[at] + slope[at] * (score - _T[at]) - np.log(part))
     return np.asarray(np.exp(smallest))

@@ -137,7 +137,7 @@ class Problem:
         readings, means = np.zeros((2, len(self.sensors), len(self.candidates)))
         for i, (strata, mine) in enumerate(zip(self.strata, self._concerned, strict=True)):
             of_means = self._means[i][:, 1:]
-            readings[i, mine] = np.linalg.norm(strata.whiten(self.raw[i][:, mine]), axis=0)
+            readings[i, mine] = np.linalg.norm(strata.whiten(self._own[i][:, 1:]), axis=0)
             means[i, mine] = np.linalg.norm(of_means * strata.precision[:, None], axis=0)
         return {"subplot": readings, "whole-plot": means}
 
@@ -145,8 +145,8 @@ class Problem:
     def judged_at(self) -> tuple[Level, ...]:
         """For each candidate the level of its test: its own stratum's, if it varies there."""
         varies = np.zeros(len(self.candidates), bool)
-        for strata, raw, mine in zip(self.strata, self.raw, self._concerned, strict=True):
-            varies[mine] |= strata.varies_within(raw[:, mine])
+        for strata, own, mine in zip(self.strata, self._own, self._concerned, strict=True):
+            varies[mine] |= strata.varies_within(own[:, 1:])
         return tuple(
             "subplot" if varies[j] and c.effect.stratum == "subplot" else "whole-plot"
             for j, c in enumerate(self.candidates)
@@ -215,17 +215,21 @@ class Problem:
         count = self.outputs.shape[1] if level == "subplot" else int(self.whole_plot.max()) + 1
         outputs, columns = np.zeros((len(self.sensors), count)), np.zeros((len(self.sensors), count, self.raw.shape[2]))
         for i, (strata, mine) in enumerate(zip(self.strata, self._concerned, strict=True)):
-            both = np.column_stack([self.outputs[i], self.raw[i][:, mine]])
-            left = strata.leave(both, level, self._means[i])
+            left = strata.leave(self._own[i], level, self._means[i])
             outputs[i], columns[i][:, mine] = left[:, 0], left[:, 1:]
         return Stratum(outputs, columns, np.array([float(strata.df(level)) for strata in self.strata]))
 
     @cached_property
     def _means(self) -> tuple[FloatArray, ...]:
         """(W, q + 1) `Strata.means` of each transducer's output and of its candidates."""
+        return tuple(strata.means(own) for strata, own in zip(self.strata, self._own, strict=True))
+
+    @cached_property
+    def _own(self) -> tuple[FloatArray, ...]:
+        """(n, q + 1) each transducer's output and its candidates."""
         return tuple(
-            strata.means(np.column_stack([y, raw[:, mine]]))
-            for strata, y, raw, mine in zip(self.strata, self.outputs, self.raw, self._concerned, strict=True)
+            np.column_stack([y, raw[:, mine]])
+            for y, raw, mine in zip(self.outputs, self.raw, self._concerned, strict=True)
         )
 
     @cached_property
