@@ -66,6 +66,11 @@ def in_several(sensors: Sequence[str]) -> str:
     return f"{', '.join(sensors)} show it at once, each with its own coefficient: a common cause would look like this"
 
 
+def shown_by_another(sensor: str, place: str) -> str:
+    """Sentence about a shape without a name that another sensor follows at the same time."""
+    return f"{sensor} follows a shape without a name, {place}, and not this: one cause of both would look like this"
+
+
 def beside(stronger: str) -> str:
     """Sentence about a stronger effect of a similar shape."""
     return f"it is small compared with {stronger}, and a small error in the law of {stronger} would look like this"

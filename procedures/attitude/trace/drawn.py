@@ -16,7 +16,17 @@ from fitter.trace.shape import Axis, Name, Seen, Shape, shape_of, standing_for
 from procedures.attitude.effects import Scene
 from procedures.attitude.trace.levels import Level
 from procedures.attitude.trace.nameless import Left, Nameless
-from procedures.attitude.trace.places import ALONG_REPLICATION, ALONG_RUN, Place, between_replications
+from procedures.attitude.trace.places import (
+    AFTER_A_TIP,
+    ALONG_REPLICATION,
+    ALONG_RUN,
+    ALONG_TIMES_GRAVITY,
+    FADING,
+    TIPPED,
+    Place,
+    between_replications,
+    tipped,
+)
 from procedures.attitude.trace.problem import AT_ONCE, raw_columns
 
 STRATA: dict[Level, str] = {"declared": "replication", "replications": "between-point", "points": "within-point"}
@@ -167,13 +177,15 @@ def axes_of(scene: Scene, place: str, i: int) -> tuple[Axis, Axis | None] | None
     hours = Axis("elapsed_s", "bench time", "h", data.elapsed_s / 3600.0)
     gravity = Axis("gravity", "gravity along the sensor", "g", scene.along(data.sensors[i]), settable=True)
     number = Axis("replicate", "replication", "", data.replicates[data.replicate_index].astype(np.float64))
+    since = Axis("since_s", "time in the replication", "h", _since(scene))
     known: dict[str, tuple[Axis, Axis | None]] = {
         "over the pitch angle": (pitch, None),
         "over gravity along the sensor": (gravity, None),
         "package: an error of pitch over the pitch angle": (pitch, roll),
         ALONG_RUN: (hours, None),
         "along the run, times gravity": (hours, gravity),
-        ALONG_REPLICATION: (Axis("since_s", "time in the replication", "h", _since(scene)), None),
+        ALONG_REPLICATION: (since, None),
+        ALONG_TIMES_GRAVITY: (since, gravity),
         "package: an error of pitch along the run": (hours, pitch),
         "with an offset of each replication": (number, None),
         "with a sensitivity of each": (number, gravity),
@@ -194,9 +206,12 @@ def axes_of(scene: Scene, place: str, i: int) -> tuple[Axis, Axis | None] | None
     for name, over, side in sides:
         of = Axis(f"{name}_side", "side of approach", "", side.astype(np.float64), settable=True)
         known[f"over the side from which {name} was approached"] = (over, of)
+    for text, axis in TIPPED.items():
+        across = Axis("gravity_along", f"gravity along {text}", "g", tipped(scene, axis), settable=True)
+        known[AFTER_A_TIP + text] = (across, gravity)
     moved = [one for one in moves if np.ptp(one.values) > 0]
     if moved:
-        known["over the move before"] = (moved[0], moved[1] if len(moved) > 1 else None)
+        known["over the move before"] = known[FADING] = (moved[0], moved[1] if len(moved) > 1 else None)
     if data.sensor_temperature_degC is not None:
         warm = Axis("sensor_temperature_degC", "sensor temperature", "degC", data.sensor_temperature_degC, True)
         known |= {"over the temperature": (warm, None), "over the temperature, times gravity": (warm, gravity)}

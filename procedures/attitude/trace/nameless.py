@@ -14,7 +14,7 @@ from fitter.arrays import FloatArray
 from fitter.linear import orthonormal
 from fitter.trace.doubts import BUNDLE, DOUBT, EARNED, bundle, in_several, no_better, several_values, something_left
 from fitter.trace.flexible import Remainder, evidence, evidence_of, remainders, tried
-from fitter.trace.lines import Line, lines
+from fitter.trace.lines import CLEAR, Line, lines
 from fitter.trace.search import names_of
 from procedures.attitude.trace.estimate import concerns
 from procedures.attitude.trace.levels import LEVELS, Level
@@ -169,6 +169,8 @@ class Nameless:
                 found = self._left_beside(name, level)
                 if found is not None:
                     out[name] = something_left(found.place.block.place, found.p)
+                elif self._common(name) and (period := self._period) is not None:
+                    out[name] = something_left(period.where, period.p)
             if len(names) >= BUNDLE:
                 out |= {name: bundle(names) for name in names if name not in out}
             for one, other in self._over_one_angle(names):
@@ -196,7 +198,7 @@ class Nameless:
 
     def _values_of(self, name: str) -> int:
         """Number of values of its searched constant on one sensor, if it is too many for one cause; else 0."""
-        mine = [j for j in self.chosen if self.problem.candidates[j].effect.name == name]
+        mine = self._of(name)
         effect = self.problem.candidates[mine[0]].effect
         units = {(self.problem.candidates[j].sensor, self.problem.unit_of[j]) for j in mine}
         most = max(sum(one == sensor for one, _ in units) for sensor, _ in units)
@@ -204,17 +206,31 @@ class Nameless:
 
     def _own_of(self, name: str) -> tuple[str, ...]:
         """Sensors that have an effect each for itself, unless it follows the temperature, which all may do."""
-        mine = [c for j in self.chosen if (c := self.problem.candidates[j]).effect.name == name]
+        mine = [self.problem.candidates[j] for j in self._of(name)]
         if mine[0].effect.source not in ("sensor", "time"):
             return ()
         return tuple(dict.fromkeys(c.sensor for c in mine if c.sensor is not None))
 
+    def _common(self, name: str) -> bool:
+        """Whether it is one cause of all sensors: what one of them still follows, it may be a part of."""
+        return any(self.problem.candidates[j].sensor is None for j in self._of(name))
+
+    def _of(self, name: str) -> list[int]:
+        """Candidates in the model of one name."""
+        return [j for j in self.chosen if self.problem.candidates[j].effect.name == name]
+
+    @cached_property
+    def _period(self) -> Line | None:
+        """The clearest period that a sensor's residual still has."""
+        every = [one for one in self.lines if one is not None and one.p < CLEAR]
+        return min(every, key=lambda one: one.p, default=None)
+
     def _left_beside(self, name: str, level: Level) -> Left | None:
         problem = self.problem
-        mine = [j for j in self.chosen if problem.candidates[j].effect.name == name]
+        mine = self._of(name)
         shown = np.flatnonzero(sum((concerns(problem, j) for j in mine), np.zeros(len(problem.sensors))) > 0.1)
-        found = [left for i in shown.tolist() if (left := self.left_in(i, level)) is not None and left.p < DOUBT]
-        return min(found, key=lambda one: one.p, default=None)
+        at = [one for one in self.left if one.p < DOUBT and (one.place.level == level or one.place.remembers)]
+        return next((x for x in at if any(x.place.sensor in (None, i) and x.shows_in(i) for i in shown.tolist())), None)
 
     @cached_property
     def _groups(self) -> tuple[tuple[Level, tuple[str, ...]], ...]:
@@ -224,7 +240,7 @@ class Nameless:
         for level in LEVELS[1:]:
             groups: list[tuple[set[str], set[int]]] = []
             for name in names_of(problem.candidates, self.chosen):
-                mine = [j for j in self.chosen if problem.candidates[j].effect.name == name]
+                mine = self._of(name)
                 if self.level_of(name) != level:
                     continue
                 where = set(np.flatnonzero(np.max([concerns(problem, j) for j in mine], axis=0) > 0.05).tolist())
@@ -275,9 +291,10 @@ class Nameless:
         for place in (*self.places, *(between_replications(problem.scene) if level == "declared" else ())):
             if place.level == of:
                 by_text.setdefault(place.block.place, {})[place.sensor] = place
-        best, where = -np.inf, ""
+        alike = {text: next(iter(at.values())).alternatives for text, at in by_text.items()}
+        kinds, best, where = sum(1.0 / count for count in alike.values()), -np.inf, ""
         for text, at in by_text.items():
-            total = -float(np.log(len(by_text)))
+            total = -float(np.log(kinds * alike[text]))
             for i, place in at.items():
                 if i is None or i in sensors:
                     rows = slice(None) if i is None else slice(i * n, (i + 1) * n)

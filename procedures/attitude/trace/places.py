@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from fitter.arrays import FloatArray, IntArray
 from fitter.trace.flexible import Block, orders_of, turns, waves
+from fitter.trace.latches import faded, latches
 from procedures.attitude.effects import Scene
 from procedures.attitude.trace.levels import Level
 
@@ -18,6 +19,23 @@ PITCH, ROLL, TIME, TEMPERATURE, GRAVITY = 8, 6, 12, 5, 12
 BOTH = 4
 """Maximum number of waves of pitch and of roll in their products."""
 ALONG_RUN, ALONG_REPLICATION = "along the run", "along each replication"
+ALONG_TIMES_GRAVITY = "along each replication, times gravity"
+TIPPED = {
+    "x": (1.0, 0.0, 0.0),
+    "y": (0.0, 1.0, 0.0),
+    "z": (0.0, 0.0, 1.0),
+    "x + y": (1.0, 1.0, 0.0),
+    "x - y": (1.0, -1.0, 0.0),
+    "x + z": (1.0, 0.0, 1.0),
+    "x - z": (1.0, 0.0, -1.0),
+    "y + z": (0.0, 1.0, 1.0),
+    "y - z": (0.0, 1.0, -1.0),
+}
+"""Directions in the package along which something loose may tip."""
+AFTER_A_TIP = "after the last strong tip along "
+MEMORIES = (0.3, 4.0, 16.0)
+"""How long the attitudes before are remembered, in usual times from row to row."""
+FADING = "after the attitudes before, as they fade"
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +47,7 @@ class Place:
         level: level of its judgement.
         sensor: its index; None for all.
         count: number of sensors.
+        alternatives: number of places that differ only in a direction that is searched.
 
     """
 
@@ -36,11 +55,17 @@ class Place:
     level: Level
     sensor: int | None
     count: int
+    alternatives: int = 1
 
     @property
     def in_time(self) -> bool:
         """Whether it is a smooth change of the offset, similar to a random walk."""
         return self.block.place in (ALONG_RUN, ALONG_REPLICATION)
+
+    @property
+    def remembers(self) -> bool:
+        """Whether it is of the rows before, as hysteresis and settling are, wherever it is judged."""
+        return self.block.place == FADING or self.block.place.startswith(AFTER_A_TIP)
 
 
 def places_of(scene: Scene) -> tuple[Place, ...]:
@@ -51,14 +76,17 @@ def places_of(scene: Scene) -> tuple[Place, ...]:
         ("points", _within_points),
     )
     for level, make in makers:
-        for place, columns, rough in make(scene):
+        made = make(scene)
+        tips = sum(place.startswith(AFTER_A_TIP) for place, _, _ in made)
+        for place, columns, rough in made:
             each = [columns(i) for i in range(len(scene.data.sensors))]
             at: list[tuple[int | None, FloatArray]] = list(enumerate(each))
             if place.startswith("package"):
                 at = [(None, np.concatenate(each))]
             for i, own in at:
                 orders = orders_of(own, (3, 6, 12, 40) if level == "replications" else (3, 6, 12))
-                found.append(Place(Block(place, own, orders, rough[: own.shape[1]]), level, i, len(each)))
+                alike = tips if place.startswith(AFTER_A_TIP) else 1
+                found.append(Place(Block(place, own, orders, rough[: own.shape[1]]), level, i, len(each), alike))
     return tuple(found)
 
 
@@ -109,7 +137,41 @@ def _between_points(scene: Scene) -> list[_Made]:
             ),
             ("over pitch and roll", lambda _i: both[0], both[1]),
         ]
-    return found
+    return [*found, *_tipped(scene), *_faded(scene)]
+
+
+def _tipped(scene: Scene) -> Iterator[_Made]:
+    """Latches of gravity along directions of the package, alone and times gravity along each sensor."""
+    data = scene.data
+    executed, known = np.lexsort((data.order, data.replicate_index)), list[FloatArray]()
+    for text, axis in TIPPED.items():
+        state = latches(tipped(scene, axis), executed)
+        if np.any(state) and not any(np.array_equal(state, one) for one in known):
+            known.append(state)
+            both = [np.column_stack([state, _times(scene.along(sensor), state)]) for sensor in data.sensors]
+            yield AFTER_A_TIP + text, partial(_of_each, both), np.ones(both[0].shape[1])
+
+
+def _faded(scene: Scene) -> Iterator[_Made]:
+    """Gravity along the package's axes in rows before, less that of this row; and how far the axes moved before it."""
+    data, executed = scene.data, np.lexsort((scene.data.order, scene.data.replicate_index))
+    stretches = np.split(executed, np.flatnonzero(np.diff(data.replicate_index[executed])) + 1)
+    waits = np.concatenate([np.diff(data.elapsed_s[rows]) for rows in stretches])
+    if not np.any(waits > 0.0):
+        return
+    usual = float(np.median(waits[waits > 0.0]))
+    moved = [np.abs(data.pitch_deg - data.previous_pitch_deg)]
+    if scene.roll:
+        moved.append(np.abs(_wrapped(data.roll_deg - data.previous_roll_deg)))
+    every = np.column_stack([scene.g, *(one / max(float(one.max()), 1.0) for one in moved)])
+    each = [faded(every, data.elapsed_s, stretches, tau * usual) - every for tau in MEMORIES]
+    columns = np.column_stack([each[0][:, :3], *each[1:]])
+    yield FADING, lambda _i: columns, np.ones(columns.shape[1])
+
+
+def tipped(scene: Scene, axis: tuple[float, float, float]) -> FloatArray:
+    """(n,) gravity along a direction in the package, in g."""
+    return np.asarray(scene.g @ (np.array(axis) / np.linalg.norm(axis)))
 
 
 def _within_points(scene: Scene) -> list[_Made]:
@@ -120,6 +182,7 @@ def _within_points(scene: Scene) -> list[_Made]:
         (ALONG_RUN, lambda _i: time, _rough(time)),
         ("along the run, times gravity", lambda _i: _times3(g, time[:, :6]), np.repeat(_rough(time[:, :6]), 3)),
         (ALONG_REPLICATION, lambda _i: since, _rough(since)),
+        (ALONG_TIMES_GRAVITY, lambda _i: _times3(g, since[:, :3]), np.repeat(_rough(since[:, :3]), 3)),
         ("package: an error of pitch along the run", lambda i: _times(scene.per_pitch(sensors[i]), time), _rough(time)),
     ]
     if scene.roll:
@@ -165,6 +228,10 @@ def _within_points(scene: Scene) -> list[_Made]:
 
 def _same(columns: FloatArray, _i: int) -> FloatArray:
     return columns
+
+
+def _of_each(columns: Sequence[FloatArray], i: int) -> FloatArray:
+    return columns[i]
 
 
 def _rough(columns: FloatArray) -> FloatArray:

@@ -288,11 +288,11 @@ class Nameless:
         picked = (view.picked([j for j in mine if candidates[j].effect.name == name]) for name in names)
         own = (view.columns[:, some] for some in picked)
         named = evidence_of(y, (some - taken @ (taken.T @ some) for some in own)) - sum(map(self._price, names))
-        best, where = -np.inf, ""
+        kinds, best, where = sum(1.0 / place.alternatives for place in self.places), -np.inf, ""
         for place in self.places:
             columns = self.white(place.block.columns, at)
             columns = columns - taken @ (taken.T @ columns)
-            total = evidence(y, columns, place.block.roughness) - float(np.log(len(self.places)))
+            total = evidence(y, columns, place.block.roughness) - float(np.log(kinds * place.alternatives))
             if total > best:
                 best, where = total, place.block.place
         return float(named), float(best), where

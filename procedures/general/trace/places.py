@@ -10,7 +10,8 @@ import numpy as np
 
 from fitter.arrays import FloatArray, IntArray
 from fitter.trace.flexible import Block, orders_of, turns, waves
-from procedures.general.effects.scene import TableScene, at_levels, is_angle
+from fitter.trace.latches import latches
+from procedures.general.effects.scene import Grouping, TableScene, at_levels, is_angle
 from procedures.general.effects.time_columns import lagging
 
 OVER, TIME, BESIDE = 12, 12, 6
@@ -23,6 +24,10 @@ PAIRS = 8
 """Maximum number of pairs of variables."""
 LEVELS, FEWEST_CHANGES, STAYS = 8, 2, 4
 """A variable that stays for a while: its most levels, its fewest changes, its fewest rows at one level on average."""
+FEWEST_CHANGED = 6
+"""Fewest rows in which something has just changed, and in which it has not."""
+PRACTICE = 2
+"""Waves over how often the same level of a group had its turn before."""
 PER_COLUMN = 4
 """Minimum number of rows for each column of a block."""
 
@@ -36,6 +41,7 @@ class Place:
         variables: variables of the table in these columns.
         curve: the variable of a curve; None for other shapes.
         timed: whether it uses the order of rows.
+        alternatives: number of places that differ only in the level that is picked.
 
     """
 
@@ -43,6 +49,7 @@ class Place:
     variables: frozenset[str]
     curve: str | None = None
     timed: bool = False
+    alternatives: int = 1
 
 
 def places_of(scene: TableScene, group: IntArray | None) -> tuple[Place, ...]:
@@ -90,6 +97,12 @@ def _in_time(scene: TableScene, group: IntArray | None) -> Iterator[Place]:
     for name, since in _since_changes(scene, group):
         columns = waves(since, _most(t, BESIDE))
         yield _place(f"over {time.name} since {name} changed", columns, _rough(columns), {time.name, name}, timed=True)
+    for name, v in scene.variables.items():
+        state = latches(v, np.arange(len(v)))
+        if np.any(state):
+            block = Block(f"after the last extreme of {name}", state, (state.shape[1],), np.ones(state.shape[1]))
+            yield Place(block, frozenset({name}), timed=True)
+    yield from _of_changes(scene)
     gap = np.diff(t)
     for name, v in scene.settings.items():
         if np.ptp(v) == 0 or not np.any(gap > 0):
@@ -105,6 +118,22 @@ def _in_time(scene: TableScene, group: IntArray | None) -> Iterator[Place]:
             own = np.column_stack([lagging(u, gap, tau, stood) - u for tau in constants])
             block = Block(f"over earlier {name}", own, orders_of(own, (1, 2, MEMORIES)), np.ones(MEMORIES))
             yield Place(block, frozenset({name}), timed=True)
+
+
+def _of_changes(scene: TableScene) -> Iterator[Place]:
+    """Rows in which a group, a text, a direction or a number of few levels has just changed; times other numbers."""
+    groups = {**scene.groups, **scene.labels}
+    kinds: dict[str, IntArray | FloatArray] = {name: g.index for name, g in groups.items() if not g.declared}
+    kinds |= {name: v for name, v in scene.covariates.items() if len(np.unique(v)) <= LEVELS}
+    if scene.direction is not None:
+        kinds[scene.direction[0]] = scene.direction[1]
+    for name, v in kinds.items():
+        just = _changes(v).astype(np.float64)
+        if FEWEST_CHANGED <= just.sum() <= len(just) - FEWEST_CHANGED:
+            numbers = [_centred(of) for other, of in scene.variables.items() if other != name and np.ptp(of) > 0]
+            own = just[:, None] * np.column_stack([np.ones(len(just)), *numbers[:BESIDE]])
+            text = f"in rows where {name} has just changed"
+            yield _place(text, own, np.ones(own.shape[1]), {name}, timed=True)
 
 
 def _since_changes(scene: TableScene, group: IntArray | None) -> Iterator[tuple[str, FloatArray]]:
@@ -144,10 +173,28 @@ def _of_groups(scene: TableScene) -> Iterator[Place]:
             continue
         own = g.indicators[:, 1:]
         yield Place(Block(f"over {name}", own, (own.shape[1],), np.ones(own.shape[1])), frozenset({name}))
+        if scene.time is not None and not scene.time.presumed and len(g.levels) <= LEVELS:
+            yield from _of_practice(name, g)
         for setting, v in scene.settings.items():
             both = own * _centred(v)[:, None]
             place = Block(f"over {name} and {setting}", both, (both.shape[1],), np.ones(both.shape[1]))
             yield Place(place, frozenset({name, setting}))
+
+
+def _of_practice(name: str, g: Grouping) -> Iterator[Place]:
+    """Each level's offset, and one level that changes the more often it had its turn."""
+    smooth = waves(practice(g.index), PRACTICE)
+    for level, rows in zip(g.levels, g.indicators.T, strict=True):
+        both = np.column_stack([g.indicators[:, 1:], rows[:, None] * smooth])
+        text = f"over {name}, and over how often {level} had its turn before"
+        block = Block(text, both, (both.shape[1],), np.ones(both.shape[1]))
+        yield Place(block, frozenset({name}), timed=True, alternatives=len(g.levels))
+
+
+def practice(index: IntArray) -> FloatArray:
+    """(n,) logarithm of the number of rows of the same level up to a row: what a person or a part has got used to."""
+    own = index[:, None] == np.arange(int(index.max()) + 1)
+    return np.asarray(np.log(np.cumsum(own, axis=0)[np.arange(len(index)), index]))
 
 
 def _of_pairs(scene: TableScene) -> Iterator[Place]:

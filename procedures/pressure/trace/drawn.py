@@ -125,6 +125,7 @@ def axes_of(scene: PressureScene, place: str) -> tuple[Axis, Axis | None] | None
         "with the sensitivity, over the electronics' temperature": (pressure, sse),
         "over the side from which a pressure was reached": (pressure, side),
         "after the pressures before": (change, None),
+        "after the last extreme of the pressure": (pressure, change),
         "along each whole plot": (since, None),
         "along each whole plot, times the pressure": (since, pressure),
         "along each whole plot, times the step of the transducer's temperature before it": (since, steps["sensor"]),

@@ -9,6 +9,7 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.trace.flexible import Block, orders_of, waves
+from fitter.trace.latches import latches
 from procedures.pressure.effects.scene import PressureScene
 from procedures.pressure.trace.strata import Level
 
@@ -64,6 +65,9 @@ def _within(scene: PressureScene) -> Iterator[Place]:
     change = scene.change_psia
     moved = np.column_stack([change, *(scene.behind(tau) for tau in REMEMBERED_H), waves(change, 4), np.abs(change)])
     yield _place("after the pressures before", "subplot", (moved, np.ones(moved.shape[1])), line=True)
+    state = latches(scene.p, np.argsort(data.order, kind="stable"))
+    if np.any(state):
+        yield _place("after the last extreme of the pressure", "subplot", (state, np.ones(state.shape[1])), line=True)
     since = waves(scene.since_h, TIME)
     yield _place("along each whole plot", "subplot", (since, _rough(since)), line=True)
     yield _place("along each whole plot, times the pressure", "subplot", (slope * since, _rough(since)), line=True)

@@ -31,6 +31,7 @@ from procedures.pressure.trace.judge import WholePlotJudge
 from procedures.pressure.trace.nameless import Nameless
 from procedures.pressure.trace.noise_report import noise_findings
 from procedures.pressure.trace.problem import Problem
+from procedures.pressure.trace.reasons import UNEXPLAINED, of_another
 from procedures.pressure.trace.remainder import (
     lack_of_fit,
     reading_error_pct,
@@ -45,8 +46,6 @@ from procedures.pressure.trace.smooth import smoothest
 from procedures.pressure.trace.some_plots import in_some_plots
 from procedures.pressure.trace.strata import Level
 
-UNEXPLAINED = 1e-3
-"""Probability of lack of fit below which a remainder is reported."""
 DIFFERENT = 0.01
 """Coefficients of all transducers that agree with more than this probability are called equal."""
 
@@ -174,6 +173,7 @@ def _doubt(finding: Finding, effect: FoundPressureEffect, i: int) -> str | None:
     """
     every = (_doubt_in(finding, effect.effect, k) for k in (i, *range(len(finding.judge.problem.sensors))))
     said = next((text for text in every if text is not None), _alike_laws(finding, effect.effect))
+    said = said or of_another(finding.nameless, effect.effect, i)
     if said is None and _stays_in(finding, effect, i):
         return error_rises()
     return said or by_chance(effect.p_adjusted)

@@ -1,0 +1,25 @@
+"""A reason for doubt about a name of one transducer: what another one follows at the same time."""
+
+from __future__ import annotations
+
+from fitter.trace.doubts import shown_by_another
+from procedures.pressure.trace.nameless import Nameless
+from procedures.pressure.trace.strata import LEVELS
+
+UNEXPLAINED = 1e-3
+"""Probability of a remainder, over all that is tried, below which it is said."""
+
+
+def of_another(nameless: Nameless, name: str, i: int) -> str | None:
+    """Doubt about a name of transducer `i` where another one, without it, follows a shape in the same stratum.
+
+    They are of one make and on one line, so that one cause of both is likelier than two.
+    """
+    sensors = nameless.problem.sensors
+    for level in LEVELS:
+        having = [k for k in range(len(sensors)) if name in nameless.names_in(k, level)]
+        for k in range(len(sensors)):
+            left = nameless.left_in(k, level) if i in having and k not in having else None
+            if left is not None and left.p < UNEXPLAINED:
+                return shown_by_another(sensors[k], left.place.block.place)
+    return None
