@@ -232,10 +232,11 @@ def orthonormal(
     if used.shape[1] == 1:  # most calls, and the general way takes five times as long
         size = float(np.linalg.norm(used))
         return used / size if size > tolerance else used[:, :0]
-    # as scipy.linalg.qr with pivoting does, whose preparations take as long as this for a few columns
-    work = int(dgeqp3(used, lwork=-1)[3][0])
+    # as scipy.linalg.qr with pivoting does, whose preparations take as long as this for a few columns; a question for
+    # the size of the work changes no array, but without `overwrite_a` it copies it
+    work = int(dgeqp3(used, lwork=-1, overwrite_a=True)[3][0])
     reflected, _, tau, _, _ = dgeqp3(used, lwork=work, overwrite_a=True)
     rank = int(np.sum(np.abs(np.diag(reflected)) > tolerance))
     square = reflected[:, : min(used.shape)]
-    work = int(dorgqr(square, tau, lwork=-1)[1][0])
+    work = int(dorgqr(square, tau, lwork=-1, overwrite_a=True)[1][0])
     return np.asarray(dorgqr(square, tau, lwork=work, overwrite_a=True)[0][:, :rank])

@@ -55,6 +55,7 @@ class Bench:
         standards: factor from the reading of its reference standard, by factor.
         answered: last identities of the instruments.
         person: a simulated person; None where real people are asked.
+        forecast: whether only times are wanted of it: then it is looked at less often while something settles.
     """
 
     config: BenchConfig
@@ -69,6 +70,7 @@ class Bench:
     standards: Mapping[str, Callable[[float], float]] = field(init=False)
     answered: dict[str, Identity] = field(init=False, default_factory=dict)
     person: Person | None = field(init=False, default=None)
+    forecast: bool = field(init=False, default=False)
 
     def __post_init__(self) -> None:
         limits, factors = self.config.limits, self.config.factors

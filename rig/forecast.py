@@ -1,11 +1,13 @@
 """Forecast of the end of a run, with its uncertainty, by a rehearsal.
 
-The first points of the run list are run dry, on twins with the bench file's own speeds and settings. The rest is
-extrapolated. A rehearsal does not show repeats, retries and interruptions; a stated allowance covers them.
+The first points of the run list are run dry, on twins with the bench file's own speeds and settings. They are looked at
+less often than in a run while something is far from settled. The rest is extrapolated. A rehearsal does not show
+repeats, retries and interruptions; a stated allowance covers them.
 """
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import statistics
 import tempfile
@@ -14,13 +16,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from drivers.clock import Clock
 from drivers.roles import Chamber, Source
 from procedures.by_hand import ALLOWANCE_H, HandStep
 from procedures.column_names import unit_of
 from procedures.run_list import RunList
+from rig.bench import Bench
 from rig.bench_file import playing
 from rig.config import FOLLOWS_S, BenchConfig
-from rig.controller import Result, Site, start_run
+from rig.controller import Result, Site, opened, start_run
 from rig.engine.pace import Pace, follows_s
 from rig.engine.session import Outcome, Progress, Signals
 from rig.errors import RigError
@@ -133,6 +137,14 @@ def _at_rest(result: Result) -> str:
     return "\nnothing had been set yet: the limits have to include the value at rest, before the first setting"
 
 
+@contextlib.contextmanager
+def _for_forecast(plan: Plan, *, start: float = 0.0) -> Iterator[tuple[Bench, Clock, str]]:
+    """The bench of a rehearsal: see `rig.bench.Bench.forecast`."""
+    with opened(plan, start=start) as (bench, clock, boot):
+        bench.forecast = True
+        yield bench, clock, boot
+
+
 def rehearse(plan: Plan, on_progress: Callable[[Progress], None], *, points: int | None = None) -> Forecast:
     """Run the first `points` points dry and extrapolate.
 
@@ -157,7 +169,7 @@ def rehearse(plan: Plan, on_progress: Callable[[Progress], None], *, points: int
     with tempfile.TemporaryDirectory(prefix="rig-rehearsal-") as folder, unsynced() as vfs:
         paths: list[Path] = []
         dry = replace(plan, run_list=head, dry=True, truth=_ordinary(plan))
-        site = Site(vfs=vfs)  # nobody keeps this run file
+        site = Site(_for_forecast, vfs)  # nobody keeps this run file
         result = start_run(
             dry, Path(folder), signals=Signals(), announce=paths.append, on_progress=rehearsing, site=site
         )

@@ -1,5 +1,7 @@
 """Least squares in blocks, against another solver, by the intervals it gives; certified values: tests/test_nist.py."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -89,3 +91,16 @@ def test_student_limits():
     # Student's table: two-tailed 95 % for 4, 10 and very many degrees of freedom
     assert [round(t_limit(0.95, df), 3) for df in (4, 10, 1e9)] == [2.776, 2.228, 1.960]
     assert t_tail(2.776, 4) == pytest.approx(0.05, abs=1e-4)
+
+
+def test_a_basis_that_may_overwrite_its_columns_is_made_in_their_memory():
+    """Of a million rows a copy is as much memory as all else."""
+    columns = np.asfortranarray(np.random.default_rng(5).normal(size=(20_000, 12)))
+    tracemalloc.start()
+    try:
+        basis = orthonormal(columns, np.ones(12), overwrite=True)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert np.abs(basis.T @ basis - np.eye(12)).max() < 1e-13
+    assert peak < 0.3 * columns.nbytes

@@ -75,3 +75,36 @@ def test_a_long_trace_is_thinned_but_keeps_its_ends():
     assert len(samples) == 200
     assert samples[0][0] == 0.0
     assert samples[-1][0] == 49.99
+
+
+def settled_at(value_at, criteria, *, rarely):
+    """When a value settles that is looked at every 30 s, or as rarely as a forecast does; and the number of looks."""
+    settling, now, looks = Settling(criteria, 0.0), 0.0, 0
+    while True:
+        looks += 1
+        if settling.add(now, value_at(now)) != "waiting":
+            return settling.outcome, now, looks
+        now += 30.0 * max(1, int(settling.idle_s() / 30.0)) if rarely else 30.0
+
+
+def test_a_forecast_looks_less_often_far_from_the_band_and_sees_the_same_end():
+    criteria = Criteria(target=-90.0, band=0.5, dwell_s=1200.0, drift_per_s=0.5 / 3600.0, timeout_s=8 * 3600.0)
+    ways = {
+        "towards": lambda t: -90.0 + 110.0 * math.exp(-t / 600.0),
+        "evenly": lambda t: max(-90.0, 20.0 - t / 30.0),
+        "after an hour at rest": lambda t: -90.0 + 110.0 * math.exp(-max(0.0, t - 3600.0) / 300.0),
+        "through the band and back": lambda t: -90.0 + 110.0 * math.exp(-t / 900.0) * math.cos(t / 900.0),
+    }
+    for name, way in ways.items():
+        outcome, then, looks = settled_at(way, criteria, rarely=False)
+        again, other, fewer = settled_at(way, criteria, rarely=True)
+        assert again == outcome == "settled", name
+        assert abs(other - then) <= 60.0, name
+        assert fewer < looks, name
+
+
+def test_a_forecast_waits_no_longer_for_what_never_settles():
+    criteria = Criteria(target=-90.0, band=0.5, dwell_s=1200.0, drift_per_s=0.5 / 3600.0, timeout_s=8 * 3600.0)
+    outcome, then, _ = settled_at(lambda t: 20.0 - 1e-6 * t, criteria, rarely=True)
+    assert outcome == "timed-out"
+    assert then < 1.2 * criteria.timeout_s

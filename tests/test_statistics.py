@@ -20,8 +20,6 @@ from proving.statistics.gross_errors import CASES
 
 FOLDER = Path(frame.__file__).parent
 DOCS = Path(__file__).parent.parent / "docs"
-NOT_QUOTED = {"intervals"}
-"""Campaigns that no document quotes a command of."""
 SEEDS = range(4, 12)
 
 
@@ -130,7 +128,7 @@ def test_commands_in_the_documents_can_be_asked_for():
     """Those without a part name the campaign in the caption of a table whose rows have the parts."""
     whole = [command for command in COMMANDS if command[-1] != "..." and command != ["whole-plots"]]
     assert len(whole) > 20
-    assert {name for name, *_ in COMMANDS} == {name.replace("_", "-") for name in NAMES} - NOT_QUOTED
+    assert {name for name, *_ in COMMANDS} == {name.replace("_", "-") for name in NAMES}
     for name, *words in whole:
         asked(name, words)  # ends the program where there is no such option
 

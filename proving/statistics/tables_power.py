@@ -17,7 +17,7 @@ from scipy import optimize, special, stats
 
 from procedures.general.column_roles import Roles, roles_of
 from procedures.general.trace import search_table
-from procedures.general.trace.estimate import estimate
+from procedures.general.trace.estimate import error_of, estimate
 from procedures.general.trace.run import problem_of
 from procedures.table import Table
 from proving.ledger import Result
@@ -84,7 +84,7 @@ def _at_95(step: Any, rate: Any, count: int) -> float:
 
 
 def error() -> Study:
-    """Rms of fitted less true response, after over told, where the effect is 1 sd rms."""
+    """Rms of fitted less true response, after over told, where the effect is 1 sd rms; and stated errors that rose."""
     return Study({name: partial(_ratio, name=name) for name in MISSING}, _quantiles, pooled(_quantiles))
 
 
@@ -99,12 +99,20 @@ def _ratio(seed: int, name: str) -> Result:
     told = np.column_stack([data.columns, _column(missing, columns, effect)[order]])
     best = told @ np.linalg.lstsq(told, data.y, rcond=None)[0]
     fitted = estimate(result.judge, result.chosen).fitted
-    return {"ratio": float(np.sqrt(np.mean((fitted - truth) ** 2) / np.mean((best - truth) ** 2)))}
+    return {
+        "ratio": float(np.sqrt(np.mean((fitted - truth) ** 2) / np.mean((best - truth) ** 2))),
+        "rose": error_of(result.judge, result.chosen) > error_of(result.judge, ()),
+    }
 
 
 def _quantiles(results: Results) -> Figures:
     ratios = [one["ratio"] for one in results]
-    return {"median": float(np.median(ratios)), "95 %": float(np.quantile(ratios, 0.95))}
+    return {
+        "median": float(np.median(ratios)),
+        "95 %": float(np.quantile(ratios, 0.95)),
+        "after above before": sum(one["rose"] for one in results),
+        "of": len(results),
+    }
 
 
 def _column(missing: Missing, columns: Any, effect: Any) -> Any:

@@ -330,7 +330,8 @@ class BenchActions:
                 if "waiting" not in outcomes.values():
                     self._wait(0.0)  # a gap in time is no evidence of settling
                     break
-                self._wait(poll_s)
+                idle_s = max(judge.idle_s() for judge in judges.values()) if self._bench.forecast else 0.0
+                self._wait(poll_s * max(1, int(idle_s / poll_s)))
         finally:
             self.judges = {}
         evidence = {name: judge.evidence() | ({"missed": missed} if missed else {}) for name, judge in judges.items()}

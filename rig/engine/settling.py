@@ -70,6 +70,21 @@ class Settling:
             self.outcome = "waiting"
         return self.outcome
 
+    def idle_s(self) -> float:
+        """Seconds in which the outcome will hardly change, for a forecast: zero near a change.
+
+        Outside the band half of the time to it at the present speed, since approaches slow down, but an eighth of the
+        time so far at most; inside, a tenth of the dwell until this is over. Then every sample counts: drift decides.
+        """
+        c, samples = self.criteria, self._samples
+        if self._was_inside or len(samples) < 2:
+            return 0.0
+        (before, first), (now, last) = samples[-2:]
+        nearer = abs(first - c.target) - abs(last - c.target)
+        if nearer <= 0.0:
+            return 0.0
+        return min(0.5 * (abs(last - c.target) - c.band) * (now - before) / nearer, now / 8.0)
+
     def missed(self, now: float) -> None:
         """Note a missing sample at clock time `now`: the time next to it does not count."""
         self._last, self._was_inside = now, False
