@@ -90,19 +90,20 @@ class GeneralTraced:
             reasons |= {n: "not among --candidates" for n in self.table.names if n not in self.roles.candidates}
         return reasons | dict.fromkeys(self.roles.ignore, IGNORED)
 
-    def _df(self, effect: FoundTableEffect) -> int:
-        """Degrees of freedom of an effect's standard errors: for effects constant in whole plots, by the number of
-        whole plots.
+    def _df(self, effect: FoundTableEffect) -> float:
+        """Degrees of freedom of an effect's standard errors: for effects constant in whole plots, at most by the number
+        of whole plots.
         """
+        own = float(self.trace.after.fit.df) if effect.df is None else effect.df
         sharing = self.roles.whole_plot or ((self.roles.replicate,) if self.roles.replicate else ())
         if effect.stratum != "whole-plot" or not sharing:
-            return self.trace.after.fit.df
+            return own
         every: dict[str, Any] = {**self.table.columns, **self.table.text}
         plots = set(zip(*(np.asarray(every[name]).tolist() for name in sharing), strict=True))
-        return max(len(plots) - 1 - len(effect.coefficients), 1)
+        return min(own, max(len(plots) - 1.0 - len(effect.coefficients), 1.0))
 
 
-def _worded(found: TableTrace, effect: FoundTableEffect, df: int) -> Finding:
+def _worded(found: TableTrace, effect: FoundTableEffect, df: float) -> Finding:
     """An effect or a finding about the noise with intervals and a sentence; `df` of its standard errors."""
     t = t_limit(0.95, df)
     halves = [t * error for error in effect.stderr]

@@ -153,7 +153,7 @@ def _told_table(seed: int, label: str) -> Result:
     own = next(one for one in problem.candidates if one.effect.name.startswith(_name(label)))
     fit = estimate(TableJudge(replace(problem, candidates=(own,))), (0,))
     off = abs(float(fit.coefficients[-1]) - size)
-    return {"held": bool(off <= t_limit(0.95, fit.df) * float(fit.stderr[-1]))}
+    return {"held": bool(off <= t_limit(0.95, float(fit.dfs[-1])) * float(fit.stderr[-1]))}
 
 
 def _name(label: str) -> str:

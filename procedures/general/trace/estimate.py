@@ -12,6 +12,7 @@ from fitter.errors import FitError
 from fitter.linear import orthonormal
 from fitter.split_plot import fit_split_plot
 from procedures.general.trace.judge import TableJudge
+from procedures.general.trace.shared import Shared
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,6 +24,7 @@ class Estimate:
         at: covariance of the noise it was fitted with.
         coefficients: (k + d,) of the declared columns, then of the effects' columns.
         stderr: (k + d,) their standard errors; NaN if the rows do not determine them.
+        dfs: (k + d,) degrees of freedom of these.
         fitted: (n,) fitted response.
         left: (n,) residuals of ordinary least squares of the same columns, whose standard error is `sigma_E`.
         sigma_E: standard error of one row, units of the response, with equal weights.
@@ -33,6 +35,7 @@ class Estimate:
     at: int
     coefficients: FloatArray
     stderr: FloatArray
+    dfs: FloatArray
     fitted: FloatArray
     left: FloatArray
     sigma_E: float
@@ -44,7 +47,8 @@ def estimate(judge: TableJudge, chosen: tuple[int, ...], tails: FloatArray | Non
 
     Coefficients are generalised least squares with the estimated noise; isolated outliers are reduced to three standard
     deviations. The standard error of a row is that of ordinary least squares, so that before and after are comparable,
-    also with other programs.
+    also with other programs. Beside errors of whole plots, standard errors are those of Kenward and Roger: few whole
+    plots say little of their variance.
 
     Args:
         judge: of the table.
@@ -61,7 +65,22 @@ def estimate(judge: TableJudge, chosen: tuple[int, ...], tails: FloatArray | Non
         fit = _solved(white, judge.white(at, chosen), None)
     coefficients, stderr = fit if fit is not None else _smallest(model, problem.y)
     left, df = _plain(judge, chosen)
-    return Estimate(chosen, at, coefficients, stderr, model @ coefficients, left, _sigma(left, df), df)
+    stderr, dfs = _beside_shared(judge, chosen, model) or (stderr, np.full(len(stderr), float(df)))
+    return Estimate(chosen, at, coefficients, stderr, dfs, model @ coefficients, left, _sigma(left, df), df)
+
+
+def _beside_shared(
+    judge: TableJudge, chosen: tuple[int, ...], model: FloatArray
+) -> tuple[FloatArray, FloatArray] | None:
+    """(k + d,) standard errors and degrees of freedom of Kenward and Roger; None but for errors of whole plots."""
+    noise = judge.problem.noise
+    if type(noise) is not Shared or np.ptp(judge.problem.sd) > 0.0:  # `Both` has a wander too
+        return None
+    try:
+        fit = fit_split_plot(model, judge.held(chosen), noise.group, [str(i) for i in range(model.shape[1])])
+    except FitError:
+        return None
+    return fit.kenward_roger().stderr, fit.df
 
 
 def error_of(judge: TableJudge, chosen: tuple[int, ...]) -> float:

@@ -159,6 +159,7 @@ def _effect(judge: TableJudge, after: Estimate, name: str, data: TableData) -> F
         columns=effect.columns,
         contribution=own,
         other_causes=sum((one.family, one.columns) != (effect.family, effect.columns) for one in alike) + len(courses),
+        df=float(np.min(after.dfs[picked])),
     )
 
 

@@ -32,6 +32,7 @@ class FoundTableEffect(Found):
         other_causes: number of its aliases of another family or over other columns.
         intervals: for a finding about noise, ratio of true standard error to that of least squares with independent,
             equal rows, by coefficient of the declared model.
+        df: degrees of freedom of its standard errors, the fewest; None for noise.
     """
 
     family: str
@@ -39,6 +40,7 @@ class FoundTableEffect(Found):
     contribution: FloatArray
     other_causes: int = 0
     intervals: Mapping[str, float] = field(default_factory=dict)
+    df: float | None = None
 
     @property
     def rms(self) -> float:
@@ -179,6 +181,6 @@ class TableTrace:
 
     def _fitted(self) -> tuple[Parameter, ...]:
         fit = self.after.fit
-        declared = zip(self.names, fit.coefficients, fit.stderr, strict=False)  # effects come after them
-        own = (Parameter(name, WithError(float(v), float(e), float(fit.df))) for name, v, e in declared)
+        declared = zip(self.names, fit.coefficients, fit.stderr, fit.dfs, strict=False)  # effects come after them
+        own = (Parameter(name, WithError(float(v), float(e), float(df))) for name, v, e, df in declared)
         return (*own, *(one for effect in self.added for one in effect.parameters))

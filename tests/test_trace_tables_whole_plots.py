@@ -1,0 +1,39 @@
+"""Errors of effects beside whole plots: by least squares of the plots' means, which balanced rows make exact."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from procedures.general.column_roles import Roles, roles_of
+from procedures.general.trace.estimate import estimate
+from procedures.general.trace.judge import TableJudge
+from procedures.general.trace.run import problem_of
+from procedures.table import Table
+
+PLOTS, ROWS = 12, 5
+
+
+def test_an_effect_of_whole_plots_has_the_error_and_the_freedom_of_their_means():
+    """Twelve plots of five rows: 10 degrees of freedom, where it had 57."""
+    rng = np.random.default_rng(3)
+    plot, x = np.repeat(np.arange(PLOTS), ROWS), np.tile(np.arange(ROWS, dtype=float), PLOTS)
+    heat = rng.normal(size=PLOTS)[plot]
+    y = 1.0 + 2.0 * x + 3.0 * heat + rng.normal(size=PLOTS)[plot] + rng.normal(size=plot.size)
+    table = Table("bench", {"y": y, "x": x, "heat_c": heat, "plot": plot.astype(float)}, True, {})
+    roles = Roles(response="y", formula="1 + x", whole_plot=("plot",))
+    problem = problem_of(roles_of(table, roles)[0])
+    own = next(one for one in problem.candidates if one.effect.name == "temperature:heat_c")
+    judge = TableJudge(replace(problem, candidates=(own,)))
+    found = estimate(judge, (0,))
+
+    means = np.array([y[plot == k].mean() for k in range(PLOTS)])
+    columns = np.column_stack([np.ones(PLOTS), heat[::ROWS]])
+    b, rss, *_ = np.linalg.lstsq(columns, means, rcond=None)
+    stderr = np.sqrt(rss[0] / (PLOTS - 2) * np.linalg.inv(columns.T @ columns)[1, 1])
+    scale = b[1] / found.coefficients[-1]  # the trace's column may have another unit
+    assert found.dfs[-1] == pytest.approx(PLOTS - 2, rel=1e-6)
+    assert found.stderr[-1] * abs(scale) == pytest.approx(stderr, rel=1e-6)
+    assert found.dfs[1] > 40  # a slope within plots is as well known as before
