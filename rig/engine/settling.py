@@ -74,7 +74,7 @@ class Settling:
         """Seconds in which the outcome will hardly change, for a forecast: zero near a change.
 
         Outside the band half of the time to it at the present speed, since approaches slow down, but an eighth of the
-        time so far at most; inside, a tenth of the dwell until this is over. Then every sample counts: drift decides.
+        time so far at most. Inside it zero: drift is the slope over the whole dwell, so every sample counts.
         """
         c, samples = self.criteria, self._samples
         if self._was_inside or len(samples) < 2:
