@@ -1,8 +1,8 @@
 """The first import of SciPy, without what it needs of NumPy for tests and Fortran alone.
 
-SciPy copies every name of NumPy into a namespace of its own, and modules are imported for it: `numpy.f2py`
-and `numpy.testing`, which cost a fifth of the time of the import and 9 MB. Empty modules stand for them meanwhile. Both
-are there afterwards for whoever asks for them.
+SciPy copies every name of NumPy into a namespace of its own, and modules are imported for it: `numpy.f2py` and
+`numpy.testing`, which cost a fifth of the time of the import and 9 MB. Empty modules stand for them meanwhile. Both can
+be imported afterwards.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""SciPy is imported without NumPy's tests and Fortran, and both are there for whoever asks for them."""
+"""SciPy is imported without NumPy's tests and Fortran, and both can be imported afterwards."""
 
 import subprocess
 import sys
