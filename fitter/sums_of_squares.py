@@ -36,10 +36,10 @@ class FTest:
         return f_tail(self.value, self.df_above, self.df_below) if np.isfinite(self.value) else NAN
 
 
-def centred(columns: FloatArray, group: IntArray, *, overwrite: bool = False) -> FloatArray:
+def centred(columns: FloatArray, group: IntArray) -> FloatArray:
     """(n, q) `columns` minus their mean over each group; `group` (n,) numbers from 0."""
     size = np.bincount(group)
-    out = columns if overwrite else np.empty(columns.shape, order="F")
+    out = np.empty(columns.shape, order="F")
     for j in range(columns.shape[1]):
         mean = np.bincount(group, columns[:, j]) / np.maximum(size, 1)
         out[:, j] = columns[:, j] - mean[group]
@@ -55,17 +55,20 @@ def own_parameters(columns: FloatArray, replicate: IntArray) -> FloatArray:
     return out.reshape(n_rep * k, n).T
 
 
-def within_points(columns: FloatArray, point: IntArray, *, overwrite: bool = False) -> FloatArray:
+def within_points(columns: FloatArray, point: IntArray) -> FloatArray:
     """(n, rank) orthonormal basis of the variation of (n, q) `columns` within points."""
     length = np.sqrt(np.einsum("ij,ij->j", columns, columns))
-    return orthonormal(centred(columns, point, overwrite=overwrite), length, overwrite=True)
+    return orthonormal(centred(columns, point), length, overwrite=True)
 
 
-def off(columns: FloatArray, basis: FloatArray) -> FloatArray:
-    """Part of `columns` (n,) or (n, q) outside an orthonormal basis (n, r); a few columns at a time fit the cache."""
+def off(columns: FloatArray, basis: FloatArray, *, overwrite: bool = False) -> FloatArray:
+    """Part of `columns` (n,) or (n, q) outside an orthonormal basis (n, r); a few columns at a time fit the cache.
+
+    With `overwrite` it takes the place of the columns.
+    """
     if columns.ndim == 1:
         return np.asarray(columns - basis @ (basis.T @ columns))
-    out = np.empty(columns.shape, order="F")
+    out = columns if overwrite else np.empty(columns.shape, order="F")
     for first in range(0, columns.shape[1], AT_ONCE):
         some = columns.T[first : first + AT_ONCE]
         np.subtract(some, (some @ basis) @ basis.T, out=out.T[first : first + AT_ONCE])
