@@ -13,7 +13,6 @@ from rig.engine.states import State
 from rig.run_file.events.sessions import Hole
 from rig.run_file.live import Requests
 
-
 _NEWS_S = 1.0
 """Bench seconds after which polls of one state are news for observers; every change of state is."""
 
