@@ -20,14 +20,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
-from scipy import sparse, special
+from scipy import special
 
 from fitter.arrays import FloatArray, IntArray
-from fitter.linear import LinearFit, RankError, least_squares, orthonormal
-from fitter.sums_of_squares import NAN, FTest, centred, off, own_parameters, ratio, within_points
+from fitter.linear import LinearFit, RankError, least_squares
+from fitter.own_span import NO_GROUP, Levels, OwnSpan, WithMore
+from fitter.sums_of_squares import NAN, FTest, off, ratio, within_points
 
 _DRIFTS = 0.05
 _WANDERS = 1e-3
@@ -108,23 +108,28 @@ class Rows:
         return int(self.point.max()) + 1
 
     @cached_property
+    def levels(self) -> Levels:
+        """The points, each with a level of its own."""
+        return Levels(self.point)
+
+    @cached_property
     def effects(self) -> FloatArray:
         """(n, rank) orthonormal basis of the effects within points."""
         return within_points(np.empty((len(self.point), 0)) if self.extra is None else self.extra, self.point)
 
     @cached_property
-    def both(self) -> FloatArray:
-        """(n, rank) orthonormal basis of the span of effects and replications' own parameters within points."""
+    def both(self) -> OwnSpan | WithMore:
+        """Span of the effects and the replications' own parameters within points."""
         if self.extra is None:
-            return within_points(own_parameters(self.columns, self.replicate), self.point, overwrite=True)
+            return OwnSpan(self.columns, self.replicate, self.levels)
         own = (self.plain or replace(self, extra=None)).both
-        left = off(off(centred(self.extra, self.point), own), own)
-        return np.column_stack([own, orthonormal(left, np.linalg.norm(self.extra, axis=0))])
+        assert isinstance(own, OwnSpan)
+        return WithMore.of(own, self.extra)
 
-    def every(self) -> FloatArray:
-        """(n, rank) the same without removing the points' means."""
-        own = own_parameters(self.columns, self.replicate)
-        return orthonormal(own if self.extra is None else np.column_stack([self.extra, own]), overwrite=True)
+    def every(self) -> OwnSpan | WithMore:
+        """The same without removing the points' means."""
+        own = OwnSpan(self.columns, self.replicate, Levels(np.broadcast_to(NO_GROUP, len(self.point))))
+        return own if self.extra is None else WithMore.of(own, self.extra)
 
     @cached_property
     def time(self) -> IntArray | slice:
@@ -143,23 +148,39 @@ class Rows:
         """Traces, of white noise seen through the fit, of the matrix that sums products of neighbours in time, and of
         its square.
         """
-        n, size, joined, within = len(self.point), np.bincount(self.point), self.joined, self.both[self.time]
-        here, next_ = np.arange(n - 1), np.arange(1, n)
-        pairs = np.concatenate([here, next_]), np.concatenate([next_, here])
-        lag: Any = sparse.csr_array((np.tile(joined, 2), pairs), shape=(n, n))
-        # A row is at one point, so most of the projection is sparse: n numbers, not n times the number of points.
-        of = self.point[self.time]
-        points: Any = sparse.csr_array((1.0 / np.sqrt(size[of]), of, np.arange(n + 1)), shape=(n, len(size)))
-        lagged_points = lag @ points
-        of_points = points.T @ lagged_points
-        trace, lagged, inner = -float(of_points.trace()), _squares(lagged_points.data), _squares(of_points.data)
-        step = max(AT_ONCE // n, 1)
-        for first in range(0, within.shape[1], step):
-            lagged_within = lag @ within[:, first : first + step]
-            of_within = within.T @ lagged_within
+        of, joined, size = self.point[self.time], self.joined, np.bincount(self.point)
+        scale = 1.0 / np.sqrt(size[of])
+        # A row is at one point, so most of the projection is sparse: a few numbers a row, not one for each point. A row
+        # of the product of neighbours and points has a number at the point of the next row, and of the one before.
+        next_, last = joined * scale[1:], joined * scale[:-1]
+        same = of[2:] == of[:-2]
+        lagged = _squares(next_) + _squares(last) + 2.0 * float(next_[1:][same] @ last[:-1][same])
+        pairs = np.minimum(of[1:], of[:-1]) * len(size) + np.maximum(of[1:], of[:-1])
+        codes, which = np.unique(pairs, return_inverse=True)
+        of_points = np.asarray(np.bincount(which, next_ * scale[:-1]), np.float64)
+        alike = codes // len(size) == codes % len(size)
+        trace, inner = (
+            -2.0 * float(of_points[alike].sum()),
+            2.0 * _squares(of_points) + 2.0 * _squares(of_points[alike]),
+        )
+        del next_, last, same, pairs, codes, which
+        both, step = self.both, max(AT_ONCE // len(of), 1)
+        for first in range(0, both.rank, step):
+            within = both.expand(np.eye(both.rank)[:, first : first + step])[self.time]
+            between = np.zeros(within.shape)
+            between[:-1] = joined[:, None] * within[1:]
+            between[1:] += joined[:, None] * within[:-1]
+            lagged += _squares(between)
+            for column in between.T:
+                inner += 2.0 * _squares(np.asarray(np.bincount(of, scale * column), np.float64))
+            if isinstance(self.time, slice):
+                back = between
+            else:
+                back = np.empty(within.shape)
+                back[self.time] = between
+            of_within = both.coordinates(back)
             trace -= float(np.trace(of_within[first : first + step]))
-            lagged += _squares(lagged_within)
-            inner += 2.0 * _squares(points.T @ lagged_within) + _squares(of_within)
+            inner += _squares(of_within)
         return trace, 2.0 * _squares(joined) - 2.0 * lagged + inner
 
 
@@ -172,7 +193,7 @@ def blind(rows: Rows, output: FloatArray, drift: FTest, pure_error: float) -> Bl
         drift: the joint test of drift between replications.
         pure_error: mean square of readings at one point.
     """
-    left = off(centred(output[:, None], rows.point), rows.both)[:, 0]
+    left = rows.both.off(rows.levels.off(output))
     rest = float(left @ left)
     if drift.df_below <= 0 or rest <= 0.0:
         return None
@@ -184,8 +205,8 @@ def blind(rows: Rows, output: FloatArray, drift: FTest, pure_error: float) -> Bl
     bias = FTest(NAN, 0, drift.df_below)
     if drifts:
         every = rows.every()
-        beyond = float(np.sum(off(output, every) ** 2))
-        bias = ratio(beyond - rest, len(output) - every.shape[1] - drift.df_below, rest, drift.df_below)
+        beyond = _squares(every.off(output))
+        bias = ratio(beyond - rest, len(output) - every.rank - drift.df_below, rest, drift.df_below)
     return Blind(inflation if drifts else 1.0, bias, wander if p < _WANDERS else 0.0)
 
 
@@ -304,9 +325,8 @@ def drift_of(rows: Rows, output: FloatArray) -> FTest:
 
 def _scatter(rows: Rows, output: FloatArray) -> tuple[float, int, float, int]:
     """Sums of squares within points and their degrees of freedom, with and without replications' own parameters."""
-    y, n = centred(output[:, None], rows.point), len(output) - rows.n_points
-    pe, pr = (float(np.sum(off(y, basis) ** 2)) for basis in (rows.effects, rows.both))
-    return pe, n - rows.effects.shape[1], pr, n - rows.both.shape[1]
+    y, n = rows.levels.off(output), len(output) - rows.n_points
+    return _squares(off(y, rows.effects)), n - rows.effects.shape[1], _squares(rows.both.off(y)), n - rows.both.rank
 
 
 def between_replications(

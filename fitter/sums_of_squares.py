@@ -36,10 +36,10 @@ class FTest:
         return f_tail(self.value, self.df_above, self.df_below) if np.isfinite(self.value) else NAN
 
 
-def centred(columns: FloatArray, group: IntArray, *, overwrite: bool = False) -> FloatArray:
+def centred(columns: FloatArray, group: IntArray) -> FloatArray:
     """(n, q) `columns` minus their mean over each group; `group` (n,) numbers from 0."""
     size = np.bincount(group)
-    out = columns if overwrite else np.empty(columns.shape, order="F")
+    out = np.empty(columns.shape, order="F")
     for j in range(columns.shape[1]):
         mean = np.bincount(group, columns[:, j]) / np.maximum(size, 1)
         out[:, j] = columns[:, j] - mean[group]
@@ -55,10 +55,10 @@ def own_parameters(columns: FloatArray, replicate: IntArray) -> FloatArray:
     return out.reshape(n_rep * k, n).T
 
 
-def within_points(columns: FloatArray, point: IntArray, *, overwrite: bool = False) -> FloatArray:
+def within_points(columns: FloatArray, point: IntArray) -> FloatArray:
     """(n, rank) orthonormal basis of the variation of (n, q) `columns` within points."""
     length = np.sqrt(np.einsum("ij,ij->j", columns, columns))
-    return orthonormal(centred(columns, point, overwrite=overwrite), length, overwrite=True)
+    return orthonormal(centred(columns, point), length, overwrite=True)
 
 
 def off(columns: FloatArray, basis: FloatArray) -> FloatArray:

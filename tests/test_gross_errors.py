@@ -129,7 +129,8 @@ def test_a_pad_is_no_gross_error_and_two_bad_readings_are():
 def test_responses_that_share_their_rows_have_the_errors_of_each_alone():
     data = attitude(7)
     columns = own_parameters(data.rows.columns, data.replicate_index)
-    shared = Rows.equal(columns.copy(order="F"), data.point)
+    n = len(data)
+    shared = Rows(data.rows.columns, np.zeros(n), np.ones(n), data.point, data.replicate_index)
     for output in data.outputs.values():
         y = output.copy()
         y[31] += 30.0 * np.radians(1.5e-4) * 5.0

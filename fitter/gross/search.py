@@ -24,7 +24,8 @@ from scipy import special
 from scipy.linalg import cho_factor, cho_solve
 
 from fitter.arrays import FloatArray, IntArray
-from fitter.gross.rows import NO_GROUP, Rows
+from fitter.gross.rows import Rows
+from fitter.own_span import NO_GROUP
 from fitter.resolution import least_sd, robust_sd
 from fitter.trace.growing_noise import growth_of
 
@@ -122,20 +123,12 @@ class _Asked:
     level: float
 
     def rows(self, weight: FloatArray) -> Rows:
-        every = self.every
-        if np.all(weight == 1.0):  # the usual case; a copy of a million rows is as much memory as all else
-            return every
-        return Rows(every.columns * weight[:, None], every.y * weight, weight, every.group)
+        return self.every if np.all(weight == 1.0) else self.every.weighted(weight)  # the usual case needs no copy
 
 
 def _growth(every: Rows, inside: IntArray, drivers: Mapping[str, FloatArray]) -> FloatArray | None:
     """(n,) standard deviation if these rows show that it grows with a driver; otherwise None."""
-    rows = every
-    if inside.size < len(every.y):
-        group = every.group[inside]
-        known = group >= 0
-        group[known] = np.unique(group[known], return_inverse=True)[1]
-        rows = Rows(every.columns[inside], every.y[inside], np.ones(inside.size), group)
+    rows = every.some(inside) if inside.size < len(every.y) else every
     left, kept = rows.residual, np.maximum(rows.kept, 0.0)
     if growth_of(left, kept, {n: v[inside] for n, v in drivers.items()}) is None:
         return None
@@ -242,8 +235,8 @@ def _starts(rows: Rows, *, designed: bool) -> Iterator[FloatArray]:
     if designed:
         return
     random = np.random.default_rng(SEED)
-    few, share = rows.columns.shape[1] + 1, 5 if rows.groups else 1
-    for _ in range(min(SUBSETS // share, AFFORDABLE // rows.columns.size + 1)):
+    few, share = rows.coefficients + 1, 5 if rows.groups else 1
+    for _ in range(min(SUBSETS // share, AFFORDABLE // (rows.coefficients * n) + 1)):
         kept = np.zeros(n)
         if rows.groups:
             kept[random.random(n) < 0.5] = 1.0

@@ -71,9 +71,9 @@ def noise_of(residual: FloatArray, left: FloatArray, driver: FloatArray) -> Nois
     slope = float(np.expm1(best.x)) / highest
     at_zero = float(np.sqrt(share @ (squares / (1.0 + slope * driver) ** 2)))
     sd = at_zero * (1.0 + slope * driver)
-    design = np.column_stack([np.ones(n), driver]) / sd[:, None]
+    told = 2.0 * left / sd**2
     try:
-        spread = np.diag(np.linalg.inv(2.0 * design.T @ (design * left[:, None])))
+        spread = np.diag(np.linalg.inv([[told.sum(), told @ driver], [told @ driver, (told * driver) @ driver]]))
     except np.linalg.LinAlgError:  # all noise is at one value of the driver
         spread = np.full(2, np.nan)
     return Noise(at_zero, at_zero * slope, (float(np.sqrt(spread[0])), float(np.sqrt(spread[1]))), chance)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Generic, TypeVar, overload
 
 import numpy as np
 
@@ -19,6 +19,37 @@ from procedures.attitude.model import attitude_columns
 
 SAME_ANGLE_DEG = 0.02
 """Angles closer than this are one setting of the head: far above readback noise, far below a design's step."""
+
+
+Number = TypeVar("Number", np.int64, np.float64)
+
+
+class FromOrder(Generic[Number]):
+    """A field (n,) of the data that follows from the executed order if it is not given: made when it is asked for."""
+
+    made: Callable[[AttitudeData], np.ndarray[Any, np.dtype[Number]]]
+    name: str
+
+    def __init__(self, made: Callable[[AttitudeData], np.ndarray[Any, np.dtype[Number]]]) -> None:
+        self.made = made
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.name = name
+
+    @overload
+    def __get__(self, data: None, owner: type) -> None: ...
+    @overload
+    def __get__(self, data: AttitudeData, owner: type) -> np.ndarray[Any, np.dtype[Number]]: ...
+    def __get__(self, data: AttitudeData | None, owner: type) -> np.ndarray[Any, np.dtype[Number]] | None:
+        if data is None:
+            return None  # default of the field
+        known: np.ndarray[Any, np.dtype[Number]] | None = data.__dict__[self.name]
+        if known is None:
+            known = data.__dict__[self.name] = self.made(data)
+        return known
+
+    def __set__(self, data: AttitudeData, given: np.ndarray[Any, np.dtype[Number]] | None) -> None:
+        data.__dict__[self.name] = given
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,10 +89,10 @@ class AttitudeData:
     roll_deg: FloatArray
     sensor_temperature_degC: FloatArray | None
     outputs: Mapping[str, FloatArray]
-    pitch_side: IntArray = field(default=None)  # type: ignore[arg-type]  # None only until __post_init__
-    roll_side: IntArray = field(default=None)  # type: ignore[arg-type]  # None only until __post_init__
-    previous_pitch_deg: FloatArray = field(default=None)  # type: ignore[arg-type]  # None only until __post_init__
-    previous_roll_deg: FloatArray = field(default=None)  # type: ignore[arg-type]  # None only until __post_init__
+    pitch_side: FromOrder[np.int64] = FromOrder(lambda data: data._side_from_order(data.pitch_deg))
+    roll_side: FromOrder[np.int64] = FromOrder(lambda data: data._side_from_order(data.roll_deg))
+    previous_pitch_deg: FromOrder[np.float64] = FromOrder(lambda data: data._previous(data.pitch_deg))
+    previous_roll_deg: FromOrder[np.float64] = FromOrder(lambda data: data._previous(data.roll_deg))
     block: IntArray = field(default=None)  # type: ignore[arg-type]  # None only until __post_init__
     axes: Mapping[str, str] | None = None
     mounting: FloatArray | None = None
@@ -87,15 +118,18 @@ class AttitudeData:
         put(self, "outputs", MappingProxyType({name: finite(name, v, count) for name, v in self.outputs.items()}))
         if np.unique(self.order).size != count:
             raise FitError("order: two observations have the same executed position")
-        for name, angle in (("pitch_side", self.pitch_deg), ("roll_side", self.roll_deg)):
-            given = getattr(self, name)
-            put(self, name, self._side_from_order(angle) if given is None else np.sign(whole(name, given, count)))
-        for name, angle in (("previous_pitch_deg", self.pitch_deg), ("previous_roll_deg", self.roll_deg)):
-            given = getattr(self, name)
-            put(self, name, self._previous(angle) if given is None else finite(name, given, count))
+        for name in ("pitch_side", "roll_side"):
+            if (given := self.__dict__[name]) is not None:
+                put(self, name, np.sign(whole(name, given, count)))
+        for name in ("previous_pitch_deg", "previous_roll_deg"):
+            if (given := self.__dict__[name]) is not None:
+                put(self, name, finite(name, given, count))
         if self.sensor_temperature_degC is not None:
-            ahead = np.argsort(self.elapsed_s, kind="stable")
-            put(self, "temperatures", (self.elapsed_s[ahead], self.sensor_temperature_degC[ahead]))
+            at, degC = self.elapsed_s, self.sensor_temperature_degC
+            if np.any(np.diff(at) < 0):
+                ahead = np.argsort(at, kind="stable")
+                at, degC = at[ahead], degC[ahead]
+            put(self, "temperatures", (at, degC))
         put(self, "block", np.zeros(count, np.int64) if self.block is None else whole("block", self.block, count))
         if self.axes is not None:
             put(self, "axes", MappingProxyType(_axes(self.axes, self.outputs)))

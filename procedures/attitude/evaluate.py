@@ -297,9 +297,7 @@ def _worded(found: Trace, sensor: SensorTrace, effect: Finding) -> Finding:
     if effect.kind == "unnamed":
         return effect
     of = next((e for e in sensor.effects if e.effect == effect.effect), None)
-    t = t_limit(0.95, sensor.fit.df)
-    if effect.stratum == "replication" and of is not None:
-        t = t_limit(0.95, max(found.scene.data.replicates.size - 2, 1))
+    t = t_limit(0.95, sensor.fit.df if of is None else of.df)
     halves = [t * error for error in effect.stderr]
     return with_words(sensor.sensor, effect, halves, "" if of is None else _size(found, sensor, of, t))
 

@@ -16,6 +16,7 @@ from fitter import LinearFit, RankError, least_squares
 from fitter.arrays import FloatArray
 from fitter.errors import FitError
 from fitter.misfit import lacks_fit, reach_beside
+from fitter.own_span import AT_ONCE
 from fitter.replication import Replication, analyse, replication_spread
 from procedures.attitude.data import AttitudeData
 from procedures.attitude.effects import CATALOGUE
@@ -276,23 +277,32 @@ def _joint(
 ) -> FloatArray:
     """(K, K) covariance of all coefficients, of fits to `columns` (n, k); `maps` convert them to the model's."""
 
-    def solver(i: int) -> FloatArray:
-        """(k, n) from outputs to coefficients; made when it is needed: of a million rows each is 32 MB."""
-        root = fits[i].root
-        return np.asarray(root @ (root.T @ columns[i].T))
-
     length = np.linalg.norm(residuals, axis=1)
     correlation = residuals @ residuals.T / np.outer(length, length)
     np.fill_diagonal(correlation, 1.0)
+    products = _products(fits, columns)
     blocks = []
     for i, one in enumerate(fits):
-        own, row = solver(i), []
+        row = []
         for j, other in enumerate(fits):
-            product = own @ (own if j == i else solver(j)).T
+            product = one.root @ products[i][j] @ other.root.T
             row.append(one.sigma * other.sigma * correlation[i, j] * (maps[i] @ product @ maps[j].T))
         blocks.append(row)
     covariance = np.block(blocks)
     return np.asarray((covariance + covariance.T) / 2)
+
+
+def _products(fits: Sequence[LinearFit], columns: Sequence[FloatArray]) -> list[list[FloatArray]]:
+    """Products of the fits' orthonormal columns X root, some rows at a time: of a million rows, those of one are
+    32 MB.
+    """
+    products = [[np.zeros((one.root.shape[1], other.root.shape[1])) for other in fits] for one in fits]
+    for first in range(0, len(columns[0]), AT_ONCE):
+        bases = [of[first : first + AT_ONCE] @ one.root for one, of in zip(fits, columns, strict=True)]
+        for i, one in enumerate(bases):
+            for j, other in enumerate(bases):
+                products[i][j] += one.T @ other
+    return products
 
 
 def _model_of(

@@ -16,6 +16,7 @@ from fitter.trace.keep import LeftIn, taken_out
 from fitter.trace.not_kept import independent
 from procedures.attitude.data import AttitudeData
 from procedures.attitude.temperature import Temperature
+from procedures.attitude.trace.differing import as_replications_differ
 from procedures.attitude.trace.levels import Level
 from procedures.attitude.trace.problem import Problem, raw_columns
 from procedures.attitude.trace.robust import walked
@@ -36,6 +37,7 @@ class Estimate:
             parameters because of drift that the effects do not explain.
         gamma: (q,) their coefficients.
         covariance: (q, q) of them, conditional on the selection.
+        dfs: (q,) degrees of freedom of their errors; infinite where only scatter of readings counts.
         corrected: (S, n) outputs minus the effects, and minus the temperature terms of the declared model, V.
         fits: of the declared model to the corrected outputs.
         temperatures: temperature terms of the declared model of each sensor; None without.
@@ -50,6 +52,7 @@ class Estimate:
     level: Level
     gamma: FloatArray
     covariance: FloatArray
+    dfs: FloatArray
     corrected: FloatArray
     fits: tuple[LinearFit, ...]
     temperatures: tuple[Temperature | None, ...]
@@ -110,13 +113,14 @@ def _joint(fit: LinearFit, h: FloatArray, effects: FloatArray, covariance: Float
     return replace(fit, root=np.asarray(np.linalg.cholesky(whole)), beside=fit.beside + effects.shape[1])
 
 
-def coefficients(problem: Problem, chosen: tuple[int, ...], level: Level) -> tuple[FloatArray, FloatArray]:
-    """(q,) coefficients of the `chosen` candidates, fitted at one level, and their (q, q) covariance.
+def coefficients(problem: Problem, chosen: tuple[int, ...], level: Level) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(q,) coefficients of the `chosen` candidates, fitted at one level, their (q, q) covariance, and (q,) degrees of
+    freedom.
 
     A candidate whose column is a combination of earlier ones has a zero coefficient.
     """
     if not chosen:
-        return np.zeros(0), np.zeros((0, 0))
+        return np.zeros(0), np.zeros((0, 0)), np.zeros(0)
     picked, sigma = list(chosen), errors(problem, chosen)[:, None]
     white = problem.columns_at(level, picked) / sigma[:, :, None]
     columns = white.reshape(white.shape[0] * white.shape[1], len(picked))
@@ -129,7 +133,10 @@ def coefficients(problem: Problem, chosen: tuple[int, ...], level: Level) -> tup
         solved = least_squares(columns[:, kept], y, [names[k] for k in kept])
     spread, gamma = np.zeros((len(picked), len(picked))), np.zeros(len(picked))
     spread[np.ix_(kept, kept)], gamma[kept] = solved.root @ solved.root.T, solved.coefficients
-    return gamma, spread + spread @ walked(problem, white) @ spread
+    differ, dfs = np.zeros_like(spread), np.full(len(picked), np.inf)
+    if level == "declared":
+        differ, dfs = as_replications_differ(problem, picked, gamma, spread, sigma[:, 0])
+    return gamma, spread + differ + spread @ walked(problem, white) @ spread, dfs
 
 
 def concerns(problem: Problem, j: int) -> FloatArray:
@@ -152,7 +159,7 @@ def _left(problem: Problem, chosen: tuple[int, ...]) -> bool:
 
 def _estimate_at(problem: Problem, chosen: tuple[int, ...], level: Level, left_in: Sequence[LeftIn] = ()) -> Estimate:
     picked = list(chosen)
-    gamma, covariance = coefficients(problem, chosen, level)
+    gamma, covariance, dfs = coefficients(problem, chosen, level)
     data = problem.scene.data
     effects = raw_columns(problem.scene, [problem.candidates[j] for j in picked])
     corrected = np.stack([data.outputs[s] for s in problem.sensors])
@@ -178,6 +185,7 @@ def _estimate_at(problem: Problem, chosen: tuple[int, ...], level: Level, left_i
         level,
         gamma,
         covariance,
+        dfs,
         corrected,
         tuple(fits),
         tuple(temperatures),

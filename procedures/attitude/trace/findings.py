@@ -171,7 +171,7 @@ def _found(
     parts = {k: problem.candidates[picked[k]] for k in mine}
     own = {part.term.name: float(after.gamma[k]) for k, part in parts.items() if part.sensor in (None, sensor)}
     stratum = judge.stratum_of(after.chosen, picked[shown[0]])
-    stderr = np.sqrt(np.diag(after.covariance)) * (_apart(problem, after, mine) if stratum == "replication" else 1.0)
+    stderr = np.sqrt(np.diag(after.covariance))
     shape = [problem.candidates[picked[k]] for k in mine]
     p = min(judge.p_adjusted(after.chosen, picked[k]) for k in shown)
     alike = [problem.candidates[r.terms[0]].effect for r in explanations if r.alias and r.effect != name]
@@ -195,6 +195,7 @@ def _found(
         separate_by=f"{experiments}; it reaches {peak:.2g} V "
         f"({np.degrees(peak / problem.fits[sensor].parameters.S_V):.2g} deg) here",
         columns_V=raw_columns(problem.scene.on(whole), shape)[i] * after.gamma[mine],
+        df=min(after.fits[i].df, *after.dfs[shown].tolist()),
         against=effect.against,
     )
 
@@ -213,26 +214,6 @@ def _shares(problem: Problem, after: Estimate, names: list[str], unnamed: float,
     known = np.isfinite(table.sigma_pr)
     variance = table.sigma_pr**2 if known else table.sigma_E**2 * (1.0 - unnamed)
     return shares(beyond, residual, after.fits[i].df * float(variance))
-
-
-def _apart(problem: Problem, after: Estimate, mine: list[int]) -> float:
-    """Ratio of the variance between replications along an effect to that from readings, at least one.
-
-    A term that is constant within replications is known no better than replications agree, however many readings they
-    contain.
-    """
-    data = problem.scene.data
-    if any(table.sigma_E == 0.0 for table in after.tables):
-        return 1.0
-    shape = raw_columns(problem.scene, [problem.candidates[after.chosen[k]] for k in mine]) @ after.gamma[mine]
-    count = data.replicates.size
-    moved, expected = np.zeros(count), 0.0
-    for i, table in enumerate(after.tables):
-        both = np.column_stack([shape[i], after.corrected[i]])
-        column, residual = problem.left(i, both, "declared").T / table.sigma_E
-        moved += np.bincount(data.replicate_index, column * residual, count)
-        expected += float(column @ column)
-    return max(1.0, float(np.sqrt(moved @ moved * count / max(count - 2, 1) / expected)))
 
 
 def _experiments(effect: Effect, aliases: Iterable[Effect]) -> str:

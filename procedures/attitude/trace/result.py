@@ -32,9 +32,11 @@ class FoundEffect(Found):
 
     Attributes:
         columns_V: (n, q) contribution of each of its terms to the output of each observation.
+        df: degrees of freedom of its standard errors.
     """
 
     columns_V: FloatArray
+    df: float
 
     @property
     def contribution_V(self) -> FloatArray:  # noqa: N802 - the unit is part of the name
