@@ -8,7 +8,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterable, Sequence
 from functools import cache
-from importlib.metadata import EntryPoint, EntryPoints, entry_points
+from importlib.metadata import EntryPoint, entry_points
 from typing import TYPE_CHECKING, Any
 
 from rig.errors import ConfigurationError
@@ -27,8 +27,8 @@ def _points(group: str) -> tuple[EntryPoint, ...]:
 
 
 @cache
-def _found(_path: tuple[str, ...]) -> EntryPoints:
-    """Those of all groups, cached for each search path of packages: a look-up takes 8 ms."""
+def _found(_path: tuple[str, ...]) -> Any:
+    """`EntryPoints` of all groups, cached for each search path of packages: a look-up takes 8 ms."""
     return entry_points()
 
 
