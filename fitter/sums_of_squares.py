@@ -61,11 +61,14 @@ def within_points(columns: FloatArray, point: IntArray) -> FloatArray:
     return orthonormal(centred(columns, point), length, overwrite=True)
 
 
-def off(columns: FloatArray, basis: FloatArray) -> FloatArray:
-    """Part of `columns` (n,) or (n, q) outside an orthonormal basis (n, r); a few columns at a time fit the cache."""
+def off(columns: FloatArray, basis: FloatArray, *, overwrite: bool = False) -> FloatArray:
+    """Part of `columns` (n,) or (n, q) outside an orthonormal basis (n, r); a few columns at a time fit the cache.
+
+    With `overwrite` it takes the place of the columns.
+    """
     if columns.ndim == 1:
         return np.asarray(columns - basis @ (basis.T @ columns))
-    out = np.empty(columns.shape, order="F")
+    out = columns if overwrite else np.empty(columns.shape, order="F")
     for first in range(0, columns.shape[1], AT_ONCE):
         some = columns.T[first : first + AT_ONCE]
         np.subtract(some, (some @ basis) @ basis.T, out=out.T[first : first + AT_ONCE])

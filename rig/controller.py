@@ -199,7 +199,7 @@ def resume_run(
     Args:
         path: the run file.
         signals: checked at every wait of the sequencer.
-        on_progress: called often, with the progress.
+        on_progress: called with the progress at every change of state, and about once a second of bench time.
         bench: another bench file, for instruments that have moved to other addresses.
         accept: names of instruments that may have been exchanged.
         dry_gap_s: for a dry run, the gap since the last session, bench seconds.

@@ -71,6 +71,11 @@ def shown_by_another(sensor: str, place: str) -> str:
     return f"{sensor} follows a shape without a name, {place}, and not this: one cause of both would look like this"
 
 
+def under_another_name(sensor: str, other: str) -> str:
+    """Sentence about a name that the data cannot tell from a doubtful one of another sensor."""
+    return f"these data cannot tell it from {other}, which is doubtful in {sensor}: it may be one cause of both"
+
+
 def beside(stronger: str) -> str:
     """Sentence about a stronger effect of a similar shape."""
     return f"it is small compared with {stronger}, and a small error in the law of {stronger} would look like this"

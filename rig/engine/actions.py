@@ -59,7 +59,7 @@ class BenchActions:
 
     def __init__(self, bench: Bench, axes: Axes, guard: Guard, clock: Clock, wait: Callable[[float], None]) -> None:
         self._bench = bench
-        self._axes = axes
+        self._axes, self._read_axes = axes, axes.reader
         self._guard = guard
         self._clock = clock
         self._wait = wait
@@ -125,7 +125,7 @@ class BenchActions:
 
     def axes(self) -> Mapping[str, AxisReading]:
         """Read all axes. Raises the axis' fault, or `LimitViolation` if a limit is violated."""
-        readings = self._axes.read()
+        readings = self._read_axes()
         self._guard.check_axes(readings)
         for axis, reading in readings.items():
             if reading.fault:
@@ -262,7 +262,7 @@ class BenchActions:
                 self._check_control(readings)
             if True not in [reading.moving for reading in readings.values()]:
                 return
-            if self._clock.now() - began > timeout_s:
+            if self._axes_read - began > timeout_s:
                 late = ", ".join(
                     f"{axis} at {r.value:g} {spelled(unit_of(r.quantity))}" for axis, r in readings.items() if r.moving
                 )
@@ -272,8 +272,9 @@ class BenchActions:
     def _check_control(self, readings: Mapping[str, AxisReading]) -> None:
         """Raise if an axis has lost control or its zero: it will never arrive. A source that was not set yet is off."""
         for axis, reading in readings.items():
-            known = reading.drive or axis in self._commanded
-            if reading.fault or (known and not (reading.enabled and reading.homed)):
+            if reading.homed and reading.enabled and not reading.fault:
+                continue
+            if reading.fault or reading.drive or axis in self._commanded:
                 reading.check(axis, controlled=True, homed=True)
 
     def settle(self, targets: Mapping[str, float], settings: Callable[[str], Settle], poll_s: float) -> dict[str, Any]:
@@ -330,8 +331,10 @@ class BenchActions:
                 if "waiting" not in outcomes.values():
                     self._wait(0.0)  # a gap in time is no evidence of settling
                     break
-                idle_s = max(judge.idle_s() for judge in judges.values()) if self._bench.forecast else 0.0
-                self._wait(poll_s * max(1, int(idle_s / poll_s)))
+                polls = 1
+                if self._bench.forecast:
+                    polls = max(1, int(max(judge.idle_s() for judge in judges.values()) / poll_s))
+                self._wait(poll_s * polls)
         finally:
             self.judges = {}
         evidence = {name: judge.evidence() | ({"missed": missed} if missed else {}) for name, judge in judges.items()}

@@ -266,10 +266,13 @@ class Axes:
         """The instruments' own (low, high) by axis."""
         return {axis: limits for mover in self._movers for axis, limits in mover.span().items()}
 
+    @property
+    def reader(self) -> Callable[[], Mapping[str, AxisReading]]:
+        """What reads every axis, for callers that read often."""
+        return self._movers[0].read if len(self._movers) == 1 else self.read
+
     def read(self) -> Mapping[str, AxisReading]:
         """Read every axis."""
-        if len(self._movers) == 1:
-            return self._movers[0].read()
         found: dict[str, AxisReading] = {}
         for mover in self._movers:
             found.update(mover.read())

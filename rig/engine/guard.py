@@ -48,7 +48,7 @@ class Guard:
         now: Callable[[], float] = lambda: 0.0,
     ) -> None:
         self._interlocks = Interlocks(interlocks, now)
-        self._watched = frozenset(rule.watch for rule in interlocks.values())
+        self._watched = frozenset({PRESSURE, *(rule.watch for rule in interlocks.values())})
         self._now = now
         self._rated: dict[str, tuple[float, float]] = {}
         of_chambers = {f: limits[f"{name}_degC"] for f, name in factors.items() if f"{name}_degC" in limits}
@@ -109,15 +109,15 @@ class Guard:
 
     def check_axes(self, axes: Mapping[str, AxisReading]) -> None:
         """Refuse readbacks that violate a limit or an interlock. Raises `LimitViolation`, `InterlockHold`."""
-        for axis, reading in axes.items():
-            quantity, value, margin = reading.quantity, reading.value, reading.margin
-            low, high = self._limits.get(quantity, _ANY)
+        limits, watched = self._limits, self._watched
+        for axis, (quantity, value, _, _, _, _, _, margin) in axes.items():
+            low, high = limits.get(quantity, _ANY)
             if not low - margin <= value <= high + margin:
                 unit = spelled(unit_of(quantity))
                 raise LimitViolation(f"{axis} is at {value:g} {unit}, outside {low:g} to {high:g}")
-            if quantity == PRESSURE:
-                self._check_rate(axis, "pressure_psi_per_s", value)
-            if quantity in self._watched:
+            if quantity in watched:
+                if quantity == PRESSURE:
+                    self._check_rate(axis, "pressure_psi_per_s", value)
                 self._interlocks.check(quantity, value)
 
     def check_chamber(self, name: str, state: ChamberState) -> None:

@@ -52,6 +52,9 @@ class WatchedClock:
     Args:
         clock: the clock it reads.
 
+    Attributes:
+        noted: whether `take_hole` has a hole to give, as of the last use of this clock.
+
     """
 
     def __init__(self, clock: Clock) -> None:
@@ -59,18 +62,14 @@ class WatchedClock:
         self._read, self._last = clock.now, clock.now()
         self._explained = 0.0
         self._hole: Hole | None = None
-
-    @property
-    def noted(self) -> bool:
-        """Whether `take_hole` has a hole to give, as of the last use of this clock."""
-        return self._hole is not None
+        self.noted = False
 
     def take_hole(self) -> Hole | None:
         """The longest hole since the last call, None if there was none."""
         self.now()
         if self._hole is None:
             return None
-        hole, self._hole = self._hole, None
+        hole, self._hole, self.noted = self._hole, None, False
         return hole
 
     def now(self) -> float:
@@ -84,7 +83,7 @@ class WatchedClock:
     def _note(self, now: float) -> None:
         seconds = now - self._last - self._explained
         if seconds > HOLE_S + _GRACES * self._clock.grace() and (self._hole is None or seconds > self._hole.seconds):
-            self._hole = Hole(self._last, seconds)
+            self._hole, self.noted = Hole(self._last, seconds), True
 
     def utc(self) -> float:
         """See `Clock.utc`."""
@@ -96,11 +95,17 @@ class WatchedClock:
 
     def pause(self, seconds: float) -> float:
         """Sleep, and return the clock's reading after it."""
-        self.now()
-        before, self._explained = self._explained, seconds if seconds > 0.0 else 0.0
+        read, before = self._read, self._explained  # `now` twice, without its calls: every poll pauses
+        now = read()
+        if now - self._last > HOLE_S + before:
+            self._note(now)
+        self._last = now
+        self._explained = seconds if seconds > 0.0 else 0.0
         self._clock.sleep(seconds)
-        now = self.now()
-        self._explained = before
+        now = read()
+        if now - self._last > HOLE_S + self._explained:
+            self._note(now)
+        self._last, self._explained = now, before
         return now
 
     def idle(self, seconds: float) -> None:

@@ -13,6 +13,9 @@ from rig.engine.states import State
 from rig.run_file.events.sessions import Hole
 from rig.run_file.live import Requests
 
+_NEWS_S = 1.0
+"""Bench seconds after which polls of one state are news for observers; every change of state is."""
+
 
 class Interrupted(Exception):
     """A signal asks to end this session; the run can be resumed later."""
@@ -55,8 +58,11 @@ class Interruptions:
         self._clock, self._by_hand = clock, by_hand
         self.released = False
 
-    def look_up(self) -> None:
+    def look_up(self, now: float | None = None) -> None:
         """Report the state, and look for signals, requests and holes that the clock has noted.
+
+        Args:
+            now: clock time of a poll, at which the state is only reported after a while; None to report it now.
 
         Raises:
             Interrupted, HoldRequested, StopRequested: as requested.
@@ -76,7 +82,8 @@ class Interruptions:
             if request.verb == "hold" and self._state() != State.HOLDING:
                 raise HoldRequested
             self.released = request.verb == "release" and not refused
-        self._journal.tell()
+        if now is None or now - self._journal.told_s >= _NEWS_S:
+            self._journal.tell()
 
     def check_time(self) -> None:
         """Record a hole in time. Raises `HoleInTime` if the present work must not go on after it."""

@@ -70,7 +70,7 @@ class Journal:
         fold: state of the run by its records; updated with every record.
         clock: bench time.
         session: this start of the controller.
-        on_progress: called often, with the progress.
+        on_progress: called with the progress at every change of state, and about once a second of bench time.
         whole_plots: planned number of whole plots.
         pace: estimate of the remaining time of a run of whole plots.
 
@@ -81,6 +81,7 @@ class Journal:
         detail: present readings that belong to the message.
         asked: the step by hand that the run waits for, for the live state; None if there is none.
         settling: returns the traces of quantities that are settling, by name.
+        told_s: clock time at which observers were told last.
 
     """
 
@@ -114,6 +115,7 @@ class Journal:
         self._done: int | None = None
         self._pace = LastPoints(() if pace is not None else spent_s(self.recent(LAST_POINTS)))
         self._first = True
+        self.told_s = 0.0
         self._point_s = self._pace.typical_s()
         if pace is not None:
             for record in run.records():
@@ -251,11 +253,12 @@ class Journal:
 
     def _moment(self) -> tuple[float, float]:
         """Bench time and UTC of one moment; read again if this process was interrupted between the two readings."""
+        clock = self._clock
         for _ in range(_READ_AGAIN):
-            elapsed_s, utc_s = self.elapsed(), self._clock.utc()
-            if self.elapsed() - elapsed_s < _ONE_MOMENT_S:
+            now, utc_s = clock.now(), clock.utc()
+            if clock.now() - now < _ONE_MOMENT_S:
                 break
-        return elapsed_s, utc_s
+        return now - self._session.elapsed_origin, utc_s
 
     def take_up(self, point: Point | None) -> None:
         """Set the current point, or none."""
@@ -300,7 +303,8 @@ class Journal:
         fold = self.fold
         if self._done is None:
             self._done = len(fold.accepted) + len(fold.skipped)
-        elapsed_s = self._clock.now() - self._session.elapsed_origin
+        self.told_s = now = self._clock.now()
+        elapsed_s = now - self._session.elapsed_origin
         left_s = self._left_s  # only a run without whole plots keeps it until the next record
         if left_s is None:
             left_s = self._remaining_s(elapsed_s)

@@ -52,6 +52,9 @@ from rig.run_file.writer import RunWriter
 if TYPE_CHECKING:
     from procedures.expected import Previous
 
+_SLICE_S = 5.0
+"""Longest wait without a look for signals and requests, bench seconds."""
+
 
 class Sequencer:
     """Carries out a run.
@@ -65,7 +68,7 @@ class Sequencer:
         clock: bench time.
         session: this start of the controller.
         signals: checked wherever the sequencer waits.
-        on_progress: called often, with the progress.
+        on_progress: called with the progress at every change of state, and about once a second of bench time.
         previous: the last calibration of these sensors, for early warnings.
 
     """
@@ -95,6 +98,7 @@ class Sequencer:
         config = bench.config
         self._guard = Guard(config.limits, config.factors, config.interlocks, clock.now)
         self._do = BenchActions(bench, self._axes, self._guard, clock, self._wait)
+        self._watched = bool(bench.chambers)
         self._journal.settling = lambda: self._do.judges
         requests = Requests(run.path, session.number, clock.stopwatch)
         self._settings = SetByHand(bench, run_list, conduct)
@@ -262,14 +266,19 @@ class Sequencer:
     def _wait(self, seconds: float) -> None:
         """Wait in short slices; look for signals and requests between them."""
         clock = self._clock
-        now = clock.now()
-        end = now + seconds
-        while (left := end - now) > 1e-9:
-            now = clock.pause(left if left < 5.0 else 5.0)
-            self._look_up()
+        if 1e-9 < seconds <= _SLICE_S:  # every poll
+            now = clock.pause(seconds)
+            self._look_up(now)
+        else:
+            now = clock.now()
+            end = now + seconds
+            while (left := end - now) > 1e-9:
+                now = clock.pause(min(left, _SLICE_S))
+                self._look_up(now)
         if clock.noted:
             self._interruptions.check_time()
-        self._do.look_around(now)
+        if self._watched:
+            self._do.look_around(now)
 
     # --- handlers, one a state ------------------------------------------------------------------------------
 

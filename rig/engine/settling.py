@@ -7,8 +7,7 @@ evidence.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 Outcome = Literal["waiting", "settled", "timed-out", "drifting"]
 _KEPT = 200
@@ -18,8 +17,7 @@ SETPOINT_STANDS = 0.05
 """A setpoint this close to the command is the commanded one: instruments round to tenths or hundredths of a degree."""
 
 
-@dataclass(frozen=True)
-class Criteria:
+class Criteria(NamedTuple):
     """Criteria of settling, in the quantity's own unit; drift is per second."""
 
     target: float

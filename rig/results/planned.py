@@ -257,7 +257,7 @@ def plan(
         out: folder of the run file.
         usage: range of use of the sensors, plus and minus, degrees, for kinds that have one; that of the procedure if
             None.
-        on_progress: called often, with the progress of the rehearsal.
+        on_progress: called with the progress of the rehearsal, as in a run.
 
     Raises:
         ConfigurationError: a file is wrong, or the design does not determine a sensor.

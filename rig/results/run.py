@@ -96,7 +96,7 @@ def run(
         world: the world file of the simulated bench.
         out: folder of the run file.
         operator: name of the operator; None for RIG_OPERATOR or the login name.
-        on_progress: called often, with the progress.
+        on_progress: called with the progress at every change of state, and about once a second of bench time.
 
     Raises:
         ConfigurationError: a file is wrong.

@@ -92,7 +92,7 @@ class Listeners:
         return noted
 
     def progress(self, news: Progress) -> None:
-        """Take the sequencer's progress; called often."""
+        """Take the sequencer's progress; called at every change of state, and about once a bench second."""
         try:
             self._manager.progress(news)
             self._last = news

@@ -80,9 +80,11 @@ class Levels:
         taken = int(self._basis(level).shape[1]) + (self.n_points if level == "points" else 0)
         return len(self.point) - taken - self.beside
 
-    def leave(self, columns: FloatArray, level: Level) -> FloatArray:
-        """(n, q) remainder of `columns` (n, q) at a level."""
-        return off(centred(columns, self.point) if level == "points" else columns, self._basis(level))
+    def leave(self, columns: FloatArray, level: Level, *, overwrite: bool = False) -> FloatArray:
+        """(n, q) remainder of `columns` (n, q) at a level, with `overwrite` in their place."""
+        if level == "points":
+            return off(centred(columns, self.point), self._basis(level), overwrite=True)
+        return off(columns, self._basis(level), overwrite=overwrite)
 
     def taken(self, level: Level) -> tuple[FloatArray, Any]:
         """Bases of the parts that a level removes: (n, r) orthonormal, and (p, n) of the points, sparse, beside it."""
@@ -103,12 +105,14 @@ class Levels:
         ahead, ends = np.argsort(self.point, kind="stable"), np.concatenate([[0], np.cumsum(self._visits)])
         return sparse.csr_array((np.ones(ahead.size), ahead, ends), shape=(self.n_points, ahead.size))
 
-    def leave_beside(self, columns: FloatArray, beside: FloatArray, level: Level) -> FloatArray:
+    def leave_beside(
+        self, columns: FloatArray, beside: FloatArray, level: Level, *, overwrite: bool = False
+    ) -> FloatArray:
         """(n, q) remainder of `columns` (n, q) at a level, with one sensor's further columns (n, p) removed too."""
-        left = self.leave(columns, level)
+        left = self.leave(columns, level, overwrite=overwrite)
         if not beside.shape[1]:
             return left
-        return off(left, orthonormal(self.leave(beside, level), np.linalg.norm(beside, axis=0)))
+        return off(left, orthonormal(self.leave(beside, level), np.linalg.norm(beside, axis=0)), overwrite=True)
 
     def products(self, columns: FloatArray, beside: FloatArray) -> dict[Level, FloatArray]:
         """(q + 1, q + 1) products of the remainders of `columns` (n, q) at each level, and zeros last. One sensor's

@@ -132,7 +132,8 @@ class Nameless:
                 p = one.p
                 if p * count < WALKED:
                     p = max(p, self.against_a_walk(place.level, y, one.basis))
-                found.append(Left(place, one, min(p * count, 1.0)))
+                # without the basis: those of all places would be a fifth of all memory of a trace
+                found.append(Left(place, replace(one, basis=np.empty((0, 0))), min(p * count, 1.0)))
         return tuple(sorted(found, key=lambda one: one.p))
 
     def left_in(self, i: int, level: Level | None = None) -> Left | None:

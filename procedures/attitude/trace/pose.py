@@ -60,12 +60,13 @@ def pose(data: AttitudeData, catalogue: Sequence[Effect], *, temperature: bool =
         large = np.flatnonzero(~(length[i, own] <= LARGEST))
         both[:, large], length[i, own[large]] = 0.0, 0.0
         overflowing |= set(own[large].tolist())
-        both = levels.leave_beside(both, beside[i], level="declared")
+        both = levels.leave_beside(both, beside[i], level="declared", overwrite=True)
         moves[:, i][..., [*own, -1]] = levels.own(both)
         outputs.append(both[:, -1].copy())
         owns.append(own)
         known.append(levels.products(both, beside[i]))
         left[i, own] = np.sqrt(np.maximum(np.diag(known[-1]["declared"])[:-2], 0.0))
+        del both  # otherwise those of the next sensor would be made beside them
     useful = _useful(every, length, left)
     useful[list(overflowing)] = False
     candidates = tuple(c for c, use in zip(every, useful, strict=True) if use)

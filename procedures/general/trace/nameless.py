@@ -22,8 +22,9 @@ from fitter.trace.doubts import (
     several_values,
     something_left,
 )
-from fitter.trace.flexible import Block, Remainder, evidence, evidence_of, remainders, tried
-from fitter.trace.lines import Line, line
+from fitter.trace.flexible import Block, Remainder, evidence, evidence_of, remainders, tried, turns
+from fitter.trace.lines import Line, folded, line
+from fitter.trace.repeats import HARMONICS, ORDERS, repeats
 from fitter.trace.search import names_of
 from fitter.trace.two_levels import TwoLevels, two_levels
 from procedures.general.trace.both import Both
@@ -162,6 +163,28 @@ class Nameless:
         found = [line(_less_means(one, stretch), scene.time.values * unit, stretch) for one in series]
         best = min((one for one in found if one is not None), key=lambda one: one.p, default=None)
         return None if best is None else Line(best.period, best.unit, min(best.p * len(series), 1.0), best.share)
+
+    @cached_property
+    def repeats(self) -> Line | None:
+        """The most significant short period with overtones, beside noise with memory; None where none can be told."""
+        time = self.data.scene.time
+        if time is None or time.presumed or not self.able:
+            return None
+        at_s, beside = time.values * (time.unit_s or 1.0), self.judge.beside(self.chosen)
+        found = repeats(self.left_under(0), at_s)
+        if found is None:
+            return None
+        under = dict.fromkeys((0, beside.best, beside.slowest_of(np.ones(len(beside.reml), np.bool_))))
+        best: Line | None = None
+        for near in found.periods:
+            period, phase = folded(self.left_under(0), at_s, near)
+            columns = turns(360.0 * phase / period, HARMONICS)
+            block = Block("", columns, ORDERS, np.repeat(np.arange(1.0, HARMONICS + 1), 2))
+            each = [one for k in under for one in self._remainders(block, k)]
+            p = min(max((one.p for one in each), default=1.0) * found.count, 1.0)
+            if each and (best is None or p < best.p):
+                best = Line(period, "s", p, each[0].share)
+        return best
 
     @cached_property
     def jumps(self) -> TwoLevels | None:

@@ -11,7 +11,7 @@ from scipy import special
 from fitter.arrays import FloatArray, IntArray
 from fitter.linear import orthonormal
 from fitter.trace.found import Unnamed
-from fitter.trace.lines import CLEAR
+from fitter.trace.lines import CLEAR, Line
 from fitter.trace.shape import Shape
 from procedures.general.trace.both import Both
 from procedures.general.trace.drawn import drawn, drawn_period
@@ -56,8 +56,8 @@ def unnamed(nameless: Nameless, variables: Mapping[str, FloatArray]) -> tuple[Un
     judge, chosen = nameless.judge, nameless.chosen
     rest = list[Unnamed](_slow(judge, chosen))
     clearest = next(iter(nameless.left), None)
-    line, jumps = nameless.line, nameless.jumps
-    if line is not None and line.p < CLEAR:
+    line, jumps = _period(nameless), nameless.jumps
+    if line is not None:
         rest.append(Unnamed(line.where, line.share, shape=drawn_period(nameless, line)))
     if jumps is not None:
         levels = f"along the run: jumps between two levels {jumps.apart:.3g} apart, {jumps.stay:.3g} rows at the rarer"
@@ -66,6 +66,15 @@ def unnamed(nameless: Nameless, variables: Mapping[str, FloatArray]) -> tuple[Un
         rest.append(_at(nameless, clearest, variables))
     part = in_parts(nameless) if all(one.stratum == "noise" for one in rest) else None
     return tuple(rest) if part is None else (*rest, part)
+
+
+def _period(nameless: Nameless) -> Line | None:
+    """The clearest period in order or time; where there is none, one that comes again within a few waits."""
+    found = nameless.line
+    if found is not None and found.p < CLEAR:
+        return found
+    found = nameless.repeats
+    return found if found is not None and found.p < UNEXPLAINED else None
 
 
 def _at(nameless: Nameless, left: Left, variables: Mapping[str, FloatArray]) -> Unnamed:

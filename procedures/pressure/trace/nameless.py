@@ -153,14 +153,17 @@ class Nameless:
         return out
 
     def _own_of(self, name: str) -> tuple[str, ...]:
-        """Transducers that have a drift or an effect of a searched constant each for itself.
+        """Transducers that have a drift, a step or an effect of a searched constant each for itself.
 
         All of one make may be bent or stick alike; that all have the same corner at one pressure is the line's doing,
-        and that all drift at once is the doing of what they have in common.
+        and that all drift or jump at once is the doing of what they have in common, whatever jumps in each of them.
         """
         mine = [c for j in self.chosen if (c := self.problem.candidates[j]).effect.name == name]
         effect = mine[0].effect
-        if effect.source != "time" and not (effect.source == "sensor" and effect.searched):
+        if effect.source == "interruption" and effect.searched:
+            every = (self.problem.candidates[j] for j in self.chosen)
+            mine = [c for c in every if c.effect.source == "interruption" and c.effect.searched]
+        elif effect.source != "time" and not (effect.source == "sensor" and effect.searched):
             return ()
         return tuple(dict.fromkeys(c.sensor for c in mine if c.sensor is not None))
 

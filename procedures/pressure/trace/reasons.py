@@ -1,8 +1,10 @@
-"""A reason for doubt about a name of one transducer: what another one follows at the same time."""
+"""Reasons for doubt about a name of one transducer: what another one has, or follows, at the same time."""
 
 from __future__ import annotations
 
-from fitter.trace.doubts import shown_by_another
+from collections.abc import Callable, Sequence
+
+from fitter.trace.doubts import shown_by_another, under_another_name
 from procedures.pressure.trace.nameless import Nameless
 from procedures.pressure.trace.strata import LEVELS
 
@@ -22,4 +24,21 @@ def of_another(nameless: Nameless, name: str, i: int) -> str | None:
             left = nameless.left_in(k, level) if i in having and k not in having else None
             if left is not None and left.p < UNEXPLAINED:
                 return shown_by_another(sensors[k], left.place.block.place)
+    return None
+
+
+def of_alias(nameless: Nameless, aliases: Sequence[str], i: int, doubt: Callable[[str, int], str | None]) -> str | None:
+    """Doubt about a name of transducer `i` of which another one has an alias, where that is doubtful.
+
+    Args:
+        nameless: the run with its findings.
+        aliases: of the name.
+        i: the transducer.
+        doubt: of a name in a transducer.
+
+    """
+    for k, sensor in enumerate(nameless.problem.sensors):
+        for other in (name for level in LEVELS for name in nameless.names_in(k, level) if k != i):
+            if other in aliases and doubt(other, k) is not None:
+                return under_another_name(sensor, other)
     return None

@@ -31,7 +31,7 @@ from procedures.pressure.trace.judge import WholePlotJudge
 from procedures.pressure.trace.nameless import Nameless
 from procedures.pressure.trace.noise_report import noise_findings
 from procedures.pressure.trace.problem import Problem
-from procedures.pressure.trace.reasons import UNEXPLAINED, of_another
+from procedures.pressure.trace.reasons import UNEXPLAINED, of_alias, of_another
 from procedures.pressure.trace.remainder import (
     lack_of_fit,
     reading_error_pct,
@@ -174,6 +174,7 @@ def _doubt(finding: Finding, effect: FoundPressureEffect, i: int) -> str | None:
     every = (_doubt_in(finding, effect.effect, k) for k in (i, *range(len(finding.judge.problem.sensors))))
     said = next((text for text in every if text is not None), _alike_laws(finding, effect.effect))
     said = said or of_another(finding.nameless, effect.effect, i)
+    said = said or of_alias(finding.nameless, effect.aliases, i, partial(_doubt_in, finding))
     if said is None and _stays_in(finding, effect, i):
         return error_rises()
     return said or by_chance(effect.p_adjusted)

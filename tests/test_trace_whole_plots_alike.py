@@ -1,0 +1,46 @@
+"""Transducers on one line that show two names at once: one cause of both may look like this."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import pytest
+
+from procedures.pressure.trace import null, trace_whole_plots
+from procedures.pressure.trace.reasons import of_alias
+from proving.truth.whole_plot import SUBPLOT, WHOLE_PLOT, Bench, Transducer, simulate
+
+
+@pytest.mark.parametrize("seed", [1, 3])
+def test_steps_of_two_transducers_at_once_are_doubtful_whatever_steps(seed, monkeypatch):
+    """The line was opened half way through: one shows its sensitivity, the other its offset, and both had no doubt."""
+    monkeypatch.setattr(null, "DRAWS", null.DRAWS // 4)
+    data = simulate(Bench((Transducer(), Transducer(sensitivity=1.9))), seed=seed)
+    late, share = data.whole_plot_index >= data.whole_plot_index.max() // 2, data.pressure_psia / 100.0
+    one, other = data.outputs
+    top = data.pressure_psia.max() / 100.0
+    outputs = {
+        one: data.outputs[one] + 3.6 * SUBPLOT * late * share / top,
+        other: data.outputs[other] + 7.0 * WHOLE_PLOT * late,
+    }
+    found = trace_whole_plots(replace(data, outputs=outputs), validate=False).sensors
+    names = [effect for sensor in found.values() for effect in sensor.effects if effect.stratum != "noise"]
+    assert {effect.effect for effect in names} == {"sensitivity-step-unrecorded", "offset-step-unrecorded"}
+    assert all("show it at once" in effect.doubtful for effect in names)
+
+
+def test_an_alias_that_is_doubtful_in_another_transducer_is_a_doubt():
+    names = {(0, "subplot"): ["saturation"], (1, "subplot"): ["pressure-third-order"], (2, "subplot"): ["creep"]}
+    nameless = SimpleNamespace(
+        problem=SimpleNamespace(sensors=("a_mV", "b_mV", "c_mV")), names_in=lambda k, level: names.get((k, level), [])
+    )
+
+    def doubt(name, k):
+        return "why" if (name, k) == ("saturation", 0) else None
+
+    text = of_alias(nameless, ("saturation", "creep"), 1, doubt)
+    assert text is not None
+    assert "saturation, which is doubtful in a_mV" in text
+    assert of_alias(nameless, ("creep",), 1, doubt) is None
+    assert of_alias(nameless, ("saturation",), 0, doubt) is None
