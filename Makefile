@@ -1,7 +1,7 @@
 # The README's commands. Each makes or reuses .venv first: nothing to install by hand.
 STAMP := .venv/.made-for-these-requirements
 
-.PHONY: demo test test-all test-peers test-page check nights mutants figures figure bench clean
+.PHONY: demo test test-all test-peers test-page check nights mutants figures campaigns figure bench clean
 demo: $(STAMP)
 	@.venv/bin/rig demo
 
@@ -34,9 +34,13 @@ nights: $(STAMP)
 mutants: $(STAMP)
 	@tools/mutants
 
-# The figures of docs/figures.md that carry their commit: all of them (half an hour), or one: `make figure NAME`.
+# The figures of docs/figures.md that carry their commit: times and memories (half an hour), campaigns older than their
+# code (an hour or two), or one of them: `make figure NAME`.
 figures: $(STAMP)
 	@.venv/bin/python -m benchmarks.figures
+
+campaigns: $(STAMP)
+	@.venv/bin/python -m benchmarks.figures --campaigns
 
 figure: $(STAMP)
 	@.venv/bin/python -m benchmarks.figures $(NAMED)

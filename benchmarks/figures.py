@@ -1,14 +1,16 @@
 """Figures of docs/figures.md that carry the commit and the date on which they were measured.
 
-    make figures                                    measure all of them (half an hour)
+    make figures                                    measure all times and memories (half an hour)
+    make campaigns                                  repeat the campaigns that are older than their code (an hour or two)
     make figure NAME                                measure one
     .venv/bin/python -m benchmarks.figures --stale  which are older than the last change of the code they speak of
     .venv/bin/python -m benchmarks.figures --stamp "short nights, attitude"  a campaign's row has been measured now
 
-What is measured stands in benchmarks/figures.toml. A row between the marks is written by the command that measured it,
-and by nothing else. Campaigns take hours and are told in words: a person writes their figure, and --stamp writes the
-commit and the date. Code that is not committed is marked with a + after the commit; before commits were written, a row
-got that of its text, marked with <=: it was measured then or earlier.
+What is measured stands in benchmarks/figures.toml. A row between the marks is written by the command that measured
+it, and by nothing else. Of each kind of campaign a bounded share is there too (`campaign = true`), minutes each.
+Larger ones take hours and are told in words: a person writes their figure, and --stamp writes the commit and the
+date. Code that is not committed is marked with a + after the commit; before commits were written, a row got that of
+its text, marked with <=: it was measured then or earlier.
 """
 
 from __future__ import annotations
@@ -30,7 +32,11 @@ from typing import Any
 
 HERE = Path(__file__).parent.parent
 DOCUMENT = HERE / "docs" / "figures.md"
-BEGIN, END = "<!-- written by `make figures`: begin -->", "<!-- written by `make figures`: end -->"
+MARKS = [
+    (f"<!-- written by `make {what}`: begin -->", f"<!-- written by `make {what}`: end -->")
+    for what in ("figures", "campaigns")
+]
+"""Around the table of times and memories, and around that of campaigns."""
 HEAD = ("| name | what | figure | command | commit | date |", "| --- | --- | --- | --- | --- | --- |")
 CAMPAIGNS = ("| what | figure | command | commit | date |", "| --- | --- | --- | --- | --- |")
 BEFORE = "<= "
@@ -50,6 +56,8 @@ class Figure:
     command: str
     paths: tuple[str, ...]
     says: tuple[str, ...] = ()
+    campaign: bool = False
+    spans: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -71,7 +79,15 @@ class Row:
 def figures() -> dict[str, Figure]:
     """Every figure by name."""
     return {
-        name: Figure(name, one["what"], one["command"], tuple(one["paths"]), tuple(one.get("says", ())))
+        name: Figure(
+            name,
+            one["what"],
+            one["command"],
+            tuple(one["paths"]),
+            tuple(one.get("says", ())),
+            bool(one.get("campaign", False)),
+            tuple(one.get("spans", ())),
+        )
         for name, one in _told().items()
         if name != SECTIONS
     }
@@ -147,23 +163,26 @@ def old_campaigns(text: str, cwd: Path = HERE) -> list[str]:
 
 def rows(text: str) -> dict[str, Row]:
     """The rows of a document by name."""
-    between = text.partition(BEGIN)[2].partition(END)[0]
     found = {}
-    for line in between.splitlines():
-        cells = [cell.strip() for cell in line.strip().strip("|").split("|")]
-        if len(cells) == 6 and line not in HEAD:
-            found[cells[0]] = Row(*cells[:3], cells[3].strip("`"), *cells[4:])
+    for begin, end in MARKS:
+        for line in text.partition(begin)[2].partition(end)[0].splitlines():
+            cells = [cell.strip() for cell in line.strip().strip("|").split("|")]
+            if len(cells) == 6 and line not in HEAD:
+                found[cells[0]] = Row(*cells[:3], cells[3].strip("`"), *cells[4:])
     return found
 
 
 def written(text: str, measured: dict[str, Row]) -> str:
     """The document with these rows between its marks, in the order of benchmarks/figures.toml."""
-    before, begin, rest = text.partition(BEGIN)
-    _, end, after = rest.partition(END)
-    if not (begin and end):
-        raise SystemExit(f"{DOCUMENT} lacks the marks {BEGIN} and {END}; put them back where the table stands")
-    lines = [measured[name].line() for name in figures() if name in measured]
-    return before + "\n".join((BEGIN, "", *HEAD, *lines, "", END)) + after
+    for campaign, (begin, end) in enumerate(MARKS):
+        before, found, rest = text.partition(begin)
+        _, ended, after = rest.partition(end)
+        if not (found and ended):
+            raise SystemExit(f"{DOCUMENT} lacks the marks {begin} and {end}; put them back where the table stands")
+        known = figures().items()
+        lines = [measured[name].line() for name, one in known if name in measured and one.campaign == bool(campaign)]
+        text = before + "\n".join((begin, "", *HEAD, *lines, "", end)) + after
+    return text
 
 
 def git(*arguments: str, cwd: Path = HERE) -> str:
@@ -176,7 +195,8 @@ def measure(figure: Figure) -> str:
     argv[0] = str(Path(sys.executable).parent / argv[0])
     environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
     processor, wall = [], []
-    for _ in range(1 if figure.says else TIMES):
+    quoted = figure.says + figure.spans
+    for _ in range(1 if quoted else TIMES):
         began, before = time.perf_counter(), resource.getrusage(resource.RUSAGE_CHILDREN)
         done = subprocess.run(
             argv, cwd=HERE, env=environment, capture_output=True, text=True, timeout=LIMIT_S, check=False
@@ -186,13 +206,27 @@ def measure(figure: Figure) -> str:
             raise SystemExit(f"{figure.name}: `{figure.command}` ended with {done.returncode}:\n{done.stderr}")
         processor.append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
         wall.append(time.perf_counter() - began)
-    if not figure.says:
+    if not quoted:
         middle = TIMES // 2
         return f"{sorted(processor)[middle]:.2f} s of processor time, {sorted(wall)[middle]:.1f} s (medians of {TIMES})"
-    said = [found[1] for pattern in figure.says if (found := re.search(pattern, done.stdout))]
+    said = told(figure, done.stdout)
     if not said:
-        raise SystemExit(f"{figure.name}: `{figure.command}` no longer says {figure.says[0]!r}")
-    return "; ".join(re.sub(r"\s+", " ", one) for one in said)
+        raise SystemExit(f"{figure.name}: `{figure.command}` no longer says {quoted[0]!r}")
+    return "; ".join(re.sub(r"\s+", " ", one).strip() for one in said)
+
+
+def told(figure: Figure, output: str) -> list[str]:
+    """What a figure quotes of its command's output: of a campaign every match, of another figure the first."""
+    said = []
+    for pattern in figure.says:
+        every = [found[1] for found in re.finditer(pattern, output)]
+        said += every if figure.campaign else every[:1]
+    for pattern in figure.spans:
+        numbers = [float(found[1]) for found in re.finditer(pattern, output)]
+        if numbers:
+            mean = sum(numbers) / len(numbers)
+            said.append(f"{min(numbers):g} to {max(numbers):g}, mean {mean:.4g}, in {len(numbers)}")
+    return said
 
 
 def today(paths: Sequence[str]) -> tuple[str, str]:
@@ -205,7 +239,7 @@ def measured(figure: Figure) -> Row:
     commit, date = today(figure.paths)
     said = measure(figure)
     load, cores = os.getloadavg()[0], os.cpu_count() or 1
-    busy = f" (load {load:.1f} on {cores} cores)" if load > cores else ""
+    busy = f" (load {load:.1f} on {cores} cores)" if load > cores and not figure.campaign else ""
     return Row(figure.name, figure.what, said + busy, figure.command, commit, date)
 
 
@@ -232,6 +266,7 @@ def main() -> None:
     parser.add_argument("names", nargs="*", help="figures to measure; all if none is named")
     parser.add_argument("--stale", action="store_true", help="say which rows are older than their code")
     parser.add_argument("--all", action="store_true", help="with --stale: campaigns one by one")
+    parser.add_argument("--campaigns", action="store_true", help="those campaigns that are older than their code")
     parser.add_argument("--stamp", metavar="TEXT", help="write commit and date of now to the campaign that begins so")
     asked = parser.parse_args()
     known = figures()
@@ -255,7 +290,10 @@ def main() -> None:
     strange = [name for name in asked.names if name not in known]
     if strange:
         parser.error(f"no figure {', '.join(strange)}; there are {', '.join(known)}")
-    for name in asked.names or known:
+    names = asked.names or [name for name, one in known.items() if one.campaign == asked.campaigns]
+    for name in names:
+        if asked.campaigns and not asked.names and not stale(known[name], rows(DOCUMENT.read_text()).get(name)):
+            continue
         row = measured(known[name])
         text = DOCUMENT.read_text()
         DOCUMENT.write_text(written(text, rows(text) | {name: row}))

@@ -35,7 +35,7 @@ Name = Annotated[str, Field(min_length=1, max_length=80), AfterValidator(_checke
 class Strict(BaseModel):
     """Settings that refuse unknown keys and NaN."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
 
 
 class Acceptance(Strict):

@@ -13,7 +13,7 @@ STATES = {"alarms": "empty", "running": "flag", "temperature_degC": "number", "s
 
 
 class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
 
 
 class InterlockConfig(_Strict):

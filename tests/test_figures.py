@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 import subprocess
 from pathlib import Path
@@ -56,13 +57,18 @@ def test_the_document_has_the_place_for_the_rows_and_only_known_ones():
 
 
 def test_a_row_is_replaced_and_the_others_stay():
-    text = f"before\n{figures.BEGIN}\n{figures.END}\nafter\n"
+    marks = "\n".join(mark for pair in figures.MARKS for mark in pair)
+    text = f"before\n{marks}\nafter\n"
     once = figures.written(text, {"start-up": row("start-up", "aaaa"), "exchange": row("exchange", "bbbb")})
     again = figures.written(once, figures.rows(once) | {"exchange": row("exchange", "cccc", "2 us | 3 us")})
     assert figures.rows(again)["start-up"] == row("start-up", "aaaa")
     assert figures.rows(again)["exchange"] == row("exchange", "cccc", "2 us / 3 us")
     assert again.startswith("before\n")
     assert again.endswith("after\n")
+    last = figures.written(again, figures.rows(again) | {"kills": row("kills", "aaaa")})
+    first, _, second = last.partition(figures.MARKS[0][1])
+    assert "| kills |" in second, "campaigns have a table of their own"
+    assert "| exchange |" in first
 
 
 def test_a_document_without_the_place_is_refused():
@@ -119,3 +125,12 @@ def test_a_command_that_the_other_commit_does_not_have_is_said(tmp_path):
     (said,) = in_turns.compared(figure, tmp_path, 1)
     assert said.startswith("none: fails there: ")
     assert "no_such_thing" in said or "benchmarks" in said
+
+
+def test_a_campaign_quotes_every_match_and_the_span_of_numbers():
+    output = "a: named 3, of 4\n  at 0 deg: 94.5\n  at 30 deg: 95.5\nb: named 4, of 4\n"
+    asked = {"says": (r"(named \d)",), "spans": (r"(?m)^  .*: ([\d.]+)$",)}
+    one = figures.Figure("one", "what", "rig --help", ("code.py",), **asked)
+    assert figures.told(one, output) == ["named 3", "94.5 to 95.5, mean 95, in 2"]
+    assert figures.told(dataclasses.replace(one, campaign=True), output)[:2] == ["named 3", "named 4"]
+    assert figures.told(one, "something else") == []

@@ -12,7 +12,7 @@ from procedures.general.trace import both, search_table
 from procedures.general.trace.both import STEPS, WANDERS, Both
 from procedures.general.trace.family import family_of
 from procedures.general.trace.likelihood import Grid
-from procedures.general.trace.noise import Wandering
+from procedures.general.trace.noise import WIDE, Wandering
 from procedures.general.trace.problem import Problem, candidates_of
 from procedures.general.trace.robust import excess
 from procedures.general.trace.score import View, score
@@ -67,6 +67,16 @@ def test_whitening_and_colouring_are_those_of_the_matrices(noise, covariances):
         np.testing.assert_allclose(noise.variances(g), np.diag(v), rtol=1e-9)
         if isinstance(noise, Wandering):
             assert noise.memory[g] == pytest.approx(v.sum() / np.trace(v), rel=1e-9)
+
+
+def test_many_columns_are_whitened_row_by_row_to_the_same_numbers():
+    """Of few columns LAPACK is faster, of many one pass over the rows."""
+    noise, columns = Wandering(WHEN), np.random.default_rng(3).standard_normal((N, 2 * WIDE))
+    for g in (1, len(noise.prior) - 1):
+        wide = noise.whiten(np.array([g]), columns)[0]
+        few = [noise.whiten(np.array([g]), columns[:, k : k + 10])[0] for k in range(0, 2 * WIDE, 10)]
+        assert wide == pytest.approx(np.column_stack(few), rel=1e-13, abs=1e-15)
+        assert noise.colour(g, wide) == pytest.approx(columns, rel=1e-12, abs=1e-13)
 
 
 @pytest.mark.parametrize(("n", "told"), [(10, False), (600, True)])

@@ -25,6 +25,8 @@ are simulated with too little or too much slow noise: between 0.87 and 0.94 a th
 WALKS = (0.001, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 30.0)
 """Variance of a random walk's step over that of the independent part."""
 LEAST_WHITE = 0.01
+WIDE = 160
+"""Columns from which a recursion is faster row by row, over all columns at once, than by LAPACK, column by column."""
 SLOW, MEMORIES = 0.9, 6.0
 """Correlation of neighbours of the slow part above which it is a drift of unknown shape instead of noise; it is also
 slow if its memory, the time of a decrease of correlation by a factor e, fits into the table less often than this.
@@ -230,8 +232,11 @@ class Wandering:
                 out[i] = columns
                 continue
             state = _recursion(decay[:, g] * (1.0 - gain[:, g]), gain[:, g, None] * columns)
-            out[i, 0] = columns[0] / sd[0, g]
-            out[i, 1:] = (columns[1:] - decay[1:, g, None] * state[:-1]) / sd[1:, g, None]
+            white = out[i]
+            white[0] = columns[0]
+            np.multiply(decay[1:, g, None], state[:-1], out=white[1:])
+            np.subtract(columns[1:], white[1:], out=white[1:])
+            white /= sd[:, g, None]
         return out
 
     def colour(self, at: int, white: FloatArray) -> FloatArray:
@@ -265,7 +270,11 @@ class Wandering:
 
 
 def _recursion(factor: FloatArray, given: FloatArray) -> FloatArray:
-    """(n, m) s with s[t] = factor[t] s[t - 1] + given[t]."""
+    """(n, m) s with s[t] = factor[t] s[t - 1] + given[t]; it may take the place of `given`."""
+    if given.shape[1] >= WIDE:
+        for t in range(1, len(given)):
+            given[t] += factor[t] * given[t - 1]
+        return given
     if not given.shape[1]:  # LAPACK's wrapper writes beyond an array without columns
         return given
     band = np.ones((2, len(factor)))

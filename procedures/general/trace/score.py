@@ -81,16 +81,17 @@ def blocks(columns: FloatArray, start: IntArray, length: FloatArray, taken: Floa
     norm = np.linalg.norm(own, axis=0)
     kept = norm > NOTHING_LEFT * length
     widths = np.diff(start)
-    unit = np.divide(own, norm, out=np.zeros_like(own), where=kept)
+    unit = _over(own, norm, kept)
     first = start[:-1][widths == 2]
-    unit[:, first], unit[:, first + 1], kept[first], kept[first + 1] = _pairs(own, length, first)
+    if first.size:
+        unit[:, first], unit[:, first + 1], kept[first], kept[first + 1] = _pairs(own, length, first)
     for j in np.flatnonzero(widths > 2):
         span = slice(int(start[j]), int(start[j + 1]))
         basis = orthonormal(own[:, span], length[span], NOTHING_LEFT)
         kept[span] = np.arange(widths[j]) < basis.shape[1]
         unit[:, start[j] : start[j] + basis.shape[1]] = basis
     ranks = np.diff(np.concatenate([[0], np.cumsum(kept)])[start])
-    return Blocks(unit[:, kept], np.concatenate([[0], np.cumsum(ranks)]).astype(np.int64))
+    return Blocks(unit if kept.all() else unit[:, kept], np.concatenate([[0], np.cumsum(ranks)]).astype(np.int64))
 
 
 def _pairs(own: FloatArray, length: FloatArray, first: IntArray) -> tuple[FloatArray, FloatArray, BoolArray, BoolArray]:
@@ -99,14 +100,20 @@ def _pairs(own: FloatArray, length: FloatArray, first: IntArray) -> tuple[FloatA
     a, b = own[:, first] / scale[first], own[:, first + 1] / scale[first + 1]
     size_a, size_b = np.linalg.norm(a, axis=0), np.linalg.norm(b, axis=0)
     swapped = size_b > size_a
-    long, short = np.where(swapped, b, a), np.where(swapped, a, b)
+    if swapped.any():
+        a[:, swapped], b[:, swapped] = b[:, swapped], a[:, swapped]
     size = np.where(swapped, size_b, size_a)
     long_kept = size > NOTHING_LEFT
-    long = np.divide(long, size, out=np.zeros_like(long), where=long_kept)
-    short = short - long * np.sum(long * short, axis=0)
+    long = _over(a, size, long_kept)
+    short = b - long * np.sum(long * b, axis=0)
     size = np.linalg.norm(short, axis=0)
     short_kept = long_kept & (size > NOTHING_LEFT)
-    return long, np.divide(short, size, out=np.zeros_like(short), where=short_kept), long_kept, short_kept
+    return long, _over(short, size, short_kept), long_kept, short_kept
+
+
+def _over(columns: FloatArray, size: FloatArray, kept: BoolArray) -> FloatArray:
+    """Columns over their size, zero where they are not kept."""
+    return columns / size if kept.all() else np.divide(columns, size, out=np.zeros_like(columns), where=kept)
 
 
 @dataclass(frozen=True, eq=False)
