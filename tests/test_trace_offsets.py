@@ -3,7 +3,11 @@
 import numpy as np
 import pytest
 
+from procedures.attitude.effects import CATALOGUE
 from procedures.attitude.trace.offsets import VARIANCES, slopes, wandering
+from procedures.attitude.trace.pose import pose
+from procedures.attitude.trace.replications import slow_of
+from proving.truth.attitude import D1, Bench, simulate
 
 RUNS, SENSORS, N = 1500, 3, 6
 TREND = np.arange(N) - 2.5
@@ -78,3 +82,24 @@ def test_evidence_that_numbers_wander():
     quiet, walking = (wandering(numbers(rng, walk=walk)[:, 0]) for walk in (0.0, 5.0))
     assert np.mean(quiet > 0.0) < 0.2
     assert np.mean(walking > 2.0) > 0.9
+
+
+def test_sensors_that_a_term_does_not_concern_have_that_of_the_same_term_on_them():
+    """One pair of columns after the other, as it is defined."""
+    data, _ = simulate(Bench(), D1(180, 7, 7, order="random"), 3)
+    problem = pose(data, CATALOGUE)
+    slow = slow_of(problem)
+    of = {(c.effect.name, c.term.name, c.sensor): j for j, c in enumerate(problem.candidates)}
+    compared = 0
+    for q, j in enumerate(slow.columns.tolist()):
+        one = problem.candidates[j]
+        for i, sensor in enumerate(problem.sensors):
+            same = of.get((one.effect.name, one.term.name, sensor))
+            if slow.tested[:, q].sum() == 1 and not slow.tested[i, q] and same in slow.columns:
+                at = int(np.flatnonzero(slow.columns == same)[0])
+                if slow.tested[i, at]:
+                    compared += 1
+                    assert slow.others[i, q]
+                    assert np.array_equal(slow.x[i, :, q], slow.x[i, :, at])
+                    assert np.array_equal(slow.direction[i, :, q], slow.direction[i, :, at])
+    assert compared > 10

@@ -86,9 +86,10 @@ def few_periods(count: float) -> str:
     return f"the data have {count:.1f} of its periods: something that wanders slowly would look like this"
 
 
-def another_law(name: str) -> str:
-    """Sentence about a smooth law beside which one with a corner explains as much."""
-    return f"{name}, a law with a corner, explains as much: how it depends on the variable is not known"
+def another_law(name: str, *, corner: bool = True) -> str:
+    """Sentence about a law beside which another one, with or without a corner, explains as much."""
+    what = f"{name}, a law with a corner," if corner else name
+    return f"{what} explains as much: how it depends on the variable is not known"
 
 
 def several_values(count: int) -> str:

@@ -121,15 +121,12 @@ def slow_of(problem: Problem) -> Slow:
     for q, name in enumerate(named):
         alike.setdefault(name, []).append(q)
     alone = tested.sum(axis=0) == 1
-    for q in kept[alone[kept]].tolist():
-        for other in alike[named[q]]:
-            if other != q:
-                there = tested[:, other] & ~tested[:, q]
-                others[there, q], x[there, :, q], direction[there, :, q] = (
-                    True,
-                    x[there, :, other],
-                    direction[there, :, other],
-                )
+    pairs = [(q, other) for q in kept[alone[kept]].tolist() for other in alike[named[q]] if other != q]
+    if pairs:
+        mine, of = np.array(pairs, np.int64).T
+        there, k = np.nonzero(tested[:, of] & ~tested[:, mine])
+        others[there, mine[k]] = True
+        x[there, :, mine[k]], direction[there, :, mine[k]] = x[there, :, of[k]], direction[there, :, of[k]]
     slips = tuple(
         u
         for u, unit in enumerate(problem.units)

@@ -34,6 +34,8 @@ beside the other, one of them by this factor more, because of the number of tria
 """
 ALIKE = 4.0
 """Difference of twice the log-likelihood up to which the order of the catalogue decides."""
+SHAPES = ("kink", "square-root")
+"""Kinds of curves that are not named after a power where they are more probable than it."""
 MOST_TERMS = 3
 """Maximum number of terms of one effect with a searched constant: more knots or harmonics are not a description."""
 
@@ -139,13 +141,21 @@ class TableJudge:
         return self.rivals(chosen, effect)
 
     def lead(self, found: Sequence[Rival]) -> Rival:
-        """The most probable of the indistinguishable explanations, with the price of columns by Schwarz's criterion.
-        Among about equally probable ones the first in the catalogue.
+        """The most probable of the indistinguishable explanations, by `costs`.
+
+        Among about equally probable ones the first in the catalogue; but a curve of `SHAPES` that is more probable than
+        that leads: a power in its place is far off near a bend.
         """
-        extra = np.log(self.problem.n) - PER_COLUMN
-        cost = {r: r.sigmas**2 + extra * sum(self.candidates[j].term.price for j in r.terms) for r in found if r.alias}
+        cost = self.costs(found)
         least = min(cost.values())
-        return min((r for r in cost if cost[r] - least < ALIKE), key=lambda r: min(r.terms))
+        first = min((r for r in cost if cost[r] - least < ALIKE), key=lambda r: min(r.terms))
+        shapes = [r for r in cost if self.candidates[r.terms[0]].effect.kind.name in SHAPES]
+        return min([first, *shapes], key=lambda r: cost[r])
+
+    def costs(self, found: Sequence[Rival]) -> dict[Rival, float]:
+        """Minus twice the log-likelihood of each alias, but for a constant, with its columns' price by Schwarz."""
+        extra = np.log(self.problem.n) - PER_COLUMN
+        return {r: r.sigmas**2 + extra * sum(self.candidates[j].term.price for j in r.terms) for r in found if r.alias}
 
     def beside(self, chosen: tuple[int, ...], extra: FloatArray | None = None) -> Beside:
         """Likelihoods of common noise of rows, with the declared columns, those `chosen`, and `extra` ones (n, d)."""

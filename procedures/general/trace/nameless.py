@@ -250,7 +250,7 @@ class Nameless:
                 out |= {name: no_better(names, where) for name in names if name not in out}
         for name in names:
             named, nameless, where = self.earned((name,))
-            if named - nameless < (PLAIN if self._plain(name) else EARNED) and name not in out:
+            if named - nameless < (PLAIN if self.plain(name) else EARNED) and name not in out:
                 out[name] = no_better((name,), where)
         return out
 
@@ -270,7 +270,7 @@ class Nameless:
         """Pairs of effects of the same columns, unless both are plain: with a searched constant they take any shape."""
         columns = {self.judge.candidates[j].effect.name: self.judge.candidates[j].effect.columns for j in self.chosen}
         for one, other in combinations(names, 2):
-            if set(columns[one]) == set(columns[other]) and not (self._plain(one) and self._plain(other)):
+            if set(columns[one]) == set(columns[other]) and not (self.plain(one) and self.plain(other)):
                 yield one, other
 
     def _left_over(self, variables: set[str]) -> tuple[Left, float] | None:
@@ -291,7 +291,7 @@ class Nameless:
     def _without(self, names: Sequence[str]) -> tuple[int, ...]:
         return tuple(j for j in self.chosen if self.judge.candidates[j].effect.name not in names)
 
-    def _plain(self, name: str) -> bool:
+    def plain(self, name: str) -> bool:
         """Whether it is a line, a square, a cube or levels, without a searched constant or a rare function."""
         own = [c for c in self.judge.candidates if c.effect.name == name]
         return own[0].effect.kind.name not in RARE and all(c.term.profile is None for c in own)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from fitter.trace.doubts import CHANGES, not_constant, not_sudden
 from procedures.general.trace.constant import changes, exchanged
+from procedures.general.trace.laws import other_laws
 from procedures.general.trace.nameless import Nameless
 from procedures.general.trace.sudden import not_sudden as lasting
 
@@ -14,6 +15,13 @@ def doubts_of(nameless: Nameless) -> dict[str, str]:
 
 
 def new_doubts(nameless: Nameless) -> dict[str, str]:
-    """Of names that are one whose coefficient changes, of coefficients that are no constants, of steps that last."""
+    """Of names that are one whose coefficient changes, of coefficients that are no constants, of steps that last, of
+    curves that may be others.
+    """
     changing = {name: not_constant(one.over, one.p) for name, one in changes(nameless).items() if one.p < CHANGES}
-    return {**exchanged(nameless), **dict.fromkeys(sorted(lasting(nameless)), not_sudden()), **changing}
+    return {
+        **other_laws(nameless),
+        **exchanged(nameless),
+        **dict.fromkeys(sorted(lasting(nameless)), not_sudden()),
+        **changing,
+    }
