@@ -237,3 +237,19 @@ def test_three_kinks_may_have_any_shape():
     (kinks,) = traced(columns, response="y", formula="1 + x", time="t_s").added
     assert (kinks.effect, len(kinks.coefficients)) == ("kink:x", 3)
     assert "takes 3 values" in kinks.doubtful
+
+
+def test_what_is_set_anew_at_each_change_of_operator_is_said():
+    """Whoever sits down presses the zero key, and its error is drawn again: it was a finding about the noise only."""
+    rng = np.random.default_rng(31)
+    turn, zero = np.arange(140) // 7, 1.5 * rng.standard_normal(20)
+    for k in range(3):
+        zero[k::3] -= zero[k::3].mean()  # nobody is better than the others
+    columns = sensor_of(140, 31, lambda _c: zero[turn])
+    text = {"operator": np.array(["Ada", "Ben", "Cleo"])[turn % 3]}
+    table = Table("table.csv", columns, simulated=True, provenance={}, text=text)
+    result = trace_general(roles_of(table, Roles(response="y", formula="1 + x", time="t_s"))[0])
+    assert not result.added
+    (rest,) = [rest for rest in result.unnamed if rest.stratum != "noise"]
+    assert rest.where.startswith("with an offset of its own from each change of operator to the next")
+    assert rest.shape.over.variable == "t_s"

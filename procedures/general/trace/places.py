@@ -24,6 +24,8 @@ PAIRS = 8
 """Maximum number of pairs of variables."""
 LEVELS, FEWEST_CHANGES, STAYS = 8, 2, 4
 """A variable that stays for a while: its most levels, its fewest changes, its fewest rows at one level on average."""
+TURNS = 60
+"""Most changes of a variable beside which each turn between them has an offset of its own."""
 FEWEST_CHANGED = 6
 """Fewest rows in which something has just changed, and in which it has not."""
 PRACTICE = 2
@@ -94,9 +96,15 @@ def _in_time(scene: TableScene, group: IntArray | None) -> Iterator[Place]:
     if group is not None and np.any(np.diff(t) > 0):
         since = waves(_since(group, t), _most(t, BESIDE)) if np.ptp(_since(group, t)) > 0 else np.empty((len(t), 0))
         yield _place(f"over {time.name} since each group's first row", since, _rough(since), {time.name}, timed=True)
-    for name, since in _since_changes(scene, group):
+    for name, since, turn in _turns(scene, group):
         columns = waves(since, _most(t, BESIDE))
         yield _place(f"over {time.name} since {name} changed", columns, _rough(columns), {time.name, name}, timed=True)
+        if turn[-1] > TURNS:
+            continue
+        own = (turn[:, None] == np.arange(1, int(turn.max()) + 1)).astype(np.float64)
+        text = f"with an offset of its own from each change of {name} to the next"
+        block = Block(text, own, (own.shape[1],), np.ones(own.shape[1]))
+        yield Place(block, frozenset({time.name, name}), timed=True)
     for name, v in scene.variables.items():
         state = latches(v, np.arange(len(v)))
         if np.any(state):
@@ -136,8 +144,8 @@ def _of_changes(scene: TableScene) -> Iterator[Place]:
             yield _place(text, own, np.ones(own.shape[1]), {name}, timed=True)
 
 
-def _since_changes(scene: TableScene, group: IntArray | None) -> Iterator[tuple[str, FloatArray]]:
-    """Each variable of few levels, such as an operator, that stays for several rows, and the time since it changed."""
+def _turns(scene: TableScene, group: IntArray | None) -> Iterator[tuple[str, FloatArray, IntArray]]:
+    """Each variable of few levels, such as an operator, that stays for some rows; time since it changed, and turns."""
     assert scene.time is not None
     known = [np.zeros(len(scene.time.values), np.intp) if group is None else np.cumsum(_changes(group))]
     groups = {**scene.groups, **scene.labels}
@@ -150,7 +158,7 @@ def _since_changes(scene: TableScene, group: IntArray | None) -> Iterator[tuple[
         since = _since(spell, scene.time.values)
         if np.ptp(since) > 0 and not any(np.array_equal(spell, one) for one in known):
             known.append(spell)
-            yield name, since
+            yield name, since, spell
 
 
 def _changes(v: IntArray | FloatArray) -> IntArray:
