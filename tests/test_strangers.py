@@ -87,9 +87,10 @@ def told(capsys, *words):
 
 
 def test_a_set_is_traced_scored_and_counted_and_when_it_was_opened_is_kept(folder, capsys):
-    rows = told(capsys, "effects", "--set", folder, "--seeds", 2, "--sizes", 2)["rows"]
-    assert rows["general: bend, size 2"]["seed 1"].startswith("right. y_mV explained: second-order:x_mm")
-    assert rows["general: bend, size 2"]["hidden"] == "bend: The beam gives way. Over x."
+    # at size 2 a cube is more probable than the square in one of two laboratories
+    rows = told(capsys, "effects", "--set", folder, "--seeds", 2, "--sizes", 4)["rows"]
+    assert rows["general: bend, size 4"]["seed 1"].startswith("right. y_mV explained: second-order:x_mm")
+    assert rows["general: bend, size 4"]["hidden"] == "bend: The beam gives way. Over x."
     assert rows["all in a catalogue"]["right"] == {"count": 2, "of": 2, "percent_95": [34.2, 100.0]}
     assert rows["all"]["hidden causes named or among the aliases"]["of"] == 2 + 2 + 4
     assert sum(rows["all"][name]["count"] for name in CLASSES) == 6

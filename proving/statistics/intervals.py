@@ -68,8 +68,8 @@ FIRST = 2000
 
 
 def nights() -> Study:
-    """Nights of 13 x 13 points over +-90 deg, six replications that agree or have offsets of a reading's sd."""
-    which = [(offset_sd, name) for offset_sd in (0.0, 1.0) for name in NIGHTS]
+    """Nights of 13 x 13 points over +-90 deg; six replications agree, or have offsets of 0.1 or 1 sd of a reading."""
+    which = [(offset_sd, name) for offset_sd in (0.0, 0.1, 1.0) for name in NIGHTS]
     return _study({f"offsets of {sd:g} sd: {name}": partial(_night, name=name, offset_sd=sd) for sd, name in which})
 
 
