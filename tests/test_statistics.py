@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import json
 import re
+import shlex
 import sys
 from functools import partial
 from pathlib import Path
@@ -118,7 +119,7 @@ def test_figures_are_said_in_words(capsys):
 
 
 COMMANDS = [
-    command.split()
+    shlex.split(command)
     for document in sorted(DOCS.rglob("*.md"))
     for command in re.findall(r"`python -m proving\.statistics ([^`]*)`", document.read_text(encoding="utf-8"))
 ]
