@@ -83,13 +83,17 @@ def _at_95(step: Any, rate: Any, count: int) -> float:
     return float(best.x[0] + 1.645 / np.exp(best.x[1]))
 
 
-def error() -> Study:
-    """Rms of fitted less true response, after over told, where the effect is 1 sd rms; and stated errors that rose."""
-    return Study({name: partial(_ratio, name=name) for name in MISSING}, _quantiles, pooled(_quantiles))
+def error(rows: int = 0) -> Study:
+    """Rms of fitted less true response, after over told, where the effect is 1 sd rms; and stated errors that rose.
+
+    In tables of so many rows; 0 for those of each effect.
+    """
+    return Study({name: partial(_ratio, name=name, rows=rows) for name in MISSING}, _quantiles, pooled(_quantiles))
 
 
-def _ratio(seed: int, name: str) -> Result:
+def _ratio(seed: int, name: str, rows: int) -> Result:
     missing = MISSING[name]
+    missing = replace(missing, lab=replace(missing.lab, n=rows or missing.lab.n))
     columns = simulate(missing.lab, seed, missing.at(1.0))
     effect = columns["y"] - simulate(missing.lab, seed)["y"]
     data, _ = roles_of(Table("simulated", columns, True, {}), Roles(**options(missing.lab)))
