@@ -1,14 +1,17 @@
-"""Noise that grows with the reading or another recorded quantity: detected beside the effects, and used for weights."""
+"""Noise that changes with the reading or another recorded quantity: detected beside the effects, used for weights."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any, Final, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import special
 
-from fitter.arrays import FloatArray
+from fitter.arrays import FloatArray, IntArray
+from fitter.linear import orthonormal
 from fitter.trace.chance import ALPHA, COUNTED
 
 STEEPEST = 1e3
@@ -48,14 +51,10 @@ def noise_of(residual: FloatArray, left: FloatArray, driver: FloatArray) -> Nois
         left: (n,) share of a reading's variance in its residual.
         driver: (n,) variable on which it may depend.
     """
-    squares = residual**2 / np.maximum(left, 0.1)
-    n, p = squares.size, driver - driver.mean()
-    about = squares - squares.mean()
-    total = float(about @ about)
-    if total <= 0.0 or not np.any(p):
+    squares = _squares(residual, left)
+    if np.ptp(squares) <= 0.0 or np.ptp(driver) <= 0.0:
         return Noise(float(np.sqrt(squares.mean())), 0.0, (0.0, 0.0), 1.0)
-    correlation = float(p @ about) / np.sqrt(total * float(p @ p))
-    chance = float(special.chdtrc(1, n * correlation**2))
+    chance = _chance(squares, driver)
     highest, share = float(driver.max()), left / left.sum()
 
     def deviance(slope: float) -> float:
@@ -79,50 +78,131 @@ def noise_of(residual: FloatArray, left: FloatArray, driver: FloatArray) -> Nois
     return Noise(at_zero, at_zero * slope, (float(np.sqrt(spread[0])), float(np.sqrt(spread[1]))), chance)
 
 
-FEWEST = 20
+FEWEST, FEWEST_OF_LEVEL = 20, 6
+"""Minimum number of rows, and of rows of a level on average."""
 FACTOR = 1.3
 """Minimum ratio of the largest to the smallest standard deviation for weights."""
+Kind = Literal["line", "middle", "levels"]
+LINE: Final = "line"
+MIDDLE: Final = "middle"
+LEVELS: Final = "levels"
+LIKE_ALL = 4.0
+"""Number of rows by which each level's variance is drawn to that of all rows."""
 
 
 @dataclass(frozen=True)
 class Growth:
-    """Dependence of a row's standard deviation on a variable.
+    """Dependence of a row's standard deviation on a variable, or on its distance from the middle.
 
     Attributes:
-        driver: the variable; "fitted" for the size of the fitted response.
+        driver: the variable; "fitted" for the fitted response.
         span: values of the driver between which it was estimated.
-        noise: sd as a line over the driver from 0 to 1 over its span, units of the response.
+        noise: sd as a line, units of the response: over the driver from 0 to 1 over its span, or over its distance
+            from the middle of the span, from 0 to 1 at both ends.
         p: family-wise, over all drivers.
+        kind: which of the two.
     """
 
     driver: str
     span: tuple[float, float]
     noise: Noise
     p: float
+    kind: Kind = LINE
 
     def sd(self, values: FloatArray) -> FloatArray:
         """(n,) standard deviation at values of the driver."""
-        low, high = self.span
-        return np.maximum(self.noise.sd((values - low) / (high - low)), 1e-6 * self.noise.at_zero)
+        return np.maximum(self.noise.sd(_scaled(values, self.span, self.kind)), 1e-6 * self.noise.at_zero)
 
 
-def growth_of(left: FloatArray, kept: FloatArray, drivers: Mapping[str, FloatArray], sensors: int = 1) -> Growth | None:
+@dataclass(frozen=True, eq=False)
+class OfLevels:
+    """A standard deviation for the rows of each level of a group.
+
+    Attributes:
+        driver: the group.
+        of_level: (levels,) units of the response.
+        p: family-wise, over all drivers.
+    """
+
+    driver: str
+    of_level: FloatArray
+    p: float
+
+    def sd(self, level: IntArray) -> FloatArray:
+        """(n,) standard deviation of rows of these levels."""
+        return np.asarray(self.of_level[level])
+
+
+def growth_of(
+    left: FloatArray,
+    kept: FloatArray,
+    drivers: Mapping[str, FloatArray],
+    groups: Mapping[str, IntArray] | None = None,
+    sensors: int = 1,
+) -> Growth | OfLevels | None:
     """The driver with the most significant relation to the noise; None if there is none.
 
     Args:
         left: (n,) residual with the effects, units of the response, unweighted.
         kept: (n,) share of a row's variance in its residual.
-        drivers: (n,) variables on which it may depend.
+        drivers: (n,) variables on which it may depend, as a line or by the distance from the middle.
+        groups: (n,) level of each row, from 0, in groups whose levels may differ.
         sensors: of the run, each of which is asked.
     """
-    usable = {name: v for name, v in drivers.items() if np.ptp(v) > 1e-9 * np.max(np.abs(v))}
-    if len(left) < FEWEST or not usable or not np.any(left):
+    if len(left) < FEWEST or not np.any(left):
         return None
-    found = []
-    for name, v in usable.items():
-        low, high = float(v.min()), float(v.max())
-        noise = noise_of(left, kept, (v - low) / (high - low))
-        found.append(Growth(name, (low, high), noise, min(noise.p * len(usable) * sensors / COUNTED, 1.0)))
-    best = min(found, key=lambda growth: growth.p)
-    ends = best.noise.sd(np.array([0.0, 1.0]))
-    return best if best.p <= ALPHA and max(ends) > FACTOR * min(ends) else None
+    squares = _squares(left, kept)
+    spans = {name: (float(v.min()), float(v.max())) for name, v in drivers.items()}
+    over = {(name, kind): v for name, v in drivers.items() for kind in _kinds(v)}
+    among: dict[tuple[str, Kind], IntArray] = {(name, LEVELS): v for name, v in (groups or {}).items() if _few(v)}
+    chances = {(name, kind): _chance(squares, _scaled(v, spans[name], kind)) for (name, kind), v in over.items()}
+    chances |= {key: _chance(squares, v[:, None] == np.unique(v)[1:]) for key, v in among.items()}
+    if not chances:
+        return None
+    best = name, kind = min(chances, key=chances.__getitem__)
+    p = min(chances[best] * len(chances) * sensors / COUNTED, 1.0)
+    found: Growth | OfLevels
+    if kind == LEVELS:
+        found = OfLevels(name, _of_levels(squares, among[best]), p)
+        ends = found.of_level
+    else:
+        found = Growth(name, spans[name], noise_of(left, kept, _scaled(over[best], spans[name], kind)), p, kind)
+        ends = found.noise.sd(np.array([0.0, 1.0]))
+    return found if p <= ALPHA and ends.max() > FACTOR * ends.min() else None
+
+
+def _kinds(v: FloatArray) -> tuple[Kind, ...]:
+    """Ways in which noise may change over a variable: none over a constant; one over two values."""
+    if np.ptp(v) <= 1e-9 * np.max(np.abs(v)):
+        return ()
+    return (LINE, MIDDLE) if np.unique(v).size > 2 else (LINE,)
+
+
+def _few(level: IntArray) -> bool:
+    return 1 < np.unique(level).size <= level.size // FEWEST_OF_LEVEL
+
+
+def _of_levels(squares: FloatArray, level: IntArray) -> FloatArray:
+    """(levels,) standard deviation of each, from squares (n,) drawn a little to those of all."""
+    own = np.bincount(level, squares) + LIKE_ALL * squares.mean()
+    return np.asarray(np.sqrt(own / (np.bincount(level) + LIKE_ALL)))
+
+
+def _scaled(values: FloatArray, span: tuple[float, float], kind: Kind) -> FloatArray:
+    """(n,) values from 0 to 1 over a span, or distances from its middle."""
+    low, high = span
+    x = (values - low) / (high - low)
+    return np.abs(2.0 * x - 1.0) if kind == MIDDLE else x
+
+
+def _squares(residual: FloatArray, left: FloatArray) -> FloatArray:
+    return np.asarray(residual**2 / np.maximum(left, 0.1))
+
+
+def _chance(squares: FloatArray, drivers: NDArray[Any]) -> float:
+    """P of Koenker's test of drivers (n,) or (n, d)."""
+    x = drivers.reshape(len(squares), -1) - drivers.mean(axis=0)
+    about = squares - squares.mean()
+    basis = orthonormal(x)
+    share = float(np.sum((basis.T @ about) ** 2)) / float(about @ about)
+    return float(special.chdtrc(basis.shape[1], len(squares) * share)) if basis.shape[1] else 1.0
