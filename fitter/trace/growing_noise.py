@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Final, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ STEEPEST = 1e3
 
 @dataclass(frozen=True)
 class Noise:
-    """Standard deviation of a reading over a driver x, sd = a (1 + c x).
+    """Standard deviation of a reading over a driver x, sd = a (1 + c x), or over its distance from a middle.
 
     Attributes:
         at_zero: a.
@@ -28,19 +28,21 @@ class Noise:
         stderr: of both, from the curvature of the likelihood; about 20 % too small, because residuals are dependent.
             NaN if the rows do not determine them.
         p: probability of such a relation between squared residual and driver by chance.
+        middle: value of the driver that distances are from; None for the driver itself.
     """
 
     at_zero: float
     per_unit: float
     stderr: tuple[float, float]
     p: float
+    middle: float | None = None
 
     def sd(self, driver: FloatArray) -> FloatArray:
         """(n,) standard deviation at these values of the driver, in units of the reading."""
-        return self.at_zero + self.per_unit * driver
+        return self.at_zero + self.per_unit * _distance(driver, self.middle)
 
 
-def noise_of(residual: FloatArray, left: FloatArray, driver: FloatArray) -> Noise:
+def noise_of(residual: FloatArray, left: FloatArray, driver: FloatArray, middle: float | None = None) -> Noise:
     """Estimate how noise grows with a driver.
 
     The test regresses squared residuals on the driver and studentises by their own scatter (Koenker, J. Econometrics 17
@@ -50,10 +52,11 @@ def noise_of(residual: FloatArray, left: FloatArray, driver: FloatArray) -> Nois
         residual: (n,) of one response.
         left: (n,) share of a reading's variance in its residual.
         driver: (n,) variable on which it may depend.
+        middle: value of the driver, if the noise may depend on the distance from it.
     """
-    squares = _squares(residual, left)
+    squares, driver = _squares(residual, left), _distance(driver, middle)
     if np.ptp(squares) <= 0.0 or np.ptp(driver) <= 0.0:
-        return Noise(float(np.sqrt(squares.mean())), 0.0, (0.0, 0.0), 1.0)
+        return Noise(float(np.sqrt(squares.mean())), 0.0, (0.0, 0.0), 1.0, middle)
     chance = _chance(squares, driver)
     highest, share = float(driver.max()), left / left.sum()
 
@@ -75,17 +78,13 @@ def noise_of(residual: FloatArray, left: FloatArray, driver: FloatArray) -> Nois
         spread = np.diag(np.linalg.inv([[told.sum(), told @ driver], [told @ driver, (told * driver) @ driver]]))
     except np.linalg.LinAlgError:  # all noise is at one value of the driver
         spread = np.full(2, np.nan)
-    return Noise(at_zero, at_zero * slope, (float(np.sqrt(spread[0])), float(np.sqrt(spread[1]))), chance)
+    return Noise(at_zero, at_zero * slope, (float(np.sqrt(spread[0])), float(np.sqrt(spread[1]))), chance, middle)
 
 
 FEWEST, FEWEST_OF_LEVEL = 20, 6
 """Minimum number of rows, and of rows of a level on average."""
 FACTOR = 1.3
 """Minimum ratio of the largest to the smallest standard deviation for weights."""
-Kind = Literal["line", "middle", "levels"]
-LINE: Final = "line"
-MIDDLE: Final = "middle"
-LEVELS: Final = "levels"
 LIKE_ALL = 4.0
 """Number of rows by which each level's variance is drawn to that of all rows."""
 
@@ -97,21 +96,24 @@ class Growth:
     Attributes:
         driver: the variable; "fitted" for the fitted response.
         span: values of the driver between which it was estimated.
-        noise: sd as a line, units of the response: over the driver from 0 to 1 over its span, or over its distance
-            from the middle of the span, from 0 to 1 at both ends.
+        noise: units of the response, over the driver from 0 to 1 over its span, or over its distance from the middle of
+            the span.
         p: family-wise, over all drivers.
-        kind: which of the two.
     """
 
     driver: str
     span: tuple[float, float]
     noise: Noise
     p: float
-    kind: Kind = LINE
 
     def sd(self, values: FloatArray) -> FloatArray:
         """(n,) standard deviation at values of the driver."""
-        return np.maximum(self.noise.sd(_scaled(values, self.span, self.kind)), 1e-6 * self.noise.at_zero)
+        return np.maximum(self.noise.sd(_scaled(values, self.span)), 1e-6 * self.noise.at_zero)
+
+    @property
+    def ends(self) -> FloatArray:
+        """(2,) standard deviation at the lowest value or in the middle, and at the highest value."""
+        return self.noise.sd(np.array([self.noise.middle or 0.0, 1.0]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,6 +133,11 @@ class OfLevels:
     def sd(self, level: IntArray) -> FloatArray:
         """(n,) standard deviation of rows of these levels."""
         return np.asarray(self.of_level[level])
+
+    @property
+    def ends(self) -> FloatArray:
+        """(2,) the smallest and the largest of them."""
+        return np.array([self.of_level.min(), self.of_level.max()])
 
 
 def growth_of(
@@ -153,29 +160,29 @@ def growth_of(
         return None
     squares = _squares(left, kept)
     spans = {name: (float(v.min()), float(v.max())) for name, v in drivers.items()}
-    over = {(name, kind): v for name, v in drivers.items() for kind in _kinds(v)}
-    among: dict[tuple[str, Kind], IntArray] = {(name, LEVELS): v for name, v in (groups or {}).items() if _few(v)}
-    chances = {(name, kind): _chance(squares, _scaled(v, spans[name], kind)) for (name, kind), v in over.items()}
-    chances |= {key: _chance(squares, v[:, None] == np.unique(v)[1:]) for key, v in among.items()}
-    if not chances:
+    over = {(name, middle): _scaled(v, spans[name]) for name, v in drivers.items() for middle in _middles(v)}
+    among = {name: v for name, v in (groups or {}).items() if _few(v)}
+    chances = {(name, middle): _chance(squares, _distance(x, middle)) for (name, middle), x in over.items()}
+    of_groups = {name: _chance(squares, v[:, None] == np.unique(v)[1:]) for name, v in among.items()}
+    every = [*chances.values(), *of_groups.values()]
+    least, count = min(every, default=1.0), len(every) * sensors / COUNTED
+    if not every or least * count > ALPHA:
         return None
-    best = name, kind = min(chances, key=chances.__getitem__)
-    p = min(chances[best] * len(chances) * sensors / COUNTED, 1.0)
     found: Growth | OfLevels
-    if kind == LEVELS:
-        found = OfLevels(name, _of_levels(squares, among[best]), p)
-        ends = found.of_level
+    if least in of_groups.values():
+        name = min(of_groups, key=of_groups.__getitem__)
+        found = OfLevels(name, _of_levels(squares, among[name]), least * count)
     else:
-        found = Growth(name, spans[name], noise_of(left, kept, _scaled(over[best], spans[name], kind)), p, kind)
-        ends = found.noise.sd(np.array([0.0, 1.0]))
-    return found if p <= ALPHA and ends.max() > FACTOR * ends.min() else None
+        name, middle = best = min(chances, key=chances.__getitem__)
+        found = Growth(name, spans[name], noise_of(left, kept, over[best], middle), least * count)
+    return found if found.ends.max() > FACTOR * found.ends.min() else None
 
 
-def _kinds(v: FloatArray) -> tuple[Kind, ...]:
-    """Ways in which noise may change over a variable: none over a constant; one over two values."""
+def _middles(v: FloatArray) -> tuple[float | None, ...]:
+    """Where distances may be from, over the span: nothing over a constant, nowhere over two values."""
     if np.ptp(v) <= 1e-9 * np.max(np.abs(v)):
         return ()
-    return (LINE, MIDDLE) if np.unique(v).size > 2 else (LINE,)
+    return (None, 0.5) if np.unique(v).size > 2 else (None,)
 
 
 def _few(level: IntArray) -> bool:
@@ -188,11 +195,13 @@ def _of_levels(squares: FloatArray, level: IntArray) -> FloatArray:
     return np.asarray(np.sqrt(own / (np.bincount(level) + LIKE_ALL)))
 
 
-def _scaled(values: FloatArray, span: tuple[float, float], kind: Kind) -> FloatArray:
-    """(n,) values from 0 to 1 over a span, or distances from its middle."""
-    low, high = span
-    x = (values - low) / (high - low)
-    return np.abs(2.0 * x - 1.0) if kind == MIDDLE else x
+def _scaled(values: FloatArray, span: tuple[float, float]) -> FloatArray:
+    """(n,) values, from 0 to 1 over a span."""
+    return (values - span[0]) / (span[1] - span[0])
+
+
+def _distance(values: FloatArray, middle: float | None) -> FloatArray:
+    return values if middle is None else np.abs(values - middle)
 
 
 def _squares(residual: FloatArray, left: FloatArray) -> FloatArray:
@@ -203,6 +212,7 @@ def _chance(squares: FloatArray, drivers: NDArray[Any]) -> float:
     """P of Koenker's test of drivers (n,) or (n, d)."""
     x = drivers.reshape(len(squares), -1) - drivers.mean(axis=0)
     about = squares - squares.mean()
-    basis = orthonormal(x)
-    share = float(np.sum((basis.T @ about) ** 2)) / float(about @ about)
-    return float(special.chdtrc(basis.shape[1], len(squares) * share)) if basis.shape[1] else 1.0
+    basis, total = orthonormal(x), float(about @ about)
+    if total <= 0.0 or not basis.shape[1]:
+        return 1.0
+    return float(special.chdtrc(basis.shape[1], len(squares) * float(np.sum((basis.T @ about) ** 2)) / total))

@@ -12,7 +12,7 @@ from fitter.effects.noise import AUTOCORRELATION, NOISE_GROWS, OUTLIERS, QUANTIS
 from fitter.resolution import least_sd, resolution
 from fitter.trace.chance import ALPHA
 from fitter.trace.coarse import lattice
-from fitter.trace.growing_noise import MIDDLE, Growth, OfLevels
+from fitter.trace.growing_noise import Growth, OfLevels
 from procedures.general.trace.both import Both
 from procedures.general.trace.estimate import error_of
 from procedures.general.trace.family import of_all
@@ -112,8 +112,8 @@ def _where(driver: str, data: TableData) -> str:
 def _over(growth: Growth, data: TableData) -> tuple[dict[str, float], str]:
     """Standard deviations at both ends of a variable, or in its middle and at its ends."""
     where, (low, high) = _where(growth.driver, data), growth.span
-    first, last = growth.noise.sd(np.array([0.0, 1.0])).tolist()
-    if growth.kind == MIDDLE:
+    first, last = growth.ends.tolist()
+    if growth.noise.middle is not None:
         middle = (low + high) / 2.0
         ends = f"{low:.4g} and {high:.4g}"
         return {f"sd at {middle:.4g}": first, f"sd at {ends}": last}, (
