@@ -215,10 +215,9 @@ class ScpiMeter(ABC):
             raise self._line.bad_reply(question, answer, f"mark {self._mark}: these are another measurement's readings")
         if len(words) != count * len(names):
             raise self._line.bad_reply(question, answer, f"{count * len(names)} numbers")
-        try:
-            values = [decimal(word) for word in words]
-        except ValueError:
-            raise self._line.bad_reply(question, answer, "finite numbers") from None
+        values = [float(word) for word in words]  # by the pattern only decimal digits
+        if not all(map(math.isfinite, values)):
+            raise self._line.bad_reply(question, answer, "finite numbers")
         return {name: values[i :: len(names)] for i, name in enumerate(names)}
 
     def make_safe(self) -> None:

@@ -42,8 +42,9 @@ class Inputs:
             value: reading of the converter.
         """
         found = value
-        for tamper in tuple(self.tampers):
-            value = tamper(channel, unit, t0, value)
+        if self.tampers:
+            for tamper in tuple(self.tampers):
+                value = tamper(channel, unit, t0, value)
         self.latest[channel] = value
         if self.heard is not None:
             self.heard(channel, unit, t0, t1, found, value)

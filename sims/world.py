@@ -93,8 +93,13 @@ class World:
 
     def sleep(self, seconds: float) -> None:
         """Let virtual time pass, with all events that fall due."""
-        if seconds > 0:
-            self.run_until(self._now + seconds)
+        if seconds <= 0:
+            return
+        end, queue = self._now + seconds, self._queue
+        if (queue and queue[0][0] <= end) or self._now < self._away_until:
+            self.run_until(end)
+        else:
+            self._now = end  # nothing happens meanwhile
 
     def next_due(self) -> float | None:
         """Time of the next event, None if there is none."""
@@ -107,8 +112,8 @@ class World:
         """Stall the caller for this long, like a stopped process: the world continues without it."""
         self._away_until = max(self._away_until, self._now + seconds)
 
-    def run_until(self, end: float | None, predicate: Callable[[], bool] | None = None) -> bool:
-        """Run events in order until `predicate` holds or time reaches `end`.
+    def run_until(self, end: float | None, predicate: Callable[[], object] | None = None) -> bool:
+        """Run events in order until `predicate` is true or time reaches `end`.
 
         Args:
             end: virtual time to stop at; None waits only for the predicate.
@@ -125,15 +130,12 @@ class World:
             self._run_until(self._away_until, None)
         return held
 
-    def _run_until(self, end: float | None, predicate: Callable[[], bool] | None) -> bool:
+    def _run_until(self, end: float | None, predicate: Callable[[], object] | None) -> bool:
         if predicate is not None and predicate():
             return True
-        queue = self._queue
-        while queue:
-            at, _, action = queue[0]
-            if end is not None and at > end:
-                break
-            heappop(queue)
+        queue, last = self._queue, inf if end is None else end
+        while queue and queue[0][0] <= last:
+            at, _, action = heappop(queue)
             if isinstance(action, Timer):
                 timer, called = action, action.action
                 if called is None:

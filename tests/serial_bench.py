@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping
+from functools import partial
 from types import SimpleNamespace
 
 from drivers.wires import Wires
@@ -20,6 +21,12 @@ class FakeHead:
         self._world = world
         self._legs = {axis: (0.0, angle, angle, 1.0) for axis, angle in at.items()}
         self.commands: list[tuple[str, float, float, float]] = []
+        self.axes = {
+            axis: SimpleNamespace(
+                **{name: partial(getattr(self, name), axis) for name in ("move", "stop", "encoder_deg", "moving")}
+            )
+            for axis in at
+        }
 
     def move(self, axis: str, target_deg: float, speed: float, accel: float) -> None:
         now = self._world.now()

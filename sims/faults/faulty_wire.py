@@ -45,26 +45,24 @@ class FaultyWire:
     Args:
         world: virtual time.
         medium: "serial", "modbus" or "can".
-        begins: called with the number of every exchange before its message is sent.
         note: called with a sentence about each event.
         others: the latest reply of another instrument on a wire of this kind; b"" if there is none.
 
     Attributes:
+        begins: called with the number of every exchange before its message is sent; None if nobody needs it.
         exchanges: number of messages from the host so far.
         connection: a number that changes when the connection is lost: a holder of an earlier number has a dead
             connection.
         latest: the latest reply.
     """
 
-    def __init__(
-        self, world: World, medium: str, begins: Callable[[int], None], note: Note, others: Callable[[], bytes]
-    ) -> None:
+    def __init__(self, world: World, medium: str, note: Note, others: Callable[[], bytes]) -> None:
+        self.begins: Callable[[int], None] | None = None
         self.exchanges = 0
         self.connection = 0
         self.latest = b""
         self._world = world
         self._medium = medium
-        self._begins = begins
         self._note = note
         self._others = others
         self._armed: list[_Armed] = []
@@ -111,7 +109,8 @@ class FaultyWire:
             deliver: passes on a reply to the host, for answers of the wire itself.
         """
         self.exchanges += 1
-        self._begins(self.exchanges)
+        if self.begins is not None:
+            self.begins(self.exchanges)
         if self._medium != "serial":
             self._due.clear()  # with these kinds every message is answered
         self._request = message

@@ -71,9 +71,7 @@ class Faults:
         self._at_exchange: dict[tuple[str, int], list[Fault]] = {}
         self._by_chance: dict[str, list[_Entry]] = {}
         self.wires = {
-            name: FaultyWire(
-                world, medium, partial(self._exchange, name), self._note, partial(self._foreign, name, media)
-            )
+            name: FaultyWire(world, medium, self._note, partial(self._foreign, name, media))
             for name, medium in media.items()
         }
         # A later session has other random numbers for the same exchange number: its exchanges are different ones.
@@ -86,6 +84,8 @@ class Faults:
             else:
                 entry = _Entry(fault, f"{fault.on}/fault {n}{session}")
                 self._by_chance.setdefault(fault.on, []).append(entry)
+            if fault.at_s is None and fault.on in self.wires:
+                self.wires[fault.on].begins = partial(self._exchange, fault.on)
 
     def strike(self, fault: Fault, until: float | None = None) -> None:
         """Make a fault happen now.

@@ -52,6 +52,9 @@ class Axis:
 
     def leg(self, t: float) -> Leg:
         """The leg in force at `t`."""
+        last = self._legs[-1]
+        if last.start <= t:  # nearly always
+            return last
         for leg in reversed(self._legs):
             if leg.start <= t:
                 return leg
@@ -59,7 +62,8 @@ class Axis:
 
     def encoder_deg(self, t: float) -> float:
         """The encoder's angle from its mark, before quantisation."""
-        return self.leg(t).angle(t)
+        last = self._legs[-1]
+        return (last if last.start <= t else self.leg(t)).angle(t)
 
     def speed_deg_per_s(self, t: float) -> float:
         """Encoder speed."""
@@ -73,8 +77,8 @@ class Axis:
         """Whether the motion profile is still running; the creep after it does not count."""
         return t < self._legs[-1].end
 
-    def _table(self, encoder: float, t: float) -> float:
-        true = encoder + self.leg(t).trail(t)
+    def _table(self, encoder: float, leg: Leg, t: float) -> float:
+        true = encoder + leg.trail(t)
         for error in self._errors:
             true += error.error_deg(encoder)
         for since, amount in self._slips:
@@ -84,11 +88,13 @@ class Axis:
 
     def true_deg(self, t: float) -> float:
         """True angle of the table, degrees."""
-        return self._table(self.leg(t).angle(t), t)
+        leg = self.leg(t)
+        return self._table(leg.angle(t), leg, t)
 
     def seen_deg(self, t: float) -> float:
         """The table's angle behind the lag of the pendulum, degrees."""
-        return self._table(self.leg(t).seen(t), t)
+        leg = self.leg(t)
+        return self._table(leg.seen(t), leg, t)
 
     def move(self, target: float, speed: float, acceleration: float) -> None:
         """Move to an encoder angle; both speed (deg/s) and acceleration (deg/s^2) must be positive."""

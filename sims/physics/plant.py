@@ -17,7 +17,7 @@ from sims.physics.head import HeadMechanics
 from sims.physics.laboratory import Laboratory, Source
 from sims.physics.pressure_line import PressureLine
 from sims.physics.pressure_stand import PressureStand
-from sims.physics.rotations import GRAVITY, Matrix, Vector, apply, compose, pitch_matrix, roll_matrix, yaw_matrix
+from sims.physics.rotations import Matrix, Vector, apply, compose, pitch_matrix, roll_matrix, turned_gravity, yaw_matrix
 from sims.physics.thermal import Enclosure, Lab
 from sims.physics.truth import MountingTruth, SensorTruth, Truth, read_truth, sensor_axes
 from sims.physics.undeclared import IsolationPad
@@ -132,7 +132,7 @@ class Plant:
     def gravity(self, t: float) -> Vector:
         """Gravity in the axes of the package's sensors, g: head angles, mounting, then the pads' deflection."""
         pitch, roll = radians(self._pitch.seen_deg(t)), radians(self._roll.seen_deg(t))
-        down = apply(roll_matrix(roll), apply(pitch_matrix(pitch), GRAVITY))
+        down = turned_gravity(pitch, roll)
         return self._pad.deflect(down if self._mounting is None else apply(self._mounting, down))
 
     def sensor_V(self, sensor: str, t0: float, t1: float) -> float:
@@ -148,13 +148,13 @@ class Plant:
         Returns:
             Volts.
         """
+        accelerometer = self._sensors.get(sensor)
+        if accelerometer is not None:
+            noise = accelerometer.noise / sqrt(t1 - t0)
+            return self._clean(sensor, t0, t1) + noise * normal(self._seed, accelerometer.channel, event_at(t0))
         if sensor in self.stand.transducers:
             return self._clean(sensor, t0, t1) + self.stand.noise_V(sensor, t0, t1)
-        if sensor in self.laboratory.sensors:
-            return self._clean(sensor, t0, t1) + self.laboratory.volts(sensor, self.laboratory.noise(sensor, t0, t1))
-        accelerometer = self._sensors[sensor]
-        noise = accelerometer.noise / sqrt(t1 - t0)
-        return self._clean(sensor, t0, t1) + noise * normal(self._seed, accelerometer.channel, event_at(t0))
+        return self._clean(sensor, t0, t1) + self.laboratory.volts(sensor, self.laboratory.noise(sensor, t0, t1))
 
     def clean_V(self, instrument: str, channel: str, t0: float, t1: float) -> float:
         """Mean output of the sensor at an input over a window, without noise; 0 V without a sensor."""
@@ -169,19 +169,19 @@ class Plant:
         latest = self._latest.get(sensor)
         if latest is not None and latest[0] == (t0, t1):
             return latest[1]
-        if sensor in self.laboratory.sensors:
-            output = self.laboratory.volts(sensor, self.laboratory.clean(sensor, t0, t1))
+        accelerometer = self._sensors.get(sensor)
+        if accelerometer is not None:
+            output = self._tilt_V(accelerometer, t0, t1)
         elif sensor in self.stand.transducers:
             output = self.stand.clean_V(sensor, t0, t1)
         else:
-            output = self._tilt_V(sensor, t0, t1)
+            output = self.laboratory.volts(sensor, self.laboratory.clean(sensor, t0, t1))
         output = self._voltmeter.reads_V(output)
         self._latest[sensor] = ((t0, t1), output)
         return output
 
-    def _tilt_V(self, sensor: str, t0: float, t1: float) -> float:
+    def _tilt_V(self, accelerometer: Accelerometer, t0: float, t1: float) -> float:
         """Mean output of an accelerometer without noise."""
-        accelerometer = self._sensors[sensor]
         middle, half = (t0 + t1) / 2.0, (t1 - t0) / 2.0
         still = max(self._pitch.leg(t1).end, self._roll.leg(t1).end)
         if t0 >= still + _QUIET * self._pendulum_s:

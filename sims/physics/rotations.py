@@ -41,6 +41,12 @@ def apply(matrix: Matrix, vector: Vector) -> Vector:
     return (a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + i * z)
 
 
+def turned_gravity(pitch: float, roll: float) -> Vector:
+    """`GRAVITY` in axes turned by pitch, then by roll: T_R T_alpha times it, multiplied out."""
+    z = -cos(pitch)
+    return (sin(pitch), sin(roll) * z, cos(roll) * z)
+
+
 def compose(second: Matrix, first: Matrix) -> Matrix:
     """Matrix of the rotation `first` followed by `second`: their product, `second` on the left."""
     columns = tuple(zip(*first, strict=True))

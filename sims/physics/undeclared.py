@@ -36,7 +36,9 @@ class IsolationPad:
         """Gravity in the axes of the deflected sensors, given gravity in package axes."""
         tip = radians(self.pitch_compliance_deg_per_g) * gravity[0]
         lean = -radians(self.roll_compliance_deg_per_g) * gravity[1]
-        return apply(roll_matrix(lean), apply(pitch_matrix(tip), gravity))
+        if tip:
+            gravity = apply(pitch_matrix(tip), gravity)
+        return apply(roll_matrix(lean), gravity) if lean else gravity
 
 
 @dataclass(frozen=True)

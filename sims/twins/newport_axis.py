@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -13,23 +14,32 @@ ENCODER_DEG = 1e-4
 _MOMENT_S = 1e-3
 
 
-class Head(Protocol):
-    """The mechanics behind this controller (`sims.physics.head`)."""
+class Mechanics(Protocol):
+    """One axis of the mechanics behind this controller (`sims.physics.head`)."""
 
-    def move(self, axis: str, target_deg: float, speed: float, accel: float) -> None:
-        """Start a motion profile; speeds in deg/s, accelerations in deg/s^2."""
+    def move(self, target: float, speed: float, acceleration: float) -> None:
+        """Start a motion profile; angle in deg, speed in deg/s, acceleration in deg/s^2."""
         ...
 
-    def stop(self, axis: str) -> None:
+    def stop(self) -> None:
         """Decelerate to rest."""
         ...
 
-    def encoder_deg(self, axis: str, t: float) -> float:
+    def encoder_deg(self, t: float) -> float:
         """Encoder angle."""
         ...
 
-    def moving(self, axis: str, t: float) -> bool:
+    def moving(self, t: float) -> bool:
         """Whether a profile is under way."""
+        ...
+
+
+class Head(Protocol):
+    """The mechanics of all axes."""
+
+    @property
+    def axes(self) -> Mapping[str, Mechanics]:
+        """By name, "pitch" and "roll"."""
         ...
 
 
@@ -94,7 +104,7 @@ class Axis:
 
     def __init__(self, name: str, head: Head, world: World) -> None:
         self.name = name
-        self._head = head
+        self._mechanics = head.axes[name]
         self._world = world
         self.switch_on()
 
@@ -104,34 +114,33 @@ class Axis:
         self.powered = False
         self.homing = False
         self.target = 0.0
-        self.zero = self._head.encoder_deg(self.name, self._world.now())
+        self.zero = self._mechanics.encoder_deg(self._world.now())
 
     def position(self) -> float:
         """The count, in degrees."""
-        counts = round((self._head.encoder_deg(self.name, self._world.now()) - self.zero) / ENCODER_DEG)
-        return counts * ENCODER_DEG
+        return round((self._mechanics.encoder_deg(self._world.now()) - self.zero) / ENCODER_DEG) * ENCODER_DEG
 
     def speed(self) -> float:
         """Its speed, deg/s."""
         if not self.driving():
             return 0.0
         now = self._world.now()
-        here, there = (self._head.encoder_deg(self.name, t) for t in (now, now + _MOMENT_S))
+        here, there = (self._mechanics.encoder_deg(t) for t in (now, now + _MOMENT_S))
         return (there - here) / _MOMENT_S
 
     def driving(self) -> bool:
         """Whether a motion profile is under way."""
-        return self._head.moving(self.name, self._world.now())
+        return self._mechanics.moving(self._world.now())
 
     def moving(self) -> bool:
         """Whether motion is not done, homing included."""
-        return self.homing or self.driving()
+        return self.homing or self._mechanics.moving(self._world.now())
 
     def go(self, target: float, speed: float) -> None:
         """Start a move to `target`, in this count."""
         self.target = target
-        self._head.move(self.name, target + self.zero, speed, min(self.values["AC"], self.values["AG"]))
+        self._mechanics.move(target + self.zero, speed, min(self.values["AC"], self.values["AG"]))
 
     def stop(self) -> None:
         """Decelerate to rest."""
-        self._head.stop(self.name)
+        self._mechanics.stop()

@@ -67,14 +67,15 @@ _NO_EMERGENCY_STOP = 0x18000000  # likewise in that of the hardware status
 _NUMBER = re.compile(r"[+-]?(\d{1,9}\.?\d*|\.\d+)(E[+-]?\d)?", re.ASCII)
 
 
+_Polls = tuple[Callable[[], str], ...]
 _Parsed = tuple[int, str, bool, str]
 """Axis number (0 if none), mnemonic, whether it is a query, parameter text."""
 _WITHOUT_AXIS = frozenset(("TE", "TB", "VE", "AB", "WS", "TS", "TX", "PH"))
 
 
 @lru_cache(maxsize=4096)
-def _commands(line: str) -> tuple[str, ...]:
-    return tuple(c for c in line.split(";") if c.strip())
+def _commands(line: bytes) -> tuple[str, ...]:
+    return tuple(c for c in line.decode("latin-1").split(";") if c.strip())
 
 
 @lru_cache(maxsize=4096)
@@ -162,14 +163,15 @@ class NewportESP301Twin:
             "DH": self._define_home,
             "OR": self._search_home,
         }
+        self._polls = lru_cache(maxsize=64)(self._polls_of)
         self._session = 0
         self._switch_on()
 
     def _switch_on(self) -> None:
         self._session += 1
         self._started = self._world.now()
-        self._input = bytearray()
-        self._lines: deque[str] = deque()
+        self._input = b""
+        self._lines: deque[bytes] = deque()
         self._running = False
         self._errors: deque[tuple[int, int]] = deque()
 
@@ -205,12 +207,8 @@ class NewportESP301Twin:
 
     def on_rx(self, data: bytes, tx: Callable[[bytes], None]) -> None:
         """Collect characters; a carriage return ends a line, a line feed is ignored."""
-        self._input += data
-        if b"\r" not in self._input:
-            return
-        *lines, rest = bytes(self._input).replace(b"\n", b"").split(b"\r")
-        self._input = bytearray(rest)
-        self._lines.extend(line.decode("latin-1") for line in lines)
+        *lines, self._input = (self._input + data).replace(b"\n", b"").split(b"\r")
+        self._lines += lines
         if not self._running:
             self._next_line(tx)
 
@@ -219,23 +217,32 @@ class NewportESP301Twin:
         self._running = bool(self._lines)
         if self._running:
             line = self._lines.popleft()
+            polls = self._polls(line)
+            if polls:
+                self._world.call_in(_COMMAND_S * len(polls), partial(self._tell, polls, tx, self._session))
+                return
             if len(line) > _LONGEST_LINE:
                 self._fail(6)  # the manual does not name the error [?]
-                line = ""
+                line = b""
             commands = deque(_commands(line))
             self._world.call_in(_COMMAND_S * len(commands), partial(self._carry_out, commands, tx, self._session))
+
+    def _polls_of(self, line: bytes) -> _Polls:
+        """Functions for the answers of a line of frequent queries only, as nearly all of a night; () for any other."""
+        polls = [self._polled.get(command) for command in _commands(line)] if len(line) <= _LONGEST_LINE else [None]
+        return () if None in polls else tuple(poll for poll in polls if poll is not None)
+
+    def _tell(self, polls: _Polls, tx: Callable[[bytes], None], session: int) -> None:
+        if session == self._session:  # not switched off meanwhile
+            tx(("\r\n".join([poll() for poll in polls]) + "\r\n").encode("ascii"))
+            self._next_line(tx)
 
     def _carry_out(self, commands: deque[str], tx: Callable[[bytes], None], session: int) -> None:
         if session != self._session:
             return  # switched off meanwhile
         answers = []
         while commands:
-            command = commands[0]
-            if command in self._polled:  # nearly all commands of a night
-                commands.popleft()
-                answers.append(self._polled[command]())
-                continue
-            parsed = _parsed(command)
+            parsed = _parsed(commands[0])
             if parsed is not None and parsed[1] == "WS" and (seconds := self._waits(commands, parsed)):
                 self._world.call_in(seconds, partial(self._carry_out, commands, tx, session))
                 break

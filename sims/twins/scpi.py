@@ -125,7 +125,7 @@ class ScpiTwin:
     def switch_on(self) -> None:
         """State at power-on."""
         self._session += 1
-        self._input = bytearray()
+        self._input = b""
         self._lines: deque[str] = deque()
         self._running = False
         self._queue: deque[tuple[int, str]] = deque()
@@ -156,10 +156,8 @@ class ScpiTwin:
             self.device_clear()
         if DEVICE_CLEAR in data:
             data = data.replace(bytes([DEVICE_CLEAR]), b"")
-        self._input += data
-        *lines, rest = bytes(self._input).split(self.line_end)
-        self._input = bytearray(rest)
-        self._lines.extend(line.decode("latin-1") for line in lines)
+        *lines, self._input = (self._input + data).split(self.line_end)
+        self._lines.extend([line.decode("latin-1") for line in lines])
         if not self._running:
             self._next_line(tx)
 
@@ -170,7 +168,7 @@ class ScpiTwin:
     def device_clear(self) -> None:
         """Discard received commands that are not yet executed."""
         self._session += 1
-        self._input.clear()
+        self._input = b""
         self._lines.clear()
         self._running = False
 

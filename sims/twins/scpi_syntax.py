@@ -55,10 +55,13 @@ def compiled(table: Sequence[Command]) -> dict[str, Command]:
     return {form: row for row in table for form in _forms(row.header)}
 
 
+_ENCLOSING = re.compile("[\"'()]")
+
+
 def split_outside(text: str, separator: str) -> list[str]:
     """Split at a separator that is not inside quotes or parentheses."""
-    if separator not in text:
-        return [text]
+    if not _ENCLOSING.search(text):
+        return text.split(separator)
     parts, depth, quote, part = [], 0, "", ""
     for c in text:
         if quote:

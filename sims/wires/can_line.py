@@ -6,7 +6,7 @@ import errno
 from collections import deque
 from collections.abc import Callable
 
-from sims.wires.tampering import Tampering
+from sims.wires.tampering import UNTOUCHED, Tampering
 from sims.world import World
 
 Frame = tuple[int, bytes]
@@ -32,28 +32,23 @@ class CanCable:
     Args:
         world: virtual time.
         on_frame: the instrument's function.
-        tampering: faults of the bus; None without faults.
+        tampering: faults of the bus.
 
     Raises:
         OSError: there is no adapter.
     """
 
-    def __init__(self, world: World, on_frame: OnFrame, tampering: Tampering | None = None) -> None:
+    def __init__(self, world: World, on_frame: OnFrame, tampering: Tampering = UNTOUCHED) -> None:
         self._world = world
         self._on_frame = on_frame
         self._received: deque[Frame] = deque()
         self._tampering = tampering
-        self._connection = 0
-        if tampering is not None:
-            if tampering.unplugged:
-                raise OSError(errno.ENODEV, "No such device")
-            self._connection = tampering.connection
+        if tampering.unplugged:
+            raise OSError(errno.ENODEV, "No such device")
+        self._connection = tampering.connection
 
     def send(self, can_id: int, data: bytes) -> None:
         """Pass a frame to the instrument. Raises `OSError` or `can.CanError` if the bus is lost."""
-        if self._tampering is None:
-            self._on_frame(can_id, data, self._receive)
-            return
         self._check()
         if self._tampering.off:
             import can  # noqa: PLC0415 - 0.06 s, and most benches have no bus
@@ -73,22 +68,18 @@ class CanCable:
         """Discard received frames."""
         self._received.clear()
 
-    def _receive(self, can_id: int, data: bytes) -> None:
-        self._received.append((can_id, data))
-
     def _forward(self, message: bytes) -> None:
-        tampering = self._tampering
-        assert tampering is not None
-        self._on_frame(
-            *_unpacked(message), lambda can_id, data: tampering.to_host(_packed(can_id, data), self._deliver)
-        )
+        self._on_frame(*_unpacked(message), self._answer)
+
+    def _answer(self, can_id: int, data: bytes) -> None:
+        self._tampering.to_host(_packed(can_id, data), self._deliver)
 
     def _deliver(self, message: bytes) -> None:
-        if self._tampering is None or not self._tampering.off:
+        if not self._tampering.off:
             self._received.append(_unpacked(message))
 
     def _alive(self) -> bool:
-        return self._tampering is None or self._tampering.connection == self._connection
+        return self._tampering.connection == self._connection
 
     def _check(self) -> None:
         if not self._alive():

@@ -8,7 +8,7 @@ from functools import partial
 from typing import Any
 
 from sims.wires.modbus_slave import Registers, RtuSlave, TcpSlave
-from sims.wires.tampering import Tampering
+from sims.wires.tampering import UNTOUCHED, Tampering
 from sims.world import World
 
 TURNAROUND_S = 0.010
@@ -47,7 +47,7 @@ class ModbusCable:
     Args:
         world: virtual time.
         on_rx: the instrument's function; takes bytes and a function for answers.
-        tampering: faults of the line; None without faults.
+        tampering: faults of the line.
 
     Raises:
         OSError: the instrument cannot be reached.
@@ -57,23 +57,18 @@ class ModbusCable:
         self,
         world: World,
         on_rx: Callable[[bytes, Callable[[bytes], None]], None],
-        tampering: Tampering | None = None,
+        tampering: Tampering = UNTOUCHED,
     ) -> None:
         self._world = world
         self._on_rx = on_rx
         self._received = bytearray()
         self._tampering = tampering
-        self._connection = 0
-        if tampering is not None:
-            if tampering.unplugged:
-                raise OSError(errno.EHOSTUNREACH, "No route to host")
-            self._connection = tampering.connection
+        if tampering.unplugged:
+            raise OSError(errno.EHOSTUNREACH, "No route to host")
+        self._connection = tampering.connection
 
     def send(self, data: bytes) -> None:
         """Pass bytes to the instrument. Raises `ConnectionResetError` if the connection was lost."""
-        if self._tampering is None:
-            self._on_rx(data, self._received.extend)
-            return
         self._check()
         self._tampering.to_twin(data, self._forward, self._received.extend)
 
@@ -84,7 +79,8 @@ class ModbusCable:
         """
         received = self._received
         if not received:
-            self._world.run_until(self._world.now() + seconds, lambda: bool(received) or not self._alive())
+            tampering, here = self._tampering, self._connection
+            self._world.run_until(self._world.now() + seconds, lambda: received or tampering.connection != here)
         self._check()
         heard = bytes(received)
         received.clear()
@@ -95,13 +91,11 @@ class ModbusCable:
         self._received.clear()
 
     def _forward(self, data: bytes) -> None:
-        tampering = self._tampering
-        assert tampering is not None
-        self._on_rx(data, lambda reply: tampering.to_host(reply, self._received.extend))
+        self._on_rx(data, self._answer)
 
-    def _alive(self) -> bool:
-        return self._tampering is None or self._tampering.connection == self._connection
+    def _answer(self, reply: bytes) -> None:
+        self._tampering.to_host(reply, self._received.extend)
 
     def _check(self) -> None:
-        if not self._alive():
+        if self._tampering.connection != self._connection:
             raise ConnectionResetError(errno.ECONNRESET, "Connection reset by peer")

@@ -13,7 +13,7 @@ from typing import Protocol, runtime_checkable
 
 import serial
 
-from sims.wires.tampering import Tampering
+from sims.wires.tampering import UNTOUCHED, Tampering
 from sims.world import World
 
 _HANDLERS = "sims.wires.serial_handlers"
@@ -48,18 +48,18 @@ class SerialCable:
     Args:
         world: virtual time.
         twin: the instrument.
-        tampering: faults of the cable; None without faults.
+        tampering: faults of the cable.
         timed: whether it has a baud rate and a frame, equal at both ends; a network socket has neither.
 
     Attributes:
         setting: baud rate and frame; None if it has none.
+        tampering: faults of the cable. Its `connection` changes when the host's port disappears: an earlier opened
+            port is then dead.
     """
 
-    def __init__(
-        self, world: World, twin: SerialEnd, tampering: Tampering | None = None, *, timed: bool = True
-    ) -> None:
+    def __init__(self, world: World, twin: SerialEnd, tampering: Tampering = UNTOUCHED, *, timed: bool = True) -> None:
         self.world = world
-        self._tampering = tampering
+        self.tampering = tampering
         self.setting = (twin.baud, twin.frame) if timed else None
         self._twin = twin
         self._character_s = bits_per_character(twin.frame) / twin.baud if timed else 0.0
@@ -72,26 +72,13 @@ class SerialCable:
         """Whether the host's end is connected."""
         return self._receive is not None
 
-    @property
-    def unplugged(self) -> bool:
-        """Whether the host's port is missing."""
-        return self._tampering is not None and self._tampering.unplugged
-
-    @property
-    def connection(self) -> int:
-        """A number that changes when the host's port disappears: an earlier opened port is then dead."""
-        return self._tampering.connection if self._tampering is not None else 0
-
     def attach(self, receive: Callable[[bytes], None] | None) -> None:
         """Connect the host's end to `receive`; None disconnects it, and arriving bytes are lost."""
         self._receive = receive
 
     def send(self, data: bytes) -> None:
         """Take bytes from the host; they arrive at the twin after their time on the line."""
-        if self._tampering is None:
-            self._carry_out(data)
-        else:
-            self._tampering.to_twin(data, self._carry_out, self._carry_back)
+        self.tampering.to_twin(data, self._carry_out, self._carry_back)
 
     def host_dtr(self, on: bool | None) -> None:
         """The host sets its line DTR; None without a host. TCP has no such line."""
@@ -104,10 +91,7 @@ class SerialCable:
         self.world.call_in(self._to_twin_free - now, partial(self._twin.on_rx, data, self._answer))
 
     def _answer(self, data: bytes) -> None:
-        if self._tampering is None:
-            self._carry_back(data)
-        else:
-            self._tampering.to_host(data, self._carry_back)
+        self.tampering.to_host(data, self._carry_back)
 
     def _carry_back(self, data: bytes) -> None:
         now, free = self.world.now(), self._to_host_free

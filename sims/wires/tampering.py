@@ -33,3 +33,21 @@ class Tampering(Protocol):
     def to_host(self, message: bytes, deliver: Deliver) -> None:
         """A message from the instrument."""
         ...
+
+
+class Untouched:
+    """A wire without faults."""
+
+    unplugged = off = False
+    connection = 0
+
+    def to_twin(self, message: bytes, forward: Deliver, deliver: Deliver) -> None:
+        """See `Tampering.to_twin`."""
+        forward(message)
+
+    def to_host(self, message: bytes, deliver: Deliver) -> None:
+        """See `Tampering.to_host`."""
+        deliver(message)
+
+
+UNTOUCHED = Untouched()

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from serial import PortNotOpenError, SerialBase, SerialException
 
 from sims.wires.serial_line import SerialCable, find
+from sims.wires.tampering import UNTOUCHED, Tampering
 
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
@@ -23,6 +24,7 @@ class Serial(SerialBase):
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         self._cable: SerialCable | None = None
+        self._wire: Tampering = UNTOUCHED
         self._received = bytearray()
         self._understood = True
         self._connection = 0
@@ -34,12 +36,13 @@ class Serial(SerialBase):
         cable = find(place)
         if cable is None:
             raise SerialException(f"there is no simulated instrument at {self.port}")
-        if cable.unplugged:
+        wire = cable.tampering
+        if wire.unplugged:
             raise SerialException(f"could not open port {self.port}: [Errno 2] No such file or directory")
-        if cable.attached and self._connection == cable.connection:
+        if cable.attached and self._connection == wire.connection:
             raise SerialException(f"{self.port} is already open")
-        self._cable = cable
-        self._connection = cable.connection
+        self._cable, self._wire = cable, wire
+        self._connection = wire.connection
         self._received.clear()
         self._reconfigure_port()
         cable.attach(self._hear)
@@ -69,23 +72,21 @@ class Serial(SerialBase):
         return self._cable
 
     def _alive(self) -> bool:
-        cable = self._cable
-        return cable is not None and cable.connection == self._connection
+        return self._cable is not None and self._wire.connection == self._connection
 
     def _check(self, words: str) -> SerialCable:
         """The cable; raises pyserial's Linux error of a removed USB adapter."""
         cable = self._cable
         if cable is None:
             raise PortNotOpenError()
-        if cable.connection != self._connection:
+        if self._wire.connection != self._connection:
             raise SerialException(words)
         return cable
 
     @property
     def in_waiting(self) -> int:
         """Number of received, unread bytes."""
-        cable = self._cable
-        if cable is None or cable.connection != self._connection:
+        if self._cable is None or self._wire.connection != self._connection:
             self._check("[Errno 5] Input/output error")
         return len(self._received)
 
@@ -94,12 +95,11 @@ class Serial(SerialBase):
         cable = self._check(_GONE)
         received = self._received
         if len(received) < size:
-            world = cable.world
+            world, wire, here = cable.world, self._wire, self._connection
             timeout = self.timeout
             end = None if timeout is None else world.now() + timeout
-            here = self._connection
-            world.run_until(end, lambda: len(received) >= size or cable.connection != here)
-            if cable.connection != here or self._cable is None:
+            world.run_until(end, lambda: len(received) >= size or wire.connection != here)
+            if wire.connection != here or self._cable is None:
                 self._check(_GONE)
         data = bytes(received[:size])
         del received[:size]
