@@ -55,9 +55,9 @@ def fine_period(
     power = np.abs(np.fft.rfft(cells)) ** 2
     tried = np.arange(FINE * SLOWEST, FINE * fastest + 1)
     overtones = sum(power[np.minimum(k * tried, power.size - 1)] for k in range(1, HARMONICS + 1))
-    each = (np.argsort(-one, kind="stable")[:LIKELIEST] for one in (power[tried], overtones))
+    each = (np.argpartition(-one, LIKELIEST)[:LIKELIEST] for one in (power[tried], overtones))
     count, best = len(ORDERS) * tried.size, None
-    for k in dict.fromkeys(np.concatenate(list(each)).tolist()):
+    for k in sorted(set(np.concatenate(list(each)).tolist())):
         period, phase = folded(left, at, FINE * span * CELLS / (CELLS - 1) / float(tried[k]))
         columns = turns(360.0 * phase / period, HARMONICS)
         one = ask(Block(f"over {over}", columns, ORDERS, np.repeat(np.arange(1.0, HARMONICS + 1), 2)))

@@ -248,7 +248,8 @@ def folded(left: FloatArray, at: FloatArray, period: float) -> tuple[float, Floa
 
     """
     tried = 1.0 / period + np.linspace(-NEAR, NEAR, TRIED) / max(float(np.ptp(at)), period)
-    angle = 2.0 * np.pi * np.outer(tried[tried > 0], at)
-    power = sum(np.abs(np.exp(1j * k * angle) @ left) ** 2 for k in (1, 2, 3))
+    wave = np.exp(2j * np.pi * np.outer(tried[tried > 0], at))
+    twice = wave * wave
+    power = sum(np.abs(one @ left) ** 2 for one in (wave, twice, twice * wave))
     best = float(1.0 / tried[tried > 0][int(np.argmax(power))])
     return best, np.asarray(np.mod(at, best))
