@@ -196,23 +196,25 @@ class NewportESP301:
         Raises:
             InstrumentError: the controller reports an error that belongs to no axis.
         """
-        answers = self._line.query_lines(self._status, 6)
-        positions, moving, enabled = {}, {}, {}
-        for axis, (powered, done, position) in zip(self._numbers, (answers[:3], answers[:2:-1]), strict=True):
-            positions[axis] = self._number(self._status, position)
-            starting = axis in self._homing and self._clock.now() - self._homing[axis] < _HOME_STARTS_S
-            moving[axis] = not self._flag(self._status, done) or starting
-            enabled[axis] = self._flag(self._status, powered)
+        asked, number, flag = self._status, self._number, self._flag
+        pitch, roll = self._numbers
+        powered, done, position, of_roll, roll_done, roll_powered = self._line.query_lines(asked, 6)
+        positions = {pitch: number(asked, position), roll: number(asked, of_roll)}
+        moving = {pitch: not flag(asked, done), roll: not flag(asked, roll_done)}
+        enabled = {pitch: flag(asked, powered), roll: flag(asked, roll_powered)}
+        for axis, began in self._homing.items():
+            moving[axis] |= self._clock.now() - began < _HOME_STARTS_S
         # Errors end motion or switch off a motor, so they are asked for only then.
-        moves = True in moving.values()
-        if (self._unchecked and not moves) or False in enabled.values():
+        moves, off = True in moving.values(), False in enabled.values()
+        if off or (self._unchecked and not moves):
             self._collect_errors()
             self._unchecked = moves
-        if self._homing or False in enabled.values() or None in self._homed.values():
+        homed, faults = self._homed, self._faults
+        if off or self._homing or None in homed.values():
             self._follow_homing(positions, moving, enabled)
         return {
-            axis: AxisState(positions[axis], moving[axis], bool(self._homed[axis]), enabled[axis], self._faults[axis])
-            for axis in self._numbers
+            axis: AxisState(position, moving[axis], bool(homed[axis]), enabled[axis], faults[axis])
+            for axis, position in positions.items()
         }
 
     def stop(self) -> None:

@@ -68,6 +68,7 @@ class BenchActions:
         # Looked up once: an isinstance check against a protocol takes longer than most replies.
         self._restartable = {n: i for n, i in bench.instruments.items() if isinstance(i, Restartable)}
         self._axes_seen: Mapping[str, AxisReading] | None = None
+        self._controlled = False  # all axes of the last reading
         self._axes_read = self._chambers_seen = _LONG_AGO
         self._chambers_read: float | None = None
         self._unwatched_s = 0.0
@@ -127,9 +128,12 @@ class BenchActions:
         """Read all axes. Raises the axis' fault, or `LimitViolation` if a limit is violated."""
         readings = self._read_axes()
         self._guard.check_axes(readings)
-        for axis, reading in readings.items():
-            if reading.fault:
-                reading.check(axis)
+        self._controlled = True
+        for axis, (_, _, _, homed, enabled, fault, _, _) in readings.items():
+            if fault:
+                readings[axis].check(axis)
+            if not (homed and enabled):
+                self._controlled = False
         self._axes_seen, self._axes_read = readings, self._clock.now()
         return readings
 
@@ -271,10 +275,10 @@ class BenchActions:
 
     def _check_control(self, readings: Mapping[str, AxisReading]) -> None:
         """Raise if an axis has lost control or its zero: it will never arrive. A source that was not set yet is off."""
+        if self._controlled:
+            return
         for axis, reading in readings.items():
-            if reading.homed and reading.enabled and not reading.fault:
-                continue
-            if reading.fault or reading.drive or axis in self._commanded:
+            if reading.drive or axis in self._commanded:
                 reading.check(axis, controlled=True, homed=True)
 
     def settle(self, targets: Mapping[str, float], settings: Callable[[str], Settle], poll_s: float) -> dict[str, Any]:

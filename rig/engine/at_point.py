@@ -216,6 +216,8 @@ class AtPoint:
 
         The mean must be in the band. No readback may be further off than the band and the scatter of readbacks.
         """
+        if not self._references:
+            return
         at = self._at
         targets = self._targets(at.point)
         for factor in self._references:
@@ -230,6 +232,8 @@ class AtPoint:
 
     def _check_standards(self, observation: Observation) -> None:
         """Check the readings of reference standards: a mean that is far from the setpoint is one of the two wrong."""
+        if not self._standards:
+            return
         setting = self._run_list.setting(self._at.point)
         for factor in self._standards:
             found, most = observation.references[factor.name].mean, self._conduct.tolerances.get(factor.name)

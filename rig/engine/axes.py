@@ -75,6 +75,10 @@ class AxisReading(NamedTuple):
             raise NotHomed(f"{axis} has lost its zero: was its controller without power?")
 
 
+_OF_A_DRIVE = (True, 0.05)
+"""`drive` and `margin` of an axis of a head."""
+
+
 class Mover(Protocol):
     """An instrument that moves one or more axes."""
 
@@ -124,9 +128,9 @@ class HeadMover:
 
     def read(self) -> Mapping[str, AxisReading]:
         """See `Mover`."""
+        new = tuple.__new__  # in half the time of the class; a state's fields are those after the name
         return {
-            axis: AxisReading(axis + "_deg", s.position_deg, s.moving, s.homed, s.enabled, s.fault)
-            for axis, s in self._head.read().items()
+            axis: new(AxisReading, (axis + "_deg", *state, *_OF_A_DRIVE)) for axis, state in self._head.read().items()
         }
 
     def go(self, targets: Mapping[str, float]) -> None:
