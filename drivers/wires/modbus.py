@@ -117,11 +117,11 @@ class ModbusLine:
         self._wire.close()
 
     def _words(self, request: Callable[[ModbusTcpClient], ModbusPDU], address: int, count: int) -> list[int]:
-        words: list[int] = self._ask(request, "reading", count, address, repeat=True).registers
+        words = self._ask(request, "reading", count, address, repeat=True).registers
         if len(words) != count:
             self._wire.doubt(self._unit)
             raise BadReply(f"{self.where} answered {len(words)} words to a question for {count} at {address}")
-        return words
+        return list(words)
 
     def _ask(
         self,
