@@ -310,7 +310,7 @@ class BenchActions:
         criteria: Mapping[str, Criteria],
         read: Callable[[], Mapping[str, float]],
         poll_s: float,
-        watch: Watch = lambda _: None,
+        watch: Watch | None = None,
         late: type[NotSettled] = NotSettled,
         bears: int = 0,
     ) -> dict[str, Any]:
@@ -330,7 +330,8 @@ class BenchActions:
                     self._wait(poll_s)
                     continue
                 now, in_a_row = self._clock.now(), 0
-                watch(values)
+                if watch is not None:
+                    watch(values)
                 outcomes = {name: judge.add(now, values[name]) for name, judge in judges.items()}
                 if "waiting" not in outcomes.values():
                     self._wait(0.0)  # a gap in time is no evidence of settling
@@ -414,7 +415,11 @@ class BenchActions:
         self._chambers[name].set_temperature(setpoint_degC)
 
     def until_soaked(
-        self, criteria: Mapping[str, Criteria], poll_s: float, thermometers: Sequence[str], watch: Watch
+        self,
+        criteria: Mapping[str, Criteria],
+        poll_s: float,
+        thermometers: Sequence[str],
+        watch: Watch | None = None,
     ) -> dict[str, Any]:
         """Wait until chambers and thermometers have settled; returns the evidence.
 
@@ -422,7 +427,7 @@ class BenchActions:
             criteria: by chamber name and by temperature column.
             poll_s: time between readbacks.
             thermometers: which of them are temperature columns.
-            watch: called with the values of every poll.
+            watch: called with the values of every poll; None if nobody is.
 
         Raises:
             TemperaturesNotSettled: something did not settle in time.
@@ -451,7 +456,7 @@ class BenchActions:
             settings.drift_degC_per_h / 3600.0,
             settings.timeout_s,
         )
-        return self.until_soaked(dict.fromkeys(self._chambers, criteria), settings.poll_s, (), lambda _: None)
+        return self.until_soaked(dict.fromkeys(self._chambers, criteria), settings.poll_s, ())
 
     def park(self, poll_s: float, timeout_s: float) -> None:
         """Drive every axis to its parking position, as near as the limits allow; one that stands there is left alone.

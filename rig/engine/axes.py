@@ -5,8 +5,7 @@ The sequencer commands axes and polls them. This module translates them to the r
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from math import isfinite
 from typing import Any, NamedTuple, Protocol
 
@@ -107,15 +106,6 @@ class Mover(Protocol):
         ...
 
 
-@contextmanager
-def _of_the_drive() -> Iterator[None]:
-    """Raise a refused command of the head as a fault of its drives."""
-    try:
-        yield
-    except (InstrumentError, NotReady) as error:
-        raise DriveFault("head", 0, str(error)) from error
-
-
 class HeadMover:
     """A dividing head's axes."""
 
@@ -135,8 +125,10 @@ class HeadMover:
 
     def go(self, targets: Mapping[str, float]) -> None:
         """See `Mover`."""
-        with _of_the_drive():
+        try:
             self._head.move(targets)
+        except (InstrumentError, NotReady) as error:  # a refused command is a fault of its drives
+            raise DriveFault("head", 0, str(error)) from error
 
     def stop(self) -> None:
         """See `Mover`."""
@@ -144,10 +136,12 @@ class HeadMover:
 
     def home(self, *, again: bool = False) -> None:
         """See `Mover`."""
-        with _of_the_drive():
+        try:
             if again and isinstance(self._head, Referenced):
                 self._head.forget_zeros()
             self._head.home()
+        except (InstrumentError, NotReady) as error:
+            raise DriveFault("head", 0, str(error)) from error
 
     def parking(self) -> Mapping[str, float]:
         """0 deg, or the nearest angle the axis can reach."""

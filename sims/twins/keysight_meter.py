@@ -72,7 +72,7 @@ def range_for(volts: float) -> float:
 
 @cache
 def _noise(aperture: float) -> float:
-    """Standard deviation of a reading that integrates for so many seconds, as a fraction of the range."""
+    """Standard deviation of a reading as a fraction of the range, by its integration time in seconds."""
     return math.hypot(_WHITE / math.sqrt(aperture), _FLOOR)
 
 
