@@ -174,6 +174,30 @@ def test_frames_of_others_pass_by() -> None:
     assert node.read(0x6041) == 0x237
 
 
+def test_a_served_node_has_the_time_that_its_process_needs() -> None:
+    """Bench time runs fast there: 0.3 s of it are over before another process has its turn."""
+
+    class Served(World):
+        def grace(self) -> float:
+            return 4.0
+
+    world = Served()
+
+    class Busy(Canopen):
+        """A heartbeat of another node comes a second after each request, and the answer behind it."""
+
+        def recv(self, seconds: float) -> tuple[int, bytes] | None:
+            world.sleep(min(1.0, seconds))
+            return super().recv(seconds)
+
+        def send(self, can_id: int, data: bytes) -> None:
+            self._frames.append((0x702, b"\x05"))
+            super().send(can_id, data)
+
+    node = CanWires(world, lambda address: Busy()).line("sim://w/head", "head").node(1, read_eds(EDS, 1))
+    assert node.read(0x1018, 4) == SERIAL
+
+
 def test_a_reply_about_another_object_is_a_bad_reply() -> None:
     def on_frame(world: World) -> OnFrame:
         return lambda can_id, data, tx: tx(0x581, b"\x4b\x64\x60\0\x37\x02\0\0")

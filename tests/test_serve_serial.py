@@ -75,7 +75,11 @@ def served(folder, speed=SPEED, seconds=50.0):
                 break
         bench = tomllib.loads(live.read_text())
         clock = ScaledClock(**bench["live"])
-        yield SimpleNamespace(process=server, live=live, bench=bench, clock=clock, wires=Wires(clock))
+        wires = Wires(clock)
+        try:
+            yield SimpleNamespace(process=server, live=live, bench=bench, clock=clock, wires=wires)
+        finally:
+            wires.close()
     finally:
         server.terminate()
         server.communicate(timeout=20)
@@ -126,7 +130,6 @@ def test_drivers_work_across_processes(tmp_path):
         readings = scanner.fetch()
         assert readings["101"] == pytest.approx([0.0, 0.0], abs=1e-4)
         assert 10.0 < readings["104"][0] < 35.0
-        bench.wires.close()
 
 
 @pytest.mark.parametrize(
@@ -142,7 +145,6 @@ def test_modbus_is_served_on_tcp_and_on_a_serial_line(tmp_path, name, address):
         assert chamber.read().setpoint_degC == pytest.approx(25.0, abs=1e-3)
         bench.wires.close()
         assert chamber.read().running, "a second connection is as good as the first"
-        bench.wires.close()
 
 
 def test_can_is_served_as_a_serial_adapter(tmp_path):
@@ -151,7 +153,6 @@ def test_can_is_served_as_a_serial_adapter(tmp_path):
         drives = driver(bench, "drives", CiA402Pair)
         drives.identify()
         goes_where_it_is_told(drives, bench.clock)
-        bench.wires.close()
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
@@ -180,7 +181,6 @@ def test_instruments_that_go_away_are_named(tmp_path):
         bench.process.wait(timeout=10.0)
         with pytest.raises(DriverError, match="head at /dev/pts/"):
             head.read()
-        bench.wires.close()
 
 
 def test_bench_values_survive_as_toml():

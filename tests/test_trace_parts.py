@@ -68,16 +68,28 @@ def test_what_one_person_does_is_said():
     assert [one.where.split(", ")[-1] for one in result.unnamed] == ["in the rows whose who is 1"]
 
 
-def test_a_name_that_only_one_person_earns_is_doubtful():
-    """A large saw tooth over the dial for one of three whose names are a column of text: a sure period before."""
-    rng = np.random.default_rng(5)
+def read_by_name(seed, size, of):
+    """What the trace says of a saw tooth over the dial in the readings of some of Ada, Bo and Cy, a column of text."""
+    rng = np.random.default_rng(seed)
     who = rng.permutation(np.resize(np.arange(3), 60)).repeat(2)
     x = rng.uniform(0.0, 10.0, who.size)
-    tooth = np.where(who == 1, 9.0 * (np.round(x / 1.4) * 1.4 - x), 0.0)
+    tooth = np.where(np.isin(who, of), size * (np.round(x / 1.4) * 1.4 - x), 0.0)
     columns = {"x": x, "t_s": 60.0 * np.arange(who.size), "y": 3.0 + 2.0 * x + tooth + rng.standard_normal(who.size)}
     text = {"reader": np.array(["Ada", "Bo", "Cy"])[who]}
     table = Table("table.csv", columns, simulated=True, provenance={}, text=text)
-    result = trace_general(roles_of(table, Roles(response="y", formula="1 + x", time="t_s"))[0])
+    return trace_general(roles_of(table, Roles(response="y", formula="1 + x", time="t_s"))[0])
+
+
+def test_a_large_shape_of_one_person_is_said_of_that_person():
+    """It was a sure period of all, then a doubtful one."""
+    result = read_by_name(5, 9.0, [1])
+    assert result.verdict == "unexplained"
+    assert [one.where for one in result.unnamed] == ["periodic over x, 7 periods, in the rows whose reader is Bo"]
+    assert [one.effect for one in result.effects] == ["noise-grows"]
+
+
+def test_a_name_that_one_of_three_people_does_not_earn_is_doubtful():
+    result = read_by_name(7, 4.0, [0, 2])
     (period,) = [e for e in result.effects if e.effect == "periodic:x"]
     assert "changes with reader" in (period.doubtful or "")
 

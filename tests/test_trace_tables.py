@@ -205,6 +205,41 @@ def test_scatter_that_grows_is_found_and_weighs():
     assert result.verdict == "nothing to add"
 
 
+def noise_that_changes(lab, spread, seed=3):
+    """The finding about it, in a table whose errors of sd one are multiplied by `spread` of the columns."""
+    columns = simulate(lab, seed)
+    columns["y"] += (spread(columns) - 1.0) * (columns["y"] - 3.0 - 2.0 * columns["x"])
+    result = trace_general(prepare(columns, **options(lab))[0])
+    assert result.verdict == "nothing to add"
+    return next(e for e in result.effects if e.effect == "noise-grows")
+
+
+def test_scatter_that_grows_from_the_middle_is_found():
+    found = noise_that_changes(Lab(150, 1), lambda c: 0.4 + 0.32 * np.abs(c["x"] - 5.0))
+    middle, ends = found.coefficients
+    assert ends / middle == pytest.approx(5.0, rel=0.4)
+    assert float(found.terms[0].removeprefix("sd at ")) == pytest.approx(3.0 + 2.0 * 5.0, abs=0.5)
+    assert "fitted y" in found.cause
+
+
+def test_scatter_of_one_level_of_a_group_is_found():
+    found = noise_that_changes(Lab(120, 1, groups=3), lambda c: np.where(c["unit"] == 1, 3.0, 1.0))
+    of_level = dict(zip(found.terms, found.coefficients, strict=True))
+    assert of_level["sd of 1"] == pytest.approx(3.0, rel=0.25)
+    assert of_level["sd of 0"] == pytest.approx(1.0, rel=0.25)
+    assert "unit" in found.cause
+
+
+def test_replications_that_differ_beside_scatter_that_grows_are_no_steps():
+    """The offset of a replication was divided by each row's scatter with its noise: three of these five had steps."""
+    lab, found_in = Lab(120, 2, clock=True, repeats=3, growing=8.0), []
+    for seed in range(5):
+        columns = simulate(lab, seed, lambda c, rng: 6.0 * rng.standard_normal(9)[c["rep"]])
+        if found(columns, **options(lab)):
+            found_in.append(seed)
+    assert len(found_in) <= 1, found_in
+
+
 def test_neighbours_that_are_alike_are_a_finding_about_the_noise():
     lab = Lab(200, 1, clock=True, ar=0.7)
     result = trace_general(prepare(simulate(lab, 1), **options(lab))[0])

@@ -55,7 +55,7 @@ def test_understated_standard_errors_by_dense_matrices(chosen, weighted):
     given = judge(noise=noise, sd=sd)
     row = sd if weighted else np.ones(N)
     far = 0.0
-    for at, covariance in enumerate(wandering_covariances()):
+    for at, covariance in enumerate(wandering_covariances(row)):
         expected = dense(np.hstack([X, EXTRA][: 1 + len(chosen)]), row[:, None] * covariance * row)[:3]
         np.testing.assert_allclose(understated(given, chosen, at=at, weighted=weighted), expected, rtol=1e-8)
         far = max(far, float(np.max(expected)))

@@ -25,22 +25,29 @@ WHEN = np.cumsum(np.random.default_rng(2).uniform(0.3, 2.0, N))
 GROUP = np.array([0, 0, 0, 1, 1, 2, 2, 2, 2, 3, 3, 3, 4, 4])
 
 
-def wandering_covariances():
-    """Every covariance of the grid, entry by entry: share c^|t - s|, or q min(t, s) for a walk, and white noise."""
+SD = np.random.default_rng(8).uniform(0.3, 3.0, N)
+
+
+def wandering_covariances(sd=np.ones(N)):  # noqa: B008  # not changed
+    """Every covariance of the grid, entry by entry: share c^|t - s|, or q min(t, s) for a walk, and white noise.
+
+    Rows are divided by `sd`, which is of their white noise.
+    """
     correlation, share, step, white = Wandering(WHEN)._grid
     apart, since = np.abs(WHEN[:, None] - WHEN), np.minimum(WHEN[:, None], WHEN) - WHEN[0]
     for c, s, q, w in zip(correlation, share, step, white, strict=True):
-        yield (q * since if q else s * c**apart if c else 0.0 * apart) + w * np.eye(N)
+        slow = q * since if q else s * c**apart if c else 0.0 * apart
+        yield slow / np.outer(sd, sd) + w * np.eye(N)
 
 
-def shared_covariances():
-    together = (GROUP[:, None] == GROUP).astype(float)
+def shared_covariances(sd=np.ones(N)):  # noqa: B008  # not changed
+    together = (GROUP[:, None] == GROUP) / np.outer(sd, sd)
     return [np.eye(N) + ratio * together for ratio in (0.0, *RATIOS)]
 
 
-def both_covariances():
+def both_covariances(sd=np.ones(N)):  # noqa: B008  # not changed
     noise = Both(GROUP, when=WHEN)
-    wander, together = list(wandering_covariances()), (GROUP[:, None] == GROUP).astype(float)
+    wander, together = list(wandering_covariances(sd)), (GROUP[:, None] == GROUP) / np.outer(sd, sd)
     grid = [0, *(noise.wander.nearest(c, share) for c, share in WANDERS), *map(noise.wander.walk, STEPS)]
     assert len(set(grid)) == len(grid)
     return [wander[w] + ratio * together for w in grid for ratio in both.RATIOS]
@@ -52,8 +59,11 @@ def both_covariances():
         (Wandering(WHEN), list(wandering_covariances())),
         (Shared(GROUP), shared_covariances()),
         (Both(GROUP, when=WHEN), both_covariances()),
+        (Wandering(WHEN).over(SD), list(wandering_covariances(SD))),
+        (Shared(GROUP).over(SD), shared_covariances(SD)),
+        (Both(GROUP, when=WHEN).over(SD), both_covariances(SD)),
     ],
-    ids=["wandering", "shared", "both"],
+    ids=["wandering", "shared", "both", "wandering of unequal rows", "shared by unequal rows", "both, unequal rows"],
 )
 def test_whitening_and_colouring_are_those_of_the_matrices(noise, covariances):
     every = np.arange(len(covariances))

@@ -86,7 +86,7 @@ class _Responses:
 
     def get(self, block: bool = True, timeout: float | None = None) -> bytes:
         clock = self._bus.clock
-        end = clock.now() + self._seconds
+        end = clock.now() + self._seconds + clock.grace()
         while not self._frames:
             left = end - clock.now()
             if left <= 0 or not (self._bus.pump(left) or clock.now() < end):

@@ -59,7 +59,7 @@ class _Client(ModbusTcpClient):
         wire, framer = self._wire, self.framer
         request.transaction_id = self.transaction.getNextTID()
         wire._send(framer.buildFrame(request))
-        unread, end = b"", wire.clock.now() + wire._asked_s
+        unread, end = b"", wire.clock.now() + wire._asked_s + wire.clock.grace()
         while heard := wire._hear():
             used, reply = framer.handleFrame(unread + heard, request.dev_id, request.transaction_id)
             if reply is not None:

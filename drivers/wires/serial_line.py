@@ -371,7 +371,7 @@ class SerialLine:
         """The next received bytes, without flow control characters; empty if there are none. All bytes are added to
         `raw`.
         """
-        end = self.clock.now() + timeout_s
+        end = self.clock.now() + timeout_s + self.clock.grace()
         while True:
             heard = port.read(port.in_waiting or 1)
             if heard and (waiting := port.in_waiting):  # what came with the first byte

@@ -27,7 +27,7 @@ from fitter.arrays import FloatArray, IntArray
 from fitter.gross.rows import Rows
 from fitter.own_span import NO_GROUP
 from fitter.resolution import least_sd, robust_sd
-from fitter.trace.growing_noise import growth_of
+from fitter.trace.growing_noise import Growth, growth_of
 
 LEVEL = 0.005
 """Probability that a clean table has a row named, for known relative standard deviations of its rows."""
@@ -135,7 +135,7 @@ def _growth(every: Rows, inside: IntArray, drivers: Mapping[str, FloatArray]) ->
     best: tuple[float, FloatArray | None] = (np.inf, None)
     for name, values in drivers.items():
         growth = growth_of(left, kept, {name: values[inside]})
-        if growth is not None:
+        if isinstance(growth, Growth):
             sd = growth.sd(values)
             likely = float(np.sum(2.0 * kept * np.log(sd[inside]) + (left / sd[inside]) ** 2))
             best = min(best, (likely, sd), key=lambda one: one[0])

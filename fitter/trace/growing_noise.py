@@ -1,14 +1,17 @@
-"""Noise that grows with the reading or another recorded quantity: detected beside the effects, and used for weights."""
+"""Noise that changes with the reading or another recorded quantity: detected beside the effects, used for weights."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import special
 
-from fitter.arrays import FloatArray
+from fitter.arrays import FloatArray, IntArray
+from fitter.linear import orthonormal
 from fitter.trace.chance import ALPHA, COUNTED
 
 STEEPEST = 1e3
@@ -17,7 +20,7 @@ STEEPEST = 1e3
 
 @dataclass(frozen=True)
 class Noise:
-    """Standard deviation of a reading over a driver x, sd = a (1 + c x).
+    """Standard deviation of a reading over a driver x, sd = a (1 + c x), or over its distance from a middle.
 
     Attributes:
         at_zero: a.
@@ -25,19 +28,21 @@ class Noise:
         stderr: of both, from the curvature of the likelihood; about 20 % too small, because residuals are dependent.
             NaN if the rows do not determine them.
         p: probability of such a relation between squared residual and driver by chance.
+        middle: value of the driver that distances are from; None for the driver itself.
     """
 
     at_zero: float
     per_unit: float
     stderr: tuple[float, float]
     p: float
+    middle: float | None = None
 
     def sd(self, driver: FloatArray) -> FloatArray:
         """(n,) standard deviation at these values of the driver, in units of the reading."""
-        return self.at_zero + self.per_unit * driver
+        return self.at_zero + self.per_unit * _distance(driver, self.middle)
 
 
-def noise_of(residual: FloatArray, left: FloatArray, driver: FloatArray) -> Noise:
+def noise_of(residual: FloatArray, left: FloatArray, driver: FloatArray, middle: float | None = None) -> Noise:
     """Estimate how noise grows with a driver.
 
     The test regresses squared residuals on the driver and studentises by their own scatter (Koenker, J. Econometrics 17
@@ -47,15 +52,12 @@ def noise_of(residual: FloatArray, left: FloatArray, driver: FloatArray) -> Nois
         residual: (n,) of one response.
         left: (n,) share of a reading's variance in its residual.
         driver: (n,) variable on which it may depend.
+        middle: value of the driver, if the noise may depend on the distance from it.
     """
-    squares = residual**2 / np.maximum(left, 0.1)
-    n, p = squares.size, driver - driver.mean()
-    about = squares - squares.mean()
-    total = float(about @ about)
-    if total <= 0.0 or not np.any(p):
-        return Noise(float(np.sqrt(squares.mean())), 0.0, (0.0, 0.0), 1.0)
-    correlation = float(p @ about) / np.sqrt(total * float(p @ p))
-    chance = float(special.chdtrc(1, n * correlation**2))
+    squares, driver = _squares(residual, left), _distance(driver, middle)
+    if np.ptp(squares) <= 0.0 or np.ptp(driver) <= 0.0:
+        return Noise(float(np.sqrt(squares.mean())), 0.0, (0.0, 0.0), 1.0, middle)
+    chance = _chance(squares, driver)
     highest, share = float(driver.max()), left / left.sum()
 
     def deviance(slope: float) -> float:
@@ -76,22 +78,26 @@ def noise_of(residual: FloatArray, left: FloatArray, driver: FloatArray) -> Nois
         spread = np.diag(np.linalg.inv([[told.sum(), told @ driver], [told @ driver, (told * driver) @ driver]]))
     except np.linalg.LinAlgError:  # all noise is at one value of the driver
         spread = np.full(2, np.nan)
-    return Noise(at_zero, at_zero * slope, (float(np.sqrt(spread[0])), float(np.sqrt(spread[1]))), chance)
+    return Noise(at_zero, at_zero * slope, (float(np.sqrt(spread[0])), float(np.sqrt(spread[1]))), chance, middle)
 
 
-FEWEST = 20
+FEWEST, FEWEST_OF_LEVEL = 20, 6
+"""Minimum number of rows, and of rows of a level on average."""
 FACTOR = 1.3
 """Minimum ratio of the largest to the smallest standard deviation for weights."""
+LIKE_ALL = 4.0
+"""Number of rows by which each level's variance is drawn to that of all rows."""
 
 
 @dataclass(frozen=True)
 class Growth:
-    """Dependence of a row's standard deviation on a variable.
+    """Dependence of a row's standard deviation on a variable, or on its distance from the middle.
 
     Attributes:
-        driver: the variable; "fitted" for the size of the fitted response.
+        driver: the variable; "fitted" for the fitted response.
         span: values of the driver between which it was estimated.
-        noise: sd as a line over the driver from 0 to 1 over its span, units of the response.
+        noise: units of the response, over the driver from 0 to 1 over its span, or over its distance from the middle of
+            the span.
         p: family-wise, over all drivers.
     """
 
@@ -102,27 +108,111 @@ class Growth:
 
     def sd(self, values: FloatArray) -> FloatArray:
         """(n,) standard deviation at values of the driver."""
-        low, high = self.span
-        return np.maximum(self.noise.sd((values - low) / (high - low)), 1e-6 * self.noise.at_zero)
+        return np.maximum(self.noise.sd(_scaled(values, self.span)), 1e-6 * self.noise.at_zero)
+
+    @property
+    def ends(self) -> FloatArray:
+        """(2,) standard deviation at the lowest value or in the middle, and at the highest value."""
+        return self.noise.sd(np.array([self.noise.middle or 0.0, 1.0]))
 
 
-def growth_of(left: FloatArray, kept: FloatArray, drivers: Mapping[str, FloatArray], sensors: int = 1) -> Growth | None:
+@dataclass(frozen=True, eq=False)
+class OfLevels:
+    """A standard deviation for the rows of each level of a group.
+
+    Attributes:
+        driver: the group.
+        of_level: (levels,) units of the response.
+        p: family-wise, over all drivers.
+    """
+
+    driver: str
+    of_level: FloatArray
+    p: float
+
+    def sd(self, level: IntArray) -> FloatArray:
+        """(n,) standard deviation of rows of these levels."""
+        return np.asarray(self.of_level[level])
+
+    @property
+    def ends(self) -> FloatArray:
+        """(2,) the smallest and the largest of them."""
+        return np.array([self.of_level.min(), self.of_level.max()])
+
+
+def growth_of(
+    left: FloatArray,
+    kept: FloatArray,
+    drivers: Mapping[str, FloatArray],
+    groups: Mapping[str, IntArray] | None = None,
+    sensors: int = 1,
+) -> Growth | OfLevels | None:
     """The driver with the most significant relation to the noise; None if there is none.
 
     Args:
         left: (n,) residual with the effects, units of the response, unweighted.
         kept: (n,) share of a row's variance in its residual.
-        drivers: (n,) variables on which it may depend.
+        drivers: (n,) variables on which it may depend, as a line or by the distance from the middle.
+        groups: (n,) level of each row, from 0, in groups whose levels may differ.
         sensors: of the run, each of which is asked.
     """
-    usable = {name: v for name, v in drivers.items() if np.ptp(v) > 1e-9 * np.max(np.abs(v))}
-    if len(left) < FEWEST or not usable or not np.any(left):
+    if len(left) < FEWEST or not np.any(left):
         return None
-    found = []
-    for name, v in usable.items():
-        low, high = float(v.min()), float(v.max())
-        noise = noise_of(left, kept, (v - low) / (high - low))
-        found.append(Growth(name, (low, high), noise, min(noise.p * len(usable) * sensors / COUNTED, 1.0)))
-    best = min(found, key=lambda growth: growth.p)
-    ends = best.noise.sd(np.array([0.0, 1.0]))
-    return best if best.p <= ALPHA and max(ends) > FACTOR * min(ends) else None
+    squares = _squares(left, kept)
+    spans = {name: (float(v.min()), float(v.max())) for name, v in drivers.items()}
+    over = {(name, middle): _scaled(v, spans[name]) for name, v in drivers.items() for middle in _middles(v)}
+    among = {name: v for name, v in (groups or {}).items() if _few(v)}
+    chances = {(name, middle): _chance(squares, _distance(x, middle)) for (name, middle), x in over.items()}
+    of_groups = {name: _chance(squares, v[:, None] == np.unique(v)[1:]) for name, v in among.items()}
+    every = [*chances.values(), *of_groups.values()]
+    least, count = min(every, default=1.0), len(every) * sensors / COUNTED
+    if not every or least * count > ALPHA:
+        return None
+    found: Growth | OfLevels
+    if least in of_groups.values():
+        name = min(of_groups, key=of_groups.__getitem__)
+        found = OfLevels(name, _of_levels(squares, among[name]), least * count)
+    else:
+        name, middle = best = min(chances, key=chances.__getitem__)
+        found = Growth(name, spans[name], noise_of(left, kept, over[best], middle), least * count)
+    return found if found.ends.max() > FACTOR * found.ends.min() else None
+
+
+def _middles(v: FloatArray) -> tuple[float | None, ...]:
+    """Where distances may be from, over the span: nothing over a constant, nowhere over two values."""
+    if np.ptp(v) <= 1e-9 * np.max(np.abs(v)):
+        return ()
+    return (None, 0.5) if np.unique(v).size > 2 else (None,)
+
+
+def _few(level: IntArray) -> bool:
+    return 1 < np.unique(level).size <= level.size // FEWEST_OF_LEVEL
+
+
+def _of_levels(squares: FloatArray, level: IntArray) -> FloatArray:
+    """(levels,) standard deviation of each, from squares (n,) drawn a little to those of all."""
+    own = np.bincount(level, squares) + LIKE_ALL * squares.mean()
+    return np.asarray(np.sqrt(own / (np.bincount(level) + LIKE_ALL)))
+
+
+def _scaled(values: FloatArray, span: tuple[float, float]) -> FloatArray:
+    """(n,) values, from 0 to 1 over a span."""
+    return (values - span[0]) / (span[1] - span[0])
+
+
+def _distance(values: FloatArray, middle: float | None) -> FloatArray:
+    return values if middle is None else np.abs(values - middle)
+
+
+def _squares(residual: FloatArray, left: FloatArray) -> FloatArray:
+    return np.asarray(residual**2 / np.maximum(left, 0.1))
+
+
+def _chance(squares: FloatArray, drivers: NDArray[Any]) -> float:
+    """P of Koenker's test of drivers (n,) or (n, d)."""
+    x = drivers.reshape(len(squares), -1) - drivers.mean(axis=0)
+    about = squares - squares.mean()
+    basis, total = orthonormal(x), float(about @ about)
+    if total <= 0.0 or not basis.shape[1]:
+        return 1.0
+    return float(special.chdtrc(basis.shape[1], len(squares) * float(np.sum((basis.T @ about) ** 2)) / total))

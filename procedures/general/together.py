@@ -17,6 +17,7 @@ from fitter.confirm import Question, Together
 from fitter.confirm.runs import Later, changes, numbers
 from fitter.confirm.together import Candidates, Own
 from fitter.errors import FitError
+from fitter.trace.growing_noise import Growth
 from procedures.errors import DataError
 from procedures.general.column_roles import Roles, roles_of
 from procedures.general.effects.literal import Rows
@@ -269,8 +270,9 @@ class GeneralTogether(Together):
             sides, growth = trace.after.shared, trace.search.growth
             same = np.full(len(self.rows), sides[0] if sides is not None else trace.after.fit.sigma_E)
             scene = self.whole.data[output].scene
-            known = growth is not None and growth.driver in {**scene.variables, TIME: None}
-            out.append(growth.sd(scene.of(growth.driver)[self.rows]) if growth is not None and known else same)
+            if isinstance(growth, Growth) and growth.driver in {**scene.variables, TIME: None}:
+                same = growth.sd(scene.of(growth.driver)[self.rows])
+            out.append(same)
         return np.stack(out)
 
     @property

@@ -7,8 +7,9 @@ with correlated neighbours within groups, because it needs several times the com
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 
@@ -39,7 +40,7 @@ class Both(Shared):
     @cached_property
     def wander(self) -> Wandering:
         """The wander by itself, its whole grid."""
-        return Wandering(self.when)
+        return Wandering(self.when, sd=self.sd)
 
     @cached_property
     def _of(self) -> tuple[IntArray, FloatArray]:
@@ -56,7 +57,7 @@ class Both(Shared):
     @cached_property
     def _bases(self) -> dict[int, tuple[FloatArray, FloatArray]]:
         """By wander: (n, q) orthonormal basis of the groups whitened by it, and (q,) their squared lengths."""
-        groups = (self.group[:, None] == np.arange(int(self.group.max()) + 1)).astype(np.float64)
+        groups = (self.group[:, None] == np.arange(int(self.group.max()) + 1)) * self._share[:, None]
         out = {}
         for w in np.unique(self._of[0]).tolist():
             u, s, _ = np.linalg.svd(self.wander.whiten(np.array([w]), groups)[0], full_matrices=False)
@@ -126,16 +127,11 @@ class Both(Shared):
 
     def variances(self, at: int) -> FloatArray:
         """See `Noise`."""
-        return np.asarray(self.wander.variances(int(self._of[0][at])) + self._of[1][at])
+        return np.asarray(self.wander.variances(int(self._of[0][at])) + self._of[1][at] * self._share**2)
 
-    def rows(self, kept: IntArray) -> Both:
+    def rows(self, kept: IntArray) -> Self:
         """See `Noise`."""
-        group = np.asarray(np.unique(self.group[kept], return_inverse=True)[1], np.int64)
-        return Both(group, self.picked, when=self.when[kept], scale=self.scale)
-
-    def only(self, at: int) -> Both:
-        """See `Noise`."""
-        return Both(self.group, at, when=self.when, scale=self.scale)
+        return replace(super().rows(kept), when=self.when[kept])
 
 
 def _stretched(columns: FloatArray, basis: FloatArray, by: FloatArray) -> FloatArray:

@@ -12,7 +12,7 @@ from fitter.effects.noise import AUTOCORRELATION, NOISE_GROWS, OUTLIERS, QUANTIS
 from fitter.resolution import least_sd, resolution
 from fitter.trace.chance import ALPHA
 from fitter.trace.coarse import lattice
-from fitter.trace.growing_noise import Growth
+from fitter.trace.growing_noise import Growth, OfLevels
 from procedures.general.trace.both import Both
 from procedures.general.trace.estimate import error_of
 from procedures.general.trace.family import of_all
@@ -21,7 +21,7 @@ from procedures.general.trace.judge import TableJudge
 from procedures.general.trace.noise import Wandering
 from procedures.general.trace.result import FoundTableEffect
 from procedures.general.trace.robust import scale
-from procedures.general.trace.run import TableData
+from procedures.general.trace.run import FITTED, SIZE_OF_FITTED, TableData
 
 SHOWN = 8
 """Maximum number of named outliers."""
@@ -33,7 +33,7 @@ COARSE = 0.5
 
 
 def noise_findings(
-    judge: TableJudge, chosen: tuple[int, ...], growth: Growth | None, data: TableData
+    judge: TableJudge, chosen: tuple[int, ...], growth: Growth | OfLevels | None, data: TableData
 ) -> tuple[FoundTableEffect, ...]:
     """Findings about noise with the `chosen` effects, and its influence on intervals.
 
@@ -83,24 +83,55 @@ def _wander(judge: TableJudge, chosen: tuple[int, ...], data: TableData) -> Foun
 
 
 def _growing(
-    judge: TableJudge, chosen: tuple[int, ...], growth: Growth | None, data: TableData
+    judge: TableJudge, chosen: tuple[int, ...], growth: Growth | OfLevels | None, data: TableData
 ) -> FoundTableEffect | None:
     if growth is None:
         return None
-    low, high = growth.noise.sd(np.array([0.0, 1.0])).tolist()
-    where = f"fitted {data.response}" if growth.driver == "fitted" else growth.driver
+    terms, size = _of_levels(growth, data) if isinstance(growth, OfLevels) else _over(growth, data)
+    where = _where(growth.driver, data)
     return _finding(
         judge,
         data,
         NOISE_GROWS,
         f"the scatter of {data.response} changes with {where}",
-        {f"sd at {growth.span[0]:.4g}": low, f"sd at {growth.span[1]:.4g}": high},
+        terms,
         data.response,
-        f"sd {low:.3g} at {where} {growth.span[0]:.4g}, {high:.3g} at {growth.span[1]:.4g}",
+        size,
         growth.p,
-        f"repeat readings at both ends of {where}",
+        f"repeat readings at both ends of {where}"
+        if isinstance(growth, Growth)
+        else f"repeat readings of each of {where}",
         understated(judge, chosen, at=0, weighted=True),
     )
+
+
+def _where(driver: str, data: TableData) -> str:
+    return {FITTED: f"fitted {data.response}", SIZE_OF_FITTED: f"fitted {data.response}"}.get(driver, driver)
+
+
+def _over(growth: Growth, data: TableData) -> tuple[dict[str, float], str]:
+    """Standard deviations at both ends of a variable, or in its middle and at its ends."""
+    where, (low, high) = _where(growth.driver, data), growth.span
+    first, last = growth.ends.tolist()
+    if growth.noise.middle is not None:
+        middle = (low + high) / 2.0
+        ends = f"{low:.4g} and {high:.4g}"
+        return {f"sd at {middle:.4g}": first, f"sd at {ends}": last}, (
+            f"sd {first:.3g} at {where} {middle:.4g}, {last:.3g} at {ends}"
+        )
+    return {f"sd at {low:.4g}": first, f"sd at {high:.4g}": last}, (
+        f"sd {first:.3g} at {where} {low:.4g}, {last:.3g} at {high:.4g}"
+    )
+
+
+def _of_levels(growth: OfLevels, data: TableData) -> tuple[dict[str, float], str]:
+    """Standard deviations of the levels of a group."""
+    known = {**data.scene.labels, **data.scene.groups}
+    of_level = growth.of_level.tolist()
+    named = known[growth.driver].levels if growth.driver in known else [str(k + 1) for k in range(len(of_level))]
+    terms = {f"sd of {level}": sd for level, sd in zip(named, of_level, strict=True)}
+    least, most = min(terms, key=terms.__getitem__), max(terms, key=terms.__getitem__)
+    return terms, f"{growth.driver}: {least}, {terms[least]:.3g}, to {most}, {terms[most]:.3g}"
 
 
 def _alone(judge: TableJudge, chosen: tuple[int, ...], data: TableData) -> FoundTableEffect | None:

@@ -41,11 +41,12 @@ def understated(judge: TableJudge, chosen: tuple[int, ...], *, at: int, weighted
     if values[0] < UNDETERMINED * values[-1]:
         return None
     inverse = (vectors / values) @ vectors.T
-    sd = (problem.sd if weighted else np.ones(problem.n))[:, None]
-    sums = problem.noise.root(at, sd * (scaled @ inverse))
+    sd = problem.sd if weighted else np.ones(problem.n)
+    noise, sd = problem.noise.over(sd), sd[:, None]
+    sums = noise.root(at, sd * (scaled @ inverse))
     basis = orthonormal(model)
-    total = float(np.sum(problem.noise.variances(at) * sd[:, 0] ** 2))
-    taken = float(np.sum(problem.noise.root(at, sd * basis) ** 2))
+    total = float(np.sum(noise.variances(at) * sd[:, 0] ** 2))
+    taken = float(np.sum(noise.root(at, sd * basis) ** 2))
     stated = max(total - taken, _TINY) / (problem.n - basis.shape[1]) * np.diag(inverse)
     k = problem.declared.shape[1]
     return np.asarray(np.sqrt(np.sum(sums**2, axis=0) / stated)[:k])

@@ -204,6 +204,7 @@ class Nameless:
         if when is None or alike * np.sqrt(n) < ALIKE:
             return None
         noise: Noise = Wandering(when) if self.data.shared is None else Both(self.data.shared, when=when)
+        noise = noise.over(problem.sd)
         every = Grid.of(noise, judge.held(self.chosen) / problem.sd, problem.model(self.chosen) / problem.sd[:, None])
         usual = float(every.beside().ml.max()) + 0.5 * n * float(np.log(n))
         found = two_levels(left, taken)

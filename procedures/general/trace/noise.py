@@ -6,7 +6,7 @@ its uncertainty. No array is larger than rows times columns.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Protocol
 
@@ -79,6 +79,11 @@ class Noise(Protocol):
     def only(self, at: int) -> Noise:
         """A grid of one covariance."""
 
+    def over(self, sd: FloatArray) -> Noise:
+        """The same for rows divided by (n,) standard deviations of their own: what they share is larger where these are
+        small.
+        """
+
 
 @dataclass(frozen=True, eq=False)
 class Independent:
@@ -135,6 +140,10 @@ class Independent:
         """See `Noise`."""
         return self
 
+    def over(self, sd: FloatArray) -> Independent:
+        """See `Noise`."""
+        return self
+
 
 @dataclass(frozen=True, eq=False)
 class Wandering:
@@ -145,10 +154,17 @@ class Wandering:
     Attributes:
         when: (n,) times of the rows in units of the usual gap, ascending.
         picked: the only used covariance of the grid; None for all.
+        sd: (n,) standard deviation that each row was divided by; None for one of all.
     """
 
     when: FloatArray
     picked: int | None = None
+    sd: FloatArray | None = field(default=None, kw_only=True)
+
+    @cached_property
+    def _share(self) -> FloatArray:
+        """(n,) of the slow part in each row."""
+        return np.ones(len(self.when)) if self.sd is None else 1.0 / self.sd
 
     @cached_property
     def _grid(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
@@ -209,12 +225,12 @@ class Wandering:
         correlation, share, step, white = self._grid
         gap = np.diff(self.when, prepend=self.when[:1])
         decay = correlation[None, :] ** gap[:, None]
-        gain, sd = np.empty_like(decay), np.empty_like(decay)
+        gain, sd, own = np.empty_like(decay), np.empty_like(decay), self._share
         state = share.copy()
         for t in range(len(gap)):
             state = decay[t] ** 2 * state + (1.0 - decay[t] ** 2) * share + step * gap[t]
-            total = state + white
-            gain[t], sd[t] = state / total, np.sqrt(total)
+            total = state * own[t] ** 2 + white
+            gain[t], sd[t] = state * own[t] / total, np.sqrt(total)
             state = state * white / total
         return decay, gain, sd
 
@@ -231,10 +247,10 @@ class Wandering:
             if self._grid[0][g] == 0.0:
                 out[i] = columns
                 continue
-            state = _recursion(decay[:, g] * (1.0 - gain[:, g]), gain[:, g, None] * columns)
+            state = _recursion(decay[:, g] * (1.0 - gain[:, g] * self._share), gain[:, g, None] * columns)
             white = out[i]
             white[0] = columns[0]
-            np.multiply(decay[1:, g, None], state[:-1], out=white[1:])
+            np.multiply((decay[1:, g] * self._share[1:])[:, None], state[:-1], out=white[1:])
             np.subtract(columns[1:], white[1:], out=white[1:])
             white /= sd[:, g, None]
         return out
@@ -244,29 +260,34 @@ class Wandering:
         decay, gain, sd = (part[:, at, None] for part in self._filter)
         innovation = sd * white
         state = _recursion(decay[:, 0], gain * innovation)
-        return np.asarray(innovation + decay * np.concatenate([np.zeros_like(state[:1]), state[:-1]]))
+        own = decay * self._share[:, None]
+        return np.asarray(innovation + own * np.concatenate([np.zeros_like(state[:1]), state[:-1]]))
 
     def root(self, at: int, columns: FloatArray) -> FloatArray:
         """See `Noise`. The adjoint of the filter, from the last row back."""
         decay, gain, sd = (part[::-1, at] for part in self._filter)
         back = columns[::-1]
         factor = np.concatenate([[0.0], decay[:-1]])
-        later = np.concatenate([np.zeros_like(back[:1]), back[:-1]])
+        later = np.concatenate([np.zeros_like(back[:1]), (self._share[::-1, None] * back)[:-1]])
         ahead = _recursion(factor, factor[:, None] * later)
         return np.asarray((sd[:, None] * (back + gain[:, None] * ahead))[::-1])
 
     def variances(self, at: int) -> FloatArray:
         """See `Noise`."""
         _, share, step, white = (part[at] for part in self._grid)
-        return np.asarray(share + white + step * (self.when - self.when[0]))
+        return np.asarray((share + step * (self.when - self.when[0])) * self._share**2 + white)
 
     def rows(self, kept: IntArray) -> Wandering:
         """See `Noise`."""
-        return Wandering(self.when[kept], self.picked)
+        return replace(self, when=self.when[kept], sd=None if self.sd is None else self.sd[kept])
 
     def only(self, at: int) -> Noise:
         """See `Noise`."""
-        return Independent(len(self.when)) if at == 0 else Wandering(self.when, at)
+        return Independent(len(self.when)) if at == 0 else replace(self, picked=at)
+
+    def over(self, sd: FloatArray) -> Wandering:
+        """See `Noise`."""
+        return replace(self, sd=sd)
 
 
 def _recursion(factor: FloatArray, given: FloatArray) -> FloatArray:

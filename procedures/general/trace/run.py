@@ -11,7 +11,7 @@ from fitter.arrays import FloatArray, IntArray
 from fitter.linear import orthonormal
 from fitter.trace.aliases import DELTA
 from fitter.trace.chance import ALPHA
-from fitter.trace.growing_noise import Growth, growth_of
+from fitter.trace.growing_noise import Growth, OfLevels, growth_of
 from fitter.trace.keep import kept, never_above
 from fitter.trace.not_kept import NotKept
 from fitter.trace.search import names_of, prune, search_and_name
@@ -33,6 +33,8 @@ LEVEL = 0.05
 FEWEST_FOR_WANDER = 6
 FEWEST_TO_A_GROUP = 3
 """Rows in a whole plot or replication, on average, from which on neighbours in it are asked whether they are alike."""
+FITTED, SIZE_OF_FITTED = "fitted", "size of fitted"
+"""Drivers of noise: the fitted response and its absolute value."""
 ALIKE = 1.35
 """Restricted log-likelihood by which they are to be likelier alike than not: one table in ten of rows that are not."""
 
@@ -85,7 +87,7 @@ class Found:
 
     judge: TableJudge
     chosen: tuple[int, ...]
-    growth: Growth | None
+    growth: Growth | OfLevels | None
     not_kept: tuple[NotKept, ...]
 
 
@@ -114,13 +116,6 @@ def search_table(data: TableData) -> Found:
     return found if noise is None else look(TableJudge(replace(problem_of(data), noise=noise)), data)
 
 
-def drivers(data: TableData, fitted: FloatArray) -> dict[str, FloatArray]:
-    """(n,) variables on which the noise may depend."""
-    scene = data.scene
-    time = {} if scene.time is None else {scene.time.name: scene.time.values}
-    return {**scene.settings, **scene.covariates, **time, "fitted": np.abs(fitted)}
-
-
 def look(judge: TableJudge, data: TableData, rows: IntArray | None = None) -> Found:
     """Search, refine searched constants, weight rows by the noise with the effects, and repeat until there is no
     change.
@@ -128,7 +123,7 @@ def look(judge: TableJudge, data: TableData, rows: IntArray | None = None) -> Fo
     For rows sorted by a setting, with unknown order of measurement: after a nonlinearity is significant against
     correlated errors, the remaining correlation is much more likely a part of it than a random walk.
     """
-    growth: Growth | None = None
+    growth: Growth | OfLevels | None = None
     _, chosen = search_and_name(judge, lead=judge.lead)
     if data.order_unknown and any(judge.candidates[j].effect.source == "setting" for j in chosen):
         judge = TableJudge(replace(judge.problem, noise=Independent(judge.problem.n)))
@@ -139,8 +134,9 @@ def look(judge: TableJudge, data: TableData, rows: IntArray | None = None) -> Fo
         new = _growth(judge, chosen, data, rows)
         settled = problem is judge.problem and (new is None) == (growth is None)
         if new is not None:
-            sd = new.sd(_driver(judge, chosen, data, rows, new.driver))
-            weighted = replace(problem, sd=sd / np.exp(np.mean(np.log(sd))))
+            sd = _sd(new, judge, chosen, data, rows)
+            sd /= np.exp(np.mean(np.log(sd)))
+            weighted = replace(problem, sd=sd, noise=problem.noise.over(sd))
             same = growth is not None and growth.driver == new.driver
             judge = TableJudge(weighted, judge.families) if same else TableJudge(weighted)
         growth = new
@@ -206,20 +202,39 @@ def _simplest_orders(judge: TableJudge, chosen: tuple[int, ...]) -> tuple[int, .
     return chosen
 
 
-def _growth(judge: TableJudge, chosen: tuple[int, ...], data: TableData, rows: IntArray | None) -> Growth | None:
+def _growth(
+    judge: TableJudge, chosen: tuple[int, ...], data: TableData, rows: IntArray | None
+) -> Growth | OfLevels | None:
     left, kept, fitted = _left(judge, chosen)
-    every = drivers(data, np.zeros(1))
-    picked = {name: v if rows is None else v[rows] for name, v in every.items() if name != "fitted"}
-    return growth_of(left, kept, {**picked, "fitted": np.abs(fitted)}, data.sensors)
+    return growth_of(left, kept, _drivers(data, fitted, rows), _groups(data, rows), data.sensors)
 
 
-def _driver(
-    judge: TableJudge, chosen: tuple[int, ...], data: TableData, rows: IntArray | None, name: str
+def _sd(
+    growth: Growth | OfLevels, judge: TableJudge, chosen: tuple[int, ...], data: TableData, rows: IntArray | None
 ) -> FloatArray:
-    if name == "fitted":
-        return np.abs(_left(judge, chosen)[2])
-    values = drivers(data, np.zeros(1))[name]
-    return values if rows is None else values[rows]
+    """(n,) standard deviation of each row."""
+    if isinstance(growth, OfLevels):
+        return growth.sd(_groups(data, rows)[growth.driver])
+    return growth.sd(_drivers(data, _left(judge, chosen)[2], rows)[growth.driver])
+
+
+def _drivers(data: TableData, fitted: FloatArray, rows: IntArray | None) -> dict[str, FloatArray]:
+    """(n,) variables on which the noise may depend."""
+    scene = data.scene
+    time = {} if scene.time is None else {scene.time.name: scene.time.values}
+    every = {**scene.settings, **scene.covariates, **time}
+    both_signs = {FITTED: fitted} if fitted.min() < 0.0 < fitted.max() else {}
+    size = {SIZE_OF_FITTED: np.abs(fitted)}
+    return {**(every if rows is None else {name: v[rows] for name, v in every.items()}), **both_signs, **size}
+
+
+def _groups(data: TableData, rows: IntArray | None) -> dict[str, IntArray]:
+    """(n,) level of each row in groups whose levels may differ in their noise."""
+    scene = data.scene
+    every = {name: g.index for name, g in {**scene.labels, **scene.groups}.items()}
+    if data.shared is not None:
+        every[data.shares] = data.shared
+    return every if rows is None else {name: level[rows] for name, level in every.items()}
 
 
 def _left(judge: TableJudge, chosen: tuple[int, ...]) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -267,5 +282,5 @@ def _alike(data: TableData, found: Found) -> Both | None:
     scale = scale_of(data.shared, data.y, data.columns)
     noise, sd = Both(data.shared, when=when, scale=scale), judge.problem.sd
     model = judge.problem.model(beside) / sd[:, None]
-    reml = Grid.of(noise, judge.held(beside) / sd, model).beside().reml
+    reml = Grid.of(noise.over(sd), judge.held(beside) / sd, model).beside().reml
     return noise if reml.max() - reml[noise.alone].max() > ALIKE else None

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 
@@ -52,11 +53,14 @@ class Shared:
         group: (n,) group of each row, from zero.
         picked: the only used ratio of the grid; None for all.
         scale: factor of the ratios, for groups that differ by far more than rows in them.
+        sd: (n,) standard deviation that each row was divided by, so that the common error is not common there; None
+            for one of all.
     """
 
     group: IntArray
     picked: int | None = None
     scale: float = field(default=1.0, kw_only=True)
+    sd: FloatArray | None = field(default=None, kw_only=True)
 
     @cached_property
     def _ratio(self) -> FloatArray:
@@ -64,8 +68,14 @@ class Shared:
         return every if self.picked is None else every[self.picked : self.picked + 1]
 
     @cached_property
-    def _count(self) -> FloatArray:
-        return np.bincount(self.group).astype(np.float64)
+    def _share(self) -> FloatArray:
+        """(n,) of the common error in each row."""
+        return np.ones(len(self.group)) if self.sd is None else 1.0 / self.sd
+
+    @cached_property
+    def _square(self) -> FloatArray:
+        """(groups,) sum of squared shares: the number of rows, if each has all of it."""
+        return np.bincount(self.group, self._share**2).astype(np.float64)
 
     @property
     def prior(self) -> FloatArray:
@@ -90,18 +100,18 @@ class Shared:
     @cached_property
     def log_det(self) -> FloatArray:
         """See `Noise`."""
-        return np.asarray(np.sum(np.log1p(self._ratio[:, None] * self._count), axis=1))
+        return np.asarray(np.sum(np.log1p(self._ratio[:, None] * self._square), axis=1))
 
     def whiten(self, which: IntArray, columns: FloatArray) -> FloatArray:
         """See `Noise`."""
         means = self._means(columns)
-        shrink = 1.0 - 1.0 / np.sqrt(1.0 + self._ratio[which, None] * self._count)
-        return np.asarray(columns[None] - (shrink[:, :, None] * means[None])[:, self.group])
+        shrink = 1.0 - 1.0 / np.sqrt(1.0 + self._ratio[which, None] * self._square)
+        return np.asarray(columns[None] - self._spread(shrink[:, :, None] * means[None]))
 
     def colour(self, at: int, white: FloatArray) -> FloatArray:
         """See `Noise`."""
-        stretch = np.sqrt(1.0 + self._ratio[at] * self._count)[:, None] - 1.0
-        return np.asarray(white + (stretch * self._means(white))[self.group])
+        stretch = np.sqrt(1.0 + self._ratio[at] * self._square)[:, None] - 1.0
+        return np.asarray(white + self._spread(stretch * self._means(white)))
 
     def root(self, at: int, columns: FloatArray) -> FloatArray:
         """See `Noise`."""
@@ -109,20 +119,28 @@ class Shared:
 
     def variances(self, at: int) -> FloatArray:
         """See `Noise`."""
-        return np.full(len(self.group), 1.0 + self._ratio[at])
+        return np.asarray(1.0 + self._ratio[at] * self._share**2)
 
-    def rows(self, kept: IntArray) -> Shared:
+    def rows(self, kept: IntArray) -> Self:
         """See `Noise`."""
-        return Shared(
-            np.asarray(np.unique(self.group[kept], return_inverse=True)[1], np.int64), self.picked, scale=self.scale
-        )
+        group = np.asarray(np.unique(self.group[kept], return_inverse=True)[1], np.int64)
+        return replace(self, group=group, sd=None if self.sd is None else self.sd[kept])
 
-    def only(self, at: int) -> Shared:
+    def only(self, at: int) -> Self:
         """See `Noise`."""
-        return Shared(self.group, at, scale=self.scale)
+        return replace(self, picked=at)
+
+    def over(self, sd: FloatArray) -> Self:
+        """See `Noise`."""
+        return replace(self, sd=sd)
 
     def _means(self, columns: FloatArray) -> FloatArray:
-        """(groups, m)."""
-        sums = np.zeros((len(self._count), columns.shape[1]))
-        np.add.at(sums, self.group, columns)
-        return np.asarray(sums / self._count[:, None])
+        """(groups, m) means, weighted by the shares."""
+        sums = np.zeros((len(self._square), columns.shape[1]))
+        np.add.at(sums, self.group, columns if self.sd is None else columns * self._share[:, None])
+        return np.asarray(sums / self._square[:, None])
+
+    def _spread(self, of_group: FloatArray) -> FloatArray:
+        """(..., n, m) what each row has of values (..., groups, m)."""
+        rows = of_group[..., self.group, :]
+        return rows if self.sd is None else np.asarray(rows * self._share[:, None])

@@ -17,6 +17,7 @@ from procedures.pressure.trace.problem import Problem
 from procedures.pressure.trace.result import FoundPressureEffect
 from procedures.pressure.trace.settle import Look
 
+FROM_MIDDLE = "readings scatter more the further the pressure is from the middle of its range"
 STANDS_OUT_HERE = 0.05
 """Probability below which a left-out reading is named as an outlier of a transducer."""
 
@@ -53,15 +54,17 @@ class _About:
         if not self.look.grows[self.i]:
             return None
         noise, p = self.look.noise[self.i], self.data.pressure_psia
-        low, high = noise.sd(np.array([p.min(), p.max()])).tolist()
+        middle = noise.middle
+        low, high = noise.sd(np.array([p.min() if middle is None else middle, p.max()])).tolist()
         df = float(self.look.problem.at["subplot"].df[self.i])
         found = self._of_noise(
             effect=GROWING_NOISE.name,
-            cause=GROWING_NOISE.cause,
-            terms=("1", "P"),
+            cause=GROWING_NOISE.cause if middle is None else FROM_MIDDLE,
+            terms=("1", "P" if middle is None else f"|P - {middle:.4g} psia|"),
             coefficients=(noise.at_zero, noise.per_unit),
             unit=GROWING_NOISE.unit,
-            size=f"sd {low:.2g} mV at the lowest pressure, {high:.2g} mV at the highest",
+            size=f"sd {low:.2g} mV at {'the lowest' if middle is None else f'{middle:.4g} psia'}, {high:.2g} mV at the "
+            f"highest{' and lowest' if middle is not None else ''} pressure",
             p=noise.p,
             separate_by=GROWING_NOISE.separate_by,
             against=GROWING_NOISE.against,

@@ -188,9 +188,12 @@ class TransducerTrace:
         means = self.added
         named = {effect.effect for effect in self.effects}
         if NOISE_GROWS in named:
+            where, wide, narrow = ("with pressure", "at low pressure", "at high")
+            if self.noise.middle is not None:
+                where, wide, narrow = ("towards both ends of the pressures", "in the middle", "at the ends")
             notes.append(
-                "noise grows with pressure: intervals that take one sd for all pressures are too wide at low pressure "
-                "and too narrow at high; readings were weighted by it here"
+                f"noise grows {where}: intervals that take one sd for all pressures are too wide {wide} and too narrow "
+                f"{narrow}; readings were weighted by it here"
             )
         if AUTOCORRELATION in named:
             notes.append(

@@ -18,7 +18,7 @@ REWEIGHTED = 3
 
 
 def stands_out(noise: Noise, tests: int) -> bool:
-    """Whether noise grows with pressure, for one of this number of tested transducers."""
+    """Whether noise grows, for one of this number of tested transducers."""
     return noise.per_unit > 0.0 and noise.p * tests / COUNTED <= ALPHA
 
 
@@ -54,6 +54,8 @@ def weights_of(noise: Sequence[Noise], grows: Sequence[bool], pressure_psia: Flo
 def noises(problem: Problem, chosen: tuple[int, ...], pressure_psia: FloatArray) -> tuple[Noise, ...]:
     """Dependence of each transducer's scatter within whole plots on pressure, with the `chosen` candidates.
 
+    It is on the pressure, or on its distance from the middle of the range, whichever is clearer.
+
     Args:
         problem: the run.
         chosen: candidates in the model.
@@ -61,4 +63,11 @@ def noises(problem: Problem, chosen: tuple[int, ...], pressure_psia: FloatArray)
     """
     stratum = beside(problem, "subplot", chosen, ())
     residual = stratum.white.outputs * stratum.sigma[:, None] / np.sqrt(problem.weight)
-    return tuple(noise_of(e, strata.kept, pressure_psia) for e, strata in zip(residual, problem.strata, strict=True))
+    middle = float(pressure_psia.min() + pressure_psia.max()) / 2.0
+    found = []
+    for e, strata in zip(residual, problem.strata, strict=True):
+        both = [noise_of(e, strata.kept, pressure_psia, about) for about in (None, middle)]
+        grows = [one for one in both if one.per_unit > 0.0] or both
+        clearer = min(grows, key=lambda one: one.p)
+        found.append(replace(clearer, p=min(len(both) * clearer.p, 1.0)))
+    return tuple(found)
