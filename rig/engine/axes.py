@@ -10,7 +10,7 @@ from math import isfinite
 from typing import Any, NamedTuple, Protocol
 
 from drivers.errors import DriverError, InstrumentError, NotReady
-from drivers.roles import Chamber, Head, Instrument, PressureController, Referenced, Source
+from drivers.roles import AxisState, Chamber, Head, Instrument, PressureController, Referenced, Source
 from procedures.column_names import unit_of
 from procedures.run_list import Factor, RunList
 from rig.bench import Bench
@@ -111,6 +111,8 @@ class HeadMover:
 
     def __init__(self, head: Head) -> None:
         self._head = head
+        self._states: Mapping[str, AxisState] = {}
+        self._readings: Mapping[str, AxisReading] = {}
 
     def span(self) -> Mapping[str, tuple[float, float]]:
         """See `Mover`."""
@@ -118,10 +120,14 @@ class HeadMover:
 
     def read(self) -> Mapping[str, AxisReading]:
         """See `Mover`."""
-        new = tuple.__new__  # in half the time of the class; a state's fields are those after the name
-        return {
-            axis: new(AxisReading, (axis + "_deg", *state, *_OF_A_DRIVE)) for axis, state in self._head.read().items()
-        }
+        states = self._head.read()
+        if states is not self._states:
+            new = tuple.__new__  # in half the time of the class; a state's fields are those after the name
+            self._states = states
+            self._readings = {
+                axis: new(AxisReading, (axis + "_deg", *state, *_OF_A_DRIVE)) for axis, state in states.items()
+            }
+        return self._readings
 
     def go(self, targets: Mapping[str, float]) -> None:
         """See `Mover`."""
