@@ -103,6 +103,8 @@ class NewportESP301:
         self._homing: dict[str, float] = {}
         self._faults: dict[str, str] = dict.fromkeys(self._numbers, "")
         self._unchecked = True
+        self._same_answers: list[str] = []  # with which the next reading is the last one, [] if a command may change it
+        self._same_states: Mapping[str, AxisState] = {}
 
     def axes(self) -> Mapping[str, tuple[float, float]]:
         """See `Head.axes`."""
@@ -125,6 +127,7 @@ class NewportESP301:
             InstrumentError: the controller refuses a setting.
             BadReply: a setting reads back differently.
         """
+        self._same_answers = []
         self._errors()  # left from an earlier session
         # Motors that are on after this do not show an earlier power cut: the marks are read again.
         self._homed = dict.fromkeys(self._numbers)
@@ -162,10 +165,11 @@ class NewportESP301:
                 self._send([f"{n}JW{_SEARCHING_MARK_DEG_PER_S:g}", f"{n}OR{self._options.home_mode}"])
                 self._homing[axis] = self._clock.now()
                 self._faults[axis] = ""
-        self._unchecked = True
+        self._commanded()
 
     def forget_zeros(self) -> None:
         """See `Referenced.forget_zeros`: the mark of a good home search is removed."""
+        self._same_answers = []
         self._send([f"{n}JW{_NOT_HOMED_DEG_PER_S:g}" for n in self._numbers.values()])
         self._homed = dict.fromkeys(self._numbers)
 
@@ -188,7 +192,7 @@ class NewportESP301:
         if lost:
             raise NotReady(f"{self._line.where}: {' and '.join(lost)} must be homed before it can go to an angle")
         self._send([f"{self._numbers[axis]}PA{target:.5f}" for axis, target in targets_deg.items()])
-        self._unchecked = True
+        self._commanded()
 
     def read(self) -> Mapping[str, AxisState]:
         """See `Head.read`. One exchange; a second one if an error is possible.
@@ -196,30 +200,38 @@ class NewportESP301:
         Raises:
             InstrumentError: the controller reports an error that belongs to no axis.
         """
-        answers = self._line.query_lines(self._status, 6)
-        positions, moving, enabled = {}, {}, {}
-        for axis, (powered, done, position) in zip(self._numbers, (answers[:3], answers[:2:-1]), strict=True):
-            positions[axis] = self._number(self._status, position)
-            starting = axis in self._homing and self._clock.now() - self._homing[axis] < _HOME_STARTS_S
-            moving[axis] = not self._flag(self._status, done) or starting
-            enabled[axis] = self._flag(self._status, powered)
+        asked, number, flag = self._status, self._number, self._flag
+        answers = self._line.query_lines(asked, 6)
+        if answers == self._same_answers:  # axes that stand
+            return self._same_states
+        pitch, roll = self._numbers
+        powered, done, position, of_roll, roll_done, roll_powered = answers
+        positions = {pitch: number(asked, position), roll: number(asked, of_roll)}
+        moving = {pitch: not flag(asked, done), roll: not flag(asked, roll_done)}
+        enabled = {pitch: flag(asked, powered), roll: flag(asked, roll_powered)}
+        for axis, began in self._homing.items():
+            moving[axis] |= self._clock.now() - began < _HOME_STARTS_S
         # Errors end motion or switch off a motor, so they are asked for only then.
-        moves = True in moving.values()
-        if (self._unchecked and not moves) or False in enabled.values():
+        moves, off = True in moving.values(), False in enabled.values()
+        if off or (self._unchecked and not moves):
             self._collect_errors()
             self._unchecked = moves
-        if self._homing or False in enabled.values() or None in self._homed.values():
+        homed, faults = self._homed, self._faults
+        searching = off or self._homing or None in homed.values()
+        if searching:
             self._follow_homing(positions, moving, enabled)
-        return {
-            axis: AxisState(positions[axis], moving[axis], bool(self._homed[axis]), enabled[axis], self._faults[axis])
-            for axis in self._numbers
+        self._same_states = {
+            axis: AxisState(position, moving[axis], bool(homed[axis]), enabled[axis], faults[axis])
+            for axis, position in positions.items()
         }
+        self._same_answers = [] if searching or self._unchecked else answers
+        return self._same_states
 
     def stop(self) -> None:
         """See `Head.stop`. A running home search is given up."""
         self._send([f"{n}ST" for n in self._numbers.values()])
         self._homing.clear()
-        self._unchecked = True
+        self._commanded()
 
     def make_safe(self) -> None:
         """See `Instrument.make_safe`: motion stops, the motors stay on."""
@@ -228,6 +240,10 @@ class NewportESP301:
     def close(self) -> None:
         """See `Instrument.close`."""
         self._line.close()
+
+    def _commanded(self) -> None:
+        """An error is possible, and the next answers have another meaning."""
+        self._unchecked, self._same_answers = True, []
 
     def _send(self, commands: Sequence[str]) -> None:
         """Send commands in as few lines as possible."""

@@ -125,16 +125,10 @@ class World:
         Raises:
             Deadlock: `end` is None and the queue is empty.
         """
-        held = self._run_until(end, predicate)
-        while self._now < self._away_until:
-            self._run_until(self._away_until, None)
-        return held
-
-    def _run_until(self, end: float | None, predicate: Callable[[], object] | None) -> bool:
-        if predicate is not None and predicate():
-            return True
+        awaited = _nothing if predicate is None else predicate
+        held = awaited()
         queue, last = self._queue, inf if end is None else end
-        while queue and queue[0][0] <= last:
+        while not held and queue and queue[0][0] <= last:
             at, _, action = heappop(queue)
             if isinstance(action, Timer):
                 timer, called = action, action.action
@@ -144,13 +138,20 @@ class World:
             if at > self._now:
                 self._now = at
             action()
-            if predicate is not None and predicate():
-                return True
-        if end is None:
-            raise Deadlock("waiting for ever: nothing is scheduled in this world and no timeout was given")
-        if end > self._now:
-            self._now = end
-        return False
+            held = awaited()
+        if not held:
+            if end is None:
+                raise Deadlock("waiting for ever: nothing is scheduled in this world and no timeout was given")
+            if end > self._now:
+                self._now = end
+        if self._now < self._away_until:
+            self.run_until(self._away_until)
+        return bool(held)
+
+
+def _nothing() -> bool:
+    """Never holds."""
+    return False
 
 
 class Pace:

@@ -334,3 +334,37 @@ def test_pitch_and_roll_may_be_on_other_axes():
 def test_options_are_checked(options, words):
     with pytest.raises(ValidationError, match=words):
         NewportESP301.Options(**options)
+
+
+@pytest.mark.parametrize("command", ["forget_zeros", "home", "move", "prepare", "stop"])
+def test_axes_that_stand_are_read_once_and_again_after_every_command(command):
+    """The same answers have another meaning after a command; every reading is asked of the controller."""
+    rig = Rig().ready()
+    rig.head.read()
+    before = len(rig.wire.sent())
+    standing = rig.head.read()
+    assert rig.head.read() is standing
+    assert len(rig.wire.sent()) == before + 2
+    if command == "move":
+        rig.head.move({axis: state.position_deg for axis, state in standing.items()})
+    else:
+        getattr(rig.head, command)()
+    assert rig.head.read() is not standing
+
+
+def test_zeros_that_are_forgotten_are_unknown_although_the_axes_answer_as_before():
+    rig = Rig().ready()
+    rig.head.read()
+    assert all(state.homed for state in rig.head.read().values())
+    rig.head.forget_zeros()
+    assert not any(state.homed for state in rig.head.read().values())
+
+
+def test_an_error_at_a_stop_is_noticed_although_the_axes_answer_as_before():
+    rig = Rig().ready()
+    rig.head.read()
+    assert not any(state.fault for state in rig.head.read().values())
+    rig.twin._fail(103)
+    rig.head.stop()
+    assert "FOLLOWING ERROR" in rig.head.read()["pitch"].fault
+    assert "FOLLOWING ERROR" in rig.head.read()["pitch"].fault

@@ -106,7 +106,7 @@ class ModbusLine:
                 return client.write_register(address, values[0], device_id=self._unit)
             return client.write_registers(address, values, device_id=self._unit)
 
-        reply = self._ask(request, f"writing {len(values)} word(s) at {address}", repeat=False)
+        reply = self._ask(request, "writing", len(values), address)
         echo = reply.registers == values if len(values) == 1 else reply.count == len(values)
         if reply.address != address or not echo:
             self._wire.doubt(self._unit)
@@ -117,23 +117,32 @@ class ModbusLine:
         self._wire.close()
 
     def _words(self, request: Callable[[ModbusTcpClient], ModbusPDU], address: int, count: int) -> list[int]:
-        words = self._ask(request, f"reading {count} word(s) at {address}", repeat=True).registers
+        words = self._ask(request, "reading", count, address, repeat=True).registers
         if len(words) != count:
             self._wire.doubt(self._unit)
             raise BadReply(f"{self.where} answered {len(words)} words to a question for {count} at {address}")
         return list(words)
 
-    def _ask(self, request: Callable[[ModbusTcpClient], ModbusPDU], what: str, *, repeat: bool) -> ModbusPDU:
+    def _ask(
+        self,
+        request: Callable[[ModbusTcpClient], ModbusPDU],
+        doing: str,
+        count: int,
+        address: int,
+        *,
+        repeat: bool = False,
+    ) -> ModbusPDU:
         reply = self._once_or_twice(request, repeat=repeat)
-        for _ in range(_BUSY_TRIES):
-            if not (isinstance(reply, ExceptionResponse) and reply.exception_code == _BUSY):
-                break
+        tries = 0
+        while isinstance(reply, ExceptionResponse):
+            code = reply.exception_code
+            if code != _BUSY or tries == _BUSY_TRIES:
+                reason = _EXCEPTIONS.get(code, "no reason known")
+                raise InstrumentError(self.where, code, f"{doing} {count} word(s) at {address}: {reason}")
+            tries += 1
             self._wire.clock.sleep(_BUSY_WAIT_S)  # it has done nothing, so a repetition is safe
             self.retries += 1
             reply = self._once_or_twice(request, repeat=repeat)
-        if isinstance(reply, ExceptionResponse):
-            code = reply.exception_code
-            raise InstrumentError(self.where, code, f"{what}: {_EXCEPTIONS.get(code, 'no reason known')}")
         return reply
 
     def _once_or_twice(self, request: Callable[[ModbusTcpClient], ModbusPDU], *, repeat: bool) -> ModbusPDU:

@@ -349,7 +349,7 @@ class SerialLine:
     def _receive(self, port: Port, text: str, count: int, timeout_s: float) -> bytes:
         raw, received = bytearray(), bytearray()
         try:
-            while received.count(self.settings.reply_end) < count:
+            while True:
                 heard = self._more(port, raw, timeout_s)
                 if not heard:
                     self._out_of_step = self._owed = True
@@ -357,6 +357,8 @@ class SerialLine:
                 received += heard
                 if len(received) > _LONGEST_REPLY:
                     raise self.bad_reply(text, bytes(received[:40]), "an answer that ends")
+                if received.count(self.settings.reply_end) >= count:
+                    break
         finally:
             self._tell_tap(raw)
         self._doubtful = False

@@ -68,6 +68,7 @@ class BenchActions:
         # Looked up once: an isinstance check against a protocol takes longer than most replies.
         self._restartable = {n: i for n, i in bench.instruments.items() if isinstance(i, Restartable)}
         self._axes_seen: Mapping[str, AxisReading] | None = None
+        self._controlled = False  # all axes of the last reading
         self._axes_read = self._chambers_seen = _LONG_AGO
         self._chambers_read: float | None = None
         self._unwatched_s = 0.0
@@ -127,9 +128,12 @@ class BenchActions:
         """Read all axes. Raises the axis' fault, or `LimitViolation` if a limit is violated."""
         readings = self._read_axes()
         self._guard.check_axes(readings)
-        for axis, reading in readings.items():
-            if reading.fault:
-                reading.check(axis)
+        self._controlled = True
+        for axis, (_, _, _, homed, enabled, fault, _, _) in readings.items():
+            if fault:
+                readings[axis].check(axis)
+            if not (homed and enabled):
+                self._controlled = False
         self._axes_seen, self._axes_read = readings, self._clock.now()
         return readings
 
@@ -271,10 +275,10 @@ class BenchActions:
 
     def _check_control(self, readings: Mapping[str, AxisReading]) -> None:
         """Raise if an axis has lost control or its zero: it will never arrive. A source that was not set yet is off."""
+        if self._controlled:
+            return
         for axis, reading in readings.items():
-            if reading.homed and reading.enabled and not reading.fault:
-                continue
-            if reading.fault or reading.drive or axis in self._commanded:
+            if reading.drive or axis in self._commanded:
                 reading.check(axis, controlled=True, homed=True)
 
     def settle(self, targets: Mapping[str, float], settings: Callable[[str], Settle], poll_s: float) -> dict[str, Any]:
@@ -306,7 +310,7 @@ class BenchActions:
         criteria: Mapping[str, Criteria],
         read: Callable[[], Mapping[str, float]],
         poll_s: float,
-        watch: Watch = lambda _: None,
+        watch: Watch | None = None,
         late: type[NotSettled] = NotSettled,
         bears: int = 0,
     ) -> dict[str, Any]:
@@ -326,7 +330,8 @@ class BenchActions:
                     self._wait(poll_s)
                     continue
                 now, in_a_row = self._clock.now(), 0
-                watch(values)
+                if watch is not None:
+                    watch(values)
                 outcomes = {name: judge.add(now, values[name]) for name, judge in judges.items()}
                 if "waiting" not in outcomes.values():
                     self._wait(0.0)  # a gap in time is no evidence of settling
@@ -410,7 +415,11 @@ class BenchActions:
         self._chambers[name].set_temperature(setpoint_degC)
 
     def until_soaked(
-        self, criteria: Mapping[str, Criteria], poll_s: float, thermometers: Sequence[str], watch: Watch
+        self,
+        criteria: Mapping[str, Criteria],
+        poll_s: float,
+        thermometers: Sequence[str],
+        watch: Watch | None = None,
     ) -> dict[str, Any]:
         """Wait until chambers and thermometers have settled; returns the evidence.
 
@@ -418,7 +427,7 @@ class BenchActions:
             criteria: by chamber name and by temperature column.
             poll_s: time between readbacks.
             thermometers: which of them are temperature columns.
-            watch: called with the values of every poll.
+            watch: called with the values of every poll; None if nobody is.
 
         Raises:
             TemperaturesNotSettled: something did not settle in time.
@@ -447,7 +456,7 @@ class BenchActions:
             settings.drift_degC_per_h / 3600.0,
             settings.timeout_s,
         )
-        return self.until_soaked(dict.fromkeys(self._chambers, criteria), settings.poll_s, (), lambda _: None)
+        return self.until_soaked(dict.fromkeys(self._chambers, criteria), settings.poll_s, ())
 
     def park(self, poll_s: float, timeout_s: float) -> None:
         """Drive every axis to its parking position, as near as the limits allow; one that stands there is left alone.

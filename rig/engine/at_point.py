@@ -93,6 +93,8 @@ class AtPoint:
         self._soaking = soaking
         self._set_up, self._policies, self._warnings = set_up, policies, warnings
         self._axes = frozenset(do.axis_names)
+        moved = enumerate(run_list.factors)
+        self._moved = [(place, f.axis) for place, f in moved if not f.hard and f.axis in self._axes]
         self._references = tuple(f for f in run_list.easy if not f.stays)
         self._standards = [f for f in run_list.factors if f.name in bench.references]
         self._most_scatter = most_scatter(conduct, bench.config)
@@ -172,8 +174,7 @@ class AtPoint:
 
     def _targets(self, point: Point) -> dict[str, float]:
         """Position of every axis at a point."""
-        factors = zip(self._run_list.factors, point.setpoints, strict=True)
-        return {f.axis: setpoint for f, setpoint in factors if not f.hard and f.axis in self._axes}
+        return {axis: point.setpoints[place] for place, axis in self._moved}
 
     def measuring(self) -> str:
         """Read every channel. Overloads and excessive noise are rejected here."""
@@ -216,6 +217,8 @@ class AtPoint:
 
         The mean must be in the band. No readback may be further off than the band and the scatter of readbacks.
         """
+        if not self._references:
+            return
         at = self._at
         targets = self._targets(at.point)
         for factor in self._references:
@@ -230,6 +233,8 @@ class AtPoint:
 
     def _check_standards(self, observation: Observation) -> None:
         """Check the readings of reference standards: a mean that is far from the setpoint is one of the two wrong."""
+        if not self._standards:
+            return
         setting = self._run_list.setting(self._at.point)
         for factor in self._standards:
             found, most = observation.references[factor.name].mean, self._conduct.tolerances.get(factor.name)

@@ -5,13 +5,12 @@ The sequencer commands axes and polls them. This module translates them to the r
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from math import isfinite
 from typing import Any, NamedTuple, Protocol
 
 from drivers.errors import DriverError, InstrumentError, NotReady
-from drivers.roles import Chamber, Head, Instrument, PressureController, Referenced, Source
+from drivers.roles import AxisState, Chamber, Head, Instrument, PressureController, Referenced, Source
 from procedures.column_names import unit_of
 from procedures.run_list import Factor, RunList
 from rig.bench import Bench
@@ -75,6 +74,10 @@ class AxisReading(NamedTuple):
             raise NotHomed(f"{axis} has lost its zero: was its controller without power?")
 
 
+_OF_A_DRIVE = (True, 0.05)
+"""`drive` and `margin` of an axis of a head."""
+
+
 class Mover(Protocol):
     """An instrument that moves one or more axes."""
 
@@ -103,20 +106,13 @@ class Mover(Protocol):
         ...
 
 
-@contextmanager
-def _of_the_drive() -> Iterator[None]:
-    """Raise a refused command of the head as a fault of its drives."""
-    try:
-        yield
-    except (InstrumentError, NotReady) as error:
-        raise DriveFault("head", 0, str(error)) from error
-
-
 class HeadMover:
     """A dividing head's axes."""
 
     def __init__(self, head: Head) -> None:
         self._head = head
+        self._states: Mapping[str, AxisState] = {}
+        self._readings: Mapping[str, AxisReading] = {}
 
     def span(self) -> Mapping[str, tuple[float, float]]:
         """See `Mover`."""
@@ -124,15 +120,21 @@ class HeadMover:
 
     def read(self) -> Mapping[str, AxisReading]:
         """See `Mover`."""
-        return {
-            axis: AxisReading(axis + "_deg", s.position_deg, s.moving, s.homed, s.enabled, s.fault)
-            for axis, s in self._head.read().items()
-        }
+        states = self._head.read()
+        if states is not self._states:
+            new = tuple.__new__  # in half the time of the class; a state's fields are those after the name
+            self._states = states
+            self._readings = {
+                axis: new(AxisReading, (axis + "_deg", *state, *_OF_A_DRIVE)) for axis, state in states.items()
+            }
+        return self._readings
 
     def go(self, targets: Mapping[str, float]) -> None:
         """See `Mover`."""
-        with _of_the_drive():
+        try:
             self._head.move(targets)
+        except (InstrumentError, NotReady) as error:  # a refused command is a fault of its drives
+            raise DriveFault("head", 0, str(error)) from error
 
     def stop(self) -> None:
         """See `Mover`."""
@@ -140,10 +142,12 @@ class HeadMover:
 
     def home(self, *, again: bool = False) -> None:
         """See `Mover`."""
-        with _of_the_drive():
+        try:
             if again and isinstance(self._head, Referenced):
                 self._head.forget_zeros()
             self._head.home()
+        except (InstrumentError, NotReady) as error:
+            raise DriveFault("head", 0, str(error)) from error
 
     def parking(self) -> Mapping[str, float]:
         """0 deg, or the nearest angle the axis can reach."""

@@ -68,7 +68,7 @@ class ByHand:
 
     def due(self, following: Point | None) -> bool:
         """Whether a step has to be done before this point."""
-        number = next_step(self._steps, self._journal.fold.by_hand)
+        number = next_step(self._steps, self._journal.fold.by_hand) if self._steps else None
         return following is not None and number is not None and self._steps[number - 1].before <= following.index
 
     def ask(self) -> str:

@@ -263,7 +263,7 @@ class Journal:
     def take_up(self, point: Point | None) -> None:
         """Set the current point, or none."""
         self.start_timing()
-        self.at = None if point is None else PointInHand(point, self.fold.attempts.get(point.index, 0) + 1)
+        self.at = None if point is None else PointInHand(point, self.fold.attempts.count(point.index) + 1)
 
     def start_timing(self) -> None:
         """Start the time of the current point: earlier holds, retries and preparation do not count."""

@@ -38,11 +38,15 @@ class _Output:
     still: int = 0
     doubted: float | None = None
 
-    def chance(self, readings: Sequence[float]) -> float:
+    def chance(self, readings: Sequence[float], different: set[float]) -> float:
         """Probability that these readings are all equal by chance, from earlier observations; 1 if they are not
         equal.
+
+        Args:
+            readings: of one observation.
+            different: those of them that differ.
+
         """
-        different = set(readings)
         if self.doubted is not None and different != {self.doubted}:
             self.seen, self.still, self.doubted = self.seen + 1, self.still + 1, None
         if len(different) > 1:
@@ -100,8 +104,9 @@ class Liveness:
         last = {name: (*self._last.get(name, ()), *passing.get(name, ())) for name in now}
         if self._point is not None and self._point.setpoints != point.setpoints:
             self._former, self._here = self._last, {}
-        found = [n for n, r in now.items() if len(set(r)) == 1 and self._repeats(n, r, last[n], point)]
-        found = found or self._too_still(now) or self._unknown(now, last)
+        different = {name: set(readings) for name, readings in now.items()}
+        found = [n for n, r in now.items() if len(different[n]) == 1 and self._repeats(n, r, last[n], point)]
+        found = found or self._too_still(now, different) or self._unknown(now, last)
         self._new, self._begun = False, 0
         if found:
             self._hung = {**self._hung, **{name: now[name][-1] for name in found}}
@@ -154,11 +159,12 @@ class Liveness:
         equal = [name for name, readings in now.items() if len(readings) > 1 and len(set(readings)) == 1]
         return [n for n in equal if len(set(before[n])) >= _FEWEST or (lost and not before[n])]
 
-    def _too_still(self, now: Mapping[str, Sequence[float]]) -> list[str]:
-        chances = {name: self._outputs[name].chance(readings) for name, readings in now.items()}
+    def _too_still(self, now: Mapping[str, Sequence[float]], different: Mapping[str, set[float]]) -> list[str]:
+        chances = {name: self._outputs[name].chance(readings, different[name]) for name, readings in now.items()}
+        suspect = [name for name, chance in chances.items() if chance < 1.0]
         found = []
-        for reader in dict.fromkeys(self._readers.values()):
-            still = [name for name, chance in chances.items() if self._readers[name] == reader and chance < 1.0]
+        for reader in dict.fromkeys(self._readers[name] for name in suspect):
+            still = [name for name in suspect if self._readers[name] == reader]
             together = 1.0
             for name in still:
                 together *= chances[name]

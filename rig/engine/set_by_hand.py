@@ -114,6 +114,8 @@ class SetByHand:
 
         A hard factor is set anew for every whole plot, also where the value stays.
         """
+        if not self._factors:
+            return None
         setting = self._run_list.setting(point)
         sides = dict(zip((f.name for f in self._run_list.factors), point.sides, strict=True))
         for factor in self._factors:

@@ -50,20 +50,21 @@ class Settling:
         """Take a sample made at clock time `now`. A settled quantity may leave its band again; a failure is final."""
         if self.outcome in ("timed-out", "drifting"):
             return self.outcome
-        c = self.criteria
-        inside = abs(value - c.target) <= c.band
+        target, band, dwell_s, drift_per_s, timeout_s = self.criteria
+        inside, waited = abs(value - target) <= band, now - self._started
         step = 0.0 if self._last is None else now - self._last
         if not inside:
             self._inside_s = max(0.0, self._inside_s - step)
         elif self._was_inside:  # time before the band is reached does not count
             so_far = self._inside_s + step
-            self._inside_s = so_far if so_far < c.dwell_s else c.dwell_s
+            self._inside_s = so_far if so_far < dwell_s else dwell_s
         self._last, self._was_inside = now, inside
-        self._samples.append((now - self._started, value))
-        if inside and self._inside_s >= c.dwell_s - 1e-9 and abs(self._slope()) <= c.drift_per_s:
+        self._samples.append((waited, value))
+        stayed = inside and self._inside_s >= dwell_s - 1e-9
+        if stayed and abs(self._slope()) <= drift_per_s:
             self.outcome = "settled"
-        elif now - self._started >= c.timeout_s:
-            self.outcome = "drifting" if inside and self._inside_s >= c.dwell_s - 1e-9 else "timed-out"
+        elif waited >= timeout_s:
+            self.outcome = "drifting" if stayed else "timed-out"
         else:
             self.outcome = "waiting"
         return self.outcome

@@ -84,11 +84,15 @@ class IndexCounts(_Bytes, MutableMapping[int, int]):
         super().__init__()
         self._others: dict[int, int] = {}
 
-    def __getitem__(self, index: int) -> int:
+    def count(self, index: int) -> int:
+        """The count of an index; 0 if it has none."""
         count = self._get(index)
-        if not count:
-            raise KeyError(index)
         return self._others[index] if count == _OTHER else count
+
+    def __getitem__(self, index: int) -> int:
+        if not self._get(index):
+            raise KeyError(index)
+        return self.count(index)
 
     def __setitem__(self, index: int, count: int) -> None:
         if 0 < count < _OTHER:

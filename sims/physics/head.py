@@ -42,6 +42,7 @@ class Axis:
         self._world = world
         self._mechanics = mechanics
         self._errors = tuple(errors)
+        self._faithful = not errors and mechanics.hidden_play_deg == 0.0  # the table is where its encoder is
         self._deceleration = 1.0
         self._stalled_until = -inf
         self.told: Told | None = None
@@ -78,6 +79,8 @@ class Axis:
         return t < self._legs[-1].end
 
     def _table(self, encoder: float, leg: Leg, t: float) -> float:
+        if self._faithful and not self._slips:
+            return encoder
         true = encoder + leg.trail(t)
         for error in self._errors:
             true += error.error_deg(encoder)

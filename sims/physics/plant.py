@@ -75,7 +75,7 @@ class Plant:
         self._pendulum_s = t.package.pendulum_time_constant_s
         self.enclosure = Enclosure(t.enclosure, t.package.thermal_time_constant_s, self._lab, world.now())
         self.head = HeadMechanics(world, t.head, t.effects.backlash, t.effects.head_error, self._pendulum_s)
-        self._latest: dict[str, tuple[tuple[float, float], float]] = {}
+        self._latest: dict[str, tuple[float, float, float]] = {}
         self._pitch, self._roll = self.head.axes["pitch"], self.head.axes["roll"]
         self._sensors = {
             name: Accelerometer(name, axes[name], sensor, t.effects)
@@ -131,8 +131,7 @@ class Plant:
 
     def gravity(self, t: float) -> Vector:
         """Gravity in the axes of the package's sensors, g: head angles, mounting, then the pads' deflection."""
-        pitch, roll = radians(self._pitch.seen_deg(t)), radians(self._roll.seen_deg(t))
-        down = turned_gravity(pitch, roll)
+        down = turned_gravity(radians(self._pitch.seen_deg(t)), radians(self._roll.seen_deg(t)))
         return self._pad.deflect(down if self._mounting is None else apply(self._mounting, down))
 
     def sensor_V(self, sensor: str, t0: float, t1: float) -> float:
@@ -167,8 +166,8 @@ class Plant:
     def _clean(self, sensor: str, t0: float, t1: float) -> float:
         """Mean output of a sensor without noise; the latest window of each is cached."""
         latest = self._latest.get(sensor)
-        if latest is not None and latest[0] == (t0, t1):
-            return latest[1]
+        if latest is not None and latest[0] == t0 and latest[1] == t1:
+            return latest[2]
         accelerometer = self._sensors.get(sensor)
         if accelerometer is not None:
             output = self._tilt_V(accelerometer, t0, t1)
@@ -177,7 +176,7 @@ class Plant:
         else:
             output = self.laboratory.volts(sensor, self.laboratory.clean(sensor, t0, t1))
         output = self._voltmeter.reads_V(output)
-        self._latest[sensor] = ((t0, t1), output)
+        self._latest[sensor] = (t0, t1, output)
         return output
 
     def _tilt_V(self, accelerometer: Accelerometer, t0: float, t1: float) -> float:
@@ -249,10 +248,10 @@ class Plant:
 
     def channel_V(self, instrument: str, channel: str, t0: float, t1: float) -> float:
         """Mean voltage at an instrument's input over the window; an open input reads 0 V."""
-        standard = self._standards.get((instrument, channel))
-        if standard is not None:
-            return self.laboratory.standard(standard, t0, t1, noisy=True)
-        sensor = self._volts.get((instrument, channel))
+        wire = (instrument, channel)
+        if wire in self._standards:
+            return self.laboratory.standard(self._standards[wire], t0, t1, noisy=True)
+        sensor = self._volts.get(wire)
         return 0.0 if sensor is None else self.sensor_V(sensor, t0, t1)
 
     def channel_degC(self, instrument: str, channel: str, t: float) -> float:

@@ -82,7 +82,21 @@ class Leg:
         mechanics: parameters of the axis.
     """
 
-    __slots__ = ("_angle", "_creep", "_m", "_phases", "_seen_creep", "_seen_fading", "_trail", "course", "end", "start")
+    __slots__ = (
+        "_angle",
+        "_creep",
+        "_creep_s",
+        "_lag_s",
+        "_phases",
+        "_play",
+        "_seen_creep",
+        "_seen_fading",
+        "_target",
+        "_trail",
+        "course",
+        "end",
+        "start",
+    )
 
     def __init__(
         self, start: float, angle: float, seen: float, trail: float, course: Course, mechanics: Mechanics
@@ -91,7 +105,8 @@ class Leg:
         self.course = course
         self._angle = angle
         self._trail = trail
-        self._m = mechanics
+        self._target, self._play = course.target, mechanics.hidden_play_deg
+        self._creep_s, self._lag_s = mechanics.creep_s, mechanics.lag_s
         lag, sign = mechanics.lag_s, course.direction
         phases = []
         for duration, speed, acceleration in course.phases:
@@ -114,7 +129,7 @@ class Leg:
     def angle(self, t: float) -> float:
         """Encoder angle."""
         if t >= self.end:
-            return self.course.target + self._creep * exp((self.end - t) / self._m.creep_s)
+            return self._target + self._creep * exp((self.end - t) / self._creep_s)
         return self._phase(t).angle_at(t)
 
     def speed(self, t: float) -> float:
@@ -128,13 +143,13 @@ class Leg:
         """Encoder angle behind the pendulum's lag."""
         if t >= self.end:
             gone = self.end - t
-            creeping = self._seen_creep * exp(gone / self._m.creep_s)
-            return self.course.target + creeping + self._seen_fading * exp(gone / self._m.lag_s)
-        return self._phase(t).seen_at(t, self._m.lag_s)
+            creeping = self._seen_creep * exp(gone / self._creep_s)
+            return self._target + creeping + self._seen_fading * exp(gone / self._lag_s)
+        return self._phase(t).seen_at(t, self._lag_s)
 
     def trail(self, t: float) -> float:
         """Table minus encoder: the table stays until the play is taken up, then trails by half of it."""
-        play = self._m.hidden_play_deg
+        play = self._play
         if play == 0.0:
             return 0.0
         sign = self.course.direction

@@ -231,6 +231,9 @@ class Enclosure:
         return _Drive(constant + drift * at, slope + drift, leak * lab.amplitude, lab.phase), truth.time_constant_s
 
     def _stretch(self, t: float) -> _Stretch:
+        last = self._stretches[-1]
+        if last.start <= t:  # nearly always
+            return last
         for stretch in reversed(self._stretches):
             if stretch.start <= t:
                 return stretch

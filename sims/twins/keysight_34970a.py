@@ -67,11 +67,13 @@ class Keysight34970ATwin(Mainframe, XonXoffTwin, RememberingTwin):
 
     def __init__(self, name: str, options: Mapping[str, object], world: World, plant: Plant, serial: str) -> None:
         self.holds_up = options.get("flow", "xonxoff") == "xonxoff"  # factory setting
+        self._plan: list[tuple[str, Channel, bool, float, float]] | None = None  # of a scan, with its times
         super().__init__(name, options, world, plant, baud=9600, frame="8N1")
 
     def reset(self) -> None:
         """*RST: every channel DC volts, autorange, 1 power line cycle; empty scan list."""
         super().reset()
+        self._plan = None
         self.channels = dict.fromkeys(CHANNELS, Channel())
         self.scan: list[str] = []
         self.timer_s = 10.0
@@ -80,6 +82,7 @@ class Keysight34970ATwin(Mainframe, XonXoffTwin, RememberingTwin):
         """Settings cannot be changed during a scan."""
         if self.measuring:
             raise ScpiError(261)
+        self._plan = None
         super().changed()
 
     def channel_of(self, position: int) -> str:
@@ -110,21 +113,22 @@ class Keysight34970ATwin(Mainframe, XonXoffTwin, RememberingTwin):
 
     def take(self, began: float) -> list[float]:
         """One scan."""
-        values = []
-        for name in self.scan:
-            channel = self.channels[name]
-            t0 = began + RELAY_S + channel.settling_s()
-            volts = channel.function == VOLTS
+        if self._plan is None:
+            listed = [(name, self.channels[name]) for name in self.scan]
+            self._plan = [(name, c, c.function == VOLTS, c.settling_s(), c.seconds(self.line_hz)) for name, c in listed]
+        values, hz, given = [], self.line_hz, self.inputs.given
+        for name, channel, volts, settling_s, seconds in self._plan:
+            t0, nplc = began + RELAY_S + settling_s, channel.nplc
             if volts:
-                value = reading(self.plant, self.name, name, t0, channel.nplc, self.line_hz, channel.range)
+                value = reading(self.plant, self.name, name, t0, nplc, hz, channel.range)
+                value = given(name, "V", t0, t0 + nplc / hz, value)
             else:
-                span = SPANS_DEGC[channel.probe]
-                value = temperature(self.plant, self.name, name, t0, channel.nplc, self.line_hz, span)
-            value = self.inputs.given(name, "V" if volts else "degC", t0, t0 + channel.nplc / self.line_hz, value)
-            if not volts and channel.fahrenheit and value != OVERLOAD:
-                value = value * 1.8 + 32.0
+                value = temperature(self.plant, self.name, name, t0, nplc, hz, SPANS_DEGC[channel.probe])
+                value = given(name, "degC", t0, t0 + nplc / hz, value)
+                if channel.fahrenheit and value != OVERLOAD:
+                    value = value * 1.8 + 32.0
             values.append(value)
-            began += channel.seconds(self.line_hz)
+            began += seconds
         return values
 
     def overload_bit(self, position: int) -> int:

@@ -43,10 +43,11 @@ class RememberingTwin(TriggeredTwin):
         """*RST: readings only."""
         super().reset()
         self._with = dict.fromkeys(_ADDITIONS, False)
+        self._additions = False
 
     def printed(self, reading: Reading) -> str:
         """A reading with its requested additions."""
-        if True not in self._with.values():
+        if not self._additions:
             return text(reading.value)
         channel = self.channel_of(reading.position)
         words = [text(reading.value) + (f" {self.unit_of(channel)}" if self._with["unit"] else "")]
@@ -58,6 +59,7 @@ class RememberingTwin(TriggeredTwin):
 
     def _set(self, addition: str, state: str) -> None:
         self._with[addition] = boolean(state)
+        self._additions = True in self._with.values()
 
     def _ask(self, addition: str) -> str:
         return "1" if self._with[addition] else "0"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import cache
 from typing import Protocol
 
 from sims.noise import event_at, normal
@@ -69,6 +70,12 @@ def range_for(volts: float) -> float:
     return next((r for r in RANGES if abs(volts) <= 1.2 * r), RANGES[-1])
 
 
+@cache
+def _noise(aperture: float) -> float:
+    """Standard deviation of a reading as a fraction of the range, by its integration time in seconds."""
+    return math.hypot(_WHITE / math.sqrt(aperture), _FLOOR)
+
+
 def reading(plant: Plant, instrument: str, channel: str, t0: float, nplc: float, line_hz: float, fixed: float) -> float:
     """One DC voltage reading.
 
@@ -89,8 +96,7 @@ def reading(plant: Plant, instrument: str, channel: str, t0: float, nplc: float,
     span = fixed or range_for(true)
     if abs(true) > (1.2 if span < RANGES[-1] else 1.05) * span:
         return math.copysign(OVERLOAD, true)
-    sd = span * math.hypot(_WHITE / math.sqrt(aperture), _FLOOR)
-    noisy = true + sd * normal(plant.truth.seed, f"{instrument}/{channel}/converter", event_at(t0))
+    noisy = true + span * _noise(aperture) * normal(plant.truth.seed, f"{instrument}/{channel}/converter", event_at(t0))
     step = _LAST_DIGIT * RESOLUTION[nplc] * span
     return round(noisy / step) * step
 

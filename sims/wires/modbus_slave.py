@@ -13,7 +13,9 @@ from typing import Protocol
 ILLEGAL_FUNCTION, ILLEGAL_ADDRESS, ILLEGAL_VALUE, NO_TARGET = 1, 2, 3, 11
 _READ, _READ_INPUT, _WRITE_ONE, _DIAGNOSE, _WRITE, _REPORT, _WRITE_AND_READ = 3, 4, 6, 8, 16, 17, 23
 _MOST_READ, _MOST_WRITTEN, _MOST_WRITTEN_TO_READ = 125, 123, 121
+_FUNCTIONS = frozenset((_READ, _READ_INPUT, _WRITE_ONE, _DIAGNOSE, _WRITE, _WRITE_AND_READ))
 _RUNNING = b"\xff"
+_MBAP, _TWO = struct.Struct(">HHHB"), struct.Struct(">HH")
 
 
 class Refused(Exception):
@@ -54,11 +56,11 @@ def _carry_out(registers: Registers, pdu: bytes) -> bytes:
     function = pdu[0]
     if function == _REPORT:
         return bytes((len(registers.identity) + 1,)) + registers.identity + _RUNNING
-    if function not in (_READ, _READ_INPUT, _WRITE_ONE, _DIAGNOSE, _WRITE, _WRITE_AND_READ):
+    if function not in _FUNCTIONS:
         raise Refused(ILLEGAL_FUNCTION)
     if len(pdu) < 5:
         raise Refused(ILLEGAL_VALUE)
-    address, number = struct.unpack(">HH", pdu[1:5])
+    address, number = _TWO.unpack_from(pdu, 1)
     if function == _DIAGNOSE:
         if address:  # only the echo of the sub-functions: counters are for lines with losses
             raise Refused(ILLEGAL_FUNCTION)
@@ -113,19 +115,20 @@ class TcpSlave:
 
     def feed(self, data: bytes) -> list[bytes]:
         """Take received bytes; returns the answers to the completed requests."""
-        self._buffer += data
+        buffer = self._buffer + data
         answers = []
-        while len(self._buffer) >= 8:
-            transaction, protocol, length, unit = struct.unpack(">HHHB", self._buffer[:7])
+        while len(buffer) >= 8:
+            transaction, protocol, length, unit = _MBAP.unpack_from(buffer)
             if protocol != 0 or not 2 <= length <= 254:
-                self._buffer = b""  # not Modbus: the whole input is discarded
+                buffer = b""  # not Modbus: the whole input is discarded
                 break
-            if len(self._buffer) < 6 + length:
+            if len(buffer) < 6 + length:
                 break
-            pdu, self._buffer = self._buffer[7 : 6 + length], self._buffer[6 + length :]
+            pdu, buffer = buffer[7 : 6 + length], buffer[6 + length :]
             device = self._devices.get(unit)
             reply = answer(device, pdu) if device else bytes((pdu[0] | 0x80, NO_TARGET))
-            answers.append(struct.pack(">HHHB", transaction, 0, 1 + len(reply), unit) + reply)
+            answers.append(_MBAP.pack(transaction, 0, 1 + len(reply), unit) + reply)
+        self._buffer = buffer
         return answers
 
 

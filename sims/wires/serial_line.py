@@ -66,6 +66,9 @@ class SerialCable:
         self._to_twin_free = 0.0
         self._to_host_free = 0.0
         self._receive: Callable[[bytes], None] | None = None
+        # bound once, for all exchanges of a night
+        self._heard, self._answered = twin.on_rx, self._answer
+        self._forth, self._back = self._carry_out, self._carry_back
 
     @property
     def attached(self) -> bool:
@@ -78,7 +81,7 @@ class SerialCable:
 
     def send(self, data: bytes) -> None:
         """Take bytes from the host; they arrive at the twin after their time on the line."""
-        self.tampering.to_twin(data, self._carry_out, self._carry_back)
+        self.tampering.to_twin(data, self._forth, self._back)
 
     def host_dtr(self, on: bool | None) -> None:
         """The host sets its line DTR; None without a host. TCP has no such line."""
@@ -86,17 +89,19 @@ class SerialCable:
             self._twin.dsr = on
 
     def _carry_out(self, data: bytes) -> None:
-        now, free = self.world.now(), self._to_twin_free
-        self._to_twin_free = (free if free > now else now) + len(data) * self._character_s
-        self.world.call_in(self._to_twin_free - now, partial(self._twin.on_rx, data, self._answer))
+        world = self.world
+        now, free = world.now(), self._to_twin_free
+        self._to_twin_free = free = (free if free > now else now) + len(data) * self._character_s
+        world.call_in(free - now, partial(self._heard, data, self._answered))
 
     def _answer(self, data: bytes) -> None:
-        self.tampering.to_host(data, self._carry_back)
+        self.tampering.to_host(data, self._back)
 
     def _carry_back(self, data: bytes) -> None:
-        now, free = self.world.now(), self._to_host_free
-        self._to_host_free = (free if free > now else now) + len(data) * self._character_s
-        self.world.call_in(self._to_host_free - now, partial(self._arrive, data))
+        world = self.world
+        now, free = world.now(), self._to_host_free
+        self._to_host_free = free = (free if free > now else now) + len(data) * self._character_s
+        world.call_in(free - now, partial(self._arrive, data))
 
     def _arrive(self, data: bytes) -> None:
         if self._receive is not None:
