@@ -1,4 +1,4 @@
-"""What is left of outputs and columns at a level, beside the effects found."""
+"""Outputs and columns at a level, beside the effects found."""
 
 from __future__ import annotations
 
