@@ -2,6 +2,8 @@
 
 NOISE_GROWS = "noise-grows"
 """The scatter of readings depends on a recorded quantity, named in the finding's cause and terms."""
+COMMON_ERROR = "common-whole-plot-error"
+"""Errors of whole plots are common to several transducers."""
 AUTOCORRELATION = "autocorrelation"
 """Errors of successive readings are correlated, up to a random walk."""
 OUTLIERS = "outliers"

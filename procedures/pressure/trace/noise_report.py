@@ -7,11 +7,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fitter.arrays import IntArray
-from fitter.effects.noise import AUTOCORRELATION, OUTLIERS
+from fitter.effects.noise import AUTOCORRELATION, COMMON_ERROR, OUTLIERS
 from fitter.quantiles import t_limit
 from fitter.trace.chance import ALPHA, COUNTED
 from procedures.pressure.data import WholePlotData
 from procedures.pressure.effects import GROWING_NOISE
+from procedures.pressure.trace.common import common_error
 from procedures.pressure.trace.estimate import Estimate, estimate
 from procedures.pressure.trace.problem import Problem
 from procedures.pressure.trace.result import FoundPressureEffect
@@ -36,7 +37,7 @@ def noise_findings(
         i: the transducer.
     """
     about = _About(data, whole, after, look, sensitivity, i)
-    found = (about.growing(), about.remembered(), about.outliers())
+    found = (about.growing(), about.remembered(), about.common(), about.outliers())
     return [finding for finding in found if finding is not None]
 
 
@@ -90,6 +91,28 @@ class _About:
             separate_by="read one pressure for an hour, and record what may wander (temperatures, supply)",
             against="since_s",
             peak_mV=float(self.after.fits[self.i].sigma_subplot),
+        )
+
+    def common(self) -> FoundPressureEffect | None:
+        """Errors of whole plots that are those of another transducer too, if they are significant."""
+        found = common_error(self.look.problem, self.after.chosen, self.i)
+        if found is None or found.p * len(self.whole.sensors) / COUNTED > ALPHA:
+            return None
+        sd = float(self.after.fits[self.i].sigma_wholeplot)
+        return self._of_noise(
+            effect=COMMON_ERROR,
+            cause=f"whole plots are off by amounts that {found.other} shows too: something acts on both that was not "
+            "recorded, or does not follow what was",
+            terms=(f"correlation with {found.other}",),
+            coefficients=(found.correlation,),
+            unit="1",
+            size=f"errors of whole plots correlate by {found.correlation:.2f}; their sd is {sd:.2g} mV, and a mean of "
+            "transducers has them in full",
+            p=found.p,
+            separate_by="record what acts on all transducers (ambient pressure, supply, gradients, the reference's "
+            "temperature), and repeat a whole plot after another history",
+            against="elapsed_s",
+            peak_mV=sd,
         )
 
     def outliers(self) -> FoundPressureEffect | None:
