@@ -45,10 +45,11 @@ class Line:
     """The clearest period of a series.
 
     Attributes:
-        period: in readings or in seconds.
-        unit: "readings" or "s".
+        period: in readings, in seconds, or in the unit of a variable.
+        unit: "readings", "s", or that of the variable.
         p: probability of such a clear line by chance, over all tried frequencies.
         share: its share of the sum of squares.
+        over: the variable; "" for the run.
 
     """
 
@@ -56,10 +57,13 @@ class Line:
     unit: str
     p: float
     share: float
+    over: str = ""
 
     @property
     def where(self) -> str:
         """In words."""
+        if self.over:
+            return f"over {self.over}: periodic, one period in {self.period:.5g} {self.unit}".rstrip()
         if self.unit == "readings":
             return f"along the run: periodic, one period in {self.period:.4g} readings"
         return f"along the run: periodic, one period in {self.period / 60.0:.4g} min"
@@ -244,7 +248,8 @@ def folded(left: FloatArray, at: FloatArray, period: float) -> tuple[float, Floa
 
     """
     tried = 1.0 / period + np.linspace(-NEAR, NEAR, TRIED) / max(float(np.ptp(at)), period)
-    angle = 2.0 * np.pi * np.outer(tried[tried > 0], at)
-    power = sum(np.abs(np.exp(1j * k * angle) @ left) ** 2 for k in (1, 2, 3))
+    wave = np.exp(2j * np.pi * np.outer(tried[tried > 0], at))
+    twice = wave * wave
+    power = sum(np.abs(one @ left) ** 2 for one in (wave, twice, twice * wave))
     best = float(1.0 / tried[tried > 0][int(np.argmax(power))])
     return best, np.asarray(np.mod(at, best))

@@ -64,14 +64,16 @@ def drawn_instead(nameless: Nameless, names: tuple[str, ...], i: int) -> Instead
 def drawn_period(nameless: Nameless, found: Line, i: int) -> Shape | None:
     """A period of sensor `i`, over its phase."""
     problem, data = nameless.problem, nameless.problem.scene.data
-    rows = problem.levels.executed
-    if found.unit == "readings":
+    rows, level = problem.levels.executed, problem.levels.of_error
+    if found.over:
+        at = data.pitch_deg if found.over == "pitch" else np.mod(data.roll_deg, 360.0)
+        period, unit, level = found.period, found.unit, "replications"
+    elif found.unit == "readings":
         count = np.empty(rows.size)
         count[rows] = np.arange(rows.size)
         at, period, unit = count, found.period, "readings"
     else:
         at, period, unit = data.elapsed_s / 60.0, found.period / 60.0, "min"
-    level = problem.levels.of_error
     period, phase = folded(nameless.view(level).outputs[i], at, period)
     columns = turns(360.0 * phase / period, HARMONICS)
     block = Block(found.where, columns, (columns.shape[1],), np.repeat(np.arange(1.0, columns.shape[1] // 2 + 1), 2))

@@ -23,6 +23,7 @@ from procedures.attitude.fit import AttitudeFit
 from procedures.attitude.model import attitude_columns
 from procedures.attitude.trace.drawn import drawn, drawn_drift, drawn_instead, drawn_period, drawn_points
 from procedures.attitude.trace.estimate import Estimate, concerns, predict
+from procedures.attitude.trace.fine import turns_with
 from procedures.attitude.trace.grid import same_on_grid
 from procedures.attitude.trace.judge import AttitudeJudge
 from procedures.attitude.trace.levels import LEVELS
@@ -244,6 +245,10 @@ def _unnamed(problem: Problem, after: Estimate, nameless: Nameless, i: int) -> t
     elif between is not None and between.p < UNEXPLAINED:
         part = _part(table, between.remainder.share)
         rest.append(Unnamed(between.where, part, shape=drawn(nameless, between, i)))
+    fine = nameless.fine
+    if fine is not None and fine.p < CLEAR and turns_with(problem.scene, fine.over, i):
+        where = f"between points, package: an error of {fine.over}, {fine.where}"
+        rest.append(Unnamed(where, _part(table, fine.share), shape=drawn_period(nameless, fine, i)))
     line = nameless.lines[i]
     if line is not None and line.p < CLEAR:
         rest.append(Unnamed(line.where, _part(table, line.share), shape=drawn_period(nameless, line, i)))

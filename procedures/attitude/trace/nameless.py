@@ -11,16 +11,17 @@ import numpy as np
 from scipy import special
 
 from fitter.arrays import FloatArray
-from fitter.linear import orthonormal
 from fitter.trace.doubts import BUNDLE, DOUBT, EARNED, bundle, in_several, no_better, several_values, something_left
 from fitter.trace.flexible import Remainder, evidence, evidence_of, remainders, tried
 from fitter.trace.lines import CLEAR, Line, lines
 from fitter.trace.search import names_of
 from procedures.attitude.trace.estimate import concerns
+from procedures.attitude.trace.fine import fine_of
 from procedures.attitude.trace.levels import LEVELS, Level
 from procedures.attitude.trace.places import Place, between_replications, places_of
 from procedures.attitude.trace.problem import Problem
 from procedures.attitude.trace.score import errors, rounding
+from procedures.attitude.trace.view import View
 from procedures.attitude.trace.walks import SPREAD, likelihood_ratio
 
 SEEN = 6.0
@@ -160,6 +161,12 @@ class Nameless:
         return tuple(None if x is None else replace(x, p=min(len(left) * x.p, 1.0)) for x in found)
 
     @cached_property
+    def fine(self) -> Line | None:
+        """The clearest fine period over an angle, as an error of the head in all sensors."""
+        df = len(self.sigma) * self.problem.levels.df("replications") - len(self.chosen)
+        return fine_of(self.problem.scene, self.view("replications"), self.memory, df) if self.able else None
+
+    @cached_property
     def doubts(self) -> dict[str, str]:
         """Reasons for doubt about the names found, by name."""
         if not self.able:
@@ -172,6 +179,8 @@ class Nameless:
                     out[name] = something_left(found.place.block.place, found.p)
                 elif self._common(name) and (period := self._period) is not None:
                     out[name] = something_left(period.where, period.p)
+                elif level == "replications" and self.fine is not None and self.fine.p < CLEAR:
+                    out[name] = something_left(self.fine.where, self.fine.p)
             if len(names) >= BUNDLE:
                 out |= {name: bundle(names) for name in names if name not in out}
             for one, other in self._over_one_angle(names):
@@ -326,62 +335,6 @@ class Nameless:
         spread = SPREAD if level == self.problem.levels.of_error else 1.0
         ratio = likelihood_ratio(self.problem.levels.walks(level), ys, xs, spread)
         return float(special.chdtrc(columns.shape[1], max(ratio, 0.0)))
-
-
-class View:
-    """Outputs and columns at a level, over the sensors' errors, beside some candidates."""
-
-    def __init__(self, problem: Problem, level: Level, rest: Sequence[int], sigma: FloatArray) -> None:
-        self.problem, self.level, self.sigma = problem, level, sigma
-        picked = list(rest)
-        taken = problem.columns_at(level, picked) / sigma[:, None, None]
-        length = np.linalg.norm(problem.length[:, picked] / sigma[:, None], axis=0)
-        self.basis = orthonormal(taken.reshape(taken.shape[0] * taken.shape[1], len(picked)), length, 1e-4)
-        y = (problem.outputs_at(level) / sigma[:, None]).reshape(-1)
-        self.outputs = (y - self.basis @ (self.basis.T @ y)).reshape(len(sigma), -1)
-
-    def of(self, picked: Sequence[int]) -> FloatArray:
-        """(S n, q) of candidates."""
-        columns = self.problem.columns_at(self.level, list(picked)) / self.sigma[:, None, None]
-        flat = columns.reshape(columns.shape[0] * columns.shape[1], len(picked))
-        return np.asarray(flat - self.basis @ (self.basis.T @ flat))
-
-    def project(self, columns: FloatArray, sensor: int | None) -> FloatArray:
-        """The rest of (n, m) columns of one sensor, or (S n, m) of all."""
-        n = len(self.problem.scene.data)
-        if sensor is not None:
-            left = self.problem.left(sensor, columns, self.level) / self.sigma[sensor]
-            basis = self.basis[sensor * n : (sensor + 1) * n]
-            if basis.shape[1]:
-                basis = orthonormal(basis, None, 1e-4)
-                left = left - basis @ (basis.T @ left)
-            return np.asarray(left)
-        parts = [
-            self.problem.left(i, columns[i * n : (i + 1) * n], self.level) / self.sigma[i]
-            for i in range(len(self.sigma))
-        ]
-        left = np.concatenate(parts)
-        return np.asarray(left - self.basis @ (self.basis.T @ left))
-
-    def whitened(self, columns: FloatArray, *, sensor: int | None, rho: FloatArray) -> FloatArray:
-        """The rest of (n, m) columns of one sensor, or (S n, m) of all, less the prediction by the row before."""
-        return self.white(self.project(columns, sensor), sensor, rho)
-
-    def white(self, columns: FloatArray, sensor: int | None, rho: FloatArray) -> FloatArray:
-        """The same minus the prediction by the row before."""
-        own = rho if sensor is None else rho[sensor : sensor + 1]
-        if not np.any(own):
-            return columns
-        n = len(self.problem.scene.data)
-        rows, replicate = self.problem.levels.executed, self.problem.levels.replicate
-        first = np.concatenate([[True], np.diff(replicate[rows]) != 0])
-        flat = columns.reshape(own.size, n, -1)
-        out = np.empty_like(flat)
-        for k, r in enumerate(own):
-            ordered = flat[k][rows]
-            before = np.concatenate([ordered[:1], ordered[:-1]])
-            out[k][rows] = np.where(first[:, None], ordered * np.sqrt(1 - r**2), ordered - r * before)
-        return out.reshape(columns.shape)
 
 
 def _memory(problem: Problem, left: FloatArray) -> FloatArray:

@@ -48,12 +48,14 @@ def drawn_instead(nameless: Nameless, names: tuple[str, ...]) -> Instead | None:
 
 
 def drawn_period(nameless: Nameless, found: Line) -> Shape | None:
-    """A period, over its phase; None without a time."""
+    """A period, over its phase; None without what it is over."""
     time = nameless.data.scene.time
-    if time is None:
-        return None
     n = nameless.judge.problem.n
-    if found.unit == "readings":
+    if found.over:
+        at, period, unit = nameless.data.scene.of(found.over), found.period, found.unit
+    elif time is None:
+        return None
+    elif found.unit == "readings":
         at, period, unit = np.argsort(np.argsort(time.values, kind="stable")).astype(np.float64), found.period, "rows"
     else:
         at, period, unit = time.values * (time.unit_s or 1.0), found.period, "s"
@@ -61,8 +63,8 @@ def drawn_period(nameless: Nameless, found: Line) -> Shape | None:
     columns = turns(360.0 * phase / period, min(HARMONICS, n // (2 * PER_COLUMN)))
     rough = np.repeat(np.arange(1.0, columns.shape[1] // 2 + 1), 2)
     block = Block(found.where, columns, (columns.shape[1],), rough)
-    axis = Axis("phase", f"place in a period of {period:.4g} {unit}", unit, phase)
-    return _drawn(nameless, Place(block, frozenset({time.name}), timed=True), found.p, (axis, None))
+    axis = Axis("phase", f"place in a period of {period:.4g} {unit}".rstrip(), unit, phase)
+    return _drawn(nameless, Place(block, frozenset(), timed=not found.over), found.p, (axis, None))
 
 
 def _drawn(nameless: Nameless, place: Place, p: float, axes: tuple[Axis, Axis | None] | None) -> Shape | None:

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
 
 import numpy as np
 
 from fitter.arrays import FloatArray, IntArray
+from fitter.resolution import least_sd, resolution
 from fitter.trace.aliases import DELTA
 from fitter.trace.doubts import (
     BUNDLE,
+    CHANGES,
     DOUBT,
     EARNED,
     PERIODS,
@@ -22,11 +24,13 @@ from fitter.trace.doubts import (
     several_values,
     something_left,
 )
+from fitter.trace.fine_periods import fine_period
 from fitter.trace.flexible import Block, Remainder, evidence, evidence_of, remainders, tried, turns
 from fitter.trace.lines import Line, folded, line
 from fitter.trace.repeats import HARMONICS, ORDERS, repeats
 from fitter.trace.search import names_of
 from fitter.trace.two_levels import TwoLevels, two_levels
+from procedures.general.effects.scene import at_levels
 from procedures.general.trace.both import Both
 from procedures.general.trace.judge import TableJudge
 from procedures.general.trace.likelihood import Grid
@@ -44,6 +48,8 @@ RARE = ("fourth-order", "fifth-order", "logarithm", "reciprocal", "square-root",
 """Kinds that need the same lead as kinds with a searched constant, because many functions are similar to them."""
 NEAR = 0.05
 """Share by which a frequency may differ from twice or three times another one, as its harmonic."""
+COARSE = 0.5
+"""Error of rounding over that of a row from which fine periods over settings are those of the rounding."""
 JUMPS = 7.0
 """Minimum lead in nats of two levels over every noise with memory."""
 
@@ -170,11 +176,11 @@ class Nameless:
         time = self.data.scene.time
         if time is None or time.presumed or not self.able:
             return None
-        at_s, beside = time.values * (time.unit_s or 1.0), self.judge.beside(self.chosen)
+        at_s = time.values * (time.unit_s or 1.0)
         found = repeats(self.left_under(0), at_s)
         if found is None:
             return None
-        under = dict.fromkeys((0, beside.best, beside.slowest_of(np.ones(len(beside.reml), np.bool_))))
+        under = self._noises()
         best: Line | None = None
         for near in found.periods:
             period, phase = folded(self.left_under(0), at_s, near)
@@ -185,6 +191,33 @@ class Nameless:
             if each and (best is None or p < best.p):
                 best = Line(period, "s", p, each[0].share)
         return best
+
+    @cached_property
+    def fine(self) -> Line | None:
+        """The clearest fine period over a setting of many different values."""
+        settings = {name: v for name, v in self.data.scene.settings.items() if at_levels(v) is v}
+        if not self.able or self._coarse:
+            return None
+        under = self._noises()
+
+        def ask(block: Block) -> Remainder | None:
+            each = [one for at in under for one in self._remainders(block, at)]
+            return max(each, key=lambda one: one.p, default=None)
+
+        found = [fine_period(self.left_under(0), v, name, ask) for name, v in settings.items()]
+        best = min((one for one in found if one is not None), key=lambda one: one.p, default=None)
+        return None if best is None else replace(best, p=min(best.p * len(found), 1.0))
+
+    @property
+    def _coarse(self) -> bool:
+        """Whether the response is rounded to so coarse a step that this alone is a period over each setting."""
+        rounded = least_sd(resolution(self.data.y))
+        return rounded > COARSE * float(np.sqrt(np.mean((self.left_under(0) * self.judge.problem.sd) ** 2)))
+
+    def _noises(self) -> tuple[int, ...]:
+        """Independent rows, the likeliest covariance, and the slowest that is plausible."""
+        beside = self.judge.beside(self.chosen)
+        return tuple(dict.fromkeys((0, beside.best, beside.slowest_of(np.ones(len(beside.reml), np.bool_)))))
 
     @cached_property
     def jumps(self) -> TwoLevels | None:
@@ -224,6 +257,8 @@ class Nameless:
             found = self._left_over(own)
             if found is not None:
                 out[name] = something_left(found[0].place.block.place, found[1])
+            elif self.fine is not None and self.fine.p < CHANGES and self.fine.over in own:
+                out[name] = something_left(self.fine.where, self.fine.p)
         jumping = self._timed(names)
         if jumping and self._jumps_beside(self._without(jumping), -EARNED) is not None:
             out |= {name: no_better(jumping, "jumps between two levels along the run") for name in jumping}

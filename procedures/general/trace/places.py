@@ -30,6 +30,8 @@ FEWEST_CHANGED = 6
 """Fewest rows in which something has just changed, and in which it has not."""
 PRACTICE = 2
 """Waves over how often the same level of a group had its turn before."""
+EVERY, CYCLES = 12, 6
+"""Rows after which something may come again, at most, and how often it has to, at least."""
 PER_COLUMN = 4
 """Minimum number of rows for each column of a block."""
 
@@ -90,6 +92,11 @@ def _in_time(scene: TableScene, group: IntArray | None) -> Iterator[Place]:
     yield _place(f"over {time.name}", along, _rough(along), {time.name}, curve=time.name, timed=True)
     if time.presumed:
         return
+    number = np.argsort(np.argsort(t, kind="stable"))
+    for every in range(2, min(EVERY, len(t) // CYCLES) + 1):
+        own = (number[:, None] % every == np.arange(1, every)).astype(np.float64)
+        block = Block(f"along the run, again after {every} rows", own, (every - 1,), np.ones(every - 1))
+        yield Place(block, frozenset({time.name}), timed=True)
     for name, v in scene.settings.items():
         own = _centred(v)[:, None] * along[:, :BESIDE]
         yield _place(f"over {time.name}, times {name}", own, _rough(own), {time.name, name}, timed=True)

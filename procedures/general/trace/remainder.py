@@ -69,12 +69,12 @@ def unnamed(nameless: Nameless, variables: Mapping[str, FloatArray]) -> tuple[Un
 
 
 def _period(nameless: Nameless) -> Line | None:
-    """The clearest period in order or time; where there is none, one that comes again within a few waits."""
+    """The clearest period in order or time; where there is none, one of a few waits, or a fine one over a setting."""
     found = nameless.line
     if found is not None and found.p < CLEAR:
         return found
-    found = nameless.repeats
-    return found if found is not None and found.p < UNEXPLAINED else None
+    others = (one for one in (nameless.repeats, nameless.fine) if one is not None)
+    return min((one for one in others if one.p < UNEXPLAINED), key=lambda one: one.p, default=None)
 
 
 def _at(nameless: Nameless, left: Left, variables: Mapping[str, FloatArray]) -> Unnamed:

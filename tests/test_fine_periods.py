@@ -1,0 +1,97 @@
+"""Fine periods over a variable, and what comes again after so many rows: found, and not where there is nothing."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import proving.strangers
+from fitter.trace.fine_periods import fine_period
+from fitter.trace.flexible import remainders
+from procedures.general.column_roles import Roles, roles_of
+from procedures.general.trace import trace_general
+from procedures.table import Table
+from proving.strangers.runs import made_of
+from proving.strangers.scoring import said_of
+from proving.strangers.sets import load
+from proving.strangers.traced import traced
+
+
+def trace(columns):
+    table = Table("table.csv", columns, simulated=True, provenance={})
+    return trace_general(roles_of(table, Roles(response="y", formula="1 + x", time="t_s"))[0])
+
+
+def readings(n, x, error):
+    return {"x": x, "t_s": 60.0 * np.arange(n), "y": 3.0 + 2.0 * x + error}
+
+
+def test_p_is_that_of_chance():
+    """200 residuals of noise over values of their own: 5 % below 0.05, within three standard deviations of counting."""
+    ps = []
+    for seed in range(200):
+        rng = np.random.default_rng(seed)
+        y, x = rng.standard_normal(100), rng.uniform(0.0, 10.0, 100)
+        y -= y.mean()
+
+        def ask(block, y=y):
+            return next(iter(remainders(y, 99, [block], lambda columns: columns - columns.mean(axis=0))), None)
+
+        ps.append(fine_period(y, x, "x", ask).p)
+    assert np.sum(np.array(ps) < 0.05) <= 10 + 3 * np.sqrt(10)
+    assert np.sum(np.array(ps) < 1e-3) <= 2
+
+
+def test_lines_of_an_encoder_are_found():
+    """20 um over 10 mm: five hundred periods, two readings in three of them apart."""
+    rng = np.random.default_rng(4)
+    x = np.round(rng.uniform(0.0, 10.0, 160), 4)
+    error = 1.2 * np.sin(2.0 * np.pi * x / 0.02 + 0.4) + rng.standard_normal(160)
+    result = trace(readings(160, x, error))
+    (found,) = result.unnamed
+    assert found.where.startswith("over x: periodic, one period in ")
+    assert float(found.where.split()[-1]) == pytest.approx(0.02, rel=2e-4)
+    assert found.shape is not None
+    assert result.verdict == "unexplained"
+
+
+@pytest.mark.parametrize("values", [np.linspace(0.0, 10.0, 21), np.arange(0.0, 10.0, 0.5) + 0.001])
+def test_a_grid_tells_no_fine_period(values):
+    rng = np.random.default_rng(5)
+    x = rng.choice(values, 200)
+    assert fine_period(rng.standard_normal(200), x, "x", lambda _block: None) is None
+
+
+def test_a_coarse_display_is_no_period_of_the_setting():
+    """A reading rounded to ten times its noise errs as a saw tooth over the setting: it is said to be rounded."""
+    rng = np.random.default_rng(6)
+    x = rng.uniform(0.0, 10.0, 150)
+    columns = readings(150, x, 0.005 * rng.standard_normal(150))
+    columns["y"] = np.round(columns["y"] / 0.05) * 0.05
+    result = trace(columns)
+    assert [one.effect for one in result.effects] == ["quantisation"]
+    assert result.unnamed == ()
+
+
+@pytest.mark.parametrize("sd", [2.5, 4.0])
+def test_a_meter_that_zeroes_itself_after_every_sixth_reading_is_seen(sd):
+    """Of 80 readings; a wave in time is part of it, and no more than that."""
+    rng = np.random.default_rng(7)
+    relay = np.where(np.arange(80) % 6 == 2, sd, 0.0)
+    result = trace(readings(80, rng.uniform(0.0, 10.0, 80), relay + rng.standard_normal(80)))
+    assert all(one.doubtful for one in result.added)
+    (found,) = result.unnamed
+    assert found.where in {f"along the run, again after {k} rows" for k in (2, 6, 12)}
+
+
+@pytest.mark.parametrize(("cause", "period"), [("strain_wave", 1.8), ("vernier_backwards", 0.1)])
+def test_what_a_stranger_put_into_a_stage_is_seen_at_its_true_period(cause, period):
+    """200 waves a turn of pitch, more than teeth are searched; a vernier of tenths read in the wrong direction."""
+    stranger = load(Path(proving.strangers.__file__).parent / "thirteenth")
+    said = said_of(traced(made_of(stranger, "attitude", (cause,), seed=1, size=1.0), left_out=False))
+    for sensor in said:
+        (where,) = [text for text in sensor.unnamed if "periodic" in text]
+        assert where.startswith("between points, package: an error of pitch, over pitch: periodic")
+        assert float(where.split()[-2]) == pytest.approx(period, rel=1e-3)
