@@ -371,14 +371,19 @@ class SerialLine:
         """The next received bytes, without flow control characters; empty if there are none. All bytes are added to
         `raw`.
         """
-        end = self.clock.now() + timeout_s + self.clock.grace()
+        end = None
         while True:
             heard = port.read(port.in_waiting or 1)
             if heard and (waiting := port.in_waiting):  # what came with the first byte
                 heard += port.read(waiting)
             raw += heard
             said = _said(heard)
-            if said or not heard or self.clock.now() >= end:
+            if said or not heard:
+                return said
+            now = self.clock.now()  # so far there was only flow control
+            if end is None:
+                end = now + timeout_s + self.clock.grace()
+            elif now >= end:
                 return said
 
     def _ended(self, heard: bytearray) -> bool:

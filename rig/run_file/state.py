@@ -14,7 +14,7 @@ from rig.run_file.chain import Record
 from rig.run_file.events.bench import Fault, MadeSafe, Prepared, Preparing
 from rig.run_file.events.by_hand import DoneByHand, SetByHand
 from rig.run_file.events.event import Event
-from rig.run_file.events.points import Observed, Skipped, TemperaturesLeft, WholePlotBegan, WholePlotLost
+from rig.run_file.events.points import ACCEPTED, Observed, Skipped, TemperaturesLeft, WholePlotBegan, WholePlotLost
 from rig.run_file.events.sessions import Ended, Identified, Rescued, RunCreated, SessionBegan, Stopped
 from rig.run_file.indexes import IndexCounts, IndexSet
 from rig.run_file.opening import makes_no_sense
@@ -104,11 +104,11 @@ class RunState:
 
     def add(self, record: Record) -> None:
         """Take the next record."""
-        _, kind, self.elapsed_s, self.utc_s, index, _, attempt, _, _ = record
+        _, kind, self.elapsed_s, self.utc_s, index, _, attempt, status, _ = record
         if kind == Observed.kind:  # nearly all records; the body is not needed
             assert index is not None
             self.attempts[index] = attempt or 1
-            if record.accepted:
+            if status == ACCEPTED:
                 self.worked_s = self.elapsed_s
                 self.accepted.add(index)
                 self.last_index = index
