@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from fitter.arrays import FloatArray, IntArray
+from fitter.arrays import FloatArray
 from procedures.pressure.trace.problem import Problem
 from procedures.pressure.trace.score import beside
 
@@ -43,7 +43,7 @@ def common_error(problem: Problem, chosen: tuple[int, ...], i: int) -> Common | 
         i: the transducer.
     """
     stratum = beside(problem, "whole-plot", chosen, ())
-    errors, found = stratum.white.outputs[:, _in_time(problem)], list[Common]()
+    errors, found = stratum.white.outputs[:, problem.plots_in_time], list[Common]()
     for k, other in enumerate(problem.sensors):
         df = float(min(stratum.df[i], stratum.df[k]))
         square = float(errors[i] @ errors[i]) * float(errors[k] @ errors[k])
@@ -55,13 +55,6 @@ def common_error(problem: Problem, chosen: tuple[int, ...], i: int) -> Common | 
         t = abs(r) * np.sqrt(free / max(1.0 - r**2, np.finfo(float).eps))
         found.append(Common(other, r, min(2.0 * float(special.stdtr(free, -t)) * (len(problem.sensors) - 1), 1.0)))
     return min(found, key=lambda one: one.p, default=None)
-
-
-def _in_time(problem: Problem) -> IntArray:
-    """(W,) whole plots in the order of running."""
-    begun = np.full(int(problem.whole_plot.max()) + 1, np.iinfo(np.int64).max)
-    np.minimum.at(begun, problem.whole_plot, problem.order)
-    return np.argsort(begun)
 
 
 def _memory(errors: FloatArray) -> float:

@@ -111,10 +111,8 @@ class Neighbours:
 
     @cached_property
     def _place(self) -> FloatArray:
-        """(W,) position of each whole plot in time; replications follow one another."""
-        begun = np.full(int(self.problem.whole_plot.max()) + 1, np.iinfo(np.int64).max)
-        np.minimum.at(begun, self.problem.whole_plot, self.problem.order)
-        return np.argsort(np.argsort(begun)).astype(np.float64)
+        """(W,) position of each whole plot in time."""
+        return np.argsort(self.problem.plots_in_time).astype(np.float64)
 
     def p(self, ts: FloatArray, df: FloatArray, columns: FloatArray, outputs: FloatArray) -> FloatArray:
         """(K, J) probability of a larger score by chance, from scores (K, J) that take whole plots as independent.

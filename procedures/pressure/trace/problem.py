@@ -109,6 +109,13 @@ class Problem:
             made.append(next(same, None) or self.stratified(weight, float(ratio), float(rho)))
         return tuple(made)
 
+    @cached_property
+    def plots_in_time(self) -> IntArray:
+        """(W,) whole plots in the order of running; replications follow one another."""
+        begun = np.full(int(self.whole_plot.max()) + 1, np.iinfo(np.int64).max)
+        np.minimum.at(begun, self.whole_plot, self.order)
+        return np.argsort(begun)
+
     def stratified(self, weight: FloatArray, ratio: float, rho: float) -> Strata:
         """Projections for autocorrelated readings with these weights."""
         return Strata(self.declared, self.whole_plot, self.replicate, weight, ratio, self.before, rho)
