@@ -110,6 +110,11 @@ class Problem:
         return tuple(made)
 
     @cached_property
+    def members(self) -> FloatArray:
+        """(W, n) one where a reading is of a whole plot, else zero."""
+        return (np.arange(int(self.whole_plot.max()) + 1)[:, None] == self.whole_plot).astype(np.float64)
+
+    @cached_property
     def plots_in_time(self) -> IntArray:
         """(W,) whole plots in the order of running; replications follow one another."""
         begun = np.full(int(self.whole_plot.max()) + 1, np.iinfo(np.int64).max)
