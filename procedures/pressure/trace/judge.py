@@ -119,9 +119,9 @@ class WholePlotJudge:
         able &= self._left(level, stratum, mine)
         elsewhere = tuple(j for j in named if j not in group)
         searched = {e.name for c in self.candidates if (e := c.effect).searched and (len(sensors) == 1 or not c.sensor)}
-        whole = Products.of(stratum.white, (stratum.sigma / error) ** 2)
-        whole = replace(whole, columns=whole.columns * np.outer(able, able), outputs=whole.outputs * able)
-        products = replace(whole.among(mine, every.size), signs=self.signs)
+        stratum.white.columns[:, :, ~able] = 0.0
+        products = Products.of(stratum.white, (stratum.sigma / error) ** 2, (mine, every.size))
+        products = replace(products, signs=self.signs)
         own = self._tried(Rival(effect, group, 0.0, effect in searched))
         found = rivals(problem.candidates, products, group, rest, sensors, searched=searched, within=within + own)
         price = np.array([rival.sigmas**2 + self._tried(rival) for rival in found])
