@@ -210,8 +210,15 @@ class Problem:
         vars(problem).update(known)  # what is known already is not computed again
         return problem, mine
 
+    def among(self, chosen: Sequence[int]) -> tuple[Problem, tuple[int, ...]]:
+        """The problem with the `chosen` candidates alone, and their indices there."""
+        few = tuple(self.candidates[j] for j in chosen)
+        return replace(self, raw=self.raw[:, :, list(chosen)], candidates=few), tuple(range(len(few)))
+
     def take(self, rows: IntArray) -> Problem:
         """The problem of some of the rows, with the columns of the whole."""
+        if len(rows) == len(self.declared):
+            return self
         return replace(
             self,
             declared=self.declared[rows],
