@@ -194,7 +194,9 @@ class Products:
         return () if self.signs is None else impossible(self.columns, self.outputs, terms, self.signs)
 
     @classmethod
-    def of(cls, white: Whitened, weight: FloatArray | None = None, among: tuple[IntArray, int] | None = None) -> Products:
+    def of(
+        cls, white: Whitened, weight: FloatArray | None = None, among: tuple[IntArray, int] | None = None
+    ) -> Products:
         """Products of outputs and columns over all sensors together, each with its weight (S,).
 
         Most candidates belong to one sensor and are zero on the others, so each sensor's own block is multiplied alone.

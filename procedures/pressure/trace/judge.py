@@ -141,10 +141,14 @@ class WholePlotJudge:
 
     def _possible(self, scores: Scores) -> NDArray[np.bool_]:
         """(J,) candidates whose coefficient has a possible size and sign, within three sd."""
-        most = np.array([c.effect.at_most for c in self.candidates])
         size = np.abs(scores.gamma)
-        small = size - 3.0 * size / np.maximum(np.abs(scores.t), np.finfo(float).tiny) <= most
+        small = size - 3.0 * size / np.maximum(np.abs(scores.t), np.finfo(float).tiny) <= self._most
         return np.asarray(small & ~self.wrong(scores))
+
+    @cached_property
+    def _most(self) -> FloatArray:
+        """(J,) largest plausible size of each candidate's coefficient."""
+        return np.array([c.effect.at_most for c in self.candidates], np.float64)
 
     def wrong(self, scores: Scores) -> NDArray[np.bool_]:
         """(J,) candidates whose coefficient certainly has a physically impossible sign."""

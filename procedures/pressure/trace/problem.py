@@ -112,7 +112,7 @@ class Problem:
     @cached_property
     def members(self) -> FloatArray:
         """(W, n) one where a reading is of a whole plot, else zero."""
-        return (np.arange(int(self.whole_plot.max()) + 1)[:, None] == self.whole_plot).astype(np.float64)
+        return np.asarray(np.arange(int(self.whole_plot.max()) + 1)[:, None] == self.whole_plot, np.float64)
 
     @cached_property
     def plots_in_time(self) -> IntArray:
@@ -156,13 +156,7 @@ class Problem:
     @cached_property
     def judged_at(self) -> tuple[Level, ...]:
         """For each candidate the level of its test: its own stratum's, if it varies there."""
-        varies = np.zeros(len(self.candidates), bool)
-        for strata, own, mine in zip(self.strata, self._own, self._concerned, strict=True):
-            varies[mine] |= strata.varies_within(own[:, 1:])
-        return tuple(
-            "subplot" if varies[j] and c.effect.stratum == "subplot" else "whole-plot"
-            for j, c in enumerate(self.candidates)
-        )
+        return tuple("subplot" if within else "whole-plot" for within in self._judged_within.tolist())
 
     def within(self, level: Level, of: Sequence[int] | None = None) -> IntArray:
         """Indices of the candidates (of the given ones) of a level."""
@@ -175,7 +169,15 @@ class Problem:
     @cached_property
     def _judged_within(self) -> NDArray[np.bool_]:
         """(J,) whether a candidate is judged within whole plots."""
-        return np.array([level == "subplot" for level in self.judged_at], np.bool_)
+        varies = np.zeros(len(self.candidates), np.bool_)
+        for strata, own, mine in zip(self.strata, self._own, self._concerned, strict=True):
+            varies[mine] |= strata.varies_within(own[:, 1:])
+        return varies & np.array([c.effect.stratum == "subplot" for c in self.candidates], np.bool_)
+
+    @cached_property
+    def own(self) -> tuple[IntArray, ...]:
+        """Candidates that each transducer has for itself."""
+        return tuple(np.flatnonzero(self._owner == i) for i in range(len(self.sensors)))
 
     @cached_property
     def alone(self) -> tuple[tuple[Problem, IntArray], ...]:
@@ -186,7 +188,7 @@ class Problem:
         return tuple(self._alone(i) for i in range(len(self.sensors)))
 
     def _alone(self, i: int) -> tuple[Problem, IntArray]:
-        mine = np.array([j for j, c in enumerate(self.candidates) if c.sensor == self.sensors[i]], np.int64)
+        mine = self.own[i]
         one = slice(i, i + 1)
         problem = replace(
             self,
@@ -205,7 +207,7 @@ class Problem:
                 for level, of in self.at.items()
             },
             "length_at": {level: length[one][:, mine] for level, length in self.length_at.items()},
-            "judged_at": tuple(self.judged_at[j] for j in mine),
+            "_judged_within": self._judged_within[mine],
         }
         vars(problem).update(known)  # what is known already is not computed again
         return problem, mine
@@ -254,10 +256,13 @@ class Problem:
     @cached_property
     def _concerned(self) -> tuple[IntArray, ...]:
         """The candidates of each transducer."""
-        return tuple(
-            np.array([j for j, c in enumerate(self.candidates) if c.sensor in (None, sensor)], np.int64)
-            for sensor in self.sensors
-        )
+        return tuple(np.flatnonzero((self._owner == i) | (self._owner < 0)) for i in range(len(self.sensors)))
+
+    @cached_property
+    def _owner(self) -> IntArray:
+        """(J,) index of each candidate's transducer; below zero for the line's."""
+        index = {sensor: i for i, sensor in enumerate(self.sensors)}
+        return np.array([-1 if sensor is None else index[sensor] for sensor in self.sensor_of], np.int64)
 
 
 def pose(
