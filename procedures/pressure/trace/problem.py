@@ -158,7 +158,7 @@ class Problem:
         """For each candidate the level of its test: its own stratum's, if it varies there."""
         return tuple("subplot" if within else "whole-plot" for within in self._judged_within.tolist())
 
-    def within(self, level: Level, of: Sequence[int] | None = None) -> IntArray:
+    def within(self, level: Level, of: Sequence[int] | IntArray | None = None) -> IntArray:
         """Indices of the candidates (of the given ones) of a level."""
         here = self._judged_within if level == "subplot" else ~self._judged_within
         if of is None:

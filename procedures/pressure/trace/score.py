@@ -165,7 +165,8 @@ def _scored(problem: Problem, chosen: Sequence[int], of: Sequence[int] | None) -
             continue
         stratum = beside(problem, level, chosen, here)
         white, columns = stratum.white, stratum.white.columns
-        norm2, dot = np.einsum("smj,smj->sj", columns, columns), np.einsum("smj,sm->sj", columns, white.outputs)
+        squares = columns**2
+        norm2, dot = np.sum(squares, axis=1), np.einsum("smj,sm->sj", columns, white.outputs)
         total = norm2.sum(axis=0)
         length2 = np.sum((problem.length_at[level][:, here] / stratum.sigma[:, None]) ** 2, axis=0)
         concerned = norm2 > 1e-6 * total
@@ -176,7 +177,7 @@ def _scored(problem: Problem, chosen: Sequence[int], of: Sequence[int] | None) -
         after = np.sum(white.outputs**2, axis=1)[:, None] - 2 * gamma * dot + gamma**2 * norm2
         pooled = np.maximum(np.sum(np.where(concerned, stratum.df[:, None], 0.0), axis=0) - 1.0, 1.0)
         plain = total * np.sum(np.where(concerned, after, 0.0), axis=0) / pooled
-        squares = np.einsum("smj,smj->mj", columns, columns)
+        squares = np.sum(squares, axis=0)
         own = np.einsum("smj,sm->mj", columns, white.outputs) - gamma * squares
         single = np.sum(own**2, axis=0) * len(own) / df
         if level == "whole-plot":
@@ -277,9 +278,9 @@ def _less_subplots(problem: Problem, chosen: Sequence[int], of: IntArray) -> tup
     if not known.size:
         return outputs, columns
     stratum = problem.at["subplot"]
-    inverse, share = _inverse(problem, "subplot", known, stratum.outputs), means.columns[:, :, known]
-    columns -= share @ _times(inverse, stratum.columns[:, :, of])
-    return outputs - (share @ _times(inverse, stratum.outputs[:, :, None]))[:, :, 0], columns
+    both = np.concatenate([stratum.outputs[:, :, None], stratum.columns[:, :, of]], axis=2)
+    share = means.columns[:, :, known] @ _fitted(problem, "subplot", known, both)
+    return outputs - share[:, :, 0], columns - share[:, :, 1:]
 
 
 def _less_whole_plots(problem: Problem, chosen: Sequence[int]) -> FloatArray:
@@ -288,20 +289,14 @@ def _less_whole_plots(problem: Problem, chosen: Sequence[int]) -> FloatArray:
     if not known.size:
         return stratum.outputs
     means = _less_subplots(problem, chosen, known)[0]
-    fitted = _times(_inverse(problem, "whole-plot", known, means), means[:, :, None])
-    return np.asarray(stratum.outputs - (stratum.columns[:, :, known] @ fitted)[:, :, 0])
+    share = stratum.columns[:, :, known] @ _fitted(problem, "whole-plot", known, means[:, :, None])
+    return np.asarray(stratum.outputs - share[:, :, 0])
 
 
-def _inverse(problem: Problem, level: Level, known: IntArray, outputs: FloatArray) -> FloatArray:
-    """(q, S m) that gives the coefficients of candidates `known` at a level, fitted to all transducers together, each
-    as precise as the outputs (S, m) beside them.
-    """
+def _fitted(problem: Problem, level: Level, known: IntArray, to: FloatArray) -> FloatArray:
+    """(q, r) coefficients of the candidates `known` fitted to (S, m, r) at a level, all transducers together."""
     taken = problem.at[level].columns[:, :, known]
-    scale = _errors(problem, level, known, outputs, taken)[0][:, None]
-    inverse = np.linalg.pinv((taken / scale[:, :, None]).reshape(-1, known.size), rcond=1e-9)
-    return np.asarray(inverse / np.repeat(scale, outputs.shape[1]))
-
-
-def _times(inverse: FloatArray, to: FloatArray) -> FloatArray:
-    """(q, r) coefficients of (S, m, r)."""
-    return np.asarray(inverse @ to.reshape(inverse.shape[1], -1))
+    scale = _errors(problem, level, known, to[:, :, 0], taken)[0][:, None, None]
+    count = to.shape[0] * to.shape[1]
+    solved = np.linalg.lstsq((taken / scale).reshape(count, -1), (to / scale).reshape(count, -1), rcond=1e-9)
+    return np.asarray(solved[0])
