@@ -96,7 +96,7 @@ class Serial(SerialBase):
         if cable is None or wire.connection != here:
             cable = self._check(_GONE)
         if len(received) < size:
-            world, timeout = cable.world, self._timeout
+            world, timeout = cable.world, self.timeout
             end = None if timeout is None else world.now() + timeout
             world.run_until(end, lambda: len(received) >= size or wire.connection != here)
             if wire.connection != here or self._cable is None:
