@@ -9,8 +9,8 @@
 What is measured stands in benchmarks/figures.toml. A row between the marks of docs/figures.md is written by the command
 that measured it, and by nothing else. Of each kind of campaign a bounded share is there too (`campaign = true`),
 minutes each. Larger ones take hours and are told in words in docs/larger_campaigns.md: a person writes their figure,
-and --stamp writes the commit and the date. Code that is not committed is marked with a + after the commit; before commits were written, a row got that of
-its text, marked with <=: it was measured then or earlier.
+and --stamp writes the commit and the date. Code that is not committed is marked with a + after the commit; before
+commits were written, a row got that of its text, marked with <=: it was measured then or earlier.
 """
 
 from __future__ import annotations
@@ -268,7 +268,7 @@ def main() -> None:
     parser.add_argument("--stale", action="store_true", help="say which rows are older than their code")
     parser.add_argument("--all", action="store_true", help="with --stale: larger campaigns one by one")
     parser.add_argument("--campaigns", action="store_true", help="those campaigns that are older than their code")
-    parser.add_argument("--stamp", metavar="TEXT", help="write commit and date of now to the larger campaign that begins so")
+    parser.add_argument("--stamp", metavar="TEXT", help="write commit and date of now to a larger campaign's row")
     asked = parser.parse_args()
     known = figures()
     if asked.stale:

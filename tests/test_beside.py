@@ -86,9 +86,9 @@ def records(path: Path) -> list[bytes]:
 def refused(path: Path, files: Files) -> str:
     """What reader and writer say of it; "" if they open it, and then nothing is lost."""
     before, said = by_itself(path), []
-    for opening in (RunReader, RunWriter):
+    for kind in (RunReader, RunWriter):
         try:
-            with opening.open(path) as run:
+            with kind.open(path) as run:
                 run.verify()
                 found = [own for *_, own in run.chained()]
             assert found[: len(before)] == before
@@ -201,14 +201,14 @@ def test_a_journal_of_a_change_of_mode_is_gone_on_with_and_beside_another_file_r
     assert hot
     whole = len(records(laid(tmp_path / "whole", done)))
     for files in stood:
-        for opening in (RunReader, RunWriter):
-            with opening.open(laid(tmp_path / "cut", {**files, "-wal": b""})) as run:
+        for kind in (RunReader, RunWriter):
+            with kind.open(laid(tmp_path / "cut", {**files, "-wal": b""})) as run:
                 run.verify()
                 assert run.head()[0] == whole
     for main in (other, ones[4], {"": done[""] + bytes(4096)}):
         for files in hot:
             pair = {"": main[""], "-journal": files["-journal"]}
-            for opening in (RunReader, RunWriter):
+            for kind in (RunReader, RunWriter):
                 path = laid(tmp_path / "pair", pair)
                 with pytest.raises(ForeignFileError, match=r"(?s)is not the journal of .* Move .*-journal to another"):
                     opening.open(path)
