@@ -211,7 +211,7 @@ def test_a_journal_of_a_change_of_mode_is_gone_on_with_and_beside_another_file_r
             for kind in (RunReader, RunWriter):
                 path = laid(tmp_path / "pair", pair)
                 with pytest.raises(ForeignFileError, match=r"(?s)is not the journal of .* Move .*-journal to another"):
-                    opening.open(path)
+                    kind.open(path)
                 assert taken(path) == pair
 
 
