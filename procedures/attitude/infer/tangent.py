@@ -41,7 +41,7 @@ class Tangent:
         """(S, 2, n) rad/V up the meridian and along the parallel (`package.directions`), and (n,) cosine of pitch, at
         (3, n) gravity.
 
-        What is left of both directions is orthogonal to b, and each to the other direction: two products with b.
+        Both parts t - g (b.t)/(b.g) are orthogonal to b, and each to the other direction: products with b alone.
         """
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             b = self.across @ g
