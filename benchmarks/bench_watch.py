@@ -1,6 +1,6 @@
 """The live page of a long run: processor time and size of the first look, of the next one, and of an idle one.
 
-    .venv/bin/python -m benchmarks.bench_watch 100000
+.venv/bin/python -m benchmarks.bench_watch 100000
 """
 
 from __future__ import annotations
