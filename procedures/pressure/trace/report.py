@@ -101,7 +101,7 @@ class Finding:
 
     @cached_property
     def unweighted(self) -> tuple[Problem, tuple[int, ...]]:
-        """What was found alone, with readings as independent: repeats are compared so."""
+        """The run with its findings alone, and readings taken as independent: repeats are compared so."""
         few, inside = self.judge.problem.among(self.after.chosen)
         return replace(few, rho=np.zeros_like(few.rho)), inside
 
