@@ -1,6 +1,6 @@
 """The live page of a long run: processor time and size of the first look, of the next one, and of an idle one.
 
-python benchmarks/bench_watch.py 100000
+.venv/bin/python -m benchmarks.bench_watch 100000
 """
 
 from __future__ import annotations
@@ -32,13 +32,9 @@ def main() -> None:
         settling = {"pitch": {"samples": [[i / 2, 1.0] for i in range(40)]}}
         body = encode({"outputs": dict.fromkeys(("x_V", "y_V", "z_V"), channel), "settling": settling, "flags": []})
         with RunWriter.open(path) as run:
-            run._db.execute(
-                f"WITH RECURSIVE n(i) AS (SELECT 0 UNION ALL SELECT i + 1 FROM n WHERE i < {many - 2}) "
-                "INSERT INTO record SELECT i + 2, 1, 'observation', i * 10.0, 1e9 + i * 10.0, i, NULL, 1, 'accepted', "
-                "?, x'00', x'00' FROM n",
-                (body,),
-            )
-            run._seq, run._hash = run.head()
+            for i in range(many - 1):
+                observed = Record(1, "observation", 10.0 * i, 1e9 + 10.0 * i, i, None, 1, "accepted", body)
+                run.append(observed, commit=i % 1000 == 999 or i == many - 2)
             before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
             feed = RunFeed(path, None, iter(range(0, 10**6, 10)).__next__, time.time)
             first = _spent(feed.refresh)

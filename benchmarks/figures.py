@@ -1,4 +1,4 @@
-"""Figures of docs/figures.md that carry the commit and the date on which they were measured.
+"""Measured figures, each with the commit and the date of its measurement: docs/figures.md, docs/larger_campaigns.md.
 
     make figures                                    measure all times and memories (half an hour)
     make campaigns                                  repeat the campaigns that are older than their code (an hour or two)
@@ -6,11 +6,11 @@
     .venv/bin/python -m benchmarks.figures --stale  which are older than the last change of the code they speak of
     .venv/bin/python -m benchmarks.figures --stamp "short nights, attitude"  a campaign's row has been measured now
 
-What is measured stands in benchmarks/figures.toml. A row between the marks is written by the command that measured
-it, and by nothing else. Of each kind of campaign a bounded share is there too (`campaign = true`), minutes each.
-Larger ones take hours and are told in words: a person writes their figure, and --stamp writes the commit and the
-date. Code that is not committed is marked with a + after the commit; before commits were written, a row got that of
-its text, marked with <=: it was measured then or earlier.
+What is measured stands in benchmarks/figures.toml. A row between the marks of docs/figures.md is written by the command
+that measured it, and by nothing else. Of each kind of campaign a bounded share is there too (`campaign = true`),
+minutes each. Larger ones take hours and are told in words in docs/larger_campaigns.md: a person writes their figure,
+and --stamp writes the commit and the date. Code that is not committed is marked with a + after the commit; before
+commits were written, a row got that of its text, marked with <=: it was measured then or earlier.
 """
 
 from __future__ import annotations
@@ -32,6 +32,7 @@ from typing import Any
 
 HERE = Path(__file__).parent.parent
 DOCUMENT = HERE / "docs" / "figures.md"
+LARGER = HERE / "docs" / "larger_campaigns.md"
 MARKS = [
     (f"<!-- written by `make {what}`: begin -->", f"<!-- written by `make {what}`: end -->")
     for what in ("figures", "campaigns")
@@ -42,7 +43,7 @@ CAMPAIGNS = ("| what | figure | command | commit | date |", "| --- | --- | --- |
 BEFORE = "<= "
 """Mark of a commit at or before which a row was measured."""
 SECTIONS = "sections"
-"""Table of benchmarks/figures.toml with the paths of each section's campaigns."""
+"""Table of benchmarks/figures.toml with the paths of each section of the larger campaigns."""
 TIMES = 3
 LIMIT_S = 1800.0
 
@@ -94,7 +95,7 @@ def figures() -> dict[str, Figure]:
 
 
 def sections() -> dict[str, tuple[str, ...]]:
-    """The paths that the campaigns of each section of the document speak of."""
+    """The paths that the larger campaigns of each section speak of."""
     return {name: tuple(paths) for name, paths in _told()[SECTIONS].items()}
 
 
@@ -265,27 +266,28 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("names", nargs="*", help="figures to measure; all if none is named")
     parser.add_argument("--stale", action="store_true", help="say which rows are older than their code")
-    parser.add_argument("--all", action="store_true", help="with --stale: campaigns one by one")
+    parser.add_argument("--all", action="store_true", help="with --stale: larger campaigns one by one")
     parser.add_argument("--campaigns", action="store_true", help="those campaigns that are older than their code")
-    parser.add_argument("--stamp", metavar="TEXT", help="write commit and date of now to the campaign that begins so")
+    parser.add_argument("--stamp", metavar="TEXT", help="write commit and date of now to a larger campaign's row")
     asked = parser.parse_args()
     known = figures()
     if asked.stale:
         if not (HERE / ".git").exists():
             print("figures: no git here, so their age is not known")
             return
-        text = DOCUMENT.read_text()
-        standing, older = rows(text), old_campaigns(text)
+        larger = LARGER.read_text()
+        standing, older = rows(DOCUMENT.read_text()), old_campaigns(larger)
         said = [one for figure in known.values() if (one := stale(figure, standing.get(figure.name)))]
         if older and not asked.all:
-            older = [f"{len(older)} of {len(campaigns(text))} campaigns: python -m benchmarks.figures --stale --all"]
+            count = f"{len(older)} of {len(campaigns(larger))} larger campaigns"
+            older = [f"{count}: python -m benchmarks.figures --stale --all"]
         said += older
-        print("\n".join(("docs/figures.md, rows older than their code (a notice):", *said)) if said else "", end="\n")
+        print("\n".join(("measured figures older than their code (a notice):", *said)) if said else "", end="\n")
         return
     if asked.stamp:
-        text = DOCUMENT.read_text()
+        text = LARGER.read_text()
         mine = campaign(text, asked.stamp)
-        DOCUMENT.write_text(stamped(text, mine, *today(sections()[mine.section])))
+        LARGER.write_text(stamped(text, mine, *today(sections()[mine.section])))
         return
     strange = [name for name in asked.names if name not in known]
     if strange:

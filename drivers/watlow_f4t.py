@@ -137,8 +137,8 @@ class WatlowF4T(MappedTemperatures):
             limits_degC=(options.low_degC, options.high_degC),
             units=options.units,
         )
-        part = self._entry("part_number")
-        self._line.known = (part.address, int(part.type.removeprefix("text:")))
+        part = self._entries["part_number"]
+        self._line.known = (part.address, part.words)
         self._power = "" if options.power == "none" else _register(options.power)
 
     def identify(self) -> Identity:
@@ -315,7 +315,7 @@ class WatlowF4T(MappedTemperatures):
             self._set_code(self._power, "on")
             return
         press = self._power.replace("key", "key_press")
-        self._line.write(self._address(press), [self._map.codes[self._entry(press).codes]["down"]])
+        self._line.write(self._address(press), [self._map.codes[self._entries[press].codes]["down"]])
         if not self._powered():
             raise BadReply(
                 f"{self._line.where}: {self._options.power} was pressed and reads off; a key that does not stay on "

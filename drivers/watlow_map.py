@@ -6,7 +6,7 @@ import math
 import struct
 import tomllib
 from collections.abc import Mapping
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Literal, Self
 
 from pydantic import BaseModel, Field, model_validator
@@ -34,6 +34,12 @@ class RegisterEntry(BaseModel, extra="forbid", frozen=True):
     access: Literal["r", "rw"]
     stride: int = 0
     codes: str = ""
+
+    @cached_property
+    def words(self) -> int:
+        """Number of its words."""
+        kind, _, length = self.type.partition(":")
+        return int(length) if length else _WORDS[kind]
 
 
 class RegisterMap(BaseModel, extra="forbid", frozen=True):
@@ -73,24 +79,18 @@ class MappedDevice:
     def __init__(self, line: ModbusLine, registers: RegisterMap, loop: int, *, cascade: bool) -> None:
         self._line = line
         self._map = registers
-        self._loop, self._cascade = loop, cascade
+        self._loop = loop
+        self._entries = {**registers.registers, **(registers.cascade if cascade else {})}
         self._low_first = registers.word_order == "low-first"
         self._names = {of: {code: known for known, code in codes.items()} for of, codes in registers.codes.items()}
 
-    def _entry(self, name: str) -> RegisterEntry:
-        if self._cascade and name in self._map.cascade:
-            return self._map.cascade[name]
-        return self._map.registers[name]
-
     def _address(self, name: str, number: int = 0) -> int:
         """Address of a register; `number` selects the alarm or module, the loop is this driver's own."""
-        entry = self._entry(name)
+        entry = self._entries[name]
         return entry.address + ((number or self._loop) - 1) * entry.stride
 
     def _words(self, name: str, number: int = 0) -> list[int]:
-        kind = self._entry(name).type
-        count = int(kind.partition(":")[2]) if kind.startswith("text:") else _WORDS[kind]
-        return self._line.read(self._address(name, number), count)
+        return self._line.read(self._address(name, number), self._entries[name].words)
 
     def _text(self, name: str) -> str:
         return "".join(chr(word) for word in self._words(name) if word).strip()
@@ -103,12 +103,12 @@ class MappedDevice:
 
     def _code(self, name: str, number: int = 0) -> str:
         """Name of a code; an unknown code is kept as its number."""
-        codes = self._entry(name).codes
+        codes = self._entries[name].codes
         (word,) = self._words(name, number)
         return self._names[codes].get(word, f"code {word}")
 
     def _set_code(self, name: str, value: str) -> None:
-        code = self._map.codes[self._entry(name).codes][value]
+        code = self._map.codes[self._entries[name].codes][value]
         self._line.write(self._address(name), [code])
         found = self._code(name)
         if found != value:

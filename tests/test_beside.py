@@ -12,6 +12,7 @@ from test_run_file import RUN_LIST
 
 from procedures.run_list import Point, RunList
 from rig.errors import RunFileError
+from rig.run_file import opening, wal
 from rig.run_file.beside import ForeignFileError
 from rig.run_file.chain import Record, encode
 from rig.run_file.creation import Genesis, create
@@ -21,6 +22,7 @@ from rig.run_file.writer import RunWriter
 
 POINTS = 120
 STEP = 20
+PAGE = 4096
 _MAGIC = bytes.fromhex("d9d505f920a163d7")
 Files = Mapping[str, bytes]
 Nights = tuple[list[Files], Files, list[Files], Files]
@@ -84,9 +86,9 @@ def records(path: Path) -> list[bytes]:
 def refused(path: Path, files: Files) -> str:
     """What reader and writer say of it; "" if they open it, and then nothing is lost."""
     before, said = by_itself(path), []
-    for opening in (RunReader, RunWriter):
+    for kind in (RunReader, RunWriter):
         try:
-            with opening.open(path) as run:
+            with kind.open(path) as run:
                 run.verify()
                 found = [own for *_, own in run.chained()]
             assert found[: len(before)] == before
@@ -98,6 +100,17 @@ def refused(path: Path, files: Files) -> str:
     assert [bool(s) for s in said] in ([False, False], [True, True])
     assert by_itself(path)[: len(before)] == before
     return said[1]
+
+
+def test_only_the_present_generation_of_a_log_can_hide_records(tmp_path: Path, nights: Nights):
+    shorter = 0
+    for files in nights[0]:
+        path = laid(tmp_path / "stood", files)
+        whole, present = opening.by_itself(path), 32 + wal.inspect(path).frames * (24 + PAGE)
+        cut = laid(tmp_path / "cut", {**files, "-wal": files["-wal"][:present]})
+        shorter += present < len(files["-wal"])
+        assert opening.by_itself(cut) == whole
+    assert shorter
 
 
 def test_of_every_file_and_log_of_two_nights_each_pair_opens_whole_or_is_refused(tmp_path: Path, nights: Nights):
@@ -188,17 +201,17 @@ def test_a_journal_of_a_change_of_mode_is_gone_on_with_and_beside_another_file_r
     assert hot
     whole = len(records(laid(tmp_path / "whole", done)))
     for files in stood:
-        for opening in (RunReader, RunWriter):
-            with opening.open(laid(tmp_path / "cut", {**files, "-wal": b""})) as run:
+        for kind in (RunReader, RunWriter):
+            with kind.open(laid(tmp_path / "cut", {**files, "-wal": b""})) as run:
                 run.verify()
                 assert run.head()[0] == whole
     for main in (other, ones[4], {"": done[""] + bytes(4096)}):
         for files in hot:
             pair = {"": main[""], "-journal": files["-journal"]}
-            for opening in (RunReader, RunWriter):
+            for kind in (RunReader, RunWriter):
                 path = laid(tmp_path / "pair", pair)
                 with pytest.raises(ForeignFileError, match=r"(?s)is not the journal of .* Move .*-journal to another"):
-                    opening.open(path)
+                    kind.open(path)
                 assert taken(path) == pair
 
 

@@ -10,8 +10,8 @@ import struct
 from collections.abc import Callable, Sequence
 from functools import partial
 
-from pymodbus.client import ModbusTcpClient
-from pymodbus.pdu import ExceptionResponse, ModbusPDU
+from pymodbus.pdu import ExceptionResponse, ModbusPDU, ReadHoldingRegistersRequest
+from pymodbus.pdu.register_message import WriteMultipleRegistersRequest, WriteSingleRegisterRequest
 
 from drivers.clock import Clock
 from drivers.errors import BadReply, InstrumentError, NoReply, Unreachable
@@ -85,11 +85,12 @@ class ModbusLine:
             NoReply, BadReply, Unreachable: twice in a row.
             InstrumentError: the device refuses; the code is the Modbus exception.
         """
-
-        def request(client: ModbusTcpClient) -> ModbusPDU:
-            return client.read_holding_registers(address, count=count, device_id=self._unit)
-
-        return self._words(request, address, count)
+        request = ReadHoldingRegistersRequest(dev_id=self._unit, address=address, count=count)
+        words = self._ask(request, "reading", repeat=True).registers
+        if len(words) != count:
+            self._wire.doubt(self._unit)
+            raise BadReply(f"{self.where} answered {len(words)} words to a question for {count} at {address}")
+        return list(words)
 
     def write(self, address: int, words: Sequence[int]) -> None:
         """Write holding registers from `address` on: one by function 6, several by function 16. Never repeated.
@@ -100,13 +101,8 @@ class ModbusLine:
             InstrumentError: the device refuses; the code is the Modbus exception.
         """
         values = list(words)
-
-        def request(client: ModbusTcpClient) -> ModbusPDU:
-            if len(values) == 1:
-                return client.write_register(address, values[0], device_id=self._unit)
-            return client.write_registers(address, values, device_id=self._unit)
-
-        reply = self._ask(request, "writing", len(values), address)
+        kind = WriteSingleRegisterRequest if len(values) == 1 else WriteMultipleRegistersRequest
+        reply = self._ask(kind(dev_id=self._unit, address=address, registers=values), "writing")
         echo = reply.registers == values if len(values) == 1 else reply.count == len(values)
         if reply.address != address or not echo:
             self._wire.doubt(self._unit)
@@ -116,49 +112,34 @@ class ModbusLine:
         """Release the wire; idempotent. It opens again at its next use."""
         self._wire.close()
 
-    def _words(self, request: Callable[[ModbusTcpClient], ModbusPDU], address: int, count: int) -> list[int]:
-        words = self._ask(request, "reading", count, address, repeat=True).registers
-        if len(words) != count:
-            self._wire.doubt(self._unit)
-            raise BadReply(f"{self.where} answered {len(words)} words to a question for {count} at {address}")
-        return list(words)
-
-    def _ask(
-        self,
-        request: Callable[[ModbusTcpClient], ModbusPDU],
-        doing: str,
-        count: int,
-        address: int,
-        *,
-        repeat: bool = False,
-    ) -> ModbusPDU:
+    def _ask(self, request: ModbusPDU, doing: str, *, repeat: bool = False) -> ModbusPDU:
         reply = self._once_or_twice(request, repeat=repeat)
         tries = 0
         while isinstance(reply, ExceptionResponse):
             code = reply.exception_code
             if code != _BUSY or tries == _BUSY_TRIES:
                 reason = _EXCEPTIONS.get(code, "no reason known")
-                raise InstrumentError(self.where, code, f"{doing} {count} word(s) at {address}: {reason}")
+                raise InstrumentError(
+                    self.where, code, f"{doing} {request.count} word(s) at {request.address}: {reason}"
+                )
             tries += 1
             self._wire.clock.sleep(_BUSY_WAIT_S)  # it has done nothing, so a repetition is safe
             self.retries += 1
             reply = self._once_or_twice(request, repeat=repeat)
         return reply
 
-    def _once_or_twice(self, request: Callable[[ModbusTcpClient], ModbusPDU], *, repeat: bool) -> ModbusPDU:
-        try:
-            return self._once(request)
-        except (NoReply, BadReply) as error:
-            if not repeat or isinstance(error, OutOfStep):
-                raise
-        self.retries += 1
-        return self._once(request)
-
-    def _once(self, request: Callable[[ModbusTcpClient], ModbusPDU]) -> ModbusPDU:
-        self.exchanges += 1
-        return self._wire.ask(
-            request, unit=self._unit, where=self.where, seconds=self._timeout_s, log=self._log, known=self.known
-        )
+    def _once_or_twice(self, request: ModbusPDU, *, repeat: bool) -> ModbusPDU:
+        while True:
+            self.exchanges += 1
+            try:
+                return self._wire.ask(
+                    request, where=self.where, seconds=self._timeout_s, log=self._log, known=self.known
+                )
+            except (NoReply, BadReply) as error:
+                if not repeat or isinstance(error, OutOfStep):
+                    raise
+            repeat = False
+            self.retries += 1
 
     def _log(self, direction: str, data: bytes) -> None:
         if self._tap:

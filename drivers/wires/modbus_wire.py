@@ -1,6 +1,6 @@
 """One Modbus master on a TCP connection or a serial line: requests, replies, and synchronisation with the devices.
 
-The protocol is pymodbus's; the wire below it is ours. A late reply never answers the next request.
+Requests, replies and frames are pymodbus's; the wire below them is ours. A late reply never answers the next request.
 """
 
 from __future__ import annotations
@@ -13,10 +13,9 @@ from functools import partial
 from itertools import count
 from typing import NoReturn
 
-from pymodbus import FramerType
-from pymodbus.client import ModbusTcpClient
 from pymodbus.exceptions import ModbusException, ModbusIOException
-from pymodbus.pdu import ModbusPDU
+from pymodbus.framer import FramerBase, FramerRTU, FramerSocket
+from pymodbus.pdu import DecodePDU, ModbusPDU
 from pymodbus.pdu.register_message import ReadHoldingRegistersResponse
 
 from drivers.clock import Clock
@@ -31,6 +30,7 @@ _QUIET_S = 0.3
 _SERVER_SILENCE_S = 0.02  # a serial server sends received bytes on within some milliseconds
 _TALKS_ON_S = 10.0
 _LEAST_WAIT_S = 1e-4
+_MOST_NUMBERS = 65_000  # of requests over TCP, then from 1 again
 
 
 class _Words(ReadHoldingRegistersResponse):
@@ -44,32 +44,6 @@ class _Words(ReadHoldingRegistersResponse):
 
     def __str__(self) -> str:
         return "words"
-
-
-class _Client(ModbusTcpClient):
-    """pymodbus's requests and frames on our wire, without its connections, retries, locks and counts of failures."""
-
-    def __init__(self, framer: FramerType, wire: ModbusWire) -> None:
-        super().__init__("", framer=framer, retries=0)
-        self.framer.decoder.register(_Words)
-        self._wire = wire
-
-    def execute(self, no_response_expected: bool, request: ModbusPDU) -> ModbusPDU:
-        """The reply to a request; raises `ModbusException`."""
-        wire, framer = self._wire, self.framer
-        request.transaction_id = self.transaction.getNextTID()
-        wire._send(framer.buildFrame(request))
-        unread, end = b"", wire.clock.now() + wire._asked_s + wire.clock.grace()
-        while heard := wire._hear():
-            used, reply = framer.handleFrame(unread + heard, request.dev_id, request.transaction_id)
-            if reply is not None:
-                if (reply.dev_id, reply.transaction_id) != (request.dev_id, request.transaction_id):
-                    raise ModbusIOException("a reply to another request")
-                return reply
-            unread = (unread + heard)[used:]
-            if wire.clock.now() >= end:
-                break
-        raise ModbusIOException("no reply in time")
 
 
 class ModbusWire:
@@ -88,7 +62,9 @@ class ModbusWire:
         self.clock = clock
         self._open = opener or partial(open_transport, address, clock)
         self._rtu = address.rtu and not address.simulated
-        self._framer = FramerType.RTU if self._rtu else FramerType.SOCKET
+        decoder = DecodePDU(False)
+        decoder.register(_Words)
+        self._framer: FramerBase = FramerRTU(decoder) if self._rtu else FramerSocket(decoder)
         self._silence_s = _SERVER_SILENCE_S if address.host else silence_s(address.baud)
         self._out_of_step = False
         self._owing: set[int] = set()  # units from which a late answer may still come
@@ -99,15 +75,13 @@ class ModbusWire:
         self._log: Callable[[str, bytes], None] = _unlogged
         self._heard = b""
         self._seconds = self._asked_s = 1.0
-        self._client: _Client | None = None
         self._last_number = 0
         self._transport: Transport | None = self._connected(address.place)
 
     def ask(
         self,
-        request: Callable[[ModbusTcpClient], ModbusPDU],
+        request: ModbusPDU,
         *,
-        unit: int,
         where: str,
         seconds: float,
         log: Callable[[str, bytes], None],
@@ -116,8 +90,7 @@ class ModbusWire:
         """Send one request and wait for its reply, which may be an exception response.
 
         Args:
-            request: builds the request with a client.
-            unit: the device it goes to.
+            request: the request, with the device it goes to.
             where: the device, for messages.
             seconds: bench seconds to wait.
             log: called with ("tx" or "rx", bytes).
@@ -131,6 +104,7 @@ class ModbusWire:
         """
         self._log, self._heard = log, b""
         self._seconds, self._asked_s = self.clock.timeout(seconds), seconds
+        unit = request.dev_id
         try:
             if self._transport is None:
                 self._transport = self._connected(where)
@@ -140,11 +114,8 @@ class ModbusWire:
                 self._drain(where)
             if unit in self._owing:
                 self._synchronise(unit, known, where)
-            if self._client is None:
-                self._client = _Client(self._framer, self)
-                self._client.transaction.next_tid = self._last_number
             self._heard = b""
-            reply = request(self._client)
+            reply = self._exchanged(request)
             if self._rtu and not fits(self._heard, self._sent):
                 raise ModbusException("more or less than one reply")
             self._trusted = True
@@ -162,10 +133,6 @@ class ModbusWire:
 
     def doubt(self, unit: int) -> None:
         """Synchronise the line and this unit before the next request."""
-        if self._client is not None:
-            # otherwise a late reply would have the number of the next one
-            self._last_number = self._client.transaction.next_tid
-        self._client = None
         self._out_of_step = True
         self._trusted = False
         if self._rtu:
@@ -177,6 +144,26 @@ class ModbusWire:
         if transport is not None:
             with contextlib.suppress(OSError):  # an error while closing does not matter
                 transport.close()
+
+    def _exchanged(self, request: ModbusPDU) -> ModbusPDU:
+        """The reply to a request; raises `ModbusException`."""
+        framer, clock = self._framer, self.clock
+        if not self._rtu:
+            self._last_number = self._last_number % _MOST_NUMBERS + 1
+        request.transaction_id = self._last_number
+        self._send(framer.buildFrame(request))
+        unread, end = b"", clock.now() + self._asked_s + clock.grace()
+        while heard := self._hear():
+            unread += heard
+            used, reply = framer.handleFrame(unread, request.dev_id, request.transaction_id)
+            if reply is not None:
+                if (reply.dev_id, reply.transaction_id) != (request.dev_id, request.transaction_id):
+                    raise ModbusIOException("a reply to another request")
+                return reply
+            unread = unread[used:]
+            if clock.now() >= end:
+                break
+        raise ModbusIOException("no reply in time")
 
     def _send(self, data: bytes) -> None:
         assert self._transport is not None

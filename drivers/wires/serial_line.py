@@ -373,7 +373,7 @@ class SerialLine:
         """
         end = None
         while True:
-            heard = port.read(port.in_waiting or 1)
+            heard = port.read(1)
             if heard and (waiting := port.in_waiting):  # what came with the first byte
                 heard += port.read(waiting)
             raw += heard

@@ -11,10 +11,11 @@ from __future__ import annotations
 import contextlib
 import os
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from operator import length_hint
 from pathlib import Path
+from typing import Any
 
 import apsw
 
@@ -33,9 +34,8 @@ _TABLE_LEAF = 13
 _MOST_KEYS, _MOST_BYTES = 20_000, 256 << 20
 
 _LAST = "SELECT max(seq) FROM record"
-_ROW = "SELECT * FROM record WHERE seq = ?"
-_HELD = "SELECT 1 FROM record WHERE seq = ? AND hash = ?"
-_FOLLOWED = "SELECT 1 FROM record WHERE seq = ? + 1 AND previous = ?"
+_ASKED = 500
+"""Records a statement is asked for."""
 
 
 class ForeignFileError(RunFileError):
@@ -77,14 +77,21 @@ def alone(path: Path, main: Guarded) -> Alone:
     last = next(iter(main.rows(_LAST)))[0] or 0
     keys = {1, last or 1, *(key for key in _hidden(path) if 1 <= key <= last)}
     known, content = [], 0
-    for key in sorted(keys, reverse=True):
-        for row in main.rows(_ROW, (key,)):
-            content += sum(map(length_hint, row))
-            if content > _MOST_BYTES:
-                raise apsw.TooBigError("a few of its records give more content than they can have")
-            if followed([row], key, row[10]):  # half a checkpoint gives half a record
-                known.append((key, row[11]))
+    for row in _records(main, "*", sorted(keys, reverse=True)):
+        content += sum(map(length_hint, row))
+        if content > _MOST_BYTES:
+            raise apsw.TooBigError("a few of its records give more content than they can have")
+        if followed([row], row[0], row[10]):  # half a checkpoint gives half a record
+            known.append((row[0], row[11]))
     return Alone(last, tuple(known))
+
+
+def _records(db: Guarded, columns: str, keys: Sequence[int]) -> Iterator[tuple[Any, ...]]:
+    """Columns of those records that are there, the last first."""
+    for at in range(0, len(keys), _ASKED):
+        some = tuple(keys[at : at + _ASKED])
+        marks = ", ".join("?" * len(some))
+        yield from db.rows(f"SELECT {columns} FROM record WHERE seq IN ({marks}) ORDER BY seq DESC", some)
 
 
 def check_log(path: Path, by_itself: Alone, view: Guarded) -> None:
@@ -101,10 +108,10 @@ def check_log(path: Path, by_itself: Alone, view: Guarded) -> None:
     """
     try:
         last = next(iter(view.rows(_LAST)))[0] or 0
-        missing = [seq for seq, own in by_itself.known if not list(view.rows(_HELD, (seq, own)))]
-        missing += [
-            seq + 1 for seq, own in by_itself.known if seq < last and not list(view.rows(_FOLLOWED, (seq, own)))
-        ]
+        held = dict(_records(view, "seq, hash", [seq for seq, _ in by_itself.known]))
+        after = dict(_records(view, "seq, previous", [seq + 1 for seq, _ in by_itself.known if seq < last]))
+        missing = [seq for seq, own in by_itself.known if held.get(seq) != own]
+        missing += [seq + 1 for seq, own in by_itself.known if seq < last and after.get(seq + 1) != own]
     except apsw.Error as error:
         raise foreign_log(path, by_itself.records, f"cannot be read ({error})") from error
     if not missing:
@@ -180,7 +187,10 @@ def _move(path: Path, suffix: str) -> str:
 
 
 def _hidden(path: Path) -> Iterator[int]:
-    """Numbers of the last rows of all leaf pages that the log has other versions of."""
+    """Numbers of the last rows of all leaf pages that the log has other versions of.
+
+    Frames of an earlier generation of the log, which have another salt, are not read by SQLite and hide nothing.
+    """
     with contextlib.suppress(OSError), path.open("rb") as main, open(f"{path}-wal", "rb") as log:
         header = log.read(_WAL_HEADER)
         size = struct.unpack_from(">I", header, 8)[0] if len(header) == _WAL_HEADER else 0
@@ -188,7 +198,10 @@ def _hidden(path: Path) -> Iterator[int]:
             return
         seen: set[int] = set()
         for at in range(_WAL_HEADER, os.fstat(log.fileno()).st_size - _FRAME_HEADER + 1, _FRAME_HEADER + size):
-            (number,) = struct.unpack(">I", os.pread(log.fileno(), 4, at) or bytes(4))
+            frame = os.pread(log.fileno(), _FRAME_HEADER, at)
+            if len(frame) < _FRAME_HEADER or frame[8:16] != header[16:24]:
+                continue
+            (number,) = struct.unpack_from(">I", frame)
             if number > 1 and number not in seen and len(seen) < _MOST_KEYS:
                 seen.add(number)
                 key = _last_key(os.pread(main.fileno(), size, (number - 1) * size))

@@ -70,6 +70,7 @@ class FaultyWire:
         self._held_until = 0.0
         self._down_until = {"unplugged": -inf, "bus-off": -inf, "deaf": -inf}
         self._dead_until = -inf  # the latest of these
+        self._struck = False  # whether anything has ever happened to it
         self._request = b""
 
     @property
@@ -84,6 +85,7 @@ class FaultyWire:
 
     def strike(self, fault: Fault, until: float) -> None:
         """Start a fault; `until` is the end of one with a duration."""
+        self._struck = True
         if fault.kind in _DOWN:
             self._down(fault.kind, until)
             self._note(fault, f"{fault.kind} until {until:.3f} s")
@@ -111,13 +113,13 @@ class FaultyWire:
         self.exchanges += 1
         if self.begins is not None:
             self.begins(self.exchanges)
+        self._request = message
+        if not self._struck:  # nearly always
+            forward(message)
+            return
         if self._medium != "serial":
             self._due.clear()  # with these kinds every message is answered
-        self._request = message
         if self._world.now() < self._dead_until:
-            return
-        if not (self._armed or self._due):  # the most frequent case
-            forward(message)
             return
         for armed in self._current():
             if armed.fault.kind not in _FRAMES:
@@ -138,14 +140,10 @@ class FaultyWire:
     def to_host(self, message: bytes, deliver: Deliver) -> None:
         """A message from the instrument; `deliver` passes on the resulting messages."""
         before, self.latest = self.latest, message
-        now = self._world.now()
-        if now < self._dead_until:
+        if not self._struck:  # nearly always
+            deliver(message)
             return
-        if not (self._armed or self._due):  # the most frequent case
-            if now >= self._held_until:
-                deliver(message)
-            else:
-                self._send(message, deliver, 0.0)
+        if self._world.now() < self._dead_until:
             return
         late = 0.0
         for armed in self._current():
@@ -216,6 +214,7 @@ class FaultyWire:
         return self._armed
 
     def _down(self, how: str, until: float) -> None:
+        self._struck = True
         self._down_until[how] = max(until, self._down_until[how])
         self._dead_until = max(until, self._dead_until)
 

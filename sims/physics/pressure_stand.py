@@ -80,23 +80,27 @@ class PressureStand:
                 self._chambers[factors[factor]] = Chamber(chamber, lab, start)
         self._effects, self._gauge = truth.effects, (1.0, 0.0)
         self._sensors, self._sse = (self._chambers.get(factors.get(factor, "")) for factor in (SENSORS, SSE))
-        self.transducers = self._connected()
+        self._connect()
 
-    def _connected(self) -> dict[str, Transducer]:
-        """The transducers, under the present effects."""
+    def _connect(self) -> None:
+        """Connect the transducers, under the present effects."""
         truth = self._truth
-        return {
+        self.transducers = {
             name: Transducer(name, sensor, self._effects, truth.seed)
             for name, sensor in truth.sensors.items()
             if isinstance(sensor, TransducerTruth)
         }
+        felt = self.transducers.values()
+        # what no transducer feels need not be known
+        self._creeps, self._lags = any(one.creep for one in felt), any(one.lag for one in felt)
+        self._gradients = any(one.gradient for one in felt)
 
     def by_hand(self, change: str, drawn: Drawn) -> None:
         """A person changes the bench by hand."""
         self._effects = changed(self._effects, change, drawn)
         if change == OTHER_GAUGE:
             self._gauge = drawn.gauge()
-        self.transducers = self._connected()
+        self._connect()
 
     def line(self, instrument: str) -> Line:
         """The line behind a pressure controller; the transducers are on that of the factor."""
@@ -154,16 +158,19 @@ class PressureStand:
         pressure += effects.reference_nonlinearity.upsi_per_psi3 * 1e-6 * pressure**3
         gain, zero_psi = self._gauge
         pressure = pressure * gain + zero_psi
-        ago = max(self._start, t - 1.0)
-        rate = 3600.0 * (sensor - self.sensors_degC(ago)) / (t - ago) if t > ago else 0.0
-        lag = self._sensors.temperatures.behind(t, effects.thermal_lag.time_constant_s) if self._sensors else 0.0
+        creep = settings.behind(t, effects.carry_over.time_constant_s) if self._creeps else 0.0
+        lag = rate = 0.0
+        if self._lags and self._sensors:
+            lag = self._sensors.temperatures.behind(t, effects.thermal_lag.time_constant_s)
+        if self._gradients and t > (ago := max(self._start, t - 1.0)):
+            rate = 3600.0 * (sensor - self.sensors_degC(ago)) / (t - ago)
         return Conditions(
             t=t,
             pressure_psia=pressure,
             sensor_degC=sensor,
             sse_degC=self.sse_degC(t),
             loop=-settings.direction(t) * effects.hysteresis.shape(pressure),
-            creep_psi=settings.behind(t, effects.carry_over.time_constant_s),
+            creep_psi=creep,
             lag_degC=lag,
             degC_per_h=rate,
             setting=event_at(settings.since(t)),

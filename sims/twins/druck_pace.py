@@ -322,8 +322,9 @@ class DruckPACETwin(PaceStatus):
         """Whether the pressure has been in limits for long enough."""
         reached = self._in_limits_from()
         now = self.world.now()
-        near = abs(self.line.reading_psia(now) - self.line.setpoint_psia) <= self._band_psi
-        return reached is not None and now >= reached and near
+        if reached is None or now < reached:
+            return False
+        return abs(self.line.reading_psia(now) - self.line.setpoint_psia) <= self._band_psi
 
     @property
     def _band_psi(self) -> float:

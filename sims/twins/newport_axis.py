@@ -134,7 +134,19 @@ class Axis:
 
     def moving(self) -> bool:
         """Whether motion is not done, homing included."""
-        return self.homing or self._mechanics.moving(self._world.now())
+        return self.homing or self.driving()
+
+    def told_position(self, t: float) -> str:
+        """The answer to TP? at a time."""
+        return f"{round((self._mechanics.encoder_deg(t) - self.zero) / ENCODER_DEG) * ENCODER_DEG:.4f}"
+
+    def told_done(self, t: float) -> str:
+        """The answer to MD? at a time."""
+        return "0" if self.homing or self._mechanics.moving(t) else "1"
+
+    def told_power(self, t: float) -> str:
+        """The answer to MO?."""
+        return "1" if self.powered else "0"
 
     def go(self, target: float, speed: float) -> None:
         """Start a move to `target`, in this count."""

@@ -67,7 +67,8 @@ _NO_EMERGENCY_STOP = 0x18000000  # likewise in that of the hardware status
 _NUMBER = re.compile(r"[+-]?(\d{1,9}\.?\d*|\.\d+)(E[+-]?\d)?", re.ASCII)
 
 
-_Polls = tuple[Callable[[], str], ...]
+_Poll = Callable[[float], str]
+"""The answer to a frequent query at a time."""
 _Parsed = tuple[int, str, bool, str]
 """Axis number (0 if none), mnemonic, whether it is a query, parameter text."""
 _WITHOUT_AXIS = frozenset(("TE", "TB", "VE", "AB", "WS", "TS", "TX", "PH"))
@@ -85,18 +86,6 @@ def _parsed(text: str) -> _Parsed | None:
         return None
     number, mnemonic, query, parameter = match.groups()
     return int(number or 0), mnemonic, bool(query), parameter
-
-
-def _told_position(axis: Axis) -> str:
-    return f"{axis.position():.4f}"
-
-
-def _told_done(axis: Axis) -> str:
-    return "0" if axis.moving() else "1"
-
-
-def _told_power(axis: Axis) -> str:
-    return "1" if axis.powered else "0"
 
 
 class _Refused(Exception):
@@ -144,14 +133,12 @@ class NewportESP301Twin:
         self._serial = serial
         numbers = {axis: int(str(options.get(f"{axis}_axis", n))) for n, axis in ((1, "pitch"), (2, "roll"))}
         self._axes = {number: Axis(axis, plant.head, world) for axis, number in numbers.items()}
-        self._polled: dict[str, Callable[[], str]] = {}
+        self._polled: dict[str, _Poll] = {}
         for n, axis in self._axes.items():
-            self._polled[f"{n}TP?"] = partial(_told_position, axis)
-            self._polled[f"{n}MD?"] = partial(_told_done, axis)
-            self._polled[f"{n}MO?"] = partial(_told_power, axis)
+            self._polled |= {f"{n}TP?": axis.told_position, f"{n}MD?": axis.told_done, f"{n}MO?": axis.told_power}
         self._commands: dict[str, Callable[[Axis, int, str], str | None]] = {
-            "TP": lambda axis, n, text: _told_position(axis),
-            "MD": lambda axis, n, text: _told_done(axis),
+            "TP": lambda axis, n, text: axis.told_position(world.now()),
+            "MD": lambda axis, n, text: axis.told_done(world.now()),
             "DP": lambda axis, n, text: f"{axis.target:.4f}",
             "TV": lambda axis, n, text: f"{axis.speed():.4f}",
             "ID": lambda axis, n, text: f"RGV100BL, {self._serial}",
@@ -227,14 +214,15 @@ class NewportESP301Twin:
             commands = deque(_commands(line))
             self._world.call_in(_COMMAND_S * len(commands), partial(self._carry_out, commands, tx, self._session))
 
-    def _polls_of(self, line: bytes) -> _Polls:
+    def _polls_of(self, line: bytes) -> tuple[_Poll, ...]:
         """Functions for the answers of a line of frequent queries only, as nearly all of a night; () for any other."""
         polls = [self._polled.get(command) for command in _commands(line)] if len(line) <= _LONGEST_LINE else [None]
         return () if None in polls else tuple(poll for poll in polls if poll is not None)
 
-    def _tell(self, polls: _Polls, tx: Callable[[bytes], None], session: int) -> None:
+    def _tell(self, polls: tuple[_Poll, ...], tx: Callable[[bytes], None], session: int) -> None:
         if session == self._session:  # not switched off meanwhile
-            tx(("\r\n".join([poll() for poll in polls]) + "\r\n").encode("ascii"))
+            now = self._world.now()
+            tx(("\r\n".join([poll(now) for poll in polls]) + "\r\n").encode("ascii"))
             self._next_line(tx)
 
     def _carry_out(self, commands: deque[str], tx: Callable[[bytes], None], session: int) -> None:
@@ -340,7 +328,7 @@ class NewportESP301Twin:
 
     def _power_on(self, axis: Axis, number: int, text: str) -> str | None:
         if text == "?":
-            return _told_power(axis)
+            return axis.told_power(self._world.now())
         axis.powered = True
         return None
 

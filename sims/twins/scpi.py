@@ -80,8 +80,17 @@ def _parameters(method: Callable[..., Any]) -> tuple[int, float]:
     return fewest, float("inf") if any(p.kind is p.VAR_POSITIONAL for p in kinds) else len(kinds)
 
 
+_Unit = tuple[str, str]
+"""One command of a line: its header in upper case, and its parameters."""
+
 _Found = tuple[Command, str, list[str]]
 """Row of a command, name of its method, and its parameters."""
+
+
+@lru_cache(maxsize=4096)
+def _units(line: str) -> tuple[_Unit, ...]:
+    parts = (unit.strip().partition(" ") for unit in split_outside(line.strip(), ";"))
+    return tuple((header.upper(), rest.strip()) for header, _, rest in parts)
 
 
 class ScpiTwin:
@@ -175,7 +184,7 @@ class ScpiTwin:
     def _next_line(self, tx: Callable[[bytes], None]) -> None:
         self._running = bool(self._lines)
         if self._running:
-            units = deque(split_outside(self._lines.popleft().strip(), ";"))
+            units = deque(_units(self._lines.popleft()))
             delay = _COMMAND_S * len(units)
             self.world.call_in(delay, partial(self._carry_out, units, [], "", tx, self._session))
 
@@ -190,16 +199,14 @@ class ScpiTwin:
         return self._running
 
     def _carry_out(
-        self, units: deque[str], answers: list[str], path: str, tx: Callable[[bytes], None], session: int
+        self, units: deque[_Unit], answers: list[str], path: str, tx: Callable[[bytes], None], session: int
     ) -> None:
         """Execute the rest of a line; `path` is the subtree of the next header."""
         if session != self._session:
             return  # cleared or switched off meanwhile
         while units:
-            unit = units[0].strip()
             try:
-                header, _, rest = unit.partition(" ")
-                path, answer = self._execute(path, header, rest.strip())
+                path, answer = self._execute(path, *units[0])
             except Wait as wait:
                 self.world.call_in(wait.seconds, partial(self._carry_out, units, answers, path, tx, session))
                 return
@@ -217,7 +224,7 @@ class ScpiTwin:
         if not header:
             return path, None
         query = header.endswith("?")
-        name = header.removesuffix("?").upper()
+        name = header.removesuffix("?")
         if not name.startswith("*"):
             name = self.addressed(name[1:] if name.startswith(":") else path + name)
         found = self._asked.get((name, rest)) if query else None

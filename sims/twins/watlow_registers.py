@@ -100,6 +100,9 @@ class Bank:
 
         A parameter of 16 bits has two addresses: public clients read across the second, which is 0 here [?].
         """
+        register, offset = self._find(address)
+        if register.size == count and not offset:  # nearly always
+            return register.words()
         words: list[int] = []
         single = False
         while len(words) < count:

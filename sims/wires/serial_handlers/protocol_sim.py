@@ -92,11 +92,11 @@ class Serial(SerialBase):
 
     def read(self, size: int = 1) -> bytes:
         """Up to `size` bytes; fewer if the timeout passes first (virtual time)."""
-        cable = self._check(_GONE)
-        received = self._received
+        cable, wire, here, received = self._cable, self._wire, self._connection, self._received
+        if cable is None or wire.connection != here:
+            cable = self._check(_GONE)
         if len(received) < size:
-            world, wire, here = cable.world, self._wire, self._connection
-            timeout = self.timeout
+            world, timeout = cable.world, self.timeout
             end = None if timeout is None else world.now() + timeout
             world.run_until(end, lambda: len(received) >= size or wire.connection != here)
             if wire.connection != here or self._cable is None:
@@ -107,7 +107,9 @@ class Serial(SerialBase):
 
     def write(self, data: ReadableBuffer, /) -> int:
         """Hand bytes to the line; they travel at its baud rate."""
-        cable = self._check("write failed: [Errno 5] Input/output error")
+        cable = self._cable
+        if cable is None or self._wire.connection != self._connection:
+            cable = self._check("write failed: [Errno 5] Input/output error")
         sent = bytes(data)
         if self._understood:
             cable.send(sent)
