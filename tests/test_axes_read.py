@@ -41,7 +41,8 @@ def test_an_axis_that_stands_is_judged_at_every_reading(monkeypatch: pytest.Monk
     guard, checked = Guard({}), []
     monkeypatch.setattr(guard, "check_axes", checked.append)
     do = BenchActions(bench, Axes([HeadMover(head)]), guard, world, world.sleep)  # type: ignore[arg-type]
-    assert do.axes() == do.axes() and len(checked) == 2
+    assert do.axes() == do.axes()
+    assert len(checked) == 2
     head.read = lambda: {"pitch": AxisState(3.0, False, True, True, "too hot")}  # type: ignore[method-assign]
     for _ in range(2):
         with pytest.raises(DriveFault, match="too hot"):
