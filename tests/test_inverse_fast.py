@@ -1,8 +1,9 @@
 """Three axes, fast: the same attitudes as by iteration to the end; and the document's example."""
 
 import re
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
+from threading import get_ident
 
 import numpy as np
 import pytest
@@ -12,7 +13,8 @@ from scipy import special
 from scipy.optimize import least_squares
 from test_inverse import BENCH, PACKAGES, attitudes, true_calibration, volts
 
-from procedures.attitude.infer import AttitudeCalibration, SensorModel, ThreeAxis, infer_attitude
+from procedures.attitude.infer import AttitudeCalibration, SensorModel, ThreeAxis, blocks, infer_attitude
+from procedures.attitude.infer import infer as of_readings
 from procedures.attitude.infer.package import Noise, Propagation, angles, directions, gravity, t_limits
 from procedures.attitude.infer.tangent import Tangent
 from procedures.attitude.infer.three_axis import CHUNK
@@ -144,7 +146,8 @@ def test_gains_are_those_of_weighted_least_squares_in_the_tangent_plane(count):
     g /= np.linalg.norm(g, axis=0)
     turns, c = directions(g)
     assert np.allclose(c, np.hypot(g[1], g[2]), rtol=1e-14)
-    found = Tangent.of(matrix, weights).gains(g, turns)
+    found, cosine = Tangent.of(matrix, weights).gains(g)
+    assert np.array_equal(cosine, c)
     for i in range(g.shape[1]):
         plane = turns[:, :, i]
         assert np.allclose(np.column_stack([plane, g[:, i]]).T @ plane, np.eye(3)[:, :2], atol=1e-15)
@@ -153,17 +156,56 @@ def test_gains_are_those_of_weighted_least_squares_in_the_tangent_plane(count):
         assert np.allclose(found[:, :, i].T, by_hand, rtol=1e-9, atol=1e-9)
 
 
-def test_variances_of_both_angles_at_once_are_those_of_the_whole_covariance():
+@pytest.mark.parametrize("same_points", [True, False])
+def test_variances_of_both_angles_at_once_are_those_of_the_whole_covariance(same_points):
     calibration = true_calibration(NAMES)
-    root = np.random.default_rng(7).normal(size=(12, 12)) * 1e-6
-    calibration = replace(calibration, covariance=root @ root.T)
+    rng = np.random.default_rng(7)
+    root = np.kron(rng.normal(size=(3, 3)), rng.normal(size=(4, 4))) if same_points else rng.normal(size=(12, 12))
+    calibration = replace(calibration, covariance=1e-12 * root @ root.T)
+    assert (calibration.alike is not None) == same_points
     pitch, roll, _ = attitudes(40, pitch=80.0)
     g = gravity(np.radians(pitch), np.radians(roll))
     noise = Noise(calibration.sigma_V**2, of_fit=True)
-    gains = Tangent.of(calibration.matrix, 1.0 / noise.variance).gains(g, directions(g)[0])
+    gains, _ = Tangent.of(calibration.matrix, 1.0 / noise.variance).gains(g)
     found = Propagation.at(calibration, noise, g, np.zeros(40)).spread(gains)
     columns = np.stack([np.ones(40), g[0], -g[1], -g[2]])
     moved = (gains[:, None] * columns[None, :, None]).reshape(12, 2, 40)
     whole = np.einsum("akn,ab,bkn->kn", moved, calibration.covariance, moved)
     whole += np.einsum("skn,s->kn", gains**2, noise.variance)
     assert np.abs(found.variance / whole - 1.0).max() < 1e-12
+
+
+def test_the_first_correction_alone_is_within_the_rounding_where_it_ends():
+    """Newton's method to the end starts from outputs that are off by more than where it ends at once."""
+    calibration = true_calibration(NAMES)
+    three = ThreeAxis.of(calibration.offsets_V, calibration.matrix, np.array([1.0, 3.0, 10.0]))
+    pitch, roll, rng = attitudes(2000)
+    v = volts(pitch, roll, NAMES) + rng.normal(0, 3e-5, (2000, 3))
+    far = np.append(v, v[:1] * 1.001, axis=0)
+    assert np.abs(three.gravity(v, 3) - three.gravity(far, 9)[:, :-1]).max() < 1e-13
+
+
+def test_cores_share_the_blocks_of_many_readings_and_answers_are_those_of_one_to_the_bit(monkeypatch):
+    calibration = true_calibration(NAMES)
+    pitch, roll, rng = attitudes(3000)
+    v = volts(pitch, roll, NAMES) + rng.normal(0, 1e-4, (3000, 3))
+    v[7, 1], v[2500] = np.nan, 2.0 * v[2500]
+    monkeypatch.setattr(blocks, "BLOCK", 500)
+    threads = set()
+    flagged = of_readings.flag_ranges
+    monkeypatch.setattr(of_readings, "flag_ranges", lambda *of: threads.add(get_ident()) or flagged(*of))
+    answers = []
+    for cores in ({0}, {0, 1, 2}):
+        monkeypatch.setattr(blocks.os, "sched_getaffinity", lambda _, cores=cores: cores)
+        threads.clear()
+        answers.append(infer_attitude(calibration, v))
+        assert (threads == {get_ident()}) == (len(cores) == 1)
+    for each in fields(answers[0]):
+        one, several = (getattr(answer, each.name) for answer in answers)
+        assert np.array_equal(one, several, equal_nan=one.dtype.kind == "f")
+    with pytest.raises(ValueError, match="planned"):
+        blocks.in_blocks(3000, _fails)
+
+
+def _fails(_):
+    raise ValueError("planned")

@@ -26,6 +26,10 @@ from procedures.attitude.model import (
 Range = tuple[float, float]
 KIND = "attitude"
 
+_ROUNDING = 1e-14
+_GRAVITY_COLUMNS = np.array([1.0, 1.0, -1.0, -1.0])
+"""Columns of a sensor's model over one and gravity in package axes."""
+
 
 @dataclass(frozen=True, eq=False)
 class Drift:
@@ -111,7 +115,7 @@ class AttitudeCalibration:
         """Names of the outputs."""
         return tuple(s.name for s in self.sensors)
 
-    @property
+    @cached_property
     def needs_temperature(self) -> bool:
         """Whether inference needs the sensors' temperature."""
         return any(s.needs_temperature for s in self.sensors)
@@ -121,17 +125,17 @@ class AttitudeCalibration:
         """(S,)."""
         return np.array([s.coefficients[0] for s in self.sensors])
 
-    @property
+    @cached_property
     def matrix(self) -> FloatArray:
         """(S, 3) sensitive axes times sensitivities, V/g: outputs minus offsets = matrix @ g_M."""
         return np.array([s.sensitive_axis for s in self.sensors])
 
-    @property
+    @cached_property
     def sigma_V(self) -> FloatArray:  # noqa: N802 - the unit is part of the name
         """(S,) standard deviation of one reading."""
         return np.array([s.sigma_V for s in self.sensors]) if self.drift is None else self.drift.sigma_V
 
-    @property
+    @cached_property
     def sigma_df(self) -> FloatArray:
         """(S,) its degrees of freedom."""
         return np.array([s.df for s in self.sensors]) if self.drift is None else self.drift.sigma_df
@@ -144,8 +148,24 @@ class AttitudeCalibration:
     @cached_property
     def root(self) -> FloatArray:
         """(K, K) with root @ root.T = `use_covariance`; it exists also without full rank."""
-        values, vectors = np.linalg.eigh(self.use_covariance)
-        return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+        return _root(self.use_covariance)
+
+    @cached_property
+    def alike(self) -> tuple[FloatArray, FloatArray] | None:
+        """Roots (S, S) and (4, 4) of the factors of `use_covariance`, of the sensors and of each one's columns one and
+        gravity, if it is their Kronecker product within the rounding: all sensors were calibrated at the same points.
+        None otherwise, and if they have further terms.
+        """
+        whole = self.use_covariance
+        scale = np.sqrt(np.diag(whole))
+        if any(s.terms for s in self.sensors) or not scale[:4].any():
+            return None
+        parts = whole.reshape(len(self.sensors), 4, len(self.sensors), 4)
+        own, largest = parts[0, :, 0], np.argmax(np.diag(parts[0, :, 0]))
+        between = parts[:, largest, :, largest] / own[largest, largest]
+        if np.any(np.abs(np.kron(between, own) - whole) > _ROUNDING * np.outer(scale, scale)):
+            return None
+        return _root(between), _GRAVITY_COLUMNS[:, None] * _root(own)
 
     @cached_property
     def products(self) -> FloatArray:
@@ -307,6 +327,12 @@ class AttitudeCalibration:
             )
         except (KeyError, TypeError) as problem:
             raise FitError(f"a calibration of attitude lacks or garbles {problem}") from problem
+
+
+def _root(covariance: FloatArray) -> FloatArray:
+    """(K, K) with root @ root.T = (K, K) `covariance`, which need not have full rank."""
+    values, vectors = np.linalg.eigh(covariance)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
 def _checked(given: FloatArray, size: int) -> FloatArray:

@@ -30,9 +30,10 @@ from procedures.attitude.infer.answer import (
     reason,
     turn_over,
 )
+from procedures.attitude.infer.blocks import in_blocks
 from procedures.attitude.infer.calibration import AttitudeCalibration
 from procedures.attitude.infer.known_roll import DECISIVE, KnownRoll, polish, wrap
-from procedures.attitude.infer.package import NORMAL_95, Propagation, angles, directions, gravity, t_limits
+from procedures.attitude.infer.package import NORMAL_95, Propagation, angles, gravity, t_limits
 from procedures.attitude.infer.question import (
     Question,
     absurd_squares,
@@ -46,8 +47,6 @@ from procedures.attitude.infer.question import (
 from procedures.attitude.infer.singular import FEWEST_SD, normal
 from procedures.attitude.infer.tangent import Tangent
 from procedures.attitude.infer.three_axis import ThreeAxis
-
-CHUNK = 16384
 
 _TERMS_ITERATIONS, _TERMS_TOLERANCE = 12, 1e-12
 
@@ -157,35 +156,36 @@ def _as_named(
         three = ThreeAxis.of(np.zeros(len(calibration.sensors)), calibration.matrix, weights**-0.5)
     worse = worse_at_most(calibration, noise)
     absurd = absurd_squares(calibration, worse, free=roll is None)
-    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        for i in range(0, n, CHUNK):
-            p = slice(i, i + CHUNK)
-            question = Question(
-                calibration,
-                noise,
-                weights,
-                np.subtract(outputs[p].T, offsets, order="C"),
-                warmth[p],
-                near_pitch[p],
-                near_roll[p],
-                over[p],
-                None if roll is None else roll[p],
-                roll_variance[p],
-                weighted and len(calibration.sensors) > 1 and (roll is not None or three is not None),
-                worse,
-                absurd,
-                tangent,
-            )
-            part = InferredAttitude(**{f.name: getattr(out, f.name)[p] for f in fields(InferredAttitude)})
-            if question.roll is not None:
-                _known_roll(question, part)
-                part.roll_deg[:] = given[p]
-            elif three is None:
-                _two_axes(question, part)
-            else:
-                _three_axes(question, three, part)
-            flag_ranges(calibration, part, None if degC is None else degC[p])
-            _bad_readings(question, part)
+
+    def block(p: slice) -> None:
+        question = Question(
+            calibration,
+            noise,
+            weights,
+            np.subtract(outputs[p].T, offsets, order="C"),
+            warmth[p],
+            near_pitch[p],
+            near_roll[p],
+            over[p],
+            None if roll is None else roll[p],
+            roll_variance[p],
+            weighted and len(calibration.sensors) > 1 and (roll is not None or three is not None),
+            worse,
+            absurd,
+            tangent,
+        )
+        part = InferredAttitude(**{f.name: getattr(out, f.name)[p] for f in fields(InferredAttitude)})
+        if question.roll is not None:
+            _known_roll(question, part)
+            part.roll_deg[:] = given[p]
+        elif three is None:
+            _two_axes(question, part)
+        else:
+            _three_axes(question, three, part)
+        flag_ranges(calibration, part, None if degC is None else degC[p])
+        _bad_readings(question, part)
+
+    in_blocks(n, block)
     return out
 
 
@@ -230,8 +230,8 @@ def _two_axes(q: Question, out: InferredAttitude) -> None:
 def _tangent_errors(q: Question, g: FloatArray, out: InferredAttitude) -> FloatArray:
     """Angles and their errors of (3, n) gravity in `out`; returns (n,) variance over both directions, rad^2."""
     assert q.tangent is not None
-    turns, c = directions(g)
-    both = Propagation.at(q.calibration, q.noise, g, q.warmth).spread(q.tangent.gains(g, turns), weighed=q.weighed)
+    gains, c = q.tangent.gains(g)
+    both = Propagation.at(q.calibration, q.noise, g, q.warmth).spread(gains, weighed=q.weighed)
     sd, limit = np.sqrt(both.variance), t_limits(both.df)
     out.df[:], out.roll_df[:] = both.df
     pitch, roll = angles(g, c)

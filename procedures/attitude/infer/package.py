@@ -6,7 +6,9 @@ the parallel (roll times the cosine of pitch). Roll alone has a pole at +-90 deg
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy import special
@@ -39,7 +41,8 @@ def angles(g: FloatArray, across: FloatArray | None = None) -> tuple[FloatArray,
     """Pitch within +-90 deg, and roll, in rad, of (3, ...) gravity of any length; `across` (...) is its part
     across the first axis, if known.
 
-    By half angles, tan(b/2) = sin b / (1 + cos b): an arctangent of at most one takes half the time of `arctan2`.
+    By half angles, tan(b/2) = sin b / (1 + cos b) = (1 - cos b) / sin b: two divisions and two arctangents take less
+    time than `arctan2`.
     """
     x, y, z = g
     level = np.sqrt(y * y + z * z) if across is None else across
@@ -51,46 +54,41 @@ def angles(g: FloatArray, across: FloatArray | None = None) -> tuple[FloatArray,
     np.divide(x, pitch, out=pitch)
     np.arctan(pitch, out=pitch)
     pitch *= 2.0
-    # roll: its tangent is -y/-z; of |z| first, then on its side
-    roll = np.abs(z)
-    roll += level
-    np.maximum(roll, _TINY, out=roll)
-    np.divide(y, roll, out=roll)
+    reach = np.abs(z)
+    reach += level
+    np.maximum(reach, _TINY, out=reach)
+    beyond = ~np.signbit(z)
+    roll = np.where(beyond, reach, y)
+    with np.errstate(divide="ignore"):
+        roll /= np.where(beyond, y, reach)
     np.arctan(roll, out=roll)
-    side = np.copysign(1.0, z)
-    roll *= 2.0
-    roll *= side
-    side += 1.0
-    side *= np.pi / 2.0
-    roll -= np.copysign(side, y, out=side)
+    roll *= -2.0
     return pitch, roll
+
+
+def on_parallel(g: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(n,) second and third component of (3, n) gravity of unit length, over (n,) their length, the cosine of pitch.
+
+    At the pole itself, where every direction is up, zero roll is used.
+    """
+    _, y, z = g
+    c = y * y
+    c += z * z
+    np.sqrt(c, out=c)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        y, z = y / c, z / c
+    if not c.all():
+        pole = c == 0.0
+        y[pole], z[pole] = 0.0, -1.0
+    return y, z, c
 
 
 def directions(g: FloatArray) -> tuple[FloatArray, FloatArray]:
     """(3, 2, n) directions up the meridian and along the parallel, (n,) cosine of pitch, of (3, n) gravity of unit
     length.
-
-    At the pole itself, where every direction is up, zero roll is used.
     """
-    x, y, z = g
-    c = y * y
-    c += z * z
-    np.sqrt(c, out=c)
-    turns = np.empty((3, 2, c.size))
-    up, along = turns[:, 0], turns[:, 1]
-    along[0] = 0.0
-    with np.errstate(invalid="ignore", divide="ignore"):
-        np.divide(z, c, out=along[1])
-        np.divide(y, c, out=along[2])
-    np.negative(along[2], out=along[2])
-    if not c.all():
-        pole = c == 0.0
-        along[1, pole], along[2, pole] = -1.0, 0.0
-    up[0] = c
-    np.multiply(along[2], x, out=up[1])
-    np.multiply(along[1], x, out=up[2])
-    np.negative(up[2], out=up[2])
-    return turns, c
+    y, z, c = on_parallel(g)
+    return np.stack([np.stack([c, -y * g[0], -z * g[0]]), np.stack([np.zeros_like(c), z, -y])], axis=1), c
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,44 +124,31 @@ class Propagation:
     Attributes:
         calibration: of the package.
         noise: of new readings.
-        rows: S arrays (k_s, n), the columns of each sensor's model at the attitudes; none where `shared` serves.
-        shared: (S (S + 1) / 2, n) covariance of the parts of each pair of sensors, twice that of two different ones, if
-            no sensor has further terms; otherwise None.
+        calibrated: (...) variance of (S, ...) gains times errors of the calibration; the last axis is that of the
+            attitudes.
     """
 
     calibration: AttitudeCalibration
     noise: Noise
-    rows: tuple[FloatArray, ...]
-    shared: FloatArray | None = None
+    calibrated: Callable[[FloatArray], FloatArray]
 
     @staticmethod
     def at(calibration: AttitudeCalibration, noise: Noise, g: FloatArray, warmth: FloatArray) -> Propagation:
         """At (3, n) gravity of unit length and (n,) temperature above the reference."""
         if any(s.terms for s in calibration.sensors):
-            return Propagation(calibration, noise, tuple(s.rows(g, warmth) for s in calibration.sensors))
+            rows = [s.rows(g, warmth) for s in calibration.sensors]
+            return Propagation(calibration, noise, partial(_by_root, calibration.root, rows))
+        if calibration.alike is not None:
+            between, own = calibration.alike
+            each = own[1:].T @ g
+            each += own[0][:, None]
+            return Propagation(calibration, noise, partial(_alike, between, np.einsum("kn,kn->n", each, each)))
         pairs = np.empty((10, g.shape[1]))
         pairs[0], pairs[1:4] = 1.0, g
         np.multiply(g[0], g, out=pairs[4:7])
         np.multiply(g[1], g[1:], out=pairs[7:9])
         np.multiply(g[2], g[2], out=pairs[9])
-        return Propagation(calibration, noise, (), calibration.products @ pairs)
-
-    def _calibrated(self, gains: FloatArray) -> FloatArray:
-        """(...) variance of (S, ...) gains times errors of the calibration; the last axis is that of the attitudes."""
-        between = (1,) * (gains.ndim - 2)
-        if self.shared is not None:
-            found, at = np.zeros(gains.shape[1:]), 0
-            for i in range(len(gains)):
-                shared = self.shared[at : at + len(gains) - i]
-                row = gains[i:] * shared.reshape(len(shared), *between, -1)
-                part = row.sum(axis=0)
-                part *= gains[i]
-                found += part
-                at += len(shared)
-            return found
-        moved = [k * h.reshape(len(h), *between, -1) for k, h in zip(gains, self.rows, strict=True)]
-        turned = self.calibration.root.T @ np.concatenate(moved).reshape(len(self.calibration.root), -1)
-        return np.asarray(np.einsum("kn,kn->n", turned, turned)).reshape(gains.shape[1:])
+        return Propagation(calibration, noise, partial(_by_pairs, calibration.products @ pairs))
 
     def spread(self, gains: FloatArray, of_roll: FloatArray | None = None, *, weighed: bool = False) -> Spread:
         """Variance of gains @ errors of outputs.
@@ -175,45 +160,74 @@ class Propagation:
                 estimated too small, so the variance is larger by a factor 1 + 4 sum p (1 - p) / df, where p is each
                 sensor's share of it (P. Meier, Biometrics 9, 59, 1953).
         """
-        calibrated = self._calibrated(gains)
-        noise = gains * gains
-        noise *= self.noise.variance.reshape(-1, *(1,) * (gains.ndim - 1))
-        total = noise.sum(axis=0)
-        per_df, drift = 1.0 / self.calibration.sigma_df, self.calibration.drift
+        calibrated = self.calibrated(gains)
+        own, per_df, drift = self.noise.variance, 1.0 / self.calibration.sigma_df, self.calibration.drift
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            squares = gains * gains
+            total, by_df = _over_sensors(np.stack([own, own * per_df]), squares)
+            squares *= squares
+            one = 1.0 / total
+            inverse = _over_sensors(own * own * per_df, squares)  # one over the degrees of freedom of the noise
+            inverse *= one
+            inverse *= one
             if weighed and self.noise.of_fit:
-                share = noise / total
-                more = _over_sensors(per_df, share)
-                share *= share
-                squares = _over_sensors(per_df, share)
-                more -= squares
-                more *= 4.0
-                more += 1.0
-                if of_roll is None and drift is None:  # sigma_E^2 of each sensor scales its noise and its calibration
-                    calibrated += total
-                    more *= calibrated
-                    return Spread(more, np.divide(1.0, squares, out=squares))
-                noise, total, calibrated = noise * more, total * more, calibrated * more
+                by_df *= one
+                by_df -= inverse
+                by_df *= 4.0
+                by_df += 1.0
+                total *= by_df
+                calibrated *= by_df
             variance = total + calibrated
             from_fit = variance if self.noise.of_fit else calibrated
             if of_roll is not None:
                 variance = variance + of_roll
             if drift is None:
                 # sigma_E^2 of each sensor scales its noise and its calibration: their shares are those of the noise
-                inverse = _over_sensors(per_df, (noise * (from_fit / (total * variance))) ** 2)
+                if from_fit is not variance:
+                    inverse *= (from_fit / variance) ** 2
             elif drift.df < _FEW:
                 of_noise = float(self.calibration.sigma_df.min()) if self.noise.of_fit else np.inf
                 inverse = inverse_df_of_two(calibrated / variance, drift.df, of_noise)
             else:
-                inverse = (calibrated / variance) ** 2 / drift.df
-                if self.noise.of_fit:
-                    inverse = inverse + _over_sensors(per_df, (noise / variance) ** 2)
+                of_fit = inverse * (total / variance) ** 2 if self.noise.of_fit else 0.0
+                inverse = (calibrated / variance) ** 2 / drift.df + of_fit
             return Spread(variance, 1.0 / inverse)
 
 
+def _by_root(root: FloatArray, rows: Sequence[FloatArray], gains: FloatArray) -> FloatArray:
+    """(...) variance of (S, ...) gains, by the (K, K) root of the covariance and S (k_s, n) columns of the models."""
+    moved = [k * _between(h, gains) for k, h in zip(gains, rows, strict=True)]
+    turned = root.T @ np.concatenate(moved).reshape(len(root), -1)
+    return np.asarray(np.einsum("kn,kn->n", turned, turned)).reshape(gains.shape[1:])
+
+
+def _alike(between: FloatArray, own: FloatArray, gains: FloatArray) -> FloatArray:
+    """The same by the (S, S) root of the sensors' factor and (n,) variance of one sensor of factor one."""
+    turned = between.T @ gains.reshape(len(gains), -1)
+    return np.asarray(np.einsum("kn,kn->n", turned, turned)).reshape(gains.shape[1:]) * own
+
+
+def _by_pairs(shared: FloatArray, gains: FloatArray) -> FloatArray:
+    """The same by (S (S + 1) / 2, n) covariance of the parts of each pair of sensors, twice that of two different
+    ones.
+    """
+    found, at = np.zeros(gains.shape[1:]), 0
+    for i in range(len(gains)):
+        part = (gains[i:] * _between(shared[at : at + len(gains) - i], gains)).sum(axis=0)
+        part *= gains[i]
+        found += part
+        at += len(gains) - i
+    return found
+
+
+def _between(values: FloatArray, gains: FloatArray) -> FloatArray:
+    """(k, n) values as (k, ..., n), for (S, ..., n) gains."""
+    return values.reshape(len(values), *(1,) * (gains.ndim - 2), -1)
+
+
 def _over_sensors(factors: FloatArray, values: FloatArray) -> FloatArray:
-    """(...) sum of (S, ...) values with (S,) factors."""
-    return np.asarray((factors @ values.reshape(len(values), -1)).reshape(values.shape[1:]))
+    """(..., ...) sum of (S, ...) values with (..., S) factors."""
+    return np.asarray(factors @ values.reshape(len(values), -1)).reshape(*factors.shape[:-1], *values.shape[1:])
 
 
 def inverse_df_of_two(share: FloatArray, df: float, df_of_rest: float) -> FloatArray:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitter.arrays import FloatArray
+from procedures.attitude.infer.package import on_parallel
 from procedures.attitude.infer.singular import normal
 
 
@@ -36,12 +37,22 @@ class Tangent:
         inverse = axes.T / size
         return Tangent(root * left @ inverse.T, inverse @ inverse.T * size[-1] ** 2)
 
-    def gains(self, g: FloatArray, turns: FloatArray) -> FloatArray:
-        """(S, k, n) rad/V of (3, k, n) directions at (3, n) gravity."""
-        b = self.across @ g
+    def gains(self, g: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(S, 2, n) rad/V up the meridian and along the parallel (`package.directions`), and (n,) cosine of pitch, at
+        (3, n) gravity.
+
+        Both parts t - g (b.t)/(b.g) are orthogonal to b, and each to the other direction: products with b alone.
+        """
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-            share = np.einsum("in,ikn->kn", b, turns)
-            share /= np.einsum("in,in->n", b, g)
-            moved = share * g[:, None]
-            np.subtract(turns, moved, out=moved)
-        return np.asarray((self.slope @ moved.reshape(3, -1)).reshape(-1, *share.shape))
+            b = self.across @ g
+            b /= np.einsum("in,in->n", b, g)
+            y, z, c = on_parallel(g)
+            moved = np.empty((3, 2, c.size))
+            up, along = moved[:, 0], moved[:, 1]
+            np.add(y * b[1], z * b[2], out=up[0])
+            np.multiply(y, -b[0], out=up[1])
+            np.multiply(z, -b[0], out=up[2])
+            np.multiply(g[0], y * b[2] - z * b[1], out=along[0])
+            np.subtract(c * b[2], g[0] * up[2], out=along[1])
+            np.subtract(g[0] * up[1], c * b[1], out=along[2])
+            return np.asarray((self.slope @ moved.reshape(3, -1)).reshape(-1, 2, c.size)), c

@@ -26,6 +26,9 @@ from fitter.arrays import FloatArray
 from fitter.errors import FitError
 from procedures.attitude.infer.package import DEGREE, angles
 
+_NEAR = 2e-5
+"""Multiplier below which the first correction, within some cubes of it, is within the rounding."""
+
 _SETTLED = 1e-9
 """Change of the multiplier after which the next one is its square: below the rounding."""
 
@@ -96,7 +99,8 @@ class ThreeAxis:
         multiplier *= bent
         p = self.variance[:, None]
         shrunk = np.empty_like(u)
-        for _ in range(steps - 1):
+        near = np.abs(multiplier).max(initial=0.0) < _NEAR
+        for _ in range(0 if near else steps - 1):
             np.multiply(p, multiplier, out=shrunk)
             shrunk += 1.0
             np.divide(1.0, shrunk, out=shrunk)
