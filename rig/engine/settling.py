@@ -97,11 +97,11 @@ class Settling:
             self._dwell_from += 1
         recent = [s for s in samples[self._dwell_from :] if abs(s[1] - c.target) <= c.band]
         n = len(recent)
-        times, values = zip(*recent, strict=True)
-        mean_t, mean_v = sum(times) / n, sum(values) / n
-        spread = sum([(t - mean_t) ** 2 for t in times])
+        mean_t = sum([t for t, _ in recent]) / n
+        spread = sum([(t - mean_t) ** 2 for t, _ in recent])
         if spread == 0.0:
             return 0.0
+        mean_v = sum([v for _, v in recent]) / n
         return sum([(t - mean_t) * (v - mean_v) for t, v in recent]) / spread
 
     def lately(self, seconds: float, most: int) -> dict[str, object]:
