@@ -5,15 +5,17 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from fitter.arrays import FloatArray, IntArray
 from fitter.budget import TypeA
 from procedures.errors import DataError
-from procedures.stated import PlaceConstant
-from procedures.table import Columns, Table
+
+if TYPE_CHECKING:
+    from procedures.stated import PlaceConstant
+    from procedures.table import Columns, Table
 
 Reading = Callable[[str, FloatArray], FloatArray]
 """Error of readings in use: name of an output's column and its (n,) values, to (n,) additions."""

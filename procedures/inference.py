@@ -7,15 +7,18 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fitter.arrays import FloatArray
 from procedures.errors import DataError
-from procedures.table import Table
 from procedures.unused import Unused, other_unit, why_unused
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from fitter.arrays import FloatArray
+    from procedures.table import Table
 
 INFERRED = "inferred_"
 """Before the name of a quantity that the table has already."""

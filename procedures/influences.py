@@ -8,14 +8,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fitter.arrays import FloatArray, IntArray
 from fitter.budget import Influence, TypeA
 from procedures.budgeting import Evaluation, Reading, Shift, Shifts, no_error
-from procedures.stated import Stated, Statements
-from procedures.table import Columns
+
+if TYPE_CHECKING:
+    from procedures.stated import Stated, Statements
+    from procedures.table import Columns
 
 IN_SCATTER = (
     "{name}: independent in every observation, so it is in the scatter of the run already, and has no line of its own"

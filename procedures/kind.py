@@ -13,38 +13,34 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence, Set
-from functools import cache
-from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
-from pydantic import BaseModel
-
-from fitter.arrays import FloatArray
-from fitter.effects.entry import Entry
-from fitter.effects.own import Grammar
 from fitter.errors import FitError
-from procedures.acceptance import Verdict
-from procedures.advice import Advice
-from procedures.budgeting import Evaluation, Expected
-from procedures.conduct import Conduct
-from procedures.errors import BrokenKind, DataError
-from procedures.expected import Columns, Expecting
-from procedures.further_runs import Limits, Variation
-from procedures.inference import Inference
+from procedures.errors import DataError
 from procedures.precision import Precision
 from procedures.results import Compared, Fitted, Options, Source, Traced
-from procedures.run_list import RunList
-from procedures.seen import Seen
-from procedures.settings import Acceptance, WarningSettings
-from procedures.table import Reader, Table
 from procedures.unused import Unused
 
 if TYPE_CHECKING:  # they load what few commands need
-    from procedures.charting import Charting
-    from procedures.confirming import Confirming
+    from pydantic import BaseModel
 
-GROUP = "rig.kinds"
+    from fitter.arrays import FloatArray
+    from fitter.effects.entry import Entry
+    from fitter.effects.own import Grammar
+    from procedures.acceptance import Verdict
+    from procedures.advice import Advice
+    from procedures.budgeting import Evaluation, Expected
+    from procedures.charting import Charting
+    from procedures.conduct import Conduct
+    from procedures.confirming import Confirming
+    from procedures.expected import Columns, Expecting
+    from procedures.further_runs import Limits, Variation
+    from procedures.inference import Inference
+    from procedures.run_list import RunList
+    from procedures.seen import Seen
+    from procedures.settings import Acceptance, WarningSettings
+    from procedures.table import Reader, Table
 
 
 class Procedure(Protocol):
@@ -365,56 +361,3 @@ class Kind(ABC):
             chamber: whether the bench controls the sensors' temperature.
         """
         return iter(())
-
-
-@cache
-def kinds() -> Mapping[str, Kind]:
-    """Every installed kind, by name, ours first.
-
-    Raises:
-        BrokenKind: an entry point of `rig.kinds` cannot be loaded or is not a kind, or two have the same name.
-    """
-    found: dict[str, Kind] = {}
-    points = {point.value: point for point in entry_points(group=GROUP)}  # one package may be found on two paths
-    for point in sorted(points.values(), key=lambda p: (not p.value.startswith("procedures."), p.name)):
-        if point.name in found:
-            raise BrokenKind(
-                f"two packages have a kind of calibration {point.name!r}: remove one of them{_whose(point)}"
-            )
-        try:
-            kind = point.load()
-        except Exception as error:
-            why = f"{type(error).__name__}: {error}"
-            raise BrokenKind(f"the kind of calibration {point.name!r} cannot be used: {why}{_whose(point)}") from error
-        if not isinstance(kind, Kind):
-            raise BrokenKind(f"{point.value} is no kind of calibration, which its package calls it{_whose(point)}")
-        found[point.name] = kind
-    return found
-
-
-def _whose(point: EntryPoint) -> str:
-    """The package of an entry point, for the end of a message."""
-    return "" if point.dist is None else f" (package {point.dist.name} {point.dist.version})"
-
-
-def kind_of(procedure: Procedure) -> Kind:
-    """The kind of a procedure."""
-    return kinds()[procedure.kind]
-
-
-def kind_of_table(table: Table) -> Kind | None:
-    """The kind declared by a table, or the one that matches its columns; None if no kind does.
-
-    Raises:
-        DataError: several kinds match the columns, or the declared kind is not installed.
-    """
-    if table.kind:
-        if table.kind not in kinds():
-            names = ", ".join(kinds())
-            raise DataError(f"{table.source} is of kind {table.kind!r:.80}, which is not installed; there are {names}")
-        return kinds()[table.kind]
-    found = [kind for kind in kinds().values() if kind.recognises(table.columns.keys())]
-    if len(found) > 1:
-        what = " and of ".join(kind.title for kind in found)
-        raise DataError(f"{table.source} has columns of {what}: leave out those of one ({found[0].described})")
-    return found[0] if found else None

@@ -6,13 +6,14 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import IO, TYPE_CHECKING, Any, Protocol
 
-from fitter.trace.outcome import Outcome
-from procedures.blocks import Block
 from procedures.settings import Strict
-from procedures.table import Table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from fitter.trace.outcome import Outcome
+    from procedures.blocks import Block
+    from procedures.table import Table
 
 
 class Options(Strict):

@@ -14,10 +14,12 @@ from array import array
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Generic, Self, TypeVar, overload
+from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar, overload
 
-from procedures.by_hand import HandStep
 from procedures.column_names import with_word
+
+if TYPE_CHECKING:
+    from procedures.by_hand import HandStep
 
 Level = TypeVar("Level", bound=Hashable)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import inf
 from typing import Literal
@@ -21,6 +21,7 @@ BEHAVIOURS: dict[Behaviour, str] = {
     "replication": "an independent error in every replication",
     "reading": "an independent error in every observation",
 }
+UNSTATED = "the register states no errors of {names}: none are in these uncertainties, which are too small"
 
 Curve = Callable[[FloatArray], FloatArray]
 
@@ -123,3 +124,17 @@ class Statements:
     unused: Sequence[str] = ()
     example: bool = False
     lacking: Sequence[str] = ()
+
+    @property
+    def constants(self) -> Mapping[str, float]:
+        """Values of the constants of the place, by name."""
+        return {name: one.value for name, one in self.place.items()}
+
+    def unstated(self, columns: Iterable[str]) -> tuple[str, ...]:
+        """Columns whose own errors the register does not state; those of a meter behind one are others."""
+        known = {name for one in self.errors for name in one.columns if name not in one.computed}
+        return tuple(name for name in columns if name not in known)
+
+    def what_is_lacking(self, unstated: Sequence[str]) -> list[str]:
+        """Sentences on errors that uncertainties lack, for the first lines of a result: of columns, of the register."""
+        return [*([UNSTATED.format(names=", ".join(unstated))] if unstated else []), *self.lacking]

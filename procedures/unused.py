@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from procedures.column_names import split_unit
 from procedures.file_rows import rows_in_words
-from procedures.table import Table
+
+if TYPE_CHECKING:
+    from procedures.table import Table
 
 NO_PART = "plays no part"
 TEXT = "holds text"

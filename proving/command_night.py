@@ -14,8 +14,9 @@ import typer
 from rich.markup import escape
 
 from rig.cli import app
-from rig.cli.run import JsonOption
-from rig.cli.show import counting, err, out, print_json
+from rig.cli.options import JsonOption
+from rig.cli.progress import counting
+from rig.cli.show import err, out, print_json
 from rig.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:

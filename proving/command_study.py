@@ -12,8 +12,9 @@ from rich.markup import escape
 
 from rig.atomic import check_files, write_whole
 from rig.cli import app
-from rig.cli.run import JsonOption
-from rig.cli.show import err, mark, out, print_json, run_progress
+from rig.cli.options import JsonOption
+from rig.cli.progress import run_progress
+from rig.cli.show import err, mark, out, print_json
 from rig.engine.session import Progress
 from rig.errors import ExitCode, UsageError
 

@@ -11,7 +11,8 @@ from rich.markup import escape
 
 from procedures.blocks import Block, Line
 from procedures.errors import DataError
-from procedures.kind import Procedure, kind_of
+from procedures.kind import Procedure
+from procedures.kinds import kind_of
 from rig.errors import RigError, UsageError
 from rig.plans import has_plan, stored_plan
 from rig.run_file.reader import RunReader

@@ -7,9 +7,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from pydantic import BaseModel
-
-from drivers.clock import Clock
 from drivers.errors import BadReply, DriverError, NoReply, Unreachable
 from drivers.roles import (
     ByHand,
@@ -24,15 +21,18 @@ from drivers.roles import (
 )
 from rig.baths import Bath
 from rig.bench_file import of_reading
-from rig.config import BenchConfig
 from rig.errors import BenchFault, ConfigurationError
 from rig.guarded import guarded
-from rig.person import Person
 from rig.plugins import driver_class
 from rig.quantities import PER, TEMPERATURE_UNIT, VOLT, per_volt, scale
 
 if TYPE_CHECKING:
+    from pydantic import BaseModel
+
+    from drivers.clock import Clock
     from drivers.wires import Wires
+    from rig.config import BenchConfig
+    from rig.person import Person
 
 Role = TypeVar("Role")
 

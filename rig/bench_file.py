@@ -6,8 +6,6 @@ import difflib
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, cast
 
-from pydantic import BaseModel
-
 from drivers.errors import WrongAddress
 from drivers.roles import Chamber, Head, PressureController
 from fitter.errors import FitError
@@ -19,6 +17,8 @@ from rig.protection import STATES
 from rig.quantities import HEAD, PRESSURE
 
 if TYPE_CHECKING:
+    from pydantic import BaseModel
+
     from drivers.driver import DriverClass
 
 

@@ -17,7 +17,8 @@ from typing import Any, Literal, Self, TypeVar, cast
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from procedures.column_names import stem_of, unit_of
-from procedures.kind import Procedure, kinds
+from procedures.kind import Procedure
+from procedures.kinds import kinds
 from procedures.settings import Name
 from procedures.table import UNITS
 from rig.errors import ConfigurationError
@@ -167,12 +168,13 @@ class BenchConfig(_Strict):
             if other != name:
                 raise ValueError(f"{other} and {name} are both on channel {channel} of {reader}")
         for name, instrument in self.factors.items():
-            known_factors = [factor for kind in kinds().values() for factor in kind.bench_factors]
-            if name not in known_factors and not re.fullmatch(_FACTOR, name):
-                raise ValueError(
-                    f"factors.{name}: the name is a column and must end in its unit, such as force_kN; factors of "
-                    f"kinds with their own: {', '.join(known_factors)}"
-                )
+            if not re.fullmatch(_FACTOR, name):
+                own = [factor for kind in kinds().values() for factor in kind.bench_factors]
+                if name not in own:
+                    raise ValueError(
+                        f"factors.{name}: the name is a column and must end in its unit, such as force_kN; factors of "
+                        f"kinds with their own: {', '.join(own)}"
+                    )
             if instrument not in self.instruments:
                 known = ", ".join(sorted(self.instruments))
                 raise ValueError(f"factors.{name} = {instrument!r} is not an instrument here (known: {known})")
@@ -296,11 +298,11 @@ def parse_procedure(text: str, where: str, *, strict: bool = True) -> Procedure:
     kind = values.get("kind")
     if kind is None and "instruments" in values:
         raise ConfigurationError(f"{where} is a bench file, because it has instruments; name the procedure here")
-    known = {name: one.settings for name, one in kinds().items() if one.settings is not None}
-    if not isinstance(kind, str) or kind not in known:
-        names = ", ".join(f'"{name}"' for name in known)
+    settings = kinds()[kind].settings if isinstance(kind, str) and kind in kinds() else None
+    if settings is None:
+        names = ", ".join(f'"{name}"' for name, one in kinds().items() if one.settings is not None)
         raise ConfigurationError(f"{where}: kind = {kind!r:.80} is not a kind of procedure; known: {names}")
-    return cast(Procedure, validated(known[kind], values, where, strict=strict))
+    return cast(Procedure, validated(settings, values, where, strict=strict))
 
 
 def validated(

@@ -15,11 +15,10 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from drivers.clock import Clock, RealClock, ScaledClock, boot_id
 from drivers.errors import DriverError
-from procedures.kind import Procedure
 from rig.bench import Bench, identities, open_bench
 from rig.bench_file import check_options
 from rig.disk_space import check_may_write, check_room
@@ -43,6 +42,9 @@ from rig.run_file.state import RunState, fold
 from rig.run_file.writer import RunWriter
 from rig.version import versions
 from rig.who import Operator, operator
+
+if TYPE_CHECKING:
+    from procedures.kind import Procedure
 
 """Key in the first record of a dry run: age of its world at the begin of the run, if it was not new."""
 

@@ -10,13 +10,13 @@ A laboratory adds effects without changing this project, by one or both of:
 from __future__ import annotations
 
 import os
-from importlib.metadata import entry_points
 from pathlib import Path
 
 from fitter.effects.entry import Entry
 from fitter.effects.own import own_effects
 from fitter.errors import FitError
-from procedures.kind import kinds
+from procedures.entry_points import entry_points
+from procedures.kinds import kinds
 from rig.errors import ConfigurationError
 from rig.regular import read_regular_text
 
@@ -36,7 +36,7 @@ def laboratory_effects() -> tuple[Entry, ...]:
 
 def _installed() -> tuple[Entry, ...]:
     found: list[Entry] = []
-    for point in entry_points(group=GROUP):
+    for point in entry_points(GROUP):
         given = point.load()
         effects = given if isinstance(given, tuple) else (given,)
         if not all(isinstance(effect, Entry) for effect in effects):

@@ -14,26 +14,28 @@ import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from drivers.clock import Clock
 from drivers.roles import Chamber, Source
 from procedures.by_hand import ALLOWANCE_H, HandStep
 from procedures.column_names import unit_of
 from procedures.run_list import RunList
-from rig.bench import Bench
 from rig.bench_file import playing
 from rig.config import FOLLOWS_S, BenchConfig
 from rig.controller import Result, Site, opened, start_run
 from rig.engine.pace import Pace, follows_s
 from rig.engine.session import Outcome, Progress, Signals
 from rig.errors import RigError
-from rig.plans import Plan
 from rig.plugins import driver_class
 from rig.quantities import TEMPERATURE_UNIT
 from rig.run_file.events.points import Observed, WholePlotBegan
 from rig.run_file.reader import RunReader
 from rig.run_file.unsynced import unsynced
+
+if TYPE_CHECKING:
+    from drivers.clock import Clock
+    from rig.bench import Bench
+    from rig.plans import Plan
 
 ALLOWANCE = 0.05
 """Relative allowance for repeats, retries and one short interruption."""

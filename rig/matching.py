@@ -4,19 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from difflib import get_close_matches
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from drivers.roles import ByHand, Chamber, Head, PressureController, Source
 from procedures.column_names import stem_of, unit_of
-from procedures.conduct import Conduct, WholePlotConduct
-from procedures.kind import Procedure
-from procedures.run_list import RunList
 from rig.bench_file import playing
-from rig.config import BenchConfig
 from rig.engine.guard import Guard
 from rig.engine.whole_plots import renewal
 from rig.errors import ConfigurationError
 from rig.quantities import ATMOSPHERE_PSIA, HEAD, PRESSURE_UNIT, TEMPERATURE_UNIT
+
+if TYPE_CHECKING:
+    from procedures.conduct import Conduct, WholePlotConduct
+    from procedures.kind import Procedure
+    from procedures.run_list import RunList
+    from rig.config import BenchConfig
 
 
 def check_match(config: BenchConfig, procedure: Procedure, run_list: RunList, where: str) -> None:

@@ -7,7 +7,8 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from procedures.kind import Kind, kinds
+from procedures.kind import Kind
+from procedures.kinds import kinds
 from procedures.results import Options, Source
 from rig.closed_loop import known as known_kind
 from rig.errors import UsageError

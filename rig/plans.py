@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
-
-from pydantic import BaseModel
+from typing import TYPE_CHECKING, Any
 
 from fitter.errors import FitError
-from procedures.kind import Completed, Procedure, kind_of
-from procedures.run_list import RunList
+from procedures.kind import Completed, Procedure
+from procedures.kinds import kind_of
 from rig.bench_file import check_options
 from rig.config import BenchConfig, InstrumentConfig, parse_bench, parse_procedure, parse_toml, read_text
 from rig.contract_files import files_beside, read_bench, with_contracts, with_files
@@ -20,8 +18,13 @@ from rig.matching import check_match, check_names
 from rig.register import DOCUMENT, check_register, parse_register, register_beside
 from rig.run_file.bodies import shown
 from rig.run_file.events.sessions import Identified
-from rig.run_file.reader import RunReader
 from rig.toml_text import toml_text
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel
+
+    from procedures.run_list import RunList
+    from rig.run_file.reader import RunReader
 
 PREVIOUS = "previous.json"
 """Name of the run file's document with the last calibration, if the procedure names one."""

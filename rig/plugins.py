@@ -5,12 +5,12 @@ Ours are in `pyproject.toml`, under `rig.drivers`, `rig.twins`, `rig.kinds` and 
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterable, Sequence
 from functools import cache
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint
 from typing import TYPE_CHECKING, Any
 
+from procedures.entry_points import entry_points
 from rig.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -19,17 +19,7 @@ if TYPE_CHECKING:
 
 def installed(group: str) -> list[str]:
     """Names of an entry-point group, sorted."""
-    return sorted({point.name for point in _points(group)})
-
-
-def _points(group: str) -> tuple[EntryPoint, ...]:
-    return tuple(_found(tuple(sys.path)).select(group=group))
-
-
-@cache
-def _found(_path: tuple[str, ...]) -> Any:
-    """`EntryPoints` of all groups, cached for each search path of packages: a look-up takes 8 ms."""
-    return entry_points()
+    return sorted({point.name for point in entry_points(group)})
 
 
 @cache
@@ -53,7 +43,7 @@ def load(group: str, name: str, needs: Sequence[str]) -> Any:
     Raises:
         ConfigurationError: two packages have one by this name, it cannot be loaded, or it lacks an attribute.
     """
-    points = {point.value: point for point in _points(group) if point.name == name}
+    points = {point.value: point for point in entry_points(group) if point.name == name}
     what = f"the {group.removeprefix('rig.').removesuffix('s')} {name!r}"
     if len(points) > 1:
         raise ConfigurationError(f"{what} comes with {' and with '.join(map(_package, points.values()))}; keep one")
@@ -70,7 +60,7 @@ def load(group: str, name: str, needs: Sequence[str]) -> Any:
 def packages(group: str, names: Iterable[str]) -> dict[str, str]:
     """Versions of the packages of these plug-ins, by package; without our own."""
     wanted = set(names)
-    found = (point.dist for point in _points(group) if point.name in wanted)
+    found = (point.dist for point in entry_points(group) if point.name in wanted)
     return {dist.name: dist.version for dist in found if dist and dist.name != _OURS}
 
 

@@ -10,7 +10,7 @@ from typing import Any
 from fitter.errors import FitError
 from procedures.errors import DataError
 from procedures.expected import Expecting, Previous
-from procedures.kind import kinds
+from procedures.kinds import kinds
 from rig.errors import UsageError
 from rig.inference import read_calibration
 from rig.regular import read_regular_text

@@ -14,7 +14,7 @@ from annotated_types import Ge, Gt, Le, Lt
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from procedures.kind import kinds
+from procedures.kinds import kinds
 from rig.certificate.settings import CertificateSettings
 from rig.config import BenchConfig
 from rig.plugins import driver_class, installed

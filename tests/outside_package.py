@@ -17,7 +17,7 @@ from tempfile import TemporaryDirectory
 from types import ModuleType
 
 import rig
-from procedures.kind import kinds
+from procedures.kinds import kinds
 from rig.examples import example
 
 SOURCE = Path(__file__).parent / "outside"

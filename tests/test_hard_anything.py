@@ -14,7 +14,7 @@ from general_lab import run_dry
 
 from drivers.roles import SourceState
 from procedures.run_list import Factor
-from rig.cli.show import run_progress
+from rig.cli.progress import run_progress
 from rig.controller import resume_run
 from rig.engine.actions import BenchActions
 from rig.engine.axes import SourceMover
@@ -286,7 +286,7 @@ def test_a_plan_says_that_a_person_sets_a_factor_and_not_its_overtravel(tmp_path
 
 def test_a_log_of_a_dry_run_has_no_line_for_what_a_simulated_person_does_at_once(capsys, monkeypatch):
     now = [0.0]
-    monkeypatch.setattr("rig.cli.show.RealClock", lambda: SimpleNamespace(stopwatch=lambda: now[0]))
+    monkeypatch.setattr("rig.cli.progress.RealClock", lambda: SimpleNamespace(stopwatch=lambda: now[0]))
     asked = Progress("holding", 1, 20, 5.0, None, "to do by hand: put on 2 kN; then `rig done x`")
     with run_progress(simulated=True) as show:
         show(Progress("soaking", 1, 20, 4.0, None, "soaking"))

@@ -14,7 +14,6 @@ from procedures.general.of_runs import Asked, fit_run
 from procedures.general.planned import expected_run
 from procedures.pressure.planned import expected_run as expected_pressures
 from procedures.pressure.precision import coded_columns
-from rig.closed_loop.promised import expired, promised
 from rig.config import parse_procedure
 from rig.controller import start_run
 from rig.engine.session import Signals
@@ -23,6 +22,7 @@ from rig.examples import example
 from rig.plans import Plan, load_plan
 from rig.register import DOCUMENT
 from rig.results.budget import budget
+from rig.results.promised import expired, promised
 from tests.certificate_lab import REGISTER
 from tests.dry import LAB, SHORT, write_short
 from tests.dry_pressure import LAB as PRESSURE_LAB

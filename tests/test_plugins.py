@@ -7,9 +7,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from procedures import kind as kind_module
+from procedures import kinds as kinds_module
 from procedures.errors import BrokenKind
-from procedures.kind import kinds
+from procedures.kinds import kinds
 from rig import plugins
 from rig.cli import main
 from rig.errors import ConfigurationError
@@ -32,14 +32,14 @@ def point(value: str, package: str) -> EntryPoint:
 )
 def test_a_driver_that_cannot_be_used_is_named_with_its_package(monkeypatch, values, says):
     points = [point(value, package) for package, value in values.items()]
-    monkeypatch.setattr(plugins, "_points", lambda _: points)
+    monkeypatch.setattr(plugins, "entry_points", lambda _: points)
     with pytest.raises(ConfigurationError, match=says):
         plugins.load("rig.drivers", "meter", ("Options", "wire", "contracts"))
 
 
 def test_a_package_that_is_found_twice_is_one_package(monkeypatch):
     """As in a source tree that is installed from itself."""
-    monkeypatch.setattr(plugins, "_points", lambda _: [point(OURS, "ours"), point(OURS, "ours")])
+    monkeypatch.setattr(plugins, "entry_points", lambda _: [point(OURS, "ours"), point(OURS, "ours")])
     assert plugins.load("rig.drivers", "meter", ()).__name__ == "Keysight34401A"
 
 
@@ -56,7 +56,7 @@ def install_kinds(monkeypatch):
 
     def install(*points: EntryPoint) -> None:
         kinds.cache_clear()
-        monkeypatch.setattr(kind_module, "entry_points", lambda *, group: points)
+        monkeypatch.setattr(kinds_module, "entry_points", lambda _: points)
 
     yield install
     kinds.cache_clear()
@@ -73,9 +73,9 @@ def install_kinds(monkeypatch):
 def test_a_kind_that_cannot_be_used_is_named_with_its_package(install_kinds, capsys, monkeypatch, value, says):
     install_kinds(kind_point(value, "theirs"))
     with pytest.raises(BrokenKind, match=says) as caught:
-        kinds()
+        kinds()["pitch-roll"]
     assert str(caught.value).endswith("(package theirs 1.0)")
-    monkeypatch.setattr("rig.cli.app", lambda **_: kinds())
+    monkeypatch.setattr("rig.cli.app", lambda **_: kinds()["pitch-roll"])
     with pytest.raises(SystemExit) as ended:
         main()
     assert ended.value.code == 78
@@ -88,3 +88,12 @@ def test_two_packages_with_one_kind_are_refused_and_one_found_twice_is_one(insta
         kinds()
     install_kinds(kind_point(ATTITUDE, "ours"), kind_point(ATTITUDE, "ours"))
     assert list(kinds()) == ["pitch-roll"]
+
+
+def test_a_kind_is_loaded_when_it_is_used_so_that_a_broken_one_does_not_stop_work_of_another(install_kinds):
+    broken = EntryPoint("theirs", "no_such_package:KIND", "rig.kinds")
+    install_kinds(kind_point(ATTITUDE, "ours"), broken)
+    assert (list(kinds()), "theirs" in kinds()) == (["pitch-roll", "theirs"], True)
+    assert kinds()["pitch-roll"].title == "attitude sensors"
+    with pytest.raises(BrokenKind, match="'theirs' cannot be used"):
+        dict(kinds())

@@ -12,7 +12,7 @@ from command import rig
 from dry_pressure import EACH, IN_ALL, LAB, SHORT, Killed, dry
 from few_sensors import with_sensors
 
-from procedures.kind import kind_of_table
+from procedures.kinds import kind_of_table
 from procedures.pressure import settings as whole_plot
 from procedures.pressure.evaluate import fit_whole_plots
 from procedures.pressure.table import whole_plot_data

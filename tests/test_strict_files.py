@@ -9,7 +9,7 @@ import pytest
 from dry import write_short
 from pydantic import BaseModel
 
-from procedures.kind import kinds
+from procedures.kinds import kinds
 from rig.bench_file import check_options
 from rig.certificate.settings import CertificateSettings
 from rig.config import BenchConfig, parse_bench, parse_procedure

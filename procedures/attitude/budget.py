@@ -9,11 +9,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fitter.arrays import FloatArray, IntArray
 from fitter.budget import TypeA
 from fitter.errors import FitError
 from procedures.attitude.data import AttitudeData, settings
@@ -27,8 +26,11 @@ from procedures.attitude.temperature import Temperature
 from procedures.budgeting import SCATTER, Evaluation, Results, Shift, Shifts, no_error
 from procedures.errors import DataError
 from procedures.scatter import Scatter, scatter
-from procedures.stated import PlaceConstant
 from procedures.table import SENSOR_TEMPERATURE, Columns, Table
+
+if TYPE_CHECKING:
+    from fitter.arrays import FloatArray, IntArray
+    from procedures.stated import PlaceConstant
 
 STANDARD_GRAVITY = 9.80665
 """m/s2, CGPM 1901."""

@@ -9,30 +9,30 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.effects.entry import Entry
-from fitter.effects.own import Grammar
-from procedures.acceptance import Verdict
-from procedures.advice import Advice
 from procedures.attitude.options import BudgetOptions, FitOptions, InferOptions, TraceOptions
 from procedures.attitude.settings import PitchRollProcedure
-from procedures.budgeting import Evaluation, Expected
 from procedures.errors import DataError
-from procedures.expected import Columns, Expecting
-from procedures.further_runs import Limits, Variation
-from procedures.inference import Inference
 from procedures.kind import Kind
-from procedures.precision import Precision
-from procedures.results import Compared, Fitted, Source, Traced
-from procedures.run_list import RunList
-from procedures.table import Reader, Table
 from procedures.unused import Unused, unused_in_fit
 
 if TYPE_CHECKING:
+    from fitter.arrays import FloatArray
+    from fitter.effects.entry import Entry
+    from fitter.effects.own import Grammar
+    from procedures.acceptance import Verdict
+    from procedures.advice import Advice
     from procedures.attitude.evaluate import AttitudeTraced
     from procedures.attitude.infer import AttitudeCalibration
+    from procedures.budgeting import Evaluation, Expected
     from procedures.charting import Charting
     from procedures.confirming import Confirming
+    from procedures.expected import Columns, Expecting
+    from procedures.further_runs import Limits, Variation
+    from procedures.inference import Inference
+    from procedures.precision import Precision
+    from procedures.results import Compared, Fitted, Source, Traced
+    from procedures.run_list import RunList
+    from procedures.table import Reader, Table
 
 
 class AttitudeKind(Kind):

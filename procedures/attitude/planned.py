@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fitter.arrays import FloatArray
 from procedures.attitude.model import AXES, attitude_columns
-from procedures.attitude.settings import PitchRollProcedure
 from procedures.budgeting import Expected
-from procedures.run_list import RunList
 from procedures.table import Table
+
+if TYPE_CHECKING:
+    from fitter.arrays import FloatArray
+    from procedures.attitude.settings import PitchRollProcedure
+    from procedures.run_list import RunList
 
 _SEED = 20260115
 _GRAVITY_SIGN = (1.0, -1.0, -1.0)

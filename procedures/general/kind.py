@@ -7,32 +7,32 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fitter.arrays import FloatArray
-from fitter.effects.entry import Entry
-from fitter.effects.own import Grammar
 from fitter.errors import FitError
-from procedures.acceptance import Verdict
-from procedures.advice import Advice
-from procedures.budgeting import Evaluation, Expected
 from procedures.errors import DataError
-from procedures.expected import Columns
-from procedures.further_runs import Limits, Variation
 from procedures.general.options import BudgetOptions, FitOptions, InferOptions, TraceOptions
 from procedures.general.settings import GeneralProcedure
-from procedures.inference import Inference
 from procedures.kind import Kind
-from procedures.precision import Precision
-from procedures.results import Fitted, Options, Source, Traced
-from procedures.run_list import RunList
-from procedures.seen import Seen
-from procedures.table import Reader, Table
 
 if TYPE_CHECKING:
+    from fitter.arrays import FloatArray
+    from fitter.effects.entry import Entry
+    from fitter.effects.own import Grammar
+    from procedures.acceptance import Verdict
+    from procedures.advice import Advice
+    from procedures.budgeting import Evaluation, Expected
     from procedures.charting import Charting
     from procedures.confirming import Confirming
+    from procedures.expected import Columns
+    from procedures.further_runs import Limits, Variation
     from procedures.general.evaluate import GeneralTraced
     from procedures.general.infer import CurveCalibration
     from procedures.general.of_runs import RunTraced
+    from procedures.inference import Inference
+    from procedures.precision import Precision
+    from procedures.results import Fitted, Options, Source, Traced
+    from procedures.run_list import RunList
+    from procedures.seen import Seen
+    from procedures.table import Reader, Table
 
 
 class GeneralKind(Kind):

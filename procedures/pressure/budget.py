@@ -17,9 +17,9 @@ from procedures.budget_by_sensor import EvaluationBySensor
 from procedures.budgeting import Shift, Shifts
 from procedures.errors import DataError
 from procedures.pressure.data import WholePlotData
-from procedures.pressure.evaluate import METHOD, coefficient_unit
 from procedures.pressure.fit import Errors, PressureCalibration, PressureFit, fit_transducers
-from procedures.pressure.fit.models import usual
+from procedures.pressure.fit.methods import METHOD
+from procedures.pressure.fit.models import coefficient_unit, usual
 from procedures.pressure.infer import infer_pressure
 from procedures.pressure.influences import COLUMN_PER_M
 from procedures.pressure.table import whole_plot_data

@@ -28,7 +28,8 @@ from procedures.pressure.effects import PRESSURE_CATALOGUE
 from procedures.pressure.effects.scene import PressureEffect
 from procedures.pressure.figures import effect_figures
 from procedures.pressure.fit import PressureFit, fit_transducers, named_formula, variance_inflation
-from procedures.pressure.fit.models import ONE_TEMPERATURE, usual
+from procedures.pressure.fit.methods import METHOD
+from procedures.pressure.fit.models import ONE_TEMPERATURE, coefficient_unit, usual
 from procedures.pressure.gross import of_whole_plots
 from procedures.pressure.table import KNOWN, UNIT, whole_plot_data
 from procedures.pressure.trace import FoundPressureEffect, TransducerTrace, WholePlotTrace, trace_whole_plots
@@ -36,9 +37,6 @@ from procedures.results import Page
 from procedures.table import Table
 from procedures.unused import unused_in_fit
 from procedures.words import doubts_of, noise_of, verdict
-
-METHOD = "GLS"
-"""Default method of a calibration: it does not prefer any pressure."""
 
 
 @dataclass(frozen=True)
@@ -221,22 +219,6 @@ def _alive(table: Table) -> tuple[WholePlotData, dict[str, str]]:
     if not outputs:
         raise DataError(f"{table.source}: {'; '.join(f'{n} {why}' for n, why in dead.items())}: nothing to calibrate")
     return (replace(data, outputs=outputs) if dead else data), dead
-
-
-_UNITS = {"P": "psi", "T_sensor": "degC", "T_SSE": "degC"}
-
-
-def coefficient_unit(term: str) -> str:
-    """Unit of a term's coefficient: "mV/psi/degC" of "P:T_sensor", "mV per unit" for other functions."""
-    if term == "1":
-        return "mV"
-    unit = "mV"
-    for factor in term.split(":"):
-        name, _, power = factor.partition("^")
-        if name not in _UNITS or not (power or "1").isdigit():
-            return "mV per unit"
-        unit += f"/{_UNITS[name]}" + (f"^{power}" if power else "")
-    return unit
 
 
 def with_units(sensor: dict[str, Any]) -> dict[str, Any]:

@@ -8,29 +8,30 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fitter.arrays import FloatArray
-from fitter.effects.entry import Entry
-from fitter.effects.own import Grammar
 from fitter.errors import FitError
-from procedures.acceptance import Verdict
-from procedures.budgeting import Evaluation, Expected
-from procedures.expected import Columns, Expecting
-from procedures.further_runs import Limits, Variation
-from procedures.inference import Inference
 from procedures.kind import Kind
-from procedures.precision import Precision
 from procedures.pressure.options import BudgetOptions, FitOptions, InferOptions, TraceOptions
 from procedures.pressure.settings import FACTORS, WholePlotProcedure
-from procedures.results import Fitted, Source, Traced
-from procedures.run_list import RunList
-from procedures.table import Reader, Table
 from procedures.unused import Unused, unused_in_fit
 
 if TYPE_CHECKING:
+    from fitter.arrays import FloatArray
+    from fitter.effects.entry import Entry
+    from fitter.effects.own import Grammar
+    from procedures.acceptance import Verdict
+    from procedures.budgeting import Evaluation, Expected
     from procedures.charting import Charting
     from procedures.confirming import Confirming
+    from procedures.expected import Columns, Expecting
+    from procedures.further_runs import Limits, Variation
+    from procedures.inference import Inference
+    from procedures.precision import Precision
     from procedures.pressure.evaluate import WholePlotTraced
     from procedures.pressure.fit import PressureCalibration
+    from procedures.pressure.zeros import ZeroRows
+    from procedures.results import Fitted, Source, Traced
+    from procedures.run_list import RunList
+    from procedures.table import Reader, Table
 
 
 class PressureKind(Kind):
@@ -100,7 +101,6 @@ class PressureKind(Kind):
     ) -> Inference:
         """Pressure."""
         from procedures.pressure.infer_table import infer_pressures  # noqa: PLC0415
-        from procedures.pressure.zeros import ZeroRows  # noqa: PLC0415
 
         zero = None if options.zero is None else other(options.zero)
         meaning: ZeroRows | None = None if options.zero_rows is None else options.zero_rows.value

@@ -15,7 +15,7 @@ import numpy as np
 from fitter.arithmetic_text import FormulaError
 from fitter.effects.own import own_effects
 from fitter.formula import Formula
-from procedures.kind import kinds
+from procedures.kinds import kinds
 from proving.crashes.runs import PROCEDURES
 from proving.doors.hostile import Acts, Material, command, damaged, edited, mutated, words
 from rig.config import parse_bench, parse_procedure

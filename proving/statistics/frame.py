@@ -16,7 +16,8 @@ from typing import Any
 
 from proving.ledger import Result
 from proving.seeds import Campaign, Digest, Place
-from rig.cli.show import counting, err, out, print_json
+from rig.cli.progress import counting
+from rig.cli.show import err, out, print_json
 from rig.errors import RigError, UsageError
 
 Figures = dict[str, Any]

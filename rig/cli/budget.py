@@ -13,8 +13,9 @@ from rig.atomic import check_files
 from rig.cli import app
 from rig.cli.budget_options import EquipmentOption, SameMeterOption
 from rig.cli.kind_options import with_options_of_kinds
-from rig.cli.run import JsonOption, RunArgument
-from rig.cli.show import counting, out, print_json, show_notes
+from rig.cli.options import JsonOption, RunArgument
+from rig.cli.progress import counting
+from rig.cli.show import out, print_json, show_notes
 from rig.errors import ExitCode
 from rig.present.terminal import show
 

@@ -11,7 +11,7 @@ import typer
 from rich.markup import escape
 
 from rig.cli import app
-from rig.cli.run import JsonOption
+from rig.cli.options import JsonOption
 from rig.cli.show import err, mark, out, print_json
 from rig.errors import ExitCode, UsageError
 

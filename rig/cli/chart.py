@@ -9,7 +9,7 @@ import typer
 
 from rig.atomic import check_files
 from rig.cli import app
-from rig.cli.run import JsonOption
+from rig.cli.options import JsonOption
 from rig.cli.show import show_result, write_report
 from rig.errors import ExitCode
 

@@ -7,9 +7,10 @@ from pathlib import Path
 
 from rich.markup import escape
 
-from procedures.kind import kind_of
+from procedures.kinds import kind_of
 from rig.atomic import check_files, write_whole_bytes
-from rig.cli.show import err, out, print_json, run_progress
+from rig.cli.progress import run_progress
+from rig.cli.show import err, out, print_json
 from rig.errors import ConfigurationError, UsageError
 from rig.plans import Plan, load_plan
 from rig.present.terminal import show

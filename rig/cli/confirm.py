@@ -16,8 +16,10 @@ from rig.atomic import check_files, write_whole
 from rig.cli import app
 from rig.cli.confirm_show import listed, show, show_open, show_proposals
 from rig.cli.kind_options import with_options_of_kinds
-from rig.cli.run import JsonOption, RunArgument, conclude, signals
-from rig.cli.show import err, headline, print_json, run_progress
+from rig.cli.options import JsonOption, RunArgument
+from rig.cli.progress import run_progress
+from rig.cli.run import conclude, signals
+from rig.cli.show import err, headline, print_json
 from rig.config import parse_toml, read_text
 from rig.controller import start_run
 from rig.engine.session import Outcome

@@ -14,7 +14,7 @@ from rig.atomic import check_files
 from rig.cli import app
 from rig.cli.budget_options import EquipmentOption
 from rig.cli.kind_options import with_options_of_kinds
-from rig.cli.run import JsonOption
+from rig.cli.options import JsonOption
 from rig.cli.show import err, out, print_json, show_notes, show_result, write_report
 from rig.cli.table_options import DecimalOption, EncodingOption, HeaderOption, SeparatorOption
 from rig.errors import ExitCode

@@ -14,8 +14,10 @@ import typer
 from rich.markup import escape
 
 from rig.cli import app
-from rig.cli.run import JsonOption, conclude
-from rig.cli.show import err, out, print_json, run_progress
+from rig.cli.options import JsonOption
+from rig.cli.progress import run_progress
+from rig.cli.run import conclude
+from rig.cli.show import err, out, print_json
 from rig.controller import resume_run
 from rig.engine.session import Outcome, Signals
 from rig.errors import ExitCode, RigError

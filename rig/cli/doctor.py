@@ -11,7 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from rig.cli import app
-from rig.cli.run import JsonOption
+from rig.cli.options import JsonOption
 from rig.cli.show import err, mark, out, print_json
 from rig.cli.unattended import NotifyFileOption
 from rig.errors import ExitCode

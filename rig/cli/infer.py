@@ -11,7 +11,7 @@ from rich.markup import escape
 from rig.cli import app
 from rig.cli.budget_options import SameMeterOption
 from rig.cli.kind_options import with_options_of_kinds
-from rig.cli.run import JsonOption
+from rig.cli.options import JsonOption
 from rig.cli.show import err, mark, print_json, show_notes
 from rig.cli.table_options import DecimalOption, EncodingOption, HeaderOption, SeparatorOption
 from rig.errors import ExitCode

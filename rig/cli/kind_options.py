@@ -9,7 +9,8 @@ from typing import Annotated, Any, TypeVar
 import typer
 from pydantic.fields import FieldInfo
 
-from procedures.kind import Kind, kinds
+from procedures.kind import Kind
+from procedures.kinds import kinds
 from rig.options import Choose
 
 Command = TypeVar("Command", bound=Callable[..., Any])

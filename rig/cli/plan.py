@@ -8,8 +8,9 @@ from typing import Annotated
 import typer
 
 from rig.cli import app
-from rig.cli.run import BenchOption, JsonOption, ProcedureArgument
-from rig.cli.show import run_progress, show_result
+from rig.cli.options import BenchOption, JsonOption, ProcedureArgument
+from rig.cli.progress import run_progress
+from rig.cli.show import show_result
 from rig.errors import ExitCode, UsageError
 
 

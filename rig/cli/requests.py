@@ -10,7 +10,7 @@ import typer
 from rich.markup import escape
 
 from rig.cli import app
-from rig.cli.run import OperatorOption, RunArgument
+from rig.cli.options import OperatorOption, RunArgument
 from rig.cli.show import err
 from rig.errors import ExitCode, RigError, UsageError
 from rig.run_file.live import asked_by_hand, controller_alive, live_path, read_json, send_request

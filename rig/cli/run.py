@@ -19,7 +19,9 @@ from procedures.durations import duration
 from rig.accepted import Acceptance
 from rig.atomic import check_added_to
 from rig.cli import app
-from rig.cli.show import err, mark, run_progress
+from rig.cli.options import BenchOption, OperatorOption, ProcedureArgument, RunArgument
+from rig.cli.progress import run_progress
+from rig.cli.show import err, mark
 from rig.cli.unattended import (
     Listening,
     LogFormatOption,
@@ -43,26 +45,14 @@ from rig.run_file.events.points import Observed
 from rig.run_file.reader import RunReader
 from rig.run_file.state import RunState, is_simulated, read_state
 from rig.unattended import Listeners, RunFacts, ServiceManager
-from rig.who import VARIABLE, operator
+from rig.who import operator
 
-RunArgument = Annotated[Path, typer.Argument(help="the run file, DIR/ID.sqlite", show_default=False)]
-BenchOption = Annotated[Path, typer.Option("--bench", "-b", help="the bench file", show_default=False)]
-ProcedureArgument = Annotated[Path, typer.Argument(help="the procedure file", show_default=False)]
-JsonOption = Annotated[bool, typer.Option("--json", help="print the result as JSON")]
 KillOption = Annotated[
     int | None,
     typer.Option(
         "--kill-at-point",
         min=1,
         help="to test recovery: kill this process with SIGKILL after this many points",
-        show_default=False,
-    ),
-]
-OperatorOption = Annotated[
-    str | None,
-    typer.Option(
-        "--operator",
-        help=f"operator of this session, for the run file; default: {VARIABLE}, or the login name",
         show_default=False,
     ),
 ]

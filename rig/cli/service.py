@@ -13,7 +13,7 @@ from rich.markup import escape
 
 from rig.atomic import write_whole
 from rig.cli import app
-from rig.cli.run import RunArgument
+from rig.cli.options import RunArgument
 from rig.cli.show import err
 from rig.cli.unattended import facts_of
 from rig.config import parse_bench, read_text

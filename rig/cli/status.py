@@ -12,7 +12,7 @@ from rich.table import Table
 
 from procedures.durations import duration
 from rig.cli import app
-from rig.cli.run import JsonOption
+from rig.cli.options import JsonOption
 from rig.cli.show import err, out, print_json
 from rig.errors import ExitCode, RigError, UsageError
 from rig.present.terminal import show

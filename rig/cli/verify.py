@@ -12,7 +12,7 @@ import typer
 from rich.markup import escape
 
 from rig.cli import app
-from rig.cli.run import JsonOption, RunArgument
+from rig.cli.options import JsonOption, RunArgument
 from rig.cli.show import mark, out, print_json
 from rig.errors import ExitCode, RunFileError, UsageError
 from rig.run_file.elsewhere import goes_on_in

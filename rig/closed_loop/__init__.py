@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from procedures.kind import Kind, kind_of_table, kinds
+from procedures.kinds import kind_of_table, kinds
 from procedures.results import Fitted, Traced
-from procedures.table import Reader, Table
 from rig.effects import laboratory_effects
 from rig.errors import UsageError
+
+if TYPE_CHECKING:
+    from procedures.kind import Kind
+    from procedures.table import Reader, Table
 
 __all__ = ["Fitted", "Traced", "fit_table", "trace_table"]
 

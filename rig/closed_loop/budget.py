@@ -18,7 +18,8 @@ from procedures.budgeting import Evaluation, Shift, Shifts
 from procedures.column_names import unit_of
 from procedures.errors import DataError
 from procedures.influences import corrected, explain, influences, with_more
-from procedures.kind import Kind, kind_of_table
+from procedures.kind import Kind
+from procedures.kinds import kind_of_table
 from procedures.simulated_budget import whole
 from procedures.stated import Statements
 from procedures.table import Table
@@ -49,7 +50,6 @@ DOMINATED = (
     "or more); their coverage factor is by the shape of the distribution and smaller than Student's t (EA-4/02, S9 and "
     "S10)"
 )
-UNSTATED = "the register states no errors of {names}: none are in these uncertainties, which are too small"
 IN_USE = (
     "inferred values are for a use {days:g} days after the run, with the drift of the sensors by their history; "
     "coefficients and outputs are those of the run"
@@ -193,15 +193,10 @@ def _noted(reasons: list[str], refusal: type[RigError] = ConfigurationError) -> 
 
 
 def _corrected(table: Table, kind: Kind, config: BenchConfig, register: Register, stated: Statements) -> OfRun:
-    columns = kind.placed(corrected(table.columns, stated.errors), constants_of(stated))
+    columns = kind.placed(corrected(table.columns, stated.errors), stated.constants)
     changed = tuple(name for name, values in columns.items() if (values != table.columns[name]).any())
     table = replace(table, columns=columns) if changed else table
     return OfRun(table, kind, config, register, stated, changed)
-
-
-def constants_of(stated: Statements) -> Mapping[str, float]:
-    """Values of the constants of the place, by name."""
-    return {name: one.value for name, one in stated.place.items()}
 
 
 def _contradictions(
@@ -311,7 +306,7 @@ def budget_of(
         after_days: inferred values are for a use so many days after the run, with the sensors' drift by their history.
     """
     chosen = of.kind.budget_options(**dict(options or {}))
-    evaluation = of.kind.evaluation(of.table, chosen, at, constants_of(of.stated))
+    evaluation = of.kind.evaluation(of.table, chosen, at, of.stated.constants)
     try:
         explain(evaluation, of.stated)
         results = evaluation.results
@@ -323,9 +318,9 @@ def budget_of(
         made = budgets(results.names, results.units, results.values, type_a, found.influences, **asked)
     except FitError as error:
         raise DataError(f"{of.table.source}: {error}") from error
-    unstated = unstated_of(evaluation, of.stated)
+    unstated = of.stated.unstated(evaluation.columns)
     meter = SAME_METER if same_meter else OTHER_METER
-    notes = [*lacking(unstated, of.stated), meter, *found.notes, *of.stated.unused]
+    notes = [*of.stated.what_is_lacking(unstated), meter, *found.notes, *of.stated.unused]
     outside = tuple(outside_of(of.table, at))
     notes += [*outside, *held(of, evaluation.columns, at)]
     if of.corrected:
@@ -368,17 +363,6 @@ def of_drift(of: OfRun, evaluation: Evaluation, days: float) -> Iterator[tuple[s
             return Shift(in_use=lambda read, values: times * moved if read == column else np.zeros_like(values))
 
         yield f"{name} drift in {days:g} days, by its history", f"sensors.{name}.drift, control chart", shifts
-
-
-def unstated_of(evaluation: Evaluation, stated: Statements) -> tuple[str, ...]:
-    """Columns of an evaluation whose own errors the register does not state; those of a meter behind one are others."""
-    known = {name for one in stated.errors for name in one.columns if name not in one.computed}
-    return tuple(name for name in evaluation.columns if name not in known)
-
-
-def lacking(unstated: Sequence[str], stated: Statements) -> list[str]:
-    """Sentences on errors that uncertainties lack, for the first lines of a result: of columns, of the register."""
-    return [*([UNSTATED.format(names=", ".join(unstated))] if unstated else []), *stated.lacking]
 
 
 def simulated_notes(made: Sequence[Budgeted], checks: Sequence[Check], seed: int) -> list[str]:

@@ -14,7 +14,8 @@ import numpy as np
 
 from procedures.charting import Calibrations, Charting
 from procedures.errors import DataError
-from procedures.kind import Kind, kind_of_table, kinds
+from procedures.kind import Kind
+from procedures.kinds import kind_of_table, kinds
 from procedures.table import Table
 from procedures.unused import Unused, sentences
 from procedures.words import incomplete

@@ -10,7 +10,7 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from procedures.influences import Kept, explain, kept
-from rig.closed_loop.budget import OfRun, constants_of
+from rig.closed_loop.budget import OfRun
 
 REPEATABILITY = "repeatability only"
 
@@ -25,7 +25,7 @@ def budget_section(of: OfRun, options: Mapping[str, Any]) -> dict[str, Any]:
     Raises:
         DataError: its kind has no budgets, or the run cannot be evaluated.
     """
-    evaluation = of.kind.evaluation(of.table, of.kind.budget_options(**options), (), constants_of(of.stated))
+    evaluation = of.kind.evaluation(of.table, of.kind.budget_options(**options), (), of.stated.constants)
     explain(evaluation, of.stated)
     influences, notes = kept(evaluation, of.stated)
     if of.corrected:

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from procedures.kind import Kind, kinds
+from procedures.kind import Kind
+from procedures.kinds import kinds
 from procedures.words import incomplete
 from rig.errors import UsageError
 from rig.inference.total import KeptBudget

@@ -5,15 +5,17 @@ from __future__ import annotations
 import io
 from collections.abc import Iterable
 from html import escape
-from typing import assert_never
+from typing import TYPE_CHECKING, assert_never
 
 from rich.console import Console
-from rich.segment import Segment
 from rich.terminal_theme import DEFAULT_TERMINAL_THEME
 from rich.text import Text
 
 from procedures.blocks import Block, Grid, Line, Paragraph
 from rig.present.visible import visible
+
+if TYPE_CHECKING:
+    from rich.segment import Segment
 
 _CONSOLE = Console(file=io.StringIO())
 """A console that only resolves the names of styles."""

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import assert_never
+from typing import TYPE_CHECKING, assert_never
 
 from rich import box
-from rich.console import Console, RenderableType
 from rich.padding import Padding
 from rich.table import Table
 
 from procedures.blocks import Block, Grid, Line, Paragraph
+
+if TYPE_CHECKING:
+    from rich.console import Console, RenderableType
 
 
 def show(blocks: Iterable[Block], console: Console) -> None:

@@ -5,18 +5,20 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from math import isfinite
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.markup import escape
 
-from fitter.budget import Budgeted, Check
 from procedures.blocks import Block, Grid, Line, headline
 from procedures.numbers import with_error
-from rig.closed_loop.budget import RunBudget, budget_of, lacking, run_with_register
+from rig.closed_loop.budget import RunBudget, budget_of, run_with_register
 from rig.errors import UsageError
 from rig.options import options_of
 from rig.results.frames import Frame, of_rows
 from rig.results.result import Plots, Result
+
+if TYPE_CHECKING:
+    from fitter.budget import Budgeted, Check
 
 _AGREES = {True: "yes", False: "no", None: "not decided"}
 SMALL = 1e-3
@@ -58,7 +60,7 @@ class Budget(Result):
             value, expanded = with_error(one.value, one.expanded_uncertainty)
             words = f"{first.name}, {100 * first.share:.0f} %"
             grid.add_row(escape(one.name), f"{value} {one.unit}", expanded, f"{one.coverage_factor:.2f}", escape(words))
-        for sentence in lacking(self.found.unstated, self.found.of.stated):
+        for sentence in self.found.of.stated.what_is_lacking(self.found.unstated):
             yield Line(f"[bold]not in the uncertainties:[/] {escape(sentence)}")
         yield Line(f"expanded uncertainties with a coverage probability of {100 * probability:g} %")
         yield grid

@@ -6,15 +6,13 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import UTC, date, datetime
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.markup import escape
 
 from drivers.clock import RealClock
 from procedures.blocks import Block, Grid, Line, simulated_mark
-from procedures.charting import View
 from procedures.numbers import with_error
-from procedures.results import Page
 from rig.closed_loop.chart import ControlCharts, chart_calibrations
 from rig.closed_loop.chart_together import read_together
 from rig.closed_loop.chart_words import due_date
@@ -23,6 +21,10 @@ from rig.errors import UsageError
 from rig.results.data import Data
 from rig.results.frames import Frame, of_rows
 from rig.results.result import Reported
+
+if TYPE_CHECKING:
+    from procedures.charting import View
+    from procedures.results import Page
 
 
 class ControlChart(Reported):

@@ -9,11 +9,7 @@ from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fitter.json_values import JsonValue
-from procedures.blocks import Block
 from procedures.errors import DataError
-from procedures.kind import Kind
-from procedures.results import Fitted, Page, Traced
 from procedures.unused import sentences, unit_of
 from procedures.words import units
 from rig.atomic import write_whole
@@ -31,6 +27,10 @@ from rig.tables import Asked, FileSource, is_run
 from rig.tables.of_others.asked import NOTHING
 
 if TYPE_CHECKING:
+    from fitter.json_values import JsonValue
+    from procedures.blocks import Block
+    from procedures.kind import Kind
+    from procedures.results import Fitted, Page, Traced
     from rig.results.inferred import Readings
 
 _ESTIMATES = ("sensor", "of", "name", "unit"), ("estimate", "stderr", "df")

@@ -10,8 +10,6 @@ import numpy as np
 from rich.markup import escape
 
 from procedures.blocks import Block, Line, simulated_mark
-from procedures.inference import Inference
-from procedures.table import Reader
 from procedures.unused import sentences
 from rig import inference
 from rig.atomic import check_files
@@ -26,6 +24,8 @@ from rig.tables.given import table_given
 from rig.tables.of_others.asked import NOTHING
 
 if TYPE_CHECKING:
+    from procedures.inference import Inference
+    from procedures.table import Reader
     from rig.tables.given import Columns
 
     Readings = str | Path | Columns

@@ -6,9 +6,8 @@ import json
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from rig.certificate.document import Document
 from rig.certificate.files import (
     Before,
     amended,
@@ -21,7 +20,10 @@ from rig.certificate.files import (
 )
 from rig.dcc.extras import needed
 from rig.errors import RunFileError, UsageError
-from rig.results.certificate import Asked, Made
+
+if TYPE_CHECKING:
+    from rig.certificate.document import Document
+    from rig.results.certificate import Asked, Made
 
 
 @dataclass(frozen=True)

@@ -5,17 +5,19 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Collection, Iterable, Mapping
 from pathlib import PurePath
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rich.markup import escape
 
 from procedures.blocks import Block, Grid, Line, headline
 from procedures.numbers import number
-from procedures.table import Table
 from procedures.unused import unit_of
 from rig.results.frames import Frame, of_columns
 from rig.results.result import Plots, Result
+
+if TYPE_CHECKING:
+    from procedures.table import Table
 
 _SHOWN = 10
 _TIME = "elapsed_s"

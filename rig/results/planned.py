@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rich.markup import escape
@@ -19,23 +19,25 @@ from procedures.advice import Advice
 from procedures.blocks import Block, Grid, Line
 from procedures.by_hand import ALLOWANCE_H, HandStep
 from procedures.durations import duration
-from procedures.kind import kind_of
-from procedures.precision import Precision
+from procedures.kinds import kind_of
 from procedures.unused import unit_of
 from rig.bench_file import playing
-from rig.closed_loop.promised import Promised, expired, promised
 from rig.config import BenchConfig, due_dates
 from rig.disk_space import needed_bytes
 from rig.engine.guard import Guard
-from rig.engine.session import Progress
 from rig.errors import ConfigurationError, UsageError
 from rig.forecast import ALLOWANCE, SOAK_ALLOWANCE, Forecast, rehearse
 from rig.plans import Plan as Checked
 from rig.plans import load_plan
 from rig.plugins import driver_class
 from rig.results.frames import Frame, of_rows
+from rig.results.promised import Promised, expired, promised
 from rig.results.result import Plots, Result
 from rig.results.unit_doubts import unit_doubts
+
+if TYPE_CHECKING:
+    from procedures.precision import Precision
+    from rig.engine.session import Progress
 
 
 @dataclass(frozen=True, eq=False, repr=False)

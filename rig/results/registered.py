@@ -5,16 +5,18 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from procedures.errors import DataError
-from procedures.table import Table
 from rig.closed_loop.budget import OfRun, run_with_register
 from rig.closed_loop.kept import REPEATABILITY, budget_section
 from rig.errors import ConfigurationError, UsageError
 from rig.register import DOCUMENT
 from rig.run_file.reader import RunReader
 from rig.tables import FileSource, is_run, run_table
+
+if TYPE_CHECKING:
+    from procedures.table import Table
 
 
 @dataclass(frozen=True)

@@ -12,17 +12,18 @@ from rich.console import Console
 from rich.markup import escape
 
 from procedures.blocks import Block, Line
-from procedures.results import Page
 from rig.present.as_json import finite
 from rig.present.html import html
 from rig.present.terminal import show
 from rig.present.visible import visible
-from rig.results.frames import Frame
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from pandas import DataFrame
     from xarray import Dataset
+
+    from procedures.results import Page
+    from rig.results.frames import Frame
 
 _WIDTH = 120
 

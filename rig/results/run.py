@@ -9,18 +9,20 @@ from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
 from types import FrameType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from procedures.blocks import Block
 from rig.controller import Result as Ended
 from rig.controller import start_run
 from rig.engine.session import Outcome, Progress, Signals
 from rig.plans import load_plan
 from rig.results.data import Data
-from rig.results.frames import Frame
 from rig.results.result import Plots, Result
 from rig.results.status import status_of
 from rig.who import operator as operator_of
+
+if TYPE_CHECKING:
+    from procedures.blocks import Block
+    from rig.results.frames import Frame
 
 
 class Run(Result):

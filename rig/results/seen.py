@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Iterable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.markup import escape
 
 from procedures.blocks import Block, Grid, Line
-from procedures.kind import kinds
-from procedures.seen import Seen
-from procedures.table import Table
+from procedures.kinds import kinds
 from rig.closed_loop import known
 from rig.errors import UsageError
 from rig.tables import FileSource, is_run
 from rig.tables.of_others.units import unit_in
+
+if TYPE_CHECKING:
+    from procedures.seen import Seen
+    from procedures.table import Table
 
 
 class SeenTable:

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.markup import escape
 
@@ -22,16 +22,18 @@ from rig.engine.time_left import left_when_resumed_s
 from rig.errors import RigError
 from rig.plans import has_plan, stored_plan
 from rig.present.as_json import finite
-from rig.run_file.audit import Finding
-from rig.run_file.chain import Record
 from rig.run_file.elsewhere import goes_on_in
 from rig.run_file.events.bench import Fault
-from rig.run_file.events.by_hand import DoneByHand
 from rig.run_file.live import asked_by_hand, done_command, read_live, silent_s
 from rig.run_file.opening import sensible
-from rig.run_file.reader import RunReader
-from rig.run_file.state import RunState
 from rig.run_file.verification import CUT_SHORT, glance
+
+if TYPE_CHECKING:
+    from rig.run_file.audit import Finding
+    from rig.run_file.chain import Record
+    from rig.run_file.events.by_hand import DoneByHand
+    from rig.run_file.reader import RunReader
+    from rig.run_file.state import RunState
 
 _FAULTS_TOLD, _QUIET_S = 5, 60.0
 VERIFIED = 100_000

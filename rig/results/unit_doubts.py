@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fitter.errors import FitError
 from procedures.column_names import spelled, unit_of
 from procedures.errors import DataError
-from procedures.kind import kind_of
+from procedures.kinds import kind_of
 from rig.dcc.si_units import si_unit
 from rig.errors import UsageError
-from rig.plans import Plan
 from rig.quantities import per_volt, scale
+
+if TYPE_CHECKING:
+    from rig.plans import Plan
 
 _OTHERS = (
     "Nm", "degC", "degF", "psi", "psid", "pct", "percent", "rpm", "RH", "rh", "count", "counts",

@@ -6,11 +6,10 @@ import itertools
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from drivers.wires import Wires
 from drivers.wires.addresses import messages, simulated
-from rig.config import BenchConfig
 from rig.contract_files import with_contracts
 from rig.engine.holes import WatchedClock
 from rig.errors import ConfigurationError
@@ -18,7 +17,10 @@ from rig.plugins import driver_class, installed, load
 from rig.simulated.person import SimulatedPerson
 from sims.bench import SimBench, world_for
 from sims.physics import WorldError
-from sims.twin import MakesTwins
+
+if TYPE_CHECKING:
+    from rig.config import BenchConfig
+    from sims.twin import MakesTwins
 
 Tap = Callable[[str, str, bytes], None]
 """Called with (instrument, "tx" or "rx", bytes) for every transfer on every wire."""

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from procedures.by_hand import HandStep
-from sims.bench import SimBench
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from procedures.by_hand import HandStep
+    from sims.bench import SimBench
 
 _NAME = "simulated person"
 

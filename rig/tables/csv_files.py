@@ -14,7 +14,7 @@ from typing import IO, Any, BinaryIO
 import numpy as np
 
 from fitter.arrays import FloatArray
-from procedures.kind import kinds
+from procedures.kinds import kinds
 from procedures.table import Table
 from rig.atomic import write_whole
 from rig.errors import UsageError

@@ -9,7 +9,7 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from procedures.column_names import stem_of
-from procedures.kind import kinds
+from procedures.kinds import kinds
 from rig.watch.reading import Seen
 
 

@@ -19,7 +19,6 @@ from fitter.misfit import lacks_fit, reach_beside
 from fitter.own_span import AT_ONCE
 from fitter.replication import Replication, analyse, replication_spread
 from procedures.attitude.data import AttitudeData
-from procedures.attitude.effects import CATALOGUE
 from procedures.attitude.fit import drifting, drifting_together, moved_by
 from procedures.attitude.infer.calibration import AttitudeCalibration, Drift, with_roll
 from procedures.attitude.infer.misfit import Misfit
@@ -37,7 +36,6 @@ from procedures.attitude.model import (
 from procedures.attitude.temperature import Temperature
 
 OFFSET, SENSITIVITY = "offset-temperature", "sensitivity-temperature"
-_LEFT_BEHIND = {e.name for e in CATALOGUE if e.source not in ("package", "sensor", "temperature")}
 _SECOND = tuple((i, j, k) for k in (0, 1) for j in range(3) for i in range(3) if i + j + k <= 2)
 _THIRD = tuple((i, j, k) for k in (0, 1) for j in range(4) for i in range(4) if i + j + k <= 3)
 _FIRST = ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1))
@@ -49,6 +47,13 @@ _BASES = (
     tuple((powers, 1) for powers in _SECOND),
 )
 _EXACT = 1e-7
+
+
+def _of_the_run() -> set[str]:
+    """Effects of the head or the run, which do not exist in use."""
+    from procedures.attitude.effects import CATALOGUE  # noqa: PLC0415 - only effects of a trace need it
+
+    return {effect.name for effect in CATALOGUE if effect.source not in ("package", "sensor", "temperature")}
 
 
 class NotApplicable(FitError):
@@ -117,7 +122,7 @@ def calibrate_package(
         if merge:
             shapes = _told_apart(base, y, shapes, name, merged)
         fit, columns, owners = _beside(base, plain.names, y, shapes)
-        behind = (_LEFT_BEHIND | set(left_behind)) & set(shapes)
+        behind = (_of_the_run() | set(left_behind)) & set(shapes) if shapes else set()
         left |= behind
         own_columns = list(zip(owners, columns[:, base.shape[1] :].T, strict=True))
         terms, to_model = _model_of(own_columns, behind, g, warmth, base.shape[1])

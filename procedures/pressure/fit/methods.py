@@ -150,6 +150,9 @@ METHODS: Mapping[str, Callable[[Problem], Estimate]] = {
 }
 """In the order of the paper's figures 3 to 9."""
 
+METHOD = "GLS"
+"""Default method of a calibration: it does not prefer any pressure."""
+
 
 @dataclass(frozen=True, eq=False)
 class MethodFit:

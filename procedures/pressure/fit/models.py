@@ -186,3 +186,19 @@ def _power(factor: Factor) -> tuple[str, int]:
         if base.operation == "name" and exponent.operation == "number" and exponent.of[0] == int(exponent.of[0]):
             return str(base), int(exponent.of[0])
     return factor.text, 1
+
+
+_UNITS = {"P": "psi", "T_sensor": "degC", "T_SSE": "degC"}
+
+
+def coefficient_unit(term: str) -> str:
+    """Unit of a term's coefficient: "mV/psi/degC" of "P:T_sensor", "mV per unit" for other functions."""
+    if term == "1":
+        return "mV"
+    unit = "mV"
+    for factor in term.split(":"):
+        name, _, power = factor.partition("^")
+        if name not in _UNITS or not (power or "1").isdigit():
+            return "mV per unit"
+        unit += f"/{_UNITS[name]}" + (f"^{power}" if power else "")
+    return unit

@@ -9,7 +9,7 @@ from drivers.roles import Chamber
 from fitter.confirm import Choice, Pair, Points, separation
 from fitter.quantiles import DISTINGUISHED, t_limit
 from procedures.further_runs import Variation, possible
-from procedures.kind import kind_of
+from procedures.kinds import kind_of
 from rig.bench_file import playing
 from rig.closed_loop.confirm.first import First
 from rig.closed_loop.confirm.proposal import Proposal

@@ -12,7 +12,8 @@ import numpy as np
 from fitter.confirm import Later, Question, questions_of
 from fitter.effects.hands import Done
 from procedures.confirming import Confirming
-from procedures.kind import Procedure, kind_of
+from procedures.kind import Procedure
+from procedures.kinds import kind_of
 from procedures.table import Table
 from rig.closed_loop import Traced, known, trace_table
 from rig.config import BenchConfig

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import date
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy import special
@@ -14,12 +14,13 @@ from fitter.budget import budgets
 from fitter.errors import FitError
 from procedures.errors import DataError
 from procedures.influences import explain, influences
-from procedures.kind import kind_of
-from procedures.stated import Stated, Statements
-from rig.closed_loop.budget import constants_of, lacking, unstated_of
+from procedures.kinds import kind_of
 from rig.errors import ConfigurationError
-from rig.plans import Plan
 from rig.register import DOCUMENT, check_covered, check_validity, entries, parse_register, stated_of
+
+if TYPE_CHECKING:
+    from procedures.stated import Stated, Statements
+    from rig.plans import Plan
 
 NORMAL = float(special.ndtri(0.975))
 """Coverage factor with infinite degrees of freedom, which more points approach."""
@@ -89,15 +90,15 @@ def promised(plan: Plan, on: date) -> Promised:
         expected = kind.expected(plan.procedure, plan.run_list, sensors)
         if not expected.meter:
             stated = replace(stated, errors=_without_outputs(stated.errors))
-        evaluation = kind.evaluation(expected.table, kind.budget_options(), (), constants_of(stated))
+        evaluation = kind.evaluation(expected.table, kind.budget_options(), (), stated.constants)
         found = _of(evaluation, stated)
     except (DataError, FitError) as error:
         return Promised((), (f"repeatability only: {error}",))
-    unstated = [one for one in unstated_of(evaluation, stated) if expected.meter or one not in sensors]
+    unstated = [one for one in stated.unstated(evaluation.columns) if expected.meter or one not in sensors]
     notes = [f"total uncertainties by the register {register.name!r}, for {expected.assuming}"]
     notes += [] if expected.meter else [NO_METER]
     notes += ["the register has example values"] if register.example else []
-    return Promised(found, tuple(notes), tuple(lacking(unstated, stated)))
+    return Promised(found, tuple(notes), tuple(stated.what_is_lacking(unstated)))
 
 
 def expired(plan: Plan, on: date) -> list[str]:

@@ -1,0 +1,23 @@
+"""Arguments and options of several commands."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rig.who import VARIABLE
+
+RunArgument = Annotated[Path, typer.Argument(help="the run file, DIR/ID.sqlite", show_default=False)]
+BenchOption = Annotated[Path, typer.Option("--bench", "-b", help="the bench file", show_default=False)]
+ProcedureArgument = Annotated[Path, typer.Argument(help="the procedure file", show_default=False)]
+JsonOption = Annotated[bool, typer.Option("--json", help="print the result as JSON")]
+OperatorOption = Annotated[
+    str | None,
+    typer.Option(
+        "--operator",
+        help=f"operator of this session, for the run file; default: {VARIABLE}, or the login name",
+        show_default=False,
+    ),
+]
