@@ -10,9 +10,10 @@ from scipy import special
 
 from fitter.linear import least_squares, orthonormal
 from fitter.replication import Rows, analyse, drift_of, sigma_E
-from fitter.trace.aliases import DELTA, Products, _paths, rivals
+from fitter.trace.aliases import DELTA, PER_COLUMN, Products, _paths, rivals
 from fitter.trace.lines import line, lines
 from fitter.trace.shape import nearest
+from fitter.trace.whitened import Whitened
 from procedures.attitude.effects import CATALOGUE
 from procedures.attitude.trace.estimate import estimate, stated
 from procedures.attitude.trace.judge import _together
@@ -22,10 +23,11 @@ from procedures.pressure.effects import PRESSURE_CATALOGUE
 from procedures.pressure.fit import named_formula
 from procedures.pressure.trace.estimate import design_of
 from procedures.pressure.trace.estimate import estimate as estimate_plots
+from procedures.pressure.trace.neighbours import RHO, neighbours
 from procedures.pressure.trace.problem import Problem
 from procedures.pressure.trace.problem import pose as pose_plots
 from procedures.pressure.trace.run import scene_of
-from procedures.pressure.trace.score import _scored, score
+from procedures.pressure.trace.score import _scored, beside, score
 from proving.truth.attitude import D1, simulate
 from proving.truth.attitude_hidden import CLEAN
 from proving.truth.whole_plot import Bench, Run, Transducer
@@ -90,6 +92,71 @@ def test_names_that_cannot_explain_it_are_left_out_and_no_alias_is():
     near = rivals(entries, products, (0, 1, 8, 9), (), ("a", "b"), within=DELTA)
     assert [r.effect for r in every if r.alias] == ["one", "like it"]
     assert near == tuple(r for r in every if r.effect in ("one", "like it"))
+
+
+def test_the_bound_of_a_name_drops_none_that_its_terms_can_reach():
+    """Columns that are alike but for a ten-thousandth, twice the same, and zero."""
+    rng = np.random.default_rng(5)
+    x = rng.standard_normal((70, 12))
+    x[:, 1], x[:, 2] = x[:, 0] + 1e-4 * x[:, 1], x[:, 0] + 1e-4 * x[:, 2]
+    x[:, 4], x[:, 7] = x[:, 3], 0.0
+    y = x @ rng.normal(0.0, 2.0, 12) + 3e4 * (x[:, 1] - x[:, 0]) + rng.standard_normal(70)
+    products = Products(x.T @ x, x.T @ y)
+    of = {"alike": [(0,), (1,), (2,)], "same": [(3,), (4,), (5,)], "zero": [(6,), (7,), (8,)], "one": [(9,)]}
+    for name, units in of.items():
+        terms = tuple(j for unit in units for j in unit)
+        least = products.price(terms) - PER_COLUMN * (len(terms) - 1)
+        assert name in products.able(of, set(), least + 1e-6 * abs(least))
+        assert name not in products.able(of, set(), least * (1.1 if least < 0 else 0.9) - 1.0)
+
+
+def test_products_among_others_are_those_alone_in_their_places():
+    rng = np.random.default_rng(4)
+    columns = rng.standard_normal((2, 30, 3))
+    columns[1, :, 1] = 0.0
+    white, weight, at = Whitened(rng.standard_normal((2, 30)), columns), np.array([1.0, 0.5]), np.array([4, 1, 3])
+    alone, among = Products.of(white, weight), Products.of(white, weight, (at, 6))
+    assert np.array_equal(among.columns[np.ix_(at, at)], alone.columns)
+    assert np.array_equal(among.outputs[at], alone.outputs)
+    assert np.count_nonzero(among.columns) == np.count_nonzero(alone.columns)
+    assert among.columns.shape == (6, 6)
+
+
+def test_correlations_of_neighbours_together_are_those_of_each(plots):
+    """Likelihood with one column in the model, by least squares with each covariance."""
+    around, strata = neighbours(plots, ()), plots.strata[1]
+    rng = np.random.default_rng(6)
+    y, x = strata.leave(rng.standard_normal((len(plots.declared), 2)), "whole-plot").T
+    place, shared = np.argsort(plots.plots_in_time), np.sqrt(strata.ratio / (strata.ratio + 1.0 / strata.total))
+    free = orthonormal(np.eye(len(y)) - strata.between @ strata.between.T, np.ones(len(y)))
+    for k, rho in enumerate(RHO):
+        covariance = np.outer(shared, shared) * rho ** np.abs(np.subtract.outer(place, place))
+        np.fill_diagonal(covariance, 1.0)
+        left = free.T @ covariance @ free
+        inverse, one, other = np.linalg.inv(left), free.T @ y, free.T @ x
+        length = other @ inverse @ other
+        rss = one @ inverse @ one - (one @ inverse @ other) ** 2 / length
+        sizes = np.linalg.slogdet(left)[1] + np.log(length / (x @ x))
+        expected = -0.5 * ((left.shape[0] - 1) * np.log(rss) + sizes)
+        assert around.of[1].likelihood(x[:, None], y)[k, 0] == pytest.approx(expected, rel=1e-9)
+        in_block = around.of[1].likelihood_of(x[:, None] / np.linalg.norm(x), y)[k]
+        assert in_block == pytest.approx(expected, rel=1e-9)
+
+
+def test_beside_what_was_found_alone_is_as_beside_all_candidates(plots):
+    level = plots.judged_at
+    chosen = (level.index("subplot"), level.index("whole-plot"))
+    few, inside = plots.among(chosen)
+    assert [few.judged_at[j] for j in inside] == ["subplot", "whole-plot"]
+    for stratum in ("subplot", "whole-plot"):
+        one, other = (beside(p, stratum, c, ()) for p, c in ((plots, chosen), (few, inside)))
+        assert one.white.outputs == pytest.approx(other.white.outputs, rel=1e-9, abs=1e-9)
+        assert one.sigma == pytest.approx(other.sigma, rel=1e-12)
+
+
+def test_a_run_of_all_its_rows_is_not_prepared_again(plots):
+    assert plots.take(np.arange(len(plots.declared))) is plots
+    assert len(plots.take(np.arange(1, len(plots.declared))).declared) == len(plots.declared) - 1
 
 
 def test_periods_of_several_residuals_are_those_of_each():
