@@ -66,15 +66,15 @@ class Series:
         self.readings: dict[str, list[float]] = {label: [] for label in channels}
         self.heard: set[str] = set()
         self.repeated = 0
-        self._channels = channels
-        self._faults = faults
+        self._channels, self._faults = _by_message(channels), _by_message(faults)
+        self._watched = frozenset(faults)
         self._wrong: dict[str, tuple[bool, float | None]] = {}
         self._counters: dict[tuple[str, frozenset[str]], float] = {}
 
     @property
     def missing(self) -> int:
         """Number of missing readings of the channel with the fewest."""
-        return self.count - min(len(readings) for readings in self.readings.values())
+        return self.count - min(map(len, self.readings.values()))
 
     def forget_counters(self) -> None:
         """Expect a new count: the unit starts its counter again."""
@@ -98,13 +98,21 @@ class Series:
                 self.repeated += 1
                 return
             self._counters[kind] = at
-        for label, (source, signal) in self._faults.items():
-            if source.name == message.name and signal.name in values:
-                self._wrong[label] = (values[signal.name] != 0, at)
-        for label, (source, signal) in self._channels.items():
-            if source.name != message.name or signal.name not in values or len(self.readings[label]) == self.count:
+        for label, signal in self._faults.get(message.name, ()):
+            if signal in values:
+                self._wrong[label] = (values[signal] != 0, at)
+        for label, signal in self._channels.get(message.name, ()):
+            if signal not in values or len(self.readings[label]) == self.count:
                 continue
             wrong, since = self._wrong.get(label, (False, None))
-            if label in self._faults and (label not in self._wrong or (in_step and since != at)):
+            if label in self._watched and (label not in self._wrong or (in_step and since != at)):
                 continue
-            self.readings[label].append(OVERLOAD if wrong else values[signal.name])
+            self.readings[label].append(OVERLOAD if wrong else values[signal])
+
+
+def _by_message(places: Mapping[str, Place]) -> Mapping[str, list[tuple[str, str]]]:
+    """Channels and names of their signals, by message."""
+    found: dict[str, list[tuple[str, str]]] = {}
+    for label, (message, signal) in places.items():
+        found.setdefault(message.name, []).append((label, signal.name))
+    return found

@@ -8,22 +8,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from drivers.druck_options import PaceOptions
-from drivers.druck_ranges import full_scale_psi, reference_of
+from drivers.druck_ranges import PASCALS, full_scale_psi, reference_of
 from drivers.druck_scpi import PaceScpi
 from drivers.errors import BadReply
-
-PASCALS = {
-    "PSI": 6894.757293168,
-    "BAR": 1e5,
-    "MBAR": 100.0,
-    "HPA": 100.0,
-    "KPA": 1e3,
-    "MPA": 1e6,
-    "PA": 1.0,
-    "TORR": 101325.0 / 760.0,
-    "MMHG": 133.322387415,
-}
-"""Units of readings, in pascals: somebody may change the unit at the front panel."""
 
 _ATMOSPHERE_PSI = (6.5, 16.5)  # from the highest towns to the deepest mines
 _BELOW_VACUUM_PSI = -0.5  # no zero error of a sensor is as large
@@ -98,7 +85,7 @@ class Measures:
     def scale(self) -> Scale:
         """Present meaning of the controller's numbers, by its unit and its control range's name."""
         unit, name = self._unit_psi(), self.selected_range()
-        gauge = (reference_of(name, PASCALS) or self._options.reference) == "gauge"
+        gauge = (reference_of(name) or self._options.reference) == "gauge"
         return Scale(unit, self._barometer(unit) if gauge else 0.0, name)
 
     def refuse_below_vacuum(self, psia: float) -> None:
@@ -114,7 +101,7 @@ class Measures:
         checked.
         """
         scale = self.scale()
-        told, wanted = reference_of(scale.range, PASCALS), self._options.reference
+        told, wanted = reference_of(scale.range), self._options.reference
         if told != wanted or self._range not in (None, scale.range):
             before = "the bench says" if self._range is None else f"it was {self._range!r} when it was prepared,"
             raise BadReply(
@@ -159,7 +146,7 @@ class Measures:
         """
         where, options = self._where, self._options
         name = self.selected_range()
-        reference, full_scale = reference_of(name, PASCALS), full_scale_psi(name, PASCALS)
+        reference, full_scale = reference_of(name), full_scale_psi(name)
         if reference != options.reference:
             unknown = "" if reference else ", whose name does not end in a (absolute) or g (gauge)"
             raise BadReply(

@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 from serial_bench import plug_in, wires
 
-from drivers.druck_measures import PASCALS
 from drivers.druck_pace import DruckPACE
 from drivers.druck_ranges import full_scale_psi, reference_of
 from drivers.druck_scpi import _same_header
@@ -289,9 +288,9 @@ def test_what_contradicts_the_unit_or_the_limits_is_refused_at_prepare(monkeypat
     ],
 )
 def test_names_of_control_ranges(name, psi, reference):
-    found = full_scale_psi(name, PASCALS)
+    found = full_scale_psi(name)
     assert found == (None if psi is None else pytest.approx(psi, rel=1e-4))
-    assert reference_of(name, PASCALS) == reference
+    assert reference_of(name) == reference
 
 
 def test_a_barometer_that_fails_in_the_night_is_said_and_not_believed(monkeypatch):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import TypeVar
+from typing import ParamSpec, TypeVar
 
 from canopen.objectdictionary import ObjectDictionary
 
@@ -19,6 +19,7 @@ from drivers.wires.serial_line import Tap
 _MOST_BUFFERED = 100_000  # maximum number of frames in an adapter; a bus with more frames at once never becomes silent
 
 Answer = TypeVar("Answer")
+Given = ParamSpec("Given")
 
 
 class CanLine:
@@ -61,11 +62,11 @@ class CanLine:
 
     def send(self, can_id: int, data: bytes) -> None:
         """Send a frame; raises `Unreachable`."""
-        self._on_bus(lambda: self._bus.network.send_message(can_id, data))
+        self._on_bus(self._bus.network.send_message, can_id, data)
 
     def pump(self, seconds: float) -> bool:
         """Receive one frame of any identifier, waiting at most this many bench seconds; returns whether one came."""
-        return self._on_bus(lambda: self._bus.pump(seconds))
+        return self._on_bus(self._bus.pump, seconds)
 
     def flush(self) -> None:
         """Receive all waiting frames, so that later ones are new."""
@@ -74,10 +75,10 @@ class CanLine:
                 return
         raise BadReply(f"{self.where}: the bus never becomes silent; is it overloaded?")
 
-    def _on_bus(self, action: Callable[[], Answer]) -> Answer:
+    def _on_bus(self, action: Callable[Given, Answer], *given: Given.args, **options: Given.kwargs) -> Answer:
         try:
             self._bus.begin(self.where, self._log)
-            return action()
+            return action(*given, **options)
         except BUS_ERRORS as error:
             self._bus.lost(self.where, error)
 

@@ -30,20 +30,20 @@ _QUIET_S = 0.3
 _SERVER_SILENCE_S = 0.02  # a serial server sends received bytes on within some milliseconds
 _TALKS_ON_S = 10.0
 _LEAST_WAIT_S = 1e-4
+_HEAD = struct.Struct(">HHHBBB")  # of an answer over TCP: number, 0, length, unit, function, bytes of words
 _MOST_NUMBERS = 65_000  # of requests over TCP, then from 1 again
 
 
-class _Words(ReadHoldingRegistersResponse):
-    """pymodbus's answer to function 3, nearly all of a night: words decoded at once, no text of it for a log."""
+class _FramerSocket(FramerSocket):
+    """pymodbus's frames over TCP; one whole answer to function 3, nearly all of a night, is taken at once."""
 
-    def decode(self, data: bytes) -> None:
-        """Take the words after the number of their bytes."""
-        if data[0] >= len(data):
-            raise ModbusIOException(f"byte_count {data[0]} > length of packet {len(data)}")
-        self.registers = list(struct.unpack_from(f">{data[0] // 2}H", data, 1))
-
-    def __str__(self) -> str:
-        return "words"
+    def handleFrame(self, data: bytes, exp_devid: int, exp_tid: int) -> tuple[int, ModbusPDU | None]:  # noqa: N802
+        """See `FramerBase.handleFrame`."""
+        whole = len(data)
+        if whole > _HEAD.size and _HEAD.unpack_from(data) == (exp_tid, 0, whole - 6, exp_devid, 3, whole - 9):
+            words = list(struct.unpack_from(f">{(whole - 9) // 2}H", data, 9))
+            return whole, ReadHoldingRegistersResponse(exp_devid, exp_tid, registers=words)
+        return super().handleFrame(data, exp_devid, exp_tid)
 
 
 class ModbusWire:
@@ -62,9 +62,7 @@ class ModbusWire:
         self.clock = clock
         self._open = opener or partial(open_transport, address, clock)
         self._rtu = address.rtu and not address.simulated
-        decoder = DecodePDU(False)
-        decoder.register(_Words)
-        self._framer: FramerBase = FramerRTU(decoder) if self._rtu else FramerSocket(decoder)
+        self._framer: FramerBase = (FramerRTU if self._rtu else _FramerSocket)(DecodePDU(False))
         self._silence_s = _SERVER_SILENCE_S if address.host else silence_s(address.baud)
         self._out_of_step = False
         self._owing: set[int] = set()  # units from which a late answer may still come
@@ -177,7 +175,8 @@ class ModbusWire:
         if heard:
             self._log("rx", heard)
             self._heard += heard
-            self._heard_at = self.clock.now()
+            if self._rtu:
+                self._heard_at = self.clock.now()
         return heard
 
     def _refuse_unasked(self, unit: int, where: str) -> None:

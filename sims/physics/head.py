@@ -96,7 +96,8 @@ class Axis:
 
     def seen_deg(self, t: float) -> float:
         """The table's angle behind the lag of the pendulum, degrees."""
-        leg = self.leg(t)
+        last = self._legs[-1]
+        leg = last if last.start <= t else self.leg(t)
         return self._table(leg.seen(t), leg, t)
 
     def move(self, target: float, speed: float, acceleration: float) -> None:

@@ -363,7 +363,7 @@ class PressureLine:
 
     def _ripple_integral(self, t0: float, t1: float) -> float:
         half, middle = (t1 - t0) / 2.0, (t0 + t1) / 2.0
-        waves = (2.0 / omega * sin(omega * half) * sin(omega * middle + phase) for omega, phase in self._tones)
+        waves = [2.0 / omega * sin(omega * half) * sin(omega * middle + phase) for omega, phase in self._tones]
         return self._ripple_size * sum(waves)
 
     def _error(self, t: float) -> float:

@@ -80,6 +80,7 @@ class PressureStand:
                 self._chambers[factors[factor]] = Chamber(chamber, lab, start)
         self._effects, self._gauge = truth.effects, (1.0, 0.0)
         self._sensors, self._sse = (self._chambers.get(factors.get(factor, "")) for factor in (SENSORS, SSE))
+        self._climate = [chamber for chamber in (self._sensors, self._sse) if chamber]
         self._connect()
 
     def _connect(self) -> None:
@@ -186,7 +187,6 @@ class PressureStand:
         """A number for the stay at a pair of temperatures: time of the last change, and the chambers that have drifted
         off.
         """
-        chambers = [c for c in (self._sensors, self._sse) if c]
-        latest = max((c.temperatures.since(t) for c in chambers), default=self._start)
-        drifted = sum(c.drifted(t) << bit for bit, c in enumerate(chambers))
+        latest = max([c.temperatures.since(t) for c in self._climate], default=self._start)
+        drifted = sum([c.drifted(t) << bit for bit, c in enumerate(self._climate)])
         return 4 * event_at(latest) + drifted

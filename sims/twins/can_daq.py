@@ -16,7 +16,7 @@ from sims.inputs import Inputs
 from sims.noise import event_at, normal
 from sims.physics import WorldError
 from sims.twin import Accuracy, Medium, Role
-from sims.wires.dbc import DbcMessage, read_dbc
+from sims.wires.dbc import DbcSignal, read_dbc
 from sims.world import Timer, World
 
 REPLY_S = 0.001
@@ -104,7 +104,13 @@ class CanDaqTwin:
             ) from None
         given = options.get("channels")
         inputs = given if isinstance(given, Mapping) else _INPUTS
-        self._labels = {str(path).partition(".")[2]: str(label) for label, path in inputs.items()}
+        labels = {str(path).partition(".")[2]: str(label) for label, path in inputs.items()}
+        self._inputs: list[tuple[str, str, DbcSignal]] = []  # name and channel of each, and its place in a frame
+        self._groups: dict[int | None, list[str]] = {}
+        for signal, layout in self._readings.signals.items():
+            if layout.unit in _NOISE:
+                self._inputs.append((signal, labels.get(signal, signal), layout))
+                self._groups.setdefault(layout.group, []).append(signal)
         self._serial = int("".join(c for c in serial if c.isdigit()) or 0) % 2**32
         self.wrong: dict[str, int] = {}
         self.inputs = Inputs(_OUT_OF_RANGE, told_open=True)
@@ -162,13 +168,9 @@ class CanDaqTwin:
         """Send a sweep: fault signals, then every group of readings."""
         values, wrong = self._measure(begin, seconds)
         self._tell_status(begin, sweep, tx, wrong)
-        groups: dict[int | None, dict[str, float]] = {}
-        for signal, value in values.items():
-            group = groups.setdefault(self._readings.signals[signal].group, self._readings.group_of(signal))
-            group[signal] = value
-        head = {"Session": self._session, "Sweep": sweep}
-        for group in groups.values():
-            tx(self._readings.can_id, self._readings.pack(head | group))
+        for signals in self._groups.values():
+            head = {"Session": self._session, "Sweep": sweep} | self._readings.group_of(signals[0])
+            tx(self._readings.can_id, self._readings.pack(head | {signal: values[signal] for signal in signals}))
 
     def _tell_status(self, begin: float, sweep: int, tx: Transmit, wrong: Mapping[str, int] | None = None) -> None:
         if wrong is None:
@@ -179,13 +181,12 @@ class CanDaqTwin:
     def _measure(self, begin: float, seconds: float, *, sent: bool = True) -> tuple[dict[str, float], dict[str, int]]:
         """Values of all inputs over a window, and their faults; `sent` if they are sent as readings."""
         values, wrong = {}, {}
-        for signal, entry in _inputs(self._readings).items():
-            label = self._labels.get(signal, signal)
+        for signal, label, layout in self._inputs:
+            entry = layout.unit
             if entry == "V":
                 value = self._plant.channel_V(self.name, label, begin, begin + seconds)
             else:
                 value = self._plant.channel_degC(self.name, label, begin + seconds / 2.0)
-            layout = self._readings.signals[signal]
             if layout.low <= value <= layout.high:
                 sd = _NOISE[entry] * (0.1 / seconds) ** 0.5
                 value += sd * normal(self._plant.truth.seed, f"{self.name} {label}", event_at(begin))
@@ -195,8 +196,3 @@ class CanDaqTwin:
             wrong[signal] = self.wrong.get(signal, fault)
             values[signal] = value if wrong[signal] == NONE else layout.high
         return values, wrong
-
-
-def _inputs(readings: DbcMessage) -> dict[str, str]:
-    """Signals of the inputs and their units."""
-    return {name: signal.unit for name, signal in readings.signals.items() if signal.unit in _NOISE}

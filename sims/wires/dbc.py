@@ -69,7 +69,10 @@ class DbcMessage:
 
     def pack(self, values: Mapping[str, float]) -> bytes:
         """The frame with these values; missing values are zero."""
-        frame = sum(self.signals[name].raw(value) << self.signals[name].begin for name, value in values.items())
+        frame = 0
+        for name, value in values.items():
+            signal = self.signals[name]
+            frame += signal.raw(value) << signal.begin
         return frame.to_bytes(self.length, "little")
 
     def unpack(self, data: bytes) -> dict[str, float]:

@@ -66,6 +66,7 @@ class ModbusCable:
         if tampering.unplugged:
             raise OSError(errno.EHOSTUNREACH, "No route to host")
         self._connection = tampering.connection
+        self._answer = partial(tampering.to_host, deliver=self._received.extend)
 
     def send(self, data: bytes) -> None:
         """Pass bytes to the instrument. Raises `ConnectionResetError` if the connection was lost."""
@@ -92,9 +93,6 @@ class ModbusCable:
 
     def _forward(self, data: bytes) -> None:
         self._on_rx(data, self._answer)
-
-    def _answer(self, reply: bytes) -> None:
-        self._tampering.to_host(reply, self._received.extend)
 
     def _check(self) -> None:
         if self._tampering.connection != self._connection:

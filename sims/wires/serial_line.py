@@ -67,7 +67,8 @@ class SerialCable:
         self._to_host_free = 0.0
         self._receive: Callable[[bytes], None] | None = None
         # bound once, for all exchanges of a night
-        self._answered, self._forth, self._back = self._answer, self._carry_out, self._carry_back
+        self._forth, self._back = self._carry_out, self._carry_back
+        self._answer = partial(tampering.to_host, deliver=self._back)
 
     @property
     def attached(self) -> bool:
@@ -91,10 +92,7 @@ class SerialCable:
         world = self.world
         now, free = world.now(), self._to_twin_free
         self._to_twin_free = free = (free if free > now else now) + len(data) * self._character_s
-        world.call_in(free - now, partial(self._twin.on_rx, data, self._answered))
-
-    def _answer(self, data: bytes) -> None:
-        self.tampering.to_host(data, self._back)
+        world.call_in(free - now, partial(self._twin.on_rx, data, self._answer))
 
     def _carry_back(self, data: bytes) -> None:
         world = self.world
