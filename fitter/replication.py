@@ -25,7 +25,7 @@ import numpy as np
 from scipy import special
 
 from fitter.arrays import FloatArray, IntArray
-from fitter.linear import LinearFit, RankError, least_squares
+from fitter.linear import CONDITION, LinearFit, RankError, Triangle, least_squares
 from fitter.own_span import NO_GROUP, Levels, OwnSpan, WithMore
 from fitter.sums_of_squares import NAN, FTest, off, ratio, within_points
 
@@ -184,16 +184,16 @@ class Rows:
         return trace, 2.0 * _squares(joined) - 2.0 * lagged + inner
 
 
-def blind(rows: Rows, output: FloatArray, drift: FTest, pure_error: float) -> Blind | None:
+def blind(rows: Rows, output: FloatArray, left: FloatArray, drift: FTest, pure_error: float) -> Blind | None:
     """Reasons why the test of lack of fit can miss one; None if there are none.
 
     Args:
         rows: of the run.
         output: (n,) outputs, volts.
+        left: (n,) their residuals beyond the points' means and replications' own parameters.
         drift: the joint test of drift between replications.
         pure_error: mean square of readings at one point.
     """
-    left = rows.both.off(rows.levels.off(output))
     rest = float(left @ left)
     if drift.df_below <= 0 or rest <= 0.0:
         return None
@@ -280,7 +280,8 @@ def analyse(fit: LinearFit, rows: Rows, output: FloatArray, beside: int = 0) -> 
         beside: number of fitted coefficients beyond those of the model; they cost degrees of freedom.
     """
     n, k = rows.columns.shape
-    pe, df_pe, ss_pr, df_pr = _scatter(rows, output)
+    pe, df_pe, left, df_pr = _scatter(rows, output)
+    ss_pr = _squares(left)
     df_lof = n - k - beside - df_pe
     lof = max(fit.rss - pe, 0.0)
     whole = sigma_E(fit, beside)
@@ -288,11 +289,12 @@ def analyse(fit: LinearFit, rows: Rows, output: FloatArray, beside: int = 0) -> 
     alone = _each_alone(rows.columns, output, rows.replicate, fit.names)
     df_w, ss_w = sum(f.df for f in alone), sum(f.rss for f in alone)
     offset, sensitivity = np.eye(k)[0], np.array([0.0, *fit.coefficients[1:]])
-    sigma_b, drift_b = _drift(alone, offset, ss_w, df_w)
-    sigma_S, drift_S = _drift(alone, sensitivity, ss_w, df_w)
+    coefficients, roots = np.array([f.coefficients for f in alone]), np.array([f.root for f in alone])
+    sigma_b, drift_b = _drift(coefficients, roots, offset, ss_w, df_w)
+    sigma_S, drift_S = _drift(coefficients, roots, sensitivity, ss_w, df_w)
     drift = ratio(pe - ss_pr, df_pe - df_pr, ss_pr, df_pr)
     bias = ratio(lof, df_lof, pe, df_pe)
-    hidden = blind(rows, output, drift, pe / df_pe) if df_pe > 0 and bias.value <= bias.limit_95 else None
+    hidden = blind(rows, output, left, drift, pe / df_pe) if df_pe > 0 and bias.value <= bias.limit_95 else None
     return Replication(
         sigma_E=whole,
         sigma_bias=whole * float(np.sqrt(1.0 - min(split, 1.0))) if df_pe > 0 else NAN,
@@ -319,14 +321,17 @@ def sigma_E(fit: LinearFit, beside: int = 0) -> float:  # noqa: N802 - the paper
 
 def drift_of(rows: Rows, output: FloatArray) -> FTest:
     """The joint drift test of `analyse` alone."""
-    pe, df_pe, pr, df_pr = _scatter(rows, output)
+    pe, df_pe, left, df_pr = _scatter(rows, output)
+    pr = _squares(left)
     return ratio(pe - pr, df_pe - df_pr, pr, df_pr)
 
 
-def _scatter(rows: Rows, output: FloatArray) -> tuple[float, int, float, int]:
-    """Sums of squares within points and their degrees of freedom, with and without replications' own parameters."""
+def _scatter(rows: Rows, output: FloatArray) -> tuple[float, int, FloatArray, int]:
+    """Sum of squares within points and its degrees of freedom; (n,) residuals beyond replications' own parameters and
+    theirs.
+    """
     y, n = rows.levels.off(output), len(output) - rows.n_points
-    return _squares(off(y, rows.effects)), n - rows.effects.shape[1], _squares(rows.both.off(y)), n - rows.both.rank
+    return _squares(off(y, rows.effects)), n - rows.effects.shape[1], rows.both.off(y), n - rows.both.rank
 
 
 def between_replications(
@@ -367,27 +372,39 @@ def replication_spread(columns: FloatArray, output: FloatArray, replicate: IntAr
 def _each_alone(
     columns: FloatArray, output: FloatArray, replicate: IntArray, names: tuple[str, ...]
 ) -> list[LinearFit]:
-    """One fit per replication; replications with too few points (incomplete) are left out."""
-    fits = []
-    for r in range(int(replicate.max()) + 1):
-        rows = replicate == r
-        try:
-            fits.append(least_squares(columns[rows], output[rows], names))
-        except RankError:
-            continue
-    return fits
+    """One fit per replication; replications with too few points (incomplete) are left out. The triangles of those of
+    one size are made at once.
+    """
+    ahead, sizes = np.argsort(replicate, kind="stable"), np.bincount(replicate)
+    first = np.cumsum(sizes) - sizes
+    fits = {}
+    for size in np.unique(sizes):
+        alike = np.flatnonzero(sizes == size)
+        rows = ahead[first[alike, None] + np.arange(size)]
+        triangles = np.linalg.qr(np.concatenate([columns[rows], output[rows][..., None]], axis=2), mode="r")
+        for r, of, triangle in zip(alike, rows, triangles, strict=True):
+            try:
+                fit = Triangle(names, triangle, int(size)).solve()
+                refined = fit.condition >= CONDITION
+                fits[r] = least_squares(columns[of], output[of], names) if refined else fit
+            except RankError:
+                continue
+    return [fits[r] for r in sorted(fits)]
 
 
-def _drift(alone: list[LinearFit], direction: FloatArray, ss_w: float, df_w: int) -> tuple[float, FTest]:
-    """Variation between replications of direction . coefficients: its sigma, scaled as sigma_w is, and its F test.
+def _drift(
+    coefficients: FloatArray, roots: FloatArray, direction: FloatArray, ss_w: float, df_w: int
+) -> tuple[float, FTest]:
+    """Variation of direction . coefficients between n replications' (n, L) coefficients with (n, L, L) roots: its
+    sigma, scaled as sigma_w is, and its F test.
 
     Replications are weighted by their information about the value, so F is also exact for unequal ones.
     """
-    df_b = len(alone) - 1
+    df_b = len(coefficients) - 1
     if df_b <= 0 or not np.any(direction):
         return NAN, FTest(NAN, max(df_b, 0), df_w)
     direction = direction / np.linalg.norm(direction)
-    values = np.array([f.coefficients @ direction for f in alone])
-    weights = np.array([1.0 / np.sum((direction @ f.root) ** 2) for f in alone])
-    ss_b = float(np.sum(weights * (values - np.average(values, weights=weights)) ** 2))
+    values = np.array([each @ direction for each in coefficients])
+    weights = 1.0 / np.sum((direction @ roots) ** 2, axis=1)
+    ss_b = float(weights @ (values - weights @ values / np.sum(weights)) ** 2)
     return float(np.sqrt(ss_b / df_b)), ratio(ss_b, df_b, ss_w, df_w)

@@ -11,7 +11,12 @@ from typing import Any
 
 def entry_points(group: str) -> tuple[EntryPoint, ...]:
     """Those of a group; a package that is found on two paths gives each twice."""
-    return tuple(_found(tuple(sys.path)).select(group=group))
+    return _of(group, tuple(sys.path))
+
+
+@cache
+def _of(group: str, path: tuple[str, ...]) -> tuple[EntryPoint, ...]:
+    return tuple(_found(path).select(group=group))
 
 
 @cache

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from fitter.arrays import FloatArray, IntArray
 from fitter.errors import FitError
 from fitter.gross import LEVEL, GrossErrors
 from fitter.json_values import if_finite
 from procedures.errors import DataError
-from procedures.table import Table
+
+if TYPE_CHECKING:
+    from fitter.arrays import FloatArray, IntArray
+    from procedures.table import Table
 
 GROSS = "gross"
 """Value of `--leave-out` for the rows named by the search."""

@@ -380,4 +380,4 @@ def _place_text(row: tuple[Any, ...]) -> str:
 
 
 def _setting_text(row: tuple[Any, ...], width: int) -> str:
-    return f"{json.dumps(row[:width])}, {json.dumps(row[width:])}]"
+    return json.dumps((row[:width], row[width:]))[1:]

@@ -8,8 +8,9 @@ bench file itself and shares no code with its callers.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
+from operator import attrgetter
 from typing import Any
 
 from drivers.roles import Chamber, Head, Instrument, PressureController, Source, plays
@@ -103,11 +104,5 @@ def _class_for(driver: type, bases: tuple[type[_Guarded], ...]) -> Any:
     """A guard with all methods of its driver, because roles are recognised by the methods of a class."""
     own = {name for base in bases for name in dir(base)}
     names = [n for n in dir(driver) if not n.startswith("_") and n not in own and callable(getattr(driver, n))]
-    return type(f"Guarded{driver.__name__}", bases, {name: _forward(name) for name in names})
-
-
-def _forward(name: str) -> Callable[..., Any]:
-    def call(self: Any, *arguments: Any, **options: Any) -> Any:
-        return getattr(self._guarded, name)(*arguments, **options)
-
-    return call
+    forwarded = {name: property(attrgetter(f"_guarded.{name}")) for name in names}
+    return type(f"Guarded{driver.__name__}", bases, forwarded)

@@ -5,9 +5,11 @@ from __future__ import annotations
 import pytest
 from ideal_bench import ideal_bench
 
+from drivers.roles import AxisState
 from procedures.run_list import Settle
 from rig.engine.actions import BenchActions
 from rig.engine.axes import Axes, HeadMover
+from rig.engine.fault_classes import DriveFault
 from rig.engine.guard import Guard
 from sims.world import World
 
@@ -31,3 +33,18 @@ def test_every_sample_of_settling_but_the_first_is_a_reading_of_its_own(poll_s: 
     assert len(samples) > 1.0 / poll_s
     assert len(reads) == len(samples) - 1, "the first look is the one that saw the head stand"
     assert len(set(reads)) == len(reads)
+
+
+def test_an_axis_that_stands_is_judged_at_every_reading(monkeypatch: pytest.MonkeyPatch):
+    world = World()
+    bench, head, _ = ideal_bench(world)
+    guard, checked = Guard({}), []
+    monkeypatch.setattr(guard, "check_axes", checked.append)
+    do = BenchActions(bench, Axes([HeadMover(head)]), guard, world, world.sleep)  # type: ignore[arg-type]
+    assert do.axes() == do.axes()
+    assert len(checked) == 2
+    head.read = lambda: {"pitch": AxisState(3.0, False, True, True, "too hot")}  # type: ignore[method-assign]
+    for _ in range(2):
+        with pytest.raises(DriveFault, match="too hot"):
+            do.axes()
+    assert len(checked) == 4

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from fitter import least_squares
+from fitter.linear import CONDITION
 from fitter.misfit import lacks_fit
-from fitter.replication import Rows, analyse
+from fitter.replication import Rows, _each_alone, analyse
 from fitter.sums_of_squares import FTest
 from procedures.attitude.fit import fit_attitude
 from procedures.attitude.model import attitude_columns
@@ -225,3 +226,18 @@ def test_rows_with_effects_span_what_all_their_columns_do():
     assert rows.both.rank == basis.shape[1]
     np.testing.assert_allclose(rows.both.expand(rows.both.coordinates(basis)), basis, atol=1e-12)
     assert data.rows.beside(np.empty((len(data), 0))) is data.rows
+
+
+@pytest.mark.parametrize("middle", [0.0, 5.0])
+def test_triangles_made_at_once_give_the_fit_of_each_replication_to_the_bit(middle):
+    """Rows in any order, replications of three sizes, one too short; also where fits are refined."""
+    rng = np.random.default_rng(4)
+    replicate = rng.permutation(np.repeat([0, 1, 2, 3, 5], [9, 7, 2, 9, 8]))
+    x, y = middle + rng.uniform(-1, 1, len(replicate)), rng.normal(size=len(replicate))
+    columns, names = np.column_stack([np.ones(len(x)), x, x**2]), ("a", "b", "c")
+    found = _each_alone(columns, y, replicate, names)
+    for one, r in zip(found, (0, 1, 3, 5), strict=True):
+        alone = least_squares(columns[replicate == r], y[replicate == r], names)
+        assert (alone.condition >= CONDITION) == (middle > 0.0)
+        for name in ("coefficients", "root", "rss", "n", "condition"):
+            assert np.array_equal(getattr(one, name), getattr(alone, name)), name

@@ -11,7 +11,8 @@ import pytest
 from command import rig
 from test_signs import table_of
 
-from procedures.attitude.evaluate import fit_attitude_table, trace_attitude_table
+from procedures.attitude.evaluate import trace_attitude_table
+from procedures.attitude.fitted import fit_attitude_table
 from procedures.attitude.infer import AttitudeCalibration
 from procedures.table import Table
 from proving.truth.attitude import Bench, Plan, Sensor, simulate

@@ -68,3 +68,10 @@ def test_what_reads_a_run_loads_no_bench(night, command):
     assert not of(
         ("rig.controller", "rig.engine.sequencer", "rig.simulated", "sims", "scipy.stats", "matplotlib"), found
     )
+
+
+def test_a_fit_loads_no_code_of_traces_and_of_procedures(night):
+    found = loaded("fit", night[0])
+    assert not of(
+        (*OF_TRACES, "procedures.attitude.trace", "procedures.attitude.settings", "procedures.general.settings"), found
+    )

@@ -13,8 +13,9 @@ from test_confirm import make, run
 
 from fitter.confirm import Member
 from procedures.attitude.effects import CATALOGUE
-from procedures.attitude.evaluate import fit_attitude_table, trace_attitude_table
+from procedures.attitude.evaluate import trace_attitude_table
 from procedures.attitude.fit import fit_all
+from procedures.attitude.fitted import fit_attitude_table
 from procedures.attitude.infer import AttitudeCalibration, calibrate_package, infer_attitude
 from procedures.attitude.options import FitOptions
 from procedures.attitude.trace import Trace, trace

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from procedures.acceptance import Verdict, gross_words
-from procedures.attitude.evaluate import fit_attitude_table
+from procedures.attitude.fitted import fit_attitude_table
 from procedures.attitude.settings import PitchRollProcedure
 from procedures.table import Table
 

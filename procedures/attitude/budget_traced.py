@@ -14,7 +14,7 @@ from fitter.arrays import FloatArray
 from fitter.budget import TypeA
 from procedures.attitude.budget import AttitudeEvaluation, Model
 from procedures.attitude.data import AttitudeData
-from procedures.attitude.evaluate import traced_effects
+from procedures.attitude.fitted import traced_effects
 from procedures.attitude.infer import AttitudeCalibration
 from procedures.attitude.infer.traced import calibrate_traced
 from procedures.budgeting import alike

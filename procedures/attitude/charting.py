@@ -10,7 +10,7 @@ import numpy as np
 from fitter.arrays import FloatArray
 from fitter.errors import FitError
 from fitter.quantiles import t_limit
-from procedures.attitude.evaluate import with_temperature
+from procedures.attitude.fitted import with_temperature
 from procedures.attitude.history import AttitudeCharted, Calibrated, attitude_charted, calibrated, calibrated_from
 from procedures.attitude.infer.calibrate import OFFSET, SENSITIVITY
 from procedures.attitude.table import attitude_data

@@ -15,7 +15,8 @@ from fitter.effects.entry import Entry
 from fitter.effects.hands import Done
 from procedures.attitude.data import AttitudeData
 from procedures.attitude.effects import CATALOGUE, Effect, separate
-from procedures.attitude.evaluate import AttitudeFitted, AttitudeTraced, fit_attitude_table
+from procedures.attitude.evaluate import AttitudeTraced
+from procedures.attitude.fitted import AttitudeFitted, fit_attitude_table
 from procedures.attitude.model import mounting_matrix
 from procedures.attitude.options import FitOptions
 from procedures.attitude.parameters import SCALE, UNIT

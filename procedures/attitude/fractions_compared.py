@@ -18,7 +18,7 @@ from fitter.errors import FitError
 from fitter.json_values import if_finite
 from procedures.attitude.data import SAME_ANGLE_DEG, AttitudeData
 from procedures.attitude.designs import Design, fraction, grid, tumble
-from procedures.attitude.evaluate import with_temperature
+from procedures.attitude.fitted import with_temperature
 from procedures.attitude.fraction_advice import advised, sentence, settings
 from procedures.attitude.fractions import Cell, MeasuredGrid, PartFit, fit_part
 from procedures.attitude.model import sigma_deg

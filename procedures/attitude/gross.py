@@ -7,16 +7,19 @@ Readings of one point are compared over replications, with a model for each repl
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fitter.arrays import FloatArray
 from fitter.gross import GrossErrors, gross_errors
 from fitter.gross.rows import Rows
 from fitter.own_span import AT_ONCE, NO_GROUP
 from fitter.resolution import resolution
-from procedures.attitude.data import AttitudeData
 from procedures.attitude.model import attitude_columns, fit_columns
+
+if TYPE_CHECKING:
+    from fitter.arrays import FloatArray
+    from procedures.attitude.data import AttitudeData
 
 REPEATS = 3
 """Minimum readings of one point for a comparison with one another instead of with the model."""

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from procedures.attitude.options import BudgetOptions, FitOptions, InferOptions, TraceOptions
-from procedures.attitude.settings import PitchRollProcedure
 from procedures.errors import DataError
 from procedures.kind import Kind
 from procedures.unused import Unused, unused_in_fit
@@ -23,6 +22,7 @@ if TYPE_CHECKING:
     from procedures.advice import Advice
     from procedures.attitude.evaluate import AttitudeTraced
     from procedures.attitude.infer import AttitudeCalibration
+    from procedures.attitude.settings import PitchRollProcedure
     from procedures.budgeting import Evaluation, Expected
     from procedures.charting import Charting
     from procedures.confirming import Confirming
@@ -40,7 +40,6 @@ class AttitudeKind(Kind):
 
     name = "pitch-roll"
     title = "attitude sensors"
-    settings = PitchRollProcedure
     fit_options, trace_options, infer_options = FitOptions, TraceOptions, InferOptions
     described = "a pitch-roll table has replicate,order,elapsed_s,pitch_deg,roll_deg,sensor_temperature_degC and NAME_V"
     in_use = (
@@ -51,6 +50,13 @@ class AttitudeKind(Kind):
         "decided are marked in a column `assumed`: `rig infer package.json upside-down.csv --near 0 180 --out "
         "angles.csv`"
     )
+
+    @property
+    def settings(self) -> type[PitchRollProcedure]:
+        """See `Kind`."""
+        from procedures.attitude.settings import PitchRollProcedure  # noqa: PLC0415
+
+        return PitchRollProcedure
 
     @cached_property
     def own_effects(self) -> Grammar:
@@ -69,7 +75,7 @@ class AttitudeKind(Kind):
         """Every sensor, or with `points` fractions of the run in addition to the whole."""
         if options.points is not None:
             return self._fractions(source, options, leave_out, keep=keep)
-        from procedures.attitude.evaluate import AttitudeFitted, fit_attitude_table  # noqa: PLC0415
+        from procedures.attitude.fitted import AttitudeFitted, fit_attitude_table  # noqa: PLC0415
 
         result = fit_attitude_table(
             source.table,

@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from fitter import RankError
-from fitter.arrays import FloatArray
 from fitter.effects.noise import OUTLIERS
 from fitter.linear import orthonormal
 from fitter.trace.outcome import Figure, Parameter, WithError
-from procedures.attitude.data import AttitudeData
 from procedures.attitude.fit import AttitudeFit, parameter_table, temperature_table
-from procedures.attitude.infer import AttitudeCalibration
 from procedures.attitude.model import AttitudeParameters, NoRollParameters, attitude_parameters, no_roll_parameters
 from procedures.attitude.parameters import LABELS, SCALE, UNIT, shown
-from procedures.attitude.temperature import Temperature
 from procedures.attitude.trace import FoundEffect, SensorTrace
+
+if TYPE_CHECKING:
+    from fitter.arrays import FloatArray
+    from procedures.attitude.data import AttitudeData
+    from procedures.attitude.infer import AttitudeCalibration
+    from procedures.attitude.temperature import Temperature
 
 _VARIABLES = {
     "pitch_deg": ("pitch / deg", 1.0),

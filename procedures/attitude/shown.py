@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.markup import escape
 
-from fitter.trace.outcome import Outcome
-from procedures.attitude.evaluate import AttitudeTraced
 from procedures.attitude.parameters import LABELS, NO_DIRECTION, shown
 from procedures.attitude.words import little_help, misfit_in_words
 from procedures.before_after import compared
@@ -17,6 +15,10 @@ from procedures.effects_shown import show_certificate, show_effect, show_unnamed
 from procedures.gross_shown import show_gross, show_left_out
 from procedures.numbers import with_error, with_interval
 from procedures.words import TESTS, significant, verdict_of
+
+if TYPE_CHECKING:
+    from fitter.trace.outcome import Outcome
+    from procedures.attitude.evaluate import AttitudeTraced
 
 
 def show_attitude_fit(result: Mapping[str, Any]) -> Iterator[Block]:

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 from fitter.errors import FitError
 from procedures.errors import DataError
 from procedures.general.options import BudgetOptions, FitOptions, InferOptions, TraceOptions
-from procedures.general.settings import GeneralProcedure
 from procedures.kind import Kind
 
 if TYPE_CHECKING:
@@ -27,6 +26,7 @@ if TYPE_CHECKING:
     from procedures.general.evaluate import GeneralTraced
     from procedures.general.infer import CurveCalibration
     from procedures.general.of_runs import RunTraced
+    from procedures.general.settings import GeneralProcedure
     from procedures.inference import Inference
     from procedures.precision import Precision
     from procedures.results import Fitted, Options, Source, Traced
@@ -40,11 +40,17 @@ class GeneralKind(Kind):
 
     name = "general"
     title = "any table"
-    settings = GeneralProcedure
     fit_options, trace_options, infer_options = FitOptions, TraceOptions, InferOptions
     asked_by = frozenset({"response"})
     in_use = "the response's column; the fitted curve is inverted where it rises or falls all the way"
     described = "any other table is fitted with --response and --formula"
+
+    @property
+    def settings(self) -> type[GeneralProcedure]:
+        """See `Kind`."""
+        from procedures.general.settings import GeneralProcedure  # noqa: PLC0415
+
+        return GeneralProcedure
 
     @property
     def own_effects(self) -> Grammar:

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 from fitter.errors import FitError
 from procedures.kind import Kind
 from procedures.pressure.options import BudgetOptions, FitOptions, InferOptions, TraceOptions
-from procedures.pressure.settings import FACTORS, WholePlotProcedure
 from procedures.unused import Unused, unused_in_fit
 
 if TYPE_CHECKING:
@@ -28,6 +27,7 @@ if TYPE_CHECKING:
     from procedures.precision import Precision
     from procedures.pressure.evaluate import WholePlotTraced
     from procedures.pressure.fit import PressureCalibration
+    from procedures.pressure.settings import WholePlotProcedure
     from procedures.pressure.zeros import ZeroRows
     from procedures.results import Fitted, Source, Traced
     from procedures.run_list import RunList
@@ -39,9 +39,7 @@ class PressureKind(Kind):
 
     name = "whole-plot"
     title = "pressure transducers"
-    settings = WholePlotProcedure
     fit_options, trace_options, infer_options = FitOptions, TraceOptions, InferOptions
-    bench_factors: tuple[str, ...] = FACTORS
     described = (
         "a whole-plot table has whole_plot,order,elapsed_s,pressure_psia,sensor_temperature_degC,"
         "sse_temperature_degC and NAME_mV"
@@ -55,6 +53,20 @@ class PressureKind(Kind):
         "flagged, not extrapolated. The zero is compared with the calibration: one that is hard to believe is "
         "flagged in every row. Several zero rows are of one sitting or independent: --zero-rows says which"
     )
+
+    @property
+    def settings(self) -> type[WholePlotProcedure]:
+        """See `Kind`."""
+        from procedures.pressure.settings import WholePlotProcedure  # noqa: PLC0415
+
+        return WholePlotProcedure
+
+    @property
+    def bench_factors(self) -> tuple[str, ...]:
+        """See `Kind`."""
+        from procedures.pressure.settings import FACTORS  # noqa: PLC0415
+
+        return FACTORS
 
     @cached_property
     def own_effects(self) -> Grammar:

@@ -91,18 +91,16 @@ class BenchActions:
 
     def take_unwatched_s(self) -> float:
         """The longest time without a look at any chamber, bench seconds, since the last call."""
-        self._note_look()
-        longest, self._unwatched_s, self._chambers_read = self._unwatched_s, 0.0, self._clock.now()
+        self._looked()
+        longest, self._unwatched_s = self._unwatched_s, 0.0
         return longest
 
-    def _note_look(self) -> None:
-        if self._chambers_read is not None:
-            self._unwatched_s = max(self._unwatched_s, self._clock.now() - self._chambers_read)
-
     def _looked(self) -> None:
-        """Note that the chambers have just been read."""
-        self._note_look()
-        self._chambers_read = self._clock.now()
+        """Note a look at the chambers, or that the time since the last one begins anew."""
+        now = self._clock.now()
+        if self._chambers_read is not None:
+            self._unwatched_s = max(self._unwatched_s, now - self._chambers_read)
+        self._chambers_read = now
 
     def stop_motion(self) -> None:
         """Stop all axes. Their direction of arrival is unknown from now on."""
@@ -128,13 +126,15 @@ class BenchActions:
         """Read all axes. Raises the axis' fault, or `LimitViolation` if a limit is violated."""
         readings = self._read_axes()
         self._guard.check_axes(readings)
-        self._controlled = True
-        for axis, (_, _, _, homed, enabled, fault, _, _) in readings.items():
-            if fault:
-                readings[axis].check(axis)
-            if not (homed and enabled):
-                self._controlled = False
-        self._axes_seen, self._axes_read = readings, self._clock.now()
+        if readings is not self._axes_seen:
+            self._controlled = True
+            for axis, (_, _, _, homed, enabled, fault, _, _) in readings.items():
+                if fault:
+                    readings[axis].check(axis)
+                if not (homed and enabled):
+                    self._controlled = False
+            self._axes_seen = readings
+        self._axes_read = self._clock.now()
         return readings
 
     def axes_now(self) -> Mapping[str, AxisReading]:

@@ -121,7 +121,7 @@ class HeadMover:
     def read(self) -> Mapping[str, AxisReading]:
         """See `Mover`."""
         states = self._head.read()
-        if states is not self._states:
+        if states != self._states:
             new = tuple.__new__  # in half the time of the class; a state's fields are those after the name
             self._states = states
             self._readings = {

@@ -210,13 +210,14 @@ class Sequencer:
         try:
             self._journal.open()
             self._began_s = self._journal.elapsed()
-            while self.state not in FINAL:
+            moves, journal = self._moves, self._journal
+            while moves.state not in FINAL:
                 trigger = self._next_trigger()
                 if trigger is None:
                     break
-                self._moves.trigger(trigger)
-                self._journal.state = self.state
-                self._journal.tell()
+                moves.trigger(trigger)
+                journal.state = moves.state
+                journal.tell()
             return self._outcome or Outcome.FAULT
         except BaseException:
             make_safe(self._bench, self._clock)  # unexpected error: safe state first, then the traceback

@@ -12,7 +12,6 @@ normal.
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections import deque
 from collections.abc import Callable, Hashable, Sequence
@@ -134,6 +133,7 @@ class RepeatTest:
         self._p = threshold(points, outputs, len(self.WINDOWS))
         self._firsts: dict[Hashable, float] = {}
         self._steps: deque[float] = deque(maxlen=max(self.WINDOWS))
+        self._squares: deque[float] = deque(maxlen=max(self.WINDOWS))
 
     def forget(self) -> None:
         """Begin a new whole plot: first readings of other whole plots do not count."""
@@ -144,13 +144,15 @@ class RepeatTest:
         if key not in self._firsts:
             self._firsts[key] = mean
             return ""
-        self._steps.append(mean - self._firsts[key])
+        step = mean - self._firsts[key]
+        self._squares.append((step - self._steps[-1]) ** 2 if self._steps else 0.0)
+        self._steps.append(step)
+        steps, squares = list(self._steps), list(self._squares)
         for size in self.WINDOWS:
-            if len(self._steps) < size:
+            if len(steps) < size:
                 continue
-            values = list(self._steps)[-size:]
-            shift = sum(values) / size
-            variance = sum([(b - a) ** 2 for a, b in itertools.pairwise(values)]) / (2 * (size - 1))
+            shift = sum(steps[-size:]) / size
+            variance = sum(squares[1 - size :]) / (2 * (size - 1))
             if variance <= 0.0:
                 continue
             t = abs(shift) / math.sqrt(variance / size)

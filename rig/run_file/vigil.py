@@ -20,10 +20,15 @@ _Seen = tuple[int, int, int, int]
 """Device, inode, size and time of change."""
 
 
-def _look(path: str) -> _Seen | None:
-    """Identity, size and time of change of a file; None if it is missing. Raises OSError if it cannot be read."""
+def _look(file: str | int) -> _Seen | None:
+    """Identity, size and time of change of a file; None if it is missing. Raises OSError if it cannot be read.
+
+    Args:
+        file: its path or, in half the time, its descriptor.
+
+    """
     try:
-        found = os.stat(path)
+        found = os.stat(file)
     except (FileNotFoundError, NotADirectoryError):
         return None
     return found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns
@@ -40,6 +45,7 @@ class Vigil:
 
     def __init__(self, path: Path, descriptor: int) -> None:
         self._paths = {"it": str(path), "its log": f"{path}-wal"}
+        self._files: dict[str, str | int] = {**self._paths, "it": descriptor}
         self._seen: dict[str, _Seen | None] = {}
         own = os.fstat(descriptor)
         self._own = own.st_dev, own.st_ino
@@ -47,9 +53,9 @@ class Vigil:
 
     def note(self) -> None:
         """Note the present state as the writer's."""
-        for what, path in self._paths.items():
+        for what, file in self._files.items():
             try:
-                self._seen[what] = _look(path)
+                self._seen[what] = _look(file)
             except OSError:
                 self._seen.pop(what, None)  # a folder that cannot be read is no evidence
 

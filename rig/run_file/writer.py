@@ -10,7 +10,6 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Self
@@ -22,13 +21,13 @@ from rig.regular import real_path
 from rig.run_file import wal
 from rig.run_file.audit import findings
 from rig.run_file.beside import Alone, check_journal, foreign_log
-from rig.run_file.chain import Record, encode, link
+from rig.run_file.chain import Record, StoredRow, encode, link
 from rig.run_file.events.sessions import Ended
 from rig.run_file.last_word import LastWord, read_last_word
 from rig.run_file.opening import by_itself, check_header, check_name, checked, locked, opened_to_read, unreadable
 from rig.run_file.reader import RunReader
 from rig.run_file.rescue import rescue
-from rig.run_file.schema import INSERT_RECORD, Stored, guard
+from rig.run_file.schema import INSERT_RECORD, guard
 from rig.run_file.storage import storage_of
 from rig.run_file.vigil import MOVED, Mirror, Vigil
 
@@ -91,7 +90,7 @@ class RunWriter(RunReader):
         except apsw.Error as error:
             raise _not_durable(self.path, error) from error
         self._seq, self._hash = self.head()
-        self._pending: list[tuple[int, Record, bytes, bytes]] = []
+        self._pending: list[StoredRow] = []
         self._finished = False
         self._lost: StorageError | None = None
         self._mirror = Mirror(self._db, INSERT_RECORD)
@@ -126,8 +125,8 @@ class RunWriter(RunReader):
 
         """
         seq = self._seq + len(self._pending) + 1
-        previous = self._pending[-1][3] if self._pending else self._hash
-        self._pending.append((seq, record, previous, link(previous, seq, record)))
+        previous = self._pending[-1][-1] if self._pending else self._hash
+        self._pending.append((seq, *record, previous, link(previous, seq, record)))
         if commit:
             self.commit()
 
@@ -136,7 +135,7 @@ class RunWriter(RunReader):
         if not self._pending:
             return
         self._must_be_there()
-        rows = [(seq, *record, previous, own) for seq, record, previous, own in self._pending]
+        rows = self._pending
         try:
             if len(rows) == 1:  # nearly always: a transaction of one statement
                 self._db.execute(INSERT_RECORD, rows[0])
@@ -152,14 +151,14 @@ class RunWriter(RunReader):
             with contextlib.suppress(apsw.Error):
                 # A COMMIT also fails if only the checkpoint after it failed. The records are then in the log,
                 # and must not be written again with later records about the failure.
-                if self.head() == (self._pending[-1][0], self._pending[-1][3]):
-                    self._committed(rows)
+                if self.head() == (rows[-1][0], rows[-1][-1]):
+                    self._committed()
             raise _not_durable(self.path, error) from error
-        self._committed(rows)
+        self._committed()
 
-    def _committed(self, rows: Sequence[tuple[Stored, ...]]) -> None:
-        self._mirror.add(rows)
-        self._seq, _, _, self._hash = self._pending[-1]
+    def _committed(self) -> None:
+        self._mirror.add(self._pending)
+        self._seq, *_, self._hash = self._pending[-1]
         self._pending.clear()
         self._vigil.note()
         self._last_word.say(self._seq, self._hash)

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from fitter import RankError
 from fitter.arrays import FloatArray
-from procedures.attitude.data import AttitudeData
 from procedures.attitude.fit import parameter_table
 from procedures.attitude.infer.alternatives import by_class, cover_rows
 from procedures.attitude.infer.calibrate import NotApplicable, calibrate_package
-from procedures.attitude.infer.calibration import AttitudeCalibration
+
+if TYPE_CHECKING:
+    from procedures.attitude.data import AttitudeData
+    from procedures.attitude.infer.calibration import AttitudeCalibration
 
 Volts = Mapping[str, Mapping[str, FloatArray]]
 """(n,) contribution of effects, V, or (n, q) of their terms, by effect and sensor."""
