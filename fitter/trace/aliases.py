@@ -46,10 +46,10 @@ APART = 1e-14
 """Largest cosine between columns that are orthogonal but for rounding."""
 FEW = 4
 """Number of units below which it is faster not to look for such parts."""
-_ANY = 1e-13
-"""The same where nothing may be lost."""
 _RCOND = 1e-10
 """Smallest share of the largest eigenvalue that counts in products of columns of unit length."""
+_RIDGE = 1e-13
+"""Added to all eigenvalues where no more than a bound is asked: what counts loses a thousandth."""
 
 
 class Named(Protocol):
@@ -194,26 +194,23 @@ class Products:
         return () if self.signs is None else impossible(self.columns, self.outputs, terms, self.signs)
 
     @classmethod
-    def of(cls, white: Whitened, weight: FloatArray | None = None) -> Products:
+    def of(
+        cls, white: Whitened, weight: FloatArray | None = None, among: tuple[IntArray, int] | None = None
+    ) -> Products:
         """Products of outputs and columns over all sensors together, each with its weight (S,).
 
         Most candidates belong to one sensor and are zero on the others, so each sensor's own block is multiplied alone.
+        With `among`, the number of each column among so many candidates; products of the others are zero.
         """
         weight = np.ones(len(white.outputs)) if weight is None else weight
-        count = white.columns.shape[2]
+        number, count = among or (np.arange(white.columns.shape[2]), white.columns.shape[2])
         products, outputs = np.zeros((count, count)), np.zeros(count)
         for columns, y, each in zip(white.columns, white.outputs, weight.tolist(), strict=True):
             mine = np.flatnonzero(columns.any(axis=0))
-            own = columns[:, mine]
-            products[np.ix_(mine, mine)] += each * (own.T @ own)
-            outputs[mine] += each * (own.T @ y)
+            own, at = columns[:, mine], number[mine]
+            products[np.ix_(at, at)] += each * (own.T @ own)
+            outputs[at] += each * (own.T @ y)
         return cls(products, outputs)
-
-    def among(self, mine: IntArray, count: int) -> Products:
-        """The same of candidates numbered otherwise: these are the `mine` of `count`, the others are zero."""
-        products, outputs = np.zeros((count, count)), np.zeros(count)
-        products[np.ix_(mine, mine)], outputs[mine] = self.columns, self.outputs
-        return replace(self, columns=products, outputs=outputs)
 
     def without(self, length2: FloatArray) -> Products:
         """The same, without columns of which next to nothing remains: that is rounding.
@@ -238,11 +235,9 @@ class Products:
             picked = np.array([columns[name] for name in same], np.int64)
             gram = self.columns[picked[:, :, None], picked[:, None, :]]
             length = np.sqrt(np.maximum(np.einsum("ujj->uj", gram), np.finfo(float).tiny))
-            values, vectors = np.linalg.eigh(gram / (length[:, :, None] * length[:, None, :]))
-            along = np.einsum("ujk,uj->uk", vectors, self.outputs[picked] / length) ** 2
-            gain = np.sum(
-                np.where(values > _ANY * values[:, -1:], along / np.where(values > 0, values, 1.0), 0.0), axis=1
-            )
+            gram, dot = gram / (length[:, :, None] * length[:, None, :]), self.outputs[picked] / length
+            weights = np.linalg.solve(gram + _RIDGE * np.eye(width), dot[:, :, None])[:, :, 0]
+            gain = np.sum(weights * dot, axis=1) * (1.0 + 2.0 * _RIDGE / _RCOND)
             none |= {name for name, one in zip(same, gain.tolist(), strict=True) if PER_COLUMN - one > most}
         return {name: units for name, units in of.items() if name not in none}
 

@@ -183,16 +183,12 @@ def _counterparts(problem: Problem, of: list[int] | tuple[int, ...]) -> tuple[tu
 
 def _alike(problem: Problem, j: int) -> IntArray:
     """Candidates of one transducer with the same column as `j`, beside the declared model."""
-    level, found = problem.judged_at[j], []
-    for k in problem.within(level).tolist():
-        sensor = problem.candidates[k].sensor
-        if sensor is None:
-            continue
-        columns = problem.at[level].columns[problem.sensors.index(sensor)]
-        lengths = np.linalg.norm(columns[:, j]) * np.linalg.norm(columns[:, k])
-        if lengths > 0 and abs(columns[:, j] @ columns[:, k]) > (1.0 - SAME**2 / 2) * lengths:
-            found.append(k)
-    return np.array(found, np.int64)
+    level, same = problem.judged_at[j], np.zeros(len(problem.candidates), np.bool_)
+    for columns, own in zip(problem.at[level].columns, problem.own, strict=True):
+        mine = problem.within(level, own)
+        lengths = np.linalg.norm(columns[:, j]) * np.linalg.norm(columns[:, mine], axis=0)
+        same[mine] = np.abs(columns[:, j] @ columns[:, mine]) > (1.0 - SAME**2 / 2) * lengths
+    return np.flatnonzero(same)
 
 
 def _products(problem: Problem, j: int, rest: tuple[int, ...], every: tuple[int, ...]) -> Products:

@@ -74,11 +74,9 @@ def courses(problem: Problem, scene: PressureScene, chosen: tuple[int, ...]) -> 
 
     def shapes_of(i: int) -> Shapes:
         made = [problem.strata[i].leave(of, "whole-plot") / np.median(problem.strata[i].precision) for of in columns]
-        roots = [np.asarray(np.linalg.cholesky(one.covariance), np.float64) for one in around.of(i)]
-        alike = tuple(
-            Alike(one.white, one.log_determinant, root, float(np.log(prior)))
-            for one, root, prior in zip(around.of(i), roots, PRIOR, strict=True)
-        )
+        one = around.of[i]
+        each = zip(one.white, one.log_determinant, np.linalg.cholesky(one.covariance), np.log(PRIOR), strict=True)
+        alike = tuple(Alike(white, float(log), root, float(prior)) for white, log, root, prior in each)
         return Shapes(alike, tuple(made))
 
     def clearest(i: int, series: FloatArray, times: int) -> Shape | None:

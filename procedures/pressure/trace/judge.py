@@ -119,9 +119,9 @@ class WholePlotJudge:
         able &= self._left(level, stratum, mine)
         elsewhere = tuple(j for j in named if j not in group)
         searched = {e.name for c in self.candidates if (e := c.effect).searched and (len(sensors) == 1 or not c.sensor)}
-        whole = Products.of(stratum.white, (stratum.sigma / error) ** 2)
-        whole = replace(whole, columns=whole.columns * np.outer(able, able), outputs=whole.outputs * able)
-        products = replace(whole.among(mine, every.size), signs=self.signs)
+        stratum.white.columns[:, :, ~able] = 0.0
+        products = Products.of(stratum.white, (stratum.sigma / error) ** 2, (mine, every.size))
+        products = replace(products, signs=self.signs)
         own = self._tried(Rival(effect, group, 0.0, effect in searched))
         found = rivals(problem.candidates, products, group, rest, sensors, searched=searched, within=within + own)
         price = np.array([rival.sigmas**2 + self._tried(rival) for rival in found])
@@ -141,10 +141,14 @@ class WholePlotJudge:
 
     def _possible(self, scores: Scores) -> NDArray[np.bool_]:
         """(J,) candidates whose coefficient has a possible size and sign, within three sd."""
-        most = np.array([c.effect.at_most for c in self.candidates])
         size = np.abs(scores.gamma)
-        small = size - 3.0 * size / np.maximum(np.abs(scores.t), np.finfo(float).tiny) <= most
+        small = size - 3.0 * size / np.maximum(np.abs(scores.t), np.finfo(float).tiny) <= self._most
         return np.asarray(small & ~self.wrong(scores))
+
+    @cached_property
+    def _most(self) -> FloatArray:
+        """(J,) largest plausible size of each candidate's coefficient."""
+        return np.array([c.effect.at_most for c in self.candidates], np.float64)
 
     def wrong(self, scores: Scores) -> NDArray[np.bool_]:
         """(J,) candidates whose coefficient certainly has a physically impossible sign."""

@@ -37,7 +37,7 @@ class Memory:
 def memories(problem: Problem, chosen: tuple[int, ...]) -> tuple[Memory, ...]:
     """Autocorrelation of each transducer, with the `chosen` candidates: by restricted likelihood within whole plots."""
     between = tuple(int(j) for j in problem.within("whole-plot", chosen))
-    known = coefficients_of(problem, chosen)
+    known = coefficients_of(problem, chosen) if between else {}
     outputs = problem.outputs - contributed(problem, {j: known[j] for j in between})
     return tuple(_memory(problem, problem.within("subplot", chosen), y, i) for i, y in enumerate(outputs))
 

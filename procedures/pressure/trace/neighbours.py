@@ -31,22 +31,42 @@ TINY = np.finfo(float).tiny
 
 @dataclass(frozen=True, eq=False)
 class Alike:
-    """One transducer's whole plots at one correlation.
+    """One transducer's whole plots at each of K correlations.
 
     Attributes:
-        covariance: (W, W) of what the declared model leaves, over the variance of independent ones.
-        mean: of its diagonal over the degrees of freedom.
-        df: that a chi-square with the spread of the residual's sum of squares would have.
-        white: (d, W) that makes what is left independent.
-        log_determinant: of that covariance.
+        covariance: (K, W, W) of what the declared model leaves, over the variance of independent ones.
+        mean: (K,) of its diagonal over the degrees of freedom.
+        df: (K,) that a chi-square with the spread of the residual's sum of squares would have.
+        white: (K, d, W) that makes what is left independent.
+        log_determinant: (K,) of that covariance.
 
     """
 
     covariance: FloatArray
-    mean: float
-    df: float
+    mean: FloatArray
+    df: FloatArray
     white: FloatArray
-    log_determinant: float
+    log_determinant: FloatArray
+
+    def likelihood(self, columns: FloatArray, outputs: FloatArray) -> FloatArray:
+        """(K, J) restricted log likelihood of outputs (W,) with each column (W, J) by itself in the model."""
+        y, x = self.white @ outputs, self.white @ columns
+        length, total = np.maximum(np.sum(x**2, axis=1), TINY), np.sum(y**2, axis=1)[:, None]
+        rss = np.maximum(total - (y[:, None] @ x)[:, 0] ** 2 / length, 1e-9 * np.maximum(total, TINY))
+        before = np.maximum(np.sum(columns**2, axis=0), TINY)
+        return self._log(rss, 1, np.log(length / before))
+
+    def likelihood_of(self, basis: FloatArray, outputs: FloatArray) -> FloatArray:
+        """(K,) the same with an orthonormal basis (W, q) in the model."""
+        y, (q, r) = self.white @ outputs, np.linalg.qr(self.white @ basis)
+        total, along = np.sum(y**2, axis=1), (y[:, None] @ q)[:, 0]
+        rss = np.maximum(total - np.sum(along**2, axis=1), 1e-9 * np.maximum(total, TINY))
+        size = np.log(np.maximum(np.abs(np.diagonal(r, axis1=1, axis2=2)), TINY))
+        return self._log(rss[:, None], basis.shape[1], 2.0 * np.sum(size, axis=1)[:, None])[:, 0]
+
+    def _log(self, rss: FloatArray, fitted: int, determinant: FloatArray) -> FloatArray:
+        free = self.white.shape[1] - fitted
+        return np.asarray(-0.5 * (free * np.log(rss) + self.log_determinant[:, None] + determinant))
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,14 +89,10 @@ class Neighbours:
         assert problem is not None
         return problem
 
-    def of(self, i: int) -> tuple[Alike, ...]:
-        """Transducer `i` at each correlation of `RHO`."""
-        return self._of[i]
-
     @cached_property
-    def _of(self) -> tuple[tuple[Alike, ...], ...]:
-        """For each transducer, one for each correlation."""
-        made: list[tuple[Alike, ...]] = []
+    def of(self) -> tuple[Alike, ...]:
+        """Each transducer at the correlations of `RHO`."""
+        made: list[Alike] = []
         stratum = self.problem.at["whole-plot"]
         for i, strata in enumerate(self.problem.strata):
             own = stratum.columns[i][:, self.chosen]
@@ -85,34 +101,33 @@ class Neighbours:
                 made.append(_OF_STRATA[strata])
                 continue
             taken = np.column_stack([strata.between, own / np.maximum(np.linalg.norm(own, axis=0), TINY)])
-            made.append(tuple(self._alike(taken, strata.ratio, strata.total, rho) for rho in RHO))
+            made.append(self._alike(taken, strata.ratio, strata.total))
             if not own.size:
                 _OF_STRATA[strata] = made[-1]
         return tuple(made)
 
-    def _alike(self, taken: FloatArray, ratio: float, total: FloatArray, rho: float) -> Alike:
+    def _alike(self, taken: FloatArray, ratio: float, total: FloatArray) -> Alike:
         q, r, _ = linalg.qr(taken, pivoting=True)
         rank = int(np.sum(np.abs(np.diag(r)) > 1e-6 * max(abs(float(r[0, 0])), TINY))) if r.size else 0
         free = q[:, rank:]
-        shared = ratio / (ratio + 1.0 / total)
-        near = rho ** np.abs(np.subtract.outer(self._place, self._place))
-        covariance = np.sqrt(np.outer(shared, shared)) * near
-        covariance[np.diag_indices_from(covariance)] = 1.0
+        shared = np.sqrt(ratio / (ratio + 1.0 / total))
+        covariance = np.where(np.eye(total.size, dtype=bool), 1.0, np.outer(shared, shared) * self._near)
         left = free.T @ covariance @ free
         triangle = np.linalg.cholesky(left)
-        trace = float(np.trace(left))
+        trace = np.trace(left, axis1=1, axis2=2)
         return Alike(
             covariance,
-            trace / max(left.shape[0], 1),
-            trace**2 / max(float(np.sum(left**2)), TINY),
-            linalg.solve_triangular(triangle, free.T, lower=True),
-            2.0 * float(np.sum(np.log(np.diag(triangle)))),
+            trace / max(left.shape[1], 1),
+            trace**2 / np.maximum(np.sum(left**2, axis=(1, 2)), TINY),
+            np.linalg.solve(triangle, free.T),
+            2.0 * np.sum(np.log(np.diagonal(triangle, axis1=1, axis2=2)), axis=1),
         )
 
     @cached_property
-    def _place(self) -> FloatArray:
-        """(W,) position of each whole plot in time."""
-        return np.argsort(self.problem.plots_in_time).astype(np.float64)
+    def _near(self) -> FloatArray:
+        """(K, W, W) correlation of whole plots by their distance in time."""
+        place = np.argsort(self.problem.plots_in_time)
+        return np.asarray(RHO[:, None, None] ** np.abs(np.subtract.outer(place, place)))
 
     def p(self, ts: FloatArray, df: FloatArray, columns: FloatArray, outputs: FloatArray) -> FloatArray:
         """(K, J) probability of a larger score by chance, from scores (K, J) that take whole plots as independent.
@@ -135,58 +150,39 @@ class Neighbours:
     def _p(self, ts: FloatArray, df: FloatArray, columns: FloatArray, outputs: FloatArray) -> FloatArray:
         squares = np.sum(columns**2, axis=1)
         length = np.maximum(np.sum(squares, axis=0), TINY)
-        log, ps = np.tile(np.log(PRIOR)[:, None], (1, df.size)), np.empty((RHO.size, *ts.shape))
-        for k in range(RHO.size):
-            spread, freedom = np.zeros(df.size), np.zeros(df.size)
-            for i, of in enumerate(self._of):
-                if of[0].df <= 1.0:
-                    continue
-                one = of[k]
-                spread += np.sum(columns[i] * (one.covariance @ columns[i]), axis=0) / one.mean
-                freedom += squares[i] * (one.df / of[0].df)
-                log[k] += np.where(squares[i] > 1e-6 * length, _likelihood(one, columns[i], outputs[i]), 0.0)
-            factor = np.sqrt(np.maximum(spread / length, TINY))
-            share = np.clip(np.where(freedom > 0, freedom / length, 1.0), 0.1, 1.0)
-            ps[k] = 2.0 * special.stdtr(np.maximum(df * share, 1.0), -np.abs(ts) / factor)
-        weight = np.exp(log - log.max(axis=0))
-        mean = np.sum(weight[:, None] * np.log(np.maximum(ps, TINY)), axis=0) / np.sum(weight, axis=0)
-        return np.asarray(np.exp(mean))
+        log, (spread, freedom) = np.log(PRIOR)[:, None] + np.zeros(df.size), np.zeros((2, RHO.size, df.size))
+        for one, x, y, square in zip(self.of, columns, outputs, squares, strict=True):
+            if one.df[0] <= 1.0:
+                continue
+            spread += np.sum(x * (one.covariance @ x), axis=1) / one.mean[:, None]
+            freedom += square * (one.df / one.df[0])[:, None]
+            log += np.where(square > 1e-6 * length, one.likelihood(x, y), 0.0)
+        factor = np.sqrt(np.maximum(spread / length, TINY))
+        share = np.clip(np.where(freedom > 0, freedom / length, 1.0), 0.1, 1.0)
+        ps = 2.0 * special.stdtr(np.maximum(df * share, 1.0)[:, None], -np.abs(ts) / factor[:, None])
+        return _averaged(ps, log[:, None])
 
     def p_of_block(self, i: int, basis: FloatArray, outputs: FloatArray) -> float:
         """Probability by chance of the part of transducer `i` that an orthonormal basis (W, q) explains."""
-        q, log, ps = basis.shape[1], np.log(PRIOR), np.ones(RHO.size)
+        one, q = self.of[i], basis.shape[1]
+        below = one.df * (1.0 - q / one.df[0])
+        if np.min(below) < 1.0:
+            return 1.0
         gain, rss = float(np.sum((basis.T @ outputs) ** 2)), float(outputs @ outputs)
-        for k, one in enumerate(self._of[i]):
-            below = one.df * (1.0 - q / self._of[i][0].df)
-            if below < 1.0:
-                return 1.0
-            held = float(np.sum(basis * (one.covariance @ basis)))
-            rest = max(one.mean * self._of[i][0].df - held, 0.05) / max(self._of[i][0].df - q, 1.0)
-            error = max(rss - gain, TINY) / max(self._of[i][0].df - q, 1.0) / rest
-            ps[k] = special.fdtrc(q, below, gain / held / error)
-            log[k] += float(_likelihood_of(one, basis, outputs))
-        weight = np.exp(log - log.max())
-        return float(np.exp(weight @ np.log(np.maximum(ps, TINY)) / weight.sum()))
+        held = np.sum(basis * (one.covariance @ basis), axis=(1, 2))
+        rest = np.maximum(one.mean * one.df[0] - held, 0.05) / max(one.df[0] - q, 1.0)
+        error = max(rss - gain, TINY) / max(one.df[0] - q, 1.0) / rest
+        log = np.log(PRIOR) + one.likelihood_of(basis, outputs)
+        return float(_averaged(special.fdtrc(q, below, gain / held / error), log))
 
 
-def _likelihood(one: Alike, columns: FloatArray, outputs: FloatArray) -> FloatArray:
-    """(J,) restricted log likelihood of one transducer with each column by itself in the model."""
-    y, x = one.white @ outputs, one.white @ columns
-    length = np.maximum(np.sum(x**2, axis=0), TINY)
-    rss = np.maximum(y @ y - (y @ x) ** 2 / length, 1e-9 * max(float(y @ y), TINY))
-    before = np.maximum(np.sum(columns**2, axis=0), TINY)
-    return np.asarray(-0.5 * ((y.size - 1) * np.log(rss) + one.log_determinant + np.log(length / before)))
+def _averaged(ps: FloatArray, log: FloatArray) -> FloatArray:
+    """Geometric mean of probabilities (K, ...), each as likely as the exponential of (K, ...)."""
+    weight = np.exp(log - log.max(axis=0))
+    return np.asarray(np.exp(np.sum(weight * np.log(np.maximum(ps, TINY)), axis=0) / np.sum(weight, axis=0)))
 
 
-def _likelihood_of(one: Alike, basis: FloatArray, outputs: FloatArray) -> float:
-    y, x = one.white @ outputs, one.white @ basis
-    q, r = np.linalg.qr(x)
-    rss = max(float(y @ y - np.sum((q.T @ y) ** 2)), 1e-9 * max(float(y @ y), TINY))
-    extra = 2.0 * float(np.sum(np.log(np.maximum(np.abs(np.diag(r)), TINY))))
-    return float(-0.5 * ((y.size - basis.shape[1]) * np.log(rss) + one.log_determinant + extra))
-
-
-_OF_STRATA: WeakKeyDictionary[Strata, tuple[Alike, ...]] = WeakKeyDictionary()
+_OF_STRATA: WeakKeyDictionary[Strata, Alike] = WeakKeyDictionary()
 """Beside the declared model alone they are the same for a transducer among others and by itself."""
 _KNOWN: WeakKeyDictionary[Problem, dict[tuple[int, ...], Neighbours]] = WeakKeyDictionary()
 """Cached, because a search needs the same ones many times."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,11 +49,16 @@ class Families:
         Args:
             p: (J,) of each candidate alone.
         """
-        out, level = np.ones(p.size), np.array(self.level)
+        out = np.ones(p.size)
         for name, family in self.of.items():
-            here = level == name
+            here = self._here[name]
             out[here] = np.minimum(family.adjust(p[here] / self.share[here]) / self._part(name), 1.0)
         return out
+
+    @cached_property
+    def _here(self) -> Mapping[Level, NDArray[np.bool_]]:
+        """(J,) whether each candidate is of a stratum."""
+        return {level: np.array([one == level for one in self.level], np.bool_) for level in self.of}
 
     def adjusted(self, p: float, j: int) -> float:
         """The same of candidate `j`."""

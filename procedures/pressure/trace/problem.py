@@ -110,6 +110,11 @@ class Problem:
         return tuple(made)
 
     @cached_property
+    def members(self) -> FloatArray:
+        """(W, n) one where a reading is of a whole plot, else zero."""
+        return np.asarray(np.arange(int(self.whole_plot.max()) + 1)[:, None] == self.whole_plot, np.float64)
+
+    @cached_property
     def plots_in_time(self) -> IntArray:
         """(W,) whole plots in the order of running; replications follow one another."""
         begun = np.full(int(self.whole_plot.max()) + 1, np.iinfo(np.int64).max)
@@ -151,15 +156,9 @@ class Problem:
     @cached_property
     def judged_at(self) -> tuple[Level, ...]:
         """For each candidate the level of its test: its own stratum's, if it varies there."""
-        varies = np.zeros(len(self.candidates), bool)
-        for strata, own, mine in zip(self.strata, self._own, self._concerned, strict=True):
-            varies[mine] |= strata.varies_within(own[:, 1:])
-        return tuple(
-            "subplot" if varies[j] and c.effect.stratum == "subplot" else "whole-plot"
-            for j, c in enumerate(self.candidates)
-        )
+        return tuple("subplot" if within else "whole-plot" for within in self._judged_within.tolist())
 
-    def within(self, level: Level, of: Sequence[int] | None = None) -> IntArray:
+    def within(self, level: Level, of: Sequence[int] | IntArray | None = None) -> IntArray:
         """Indices of the candidates (of the given ones) of a level."""
         here = self._judged_within if level == "subplot" else ~self._judged_within
         if of is None:
@@ -170,7 +169,15 @@ class Problem:
     @cached_property
     def _judged_within(self) -> NDArray[np.bool_]:
         """(J,) whether a candidate is judged within whole plots."""
-        return np.array([level == "subplot" for level in self.judged_at], np.bool_)
+        varies = np.zeros(len(self.candidates), np.bool_)
+        for strata, own, mine in zip(self.strata, self._own, self._concerned, strict=True):
+            varies[mine] |= strata.varies_within(own[:, 1:])
+        return varies & np.array([c.effect.stratum == "subplot" for c in self.candidates], np.bool_)
+
+    @cached_property
+    def own(self) -> tuple[IntArray, ...]:
+        """Candidates that each transducer has for itself."""
+        return tuple(np.flatnonzero(self._owner == i) for i in range(len(self.sensors)))
 
     @cached_property
     def alone(self) -> tuple[tuple[Problem, IntArray], ...]:
@@ -181,7 +188,7 @@ class Problem:
         return tuple(self._alone(i) for i in range(len(self.sensors)))
 
     def _alone(self, i: int) -> tuple[Problem, IntArray]:
-        mine = np.array([j for j, c in enumerate(self.candidates) if c.sensor == self.sensors[i]], np.int64)
+        mine = self.own[i]
         one = slice(i, i + 1)
         problem = replace(
             self,
@@ -200,13 +207,20 @@ class Problem:
                 for level, of in self.at.items()
             },
             "length_at": {level: length[one][:, mine] for level, length in self.length_at.items()},
-            "judged_at": tuple(self.judged_at[j] for j in mine),
+            "_judged_within": self._judged_within[mine],
         }
         vars(problem).update(known)  # what is known already is not computed again
         return problem, mine
 
+    def among(self, chosen: Sequence[int]) -> tuple[Problem, tuple[int, ...]]:
+        """The problem with the `chosen` candidates alone, and their indices there."""
+        few = tuple(self.candidates[j] for j in chosen)
+        return replace(self, raw=self.raw[:, :, list(chosen)], candidates=few), tuple(range(len(few)))
+
     def take(self, rows: IntArray) -> Problem:
         """The problem of some of the rows, with the columns of the whole."""
+        if len(rows) == len(self.declared):
+            return self
         return replace(
             self,
             declared=self.declared[rows],
@@ -242,10 +256,13 @@ class Problem:
     @cached_property
     def _concerned(self) -> tuple[IntArray, ...]:
         """The candidates of each transducer."""
-        return tuple(
-            np.array([j for j, c in enumerate(self.candidates) if c.sensor in (None, sensor)], np.int64)
-            for sensor in self.sensors
-        )
+        return tuple(np.flatnonzero((self._owner == i) | (self._owner < 0)) for i in range(len(self.sensors)))
+
+    @cached_property
+    def _owner(self) -> IntArray:
+        """(J,) index of each candidate's transducer; below zero for the line's."""
+        index = {sensor: i for i, sensor in enumerate(self.sensors)}
+        return np.array([-1 if sensor is None else index[sensor] for sensor in self.sensor_of], np.int64)
 
 
 def pose(

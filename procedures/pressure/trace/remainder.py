@@ -18,13 +18,13 @@ degrees.
 """
 
 
-def lack_of_fit(problem: Problem, level: Level, chosen: tuple[int, ...], repeats: IntArray, i: int) -> FTest:
+def lack_of_fit(problem: Problem, chosen: tuple[int, ...], level: Level, repeats: IntArray, i: int) -> FTest:
     """Test of larger variation of the residual between `repeats` than within them, in one stratum of transducer `i`.
 
     Args:
         problem: the run.
-        level: the stratum.
         chosen: candidates in the model.
+        level: the stratum.
         repeats: (m,) group number of rows of the stratum that should agree within its error.
         i: the transducer.
     """

@@ -100,6 +100,12 @@ class Finding:
         return Nameless(self.judge.problem, replace(self.scene, data=self.data), self.after.chosen)
 
     @cached_property
+    def unweighted(self) -> tuple[Problem, tuple[int, ...]]:
+        """The run with its findings alone, and readings taken as independent: repeats are compared so."""
+        few, inside = self.judge.problem.among(self.after.chosen)
+        return replace(few, rho=np.zeros_like(few.rho)), inside
+
+    @cached_property
     def constant(self) -> Constant:
         """Whether the coefficients of what was found are constants."""
         return Constant(self.nameless)
@@ -352,7 +358,6 @@ def _experiments(effect: Entry, aliases: Iterable[Entry]) -> str:
 def _unnamed(finding: Finding, i: int) -> tuple[Unnamed, ...]:
     """The remainder in both strata beyond chance: its smooth variation, and its largest part."""
     whitened, chosen, data = finding.judge.problem, finding.after.chosen, finding.data
-    plain = replace(whitened, rho=np.zeros_like(whitened.rho))  # repeats are compared without weights
     rest: list[Unnamed] = []
     by_level: Mapping[Level, tuple[IntArray, Callable[..., Unnamed]]] = {
         "subplot": (repeated_readings(data), strongest_pressure),
@@ -364,11 +369,11 @@ def _unnamed(finding: Finding, i: int) -> tuple[Unnamed, ...]:
         here: list[Unnamed] = []
         if p * len(whitened.sensors) < UNEXPLAINED:
             here.append(smooth)
-        lacking = lack_of_fit(plain, level, chosen, repeats, i).p
+        lacking = lack_of_fit(*finding.unweighted, level, repeats, i).p
         if lacking < UNEXPLAINED and level == "subplot":
             lacking = max(lacking, finding.nameless.of_repeats(repeats, i))
         if lacking < UNEXPLAINED:
-            here.append(strongest(plain, chosen, data, i))
+            here.append(strongest(*finding.unweighted, data, i))
         left = finding.nameless.left_in(i, level)
         if not rest and not here and left is not None and left.p < UNEXPLAINED:
             here.append(left.unnamed())

@@ -98,14 +98,16 @@ def beside(problem: Problem, level: Level, chosen: Sequence[int], of: Sequence[i
     wanted = np.arange(len(problem.candidates)) if of is None else np.asarray(of, np.int64)
     here = problem.within(level, chosen)
     if level == "whole-plot":
-        outputs, columns = _less_subplots(problem, chosen, np.concatenate([here, wanted]))
+        outputs, both = _less_subplots(problem, chosen, np.concatenate([here, wanted]))
+        taken, columns = both[:, :, : here.size], both[:, :, here.size :]
     else:
-        outputs, columns = _less_whole_plots(problem, chosen), stratum.columns[:, :, np.concatenate([here, wanted])]
-    taken, columns = columns[:, :, : here.size], columns[:, :, here.size :]
+        outputs = _less_whole_plots(problem, chosen)
+        columns, taken = stratum.columns[:, :, wanted], stratum.columns[:, :, here]
     sigma, df = _errors(problem, level, here, outputs, taken)
     scale = sigma[:, None]
+    columns /= scale[:, :, None]
     taken = taken / scale[:, :, None]
-    white = Whitened(outputs / scale, columns / scale[:, :, None])
+    white = Whitened(outputs / scale, columns)
     return Beside(white.beside(taken, np.linalg.norm(taken, axis=(0, 1))), sigma, df)
 
 
@@ -226,23 +228,29 @@ def _of_slopes(problem: Problem, columns: FloatArray, left: FloatArray) -> tuple
         columns: (S, n, J) over each transducer's error.
         left: (S, n) residual outputs, over the same.
     """
-    plots, added = int(problem.whole_plot.max()) + 1, np.zeros(columns.shape[2])
-    df = float(max(plots - SLOPES - 1, 1))
-    if "P" not in problem.names or plots <= SLOPES + 2:
-        return added, df
-    mine = (np.arange(plots)[:, None] == problem.whole_plot).astype(np.float64)
-    p = problem.declared[:, problem.names.index("P")]
-    p = p - ((mine @ p) / mine.sum(axis=1))[problem.whole_plot]
-    for i, strata in enumerate(problem.strata):
-        z = strata.whiten(p[:, None])[:, 0]
-        length = np.maximum(mine @ z**2, TINY)
-        slopes = (mine @ (z * left[i])) / np.sqrt(length)
-        own = (mine @ (z[:, None] * columns[i])) / np.sqrt(length)[:, None]
-        explained = (slopes @ own) ** 2 / np.maximum(np.sum(own**2, axis=0), TINY)
-        ratio = (slopes @ slopes - explained) / df
-        clear = special.fdtrc(df, problem.at["subplot"].df[i], ratio) < CHANCE
-        added += np.where(clear, (ratio - 1.0) * np.sum(own**2, axis=0), 0.0)
-    return added, df
+    df = float(max(len(problem.members) - SLOPES - 1, 1))
+    if "P" not in problem.names or len(problem.members) <= SLOPES + 2:
+        return np.zeros(columns.shape[2]), df
+    rows = _slopes_of(problem)
+    slopes, own = (rows @ left[:, :, None])[:, :, 0], rows @ columns
+    squares = np.sum(own**2, axis=1)
+    explained = (slopes[:, None] @ own)[:, 0] ** 2 / np.maximum(squares, TINY)
+    ratio = (np.sum(slopes**2, axis=1)[:, None] - explained) / df
+    clear = special.fdtrc(df, problem.at["subplot"].df[:, None], ratio) < CHANCE
+    return np.sum(np.where(clear, (ratio - 1.0) * squares, 0.0), axis=0), df
+
+
+_SLOPES: WeakKeyDictionary[Problem, FloatArray] = WeakKeyDictionary()
+
+
+def _slopes_of(problem: Problem) -> FloatArray:
+    """(S, W, n) unit rows whose products with whitened readings are slopes of whole plots with pressure."""
+    if problem not in _SLOPES:
+        p = problem.declared[:, problem.names.index("P")]
+        p = p - ((problem.members @ p) / problem.members.sum(axis=1))[problem.whole_plot]
+        rows = problem.members * np.stack([strata.whiten(p[:, None])[:, 0] for strata in problem.strata])[:, None]
+        _SLOPES[problem] = rows / np.sqrt(np.maximum(np.sum(rows**2, axis=2, keepdims=True), TINY))
+    return _SLOPES[problem]
 
 
 def _by_whole_plot(problem: Problem, own: FloatArray, norm2: FloatArray) -> FloatArray:
@@ -256,11 +264,9 @@ def _by_whole_plot(problem: Problem, own: FloatArray, norm2: FloatArray) -> Floa
         own: (n, J) contribution of each reading to the products.
         norm2: (n, J) the columns' squares.
     """
-    plots = int(problem.whole_plot.max()) + 1
-    mine = (np.arange(plots)[:, None] == problem.whole_plot).astype(np.float64)
-    mass = mine @ norm2
+    mass = problem.members @ norm2
     share = mass / np.maximum(mass.sum(axis=0), TINY)
-    return np.asarray(np.sum((mine @ own) ** 2 / np.maximum(1.0 - share, 0.01), axis=0))
+    return np.asarray(np.sum((problem.members @ own) ** 2 / np.maximum(1.0 - share, 0.01), axis=0))
 
 
 def _less_subplots(problem: Problem, chosen: Sequence[int], of: IntArray) -> tuple[FloatArray, FloatArray]:

@@ -121,8 +121,8 @@ def stays(judge: WholePlotJudge, chosen: tuple[int, ...]) -> tuple[tuple[int, ..
 
 def _look(pressure_psia: FloatArray, whole: Problem, chosen: tuple[int, ...], held: Look) -> Look:
     """The noise beside the `chosen` candidates; outliers are judged with the noise `held` so far."""
-    every = replace(whole, weight=weights_of(held.noise, held.grows, pressure_psia))
-    aside = outliers(every, chosen)
+    weight = weights_of(held.noise, held.grows, pressure_psia)
+    aside = outliers(replace(whole, weight=weight) if any(held.grows) else whole, chosen)
     kept = np.setdiff1d(np.arange(pressure_psia.size), aside.rows)
     plain, pressure = whole.take(kept), pressure_psia[kept]
     noise = noises(plain, chosen, pressure)
