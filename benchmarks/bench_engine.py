@@ -119,12 +119,12 @@ def bluesky() -> tuple[float, float]:
     return (time.perf_counter() - began) / POINTS, (time.process_time() - before) / POINTS
 
 
-def bare_sync(folder: Path, size: int = 2000, count: int = 500) -> float:
-    """Seconds of syncing `size` appended bytes, the first quartile, as of points."""
+def bare_sync(folder: Path) -> float:
+    """Seconds of syncing 2,000 appended bytes, the first quartile, as of points."""
     file = os.open(folder / "bare", os.O_CREAT | os.O_RDWR)
     times = []
-    for _ in range(count):
-        os.write(file, b"x" * size)
+    for _ in range(500):
+        os.write(file, b"x" * 2000)
         began = time.perf_counter()
         os.fdatasync(file)
         times.append(time.perf_counter() - began)

@@ -150,14 +150,14 @@ def stamped(text: str, one: Campaign, commit: str, date: str) -> str:
     return "".join(lines)
 
 
-def old_campaigns(text: str, cwd: Path = HERE) -> list[str]:
+def old_campaigns(text: str) -> list[str]:
     """What to say of campaigns that are older than their code."""
     paths = sections()
     said = []
     for one in campaigns(text):
         figure = Figure(one.row.what, one.row.what, one.row.command, paths[one.section])
         row = replace(one.row, commit=one.row.commit.removeprefix(BEFORE))
-        if why := stale(figure, row, cwd).partition("; `make figure")[0]:
+        if why := stale(figure, row, HERE).partition("; `make figure")[0]:
             said.append(why.replace("measured on", "measured on or before") if row != one.row else why)
     return said
 

@@ -26,15 +26,15 @@ BEFORE_AFTER = ("before: declared model", "after: with the effects found")
 """Titles of two plots of residuals on one scale."""
 
 
-def side_by_side(height: float, count: int = 2, *, width: float = 9.6, share_y: bool = True) -> tuple[Figure, Any]:
+def side_by_side(height: float, count: int = 2, *, width: float = 9.6) -> tuple[Figure, Any]:
     """A figure with `count` plots in a row on one scale; height and width in inches."""
-    figure, axes = plots(1, count, height=height, width=width, share_x=True, share_y=share_y)
+    figure, axes = plots(1, count, height=height, width=width, share_x=True, share_y=True)
     return figure, axes[0]
 
 
-def three_panels(height: float, *, width: float = 9.6, share_y: bool = True) -> tuple[Figure, Any]:
-    """A figure with three plots in a row, each with its own x; height and width in inches."""
-    figure, axes = plots(1, 3, height=height, width=width, share_y=share_y)
+def three_panels(height: float, *, share_y: bool = True) -> tuple[Figure, Any]:
+    """A figure with three plots in a row, each with its own x; height in inches."""
+    figure, axes = plots(1, 3, height=height, share_y=share_y)
     return figure, axes[0]
 
 

@@ -17,7 +17,8 @@ from procedures.certificate import Change, Errors, certificate, with_words
 from procedures.effect_plots import drawn
 from procedures.pictures import png
 from procedures.pressure.effects import PRESSURE_CATALOGUE
-from procedures.pressure.evaluate import Declared, WholePlotTraced
+from procedures.pressure.evaluate import WholePlotTraced
+from procedures.pressure.fitted import Declared
 from procedures.pressure.trace import trace_whole_plots
 from procedures.table import Table
 from procedures.words import chance, part, percent

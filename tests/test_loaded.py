@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from small_run import write_small
 
+DATA = Path(__file__).parent / "data"
 ATTITUDE, PRESSURE = (Path(__file__).parents[1] / "examples" / name for name in ("attitude-lab", "pressure-lab"))
 COMMAND = """
 import contextlib, sys
@@ -75,3 +76,9 @@ def test_a_fit_loads_no_code_of_traces_and_of_procedures(night):
     assert not of(
         (*OF_TRACES, "procedures.attitude.trace", "procedures.attitude.settings", "procedures.general.settings"), found
     )
+
+
+def test_a_fit_of_whole_plots_loads_no_code_of_traces():
+    found = loaded("fit", DATA / "pressure-20261121.sqlite")
+    assert not of((*OF_TRACES, "procedures.attitude.fit", "procedures.pressure.settings"), found)
+    assert "procedures.pressure.fitted" in found

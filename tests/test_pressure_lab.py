@@ -14,7 +14,7 @@ from few_sensors import with_sensors
 
 from procedures.kinds import kind_of_table
 from procedures.pressure import settings as whole_plot
-from procedures.pressure.evaluate import fit_whole_plots
+from procedures.pressure.fitted import fit_whole_plots
 from procedures.pressure.table import whole_plot_data
 from rig.accepted import judge
 from rig.controller import resume_run, start_run

@@ -149,6 +149,9 @@ def test_in_the_band_since_agrees_with_looking_all_the_time(overshoot, band):
     outside = max(t for t in times if abs(it.reading_psia(t) - 5.0) > band)
     assert it.settled_since(times[-1], band) == pytest.approx(outside, abs=0.006)
     assert it.settled_since(3.1, band) is None
+    since = it.settled_since(times[-1], band)
+    for begin in (0.0, since - 0.5, since - 1e-3, since + 1e-3, since + 0.5, times[-1]):
+        assert it.settled_since(times[-1], band, begin) == pytest.approx(max(since, begin), abs=1e-6)
     it.command(50.0, 5.0, 2.0)
     assert it.settled_since(60.0, band) == 50.0
 

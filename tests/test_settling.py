@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -23,6 +24,13 @@ def outcome_of(values, step=1.0, criteria=CRITERIA):
 def test_a_quiet_value_settles_after_the_dwell_and_not_before():
     assert outcome_of([10.0] * 5).outcome == "waiting"
     assert outcome_of([10.0] * 6).outcome == "settled"
+
+
+def test_drift_is_the_slope_of_least_squares_over_the_dwell():
+    values = [10.0 + 1e-3 * i + 0.01 * math.sin(7.0 * i) for i in range(6)]
+    slope = float(np.polyfit(range(6), values, 1)[0])
+    for limit, outcome in ((slope * (1 + 1e-10), "settled"), (slope * (1 - 1e-10), "waiting")):
+        assert outcome_of(values, criteria=CRITERIA._replace(drift_per_s=limit)).outcome == outcome
 
 
 def test_one_spike_costs_three_samples_not_a_new_dwell():

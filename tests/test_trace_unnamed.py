@@ -18,7 +18,8 @@ from procedures.general.column_roles import Roles
 from procedures.general.evaluate import trace_general_table
 from procedures.general.trace import family
 from procedures.pressure.effects import PRESSURE_CATALOGUE
-from procedures.pressure.evaluate import Declared, WholePlotTraced
+from procedures.pressure.evaluate import WholePlotTraced
+from procedures.pressure.fitted import Declared
 from procedures.pressure.trace import null, trace_whole_plots
 from procedures.pressure.trace.drawn import axes_of as pressure_axes
 from procedures.pressure.trace.places import places_of as pressure_places

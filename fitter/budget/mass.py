@@ -12,6 +12,8 @@ from fitter.arrays import FloatArray
 from fitter.budget.coverage import coverage_factor, shape_factor
 from fitter.budget.influence import CANCELLED, connected
 
+_PROBABILITY = 0.95
+
 
 @dataclass(frozen=True, eq=False)
 class Combined:
@@ -21,7 +23,7 @@ class Combined:
         standard_uncertainty: (n,)
         df: (n,) effective degrees of freedom.
         coverage_factor: (n,)
-        expanded_uncertainty: (n,)
+        expanded_uncertainty: (n,) for 95 %.
 
     """
 
@@ -36,7 +38,6 @@ def combine(
     df: FloatArray,
     type_a: Sequence[tuple[ArrayLike, ArrayLike]] = (),
     *,
-    probability: float = 0.95,
     correlation: FloatArray | None = None,
     excess: FloatArray | None = None,
 ) -> Combined:
@@ -46,7 +47,6 @@ def combine(
         sensitivities: (n, p) displacement of each result for one standard uncertainty of each influence.
         df: (p,) degrees of freedom of the influences.
         type_a: variance and degrees of freedom of each further component; each a number or (n,).
-        probability: coverage probability.
         correlation: (p, p) of the influences; as `influence.checked` accepts it.
         excess: (p,) `EXCESS` of the influences' distributions, for coverage factors by shape.
 
@@ -72,8 +72,8 @@ def combine(
         effective = np.where(per_df > 0.0, 1.0 / per_df, np.inf)
         squares = [np.square(np.square(sensitivities[:, one[0]]) / variance) * shape for one, shape in bounded]
     if excess is None:
-        k = coverage_factor(probability, effective)
+        k = coverage_factor(_PROBABILITY, effective)
     else:
-        k = shape_factor(probability, 1.0 / effective + np.nan_to_num(sum(squares, start=np.zeros(n))))
+        k = shape_factor(_PROBABILITY, 1.0 / effective + np.nan_to_num(sum(squares, start=np.zeros(n))))
     u = np.sqrt(variance)
     return Combined(u, effective, k, k * u)

@@ -59,20 +59,6 @@ class Rounded:
         return _digits(self.uncertainty, self.exponent)
 
     @property
-    def plain_value(self) -> str:
-        """The value as a program reads it, with all its digits, such as "1.2340e-05"."""
-        return self.value_text + self._plain_power
-
-    @property
-    def plain_uncertainty(self) -> str:
-        """The uncertainty as a program reads it, such as "0.0021e-05": with the power of the value."""
-        return self.uncertainty_text + self._plain_power
-
-    @property
-    def _plain_power(self) -> str:
-        return f"e{self.exponent:+03d}" if self.exponent else ""
-
-    @property
     def power_text(self) -> str:
         """Such as "10⁻⁵"; empty if there is none."""
         return f"10{str(self.exponent).translate(_SUPERSCRIPTS)}" if self.exponent else ""

@@ -35,11 +35,6 @@ class Risks:
         """Share of accepted items that do not conform; NaN if none is accepted."""
         return self.consumer / self.accepted if self.accepted > 0.0 else float("nan")
 
-    @property
-    def producer_of_conforming(self) -> float:
-        """Share of conforming items that are rejected; NaN if none conforms."""
-        return self.producer / self.conforming if self.conforming > 0.0 else float("nan")
-
 
 def global_risks(
     prior: Prior, standard_uncertainty: float, tolerance: Tolerance, acceptance: Tolerance | None, *, df: float = inf
@@ -88,9 +83,7 @@ def _accepted(x: FloatArray, acceptance: Tolerance | None, u: float, df: float) 
     return accepted, rejected
 
 
-def guard_band_for(
-    risk: float, prior: Prior, standard_uncertainty: float, tolerance: Tolerance, *, df: float = inf
-) -> float:
+def guard_band_for(risk: float, prior: Prior, standard_uncertainty: float, tolerance: Tolerance) -> float:
     """Guard band with which the global consumer's risk is as wanted; negative if it may lie outside the tolerance.
 
     Raises:
@@ -100,7 +93,7 @@ def guard_band_for(
 
     def excess(guard: float) -> float:
         narrow = tolerance.narrowed(guard)
-        return global_risks(prior, standard_uncertainty, tolerance, narrow, df=df).consumer - risk
+        return global_risks(prior, standard_uncertainty, tolerance, narrow).consumer - risk
 
     low, high = -10.0 * standard_uncertainty, min(10.0 * standard_uncertainty, 0.5 * tolerance.width)
     if excess(low) < 0.0 or excess(high) > 0.0:

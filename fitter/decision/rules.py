@@ -8,7 +8,7 @@ from typing import Literal
 
 from scipy import special
 
-from fitter.decision.probability import Prior, conformity_probability
+from fitter.decision.probability import conformity_probability
 from fitter.decision.tolerance import Tolerance
 from fitter.errors import FitError
 
@@ -106,7 +106,6 @@ def decide(
     *,
     expanded_uncertainty: float,
     df: float = inf,
-    prior: Prior | None = None,
 ) -> Decision:
     """Apply a rule to a measured value.
 
@@ -117,13 +116,12 @@ def decide(
         rule: agreed before the measurement.
         expanded_uncertainty: of the budget; guard bands are its multiples.
         df: effective degrees of freedom.
-        prior: knowledge before the measurement.
 
     Raises:
         FitError: an uncertainty is not positive, or the rule contradicts itself.
 
     """
-    probability = conformity_probability(value, standard_uncertainty, tolerance, df=df, prior=prior)
+    probability = conformity_probability(value, standard_uncertainty, tolerance, df=df)
     if not expanded_uncertainty > 0.0:
         raise FitError(f"an expanded uncertainty of {expanded_uncertainty:g}: a decision needs one that is more than 0")
     inside = value in tolerance

@@ -119,7 +119,7 @@ class Entry:
     against: str
     separate_by: str
     usual_size: str
-    known_aliases: Mapping[str, Alias]
+    known_aliases: Mapping[str, Alias] = field(default_factory=dict, kw_only=True)
     own: bool = field(default=False, kw_only=True)
     signed: Signed | None = field(default=None, kw_only=True)
     largest: Largest | None = field(default=None, kw_only=True)

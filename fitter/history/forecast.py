@@ -29,6 +29,8 @@ from fitter.history.series import Series
 FEWEST = 3
 DRAWS = 16384
 TIMES = 25
+_LEVEL = 0.95
+"""Probability that a bound holds, everywhere at once."""
 _SEED = 2
 
 
@@ -97,7 +99,6 @@ def error_bound(
     charted: Charted,
     rows: FloatArray,
     *,
-    level: float = 0.95,
     times: int = TIMES,
     draws: int = DRAWS,
     nodes: int = NODES,
@@ -107,7 +108,6 @@ def error_bound(
     Args:
         charted: q parameters of the sensor.
         rows: (H, q) derivative of the output by each parameter, at H places of the range of use.
-        level: probability that the bound holds, everywhere at once.
         times: number of ages.
         draws: number of draws of the errors; the bound has a standard error of half a percent.
         nodes: number of draws of the variances of each parameter.
@@ -126,8 +126,8 @@ def error_bound(
             parts = zip(predictions, node, normal, strict=True)
             errors = np.stack([p.mean[drawn, t] + p.sd[drawn, t] * z for p, drawn, z in parts])
             at = rows @ errors
-            bound[t] = np.quantile(np.maximum(at.max(axis=0), -at.min(axis=0)), level)
-        together = [predict(one, between, ages, nodes).bound(level) for one in outputs]
+            bound[t] = np.quantile(np.maximum(at.max(axis=0), -at.min(axis=0)), _LEVEL)
+        together = [predict(one, between, ages, nodes).bound(_LEVEL) for one in outputs]
         bounds[between] = np.max([bound, *together], axis=0)
     return ErrorBound(ages, bounds)
 

@@ -7,7 +7,7 @@ import numpy as np
 from procedures.acceptance import Verdict, gross_words
 from procedures.errors import DataError
 from procedures.pressure.declared import ACCEPTED_BY
-from procedures.pressure.evaluate import fit_whole_plots, largest_words
+from procedures.pressure.fitted import fit_whole_plots, largest_words
 from procedures.pressure.settings import WholePlotProcedure
 from procedures.table import Table
 

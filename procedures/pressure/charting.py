@@ -18,8 +18,8 @@ from fitter.history import Charted, Series
 from fitter.split_plot import SplitPlotFit
 from procedures.charting import Calibrations, Charting, Shown, View
 from procedures.errors import DataError
-from procedures.pressure.evaluate import fit_whole_plots
 from procedures.pressure.fit import PressureFit
+from procedures.pressure.fitted import fit_whole_plots
 from procedures.table import Table
 
 NAMES = ("intercept_mV", "gain_mV_per_psi")

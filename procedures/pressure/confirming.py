@@ -18,7 +18,8 @@ from procedures.pressure.data import WholePlotData
 from procedures.pressure.effects import PRESSURE_CATALOGUE
 from procedures.pressure.effects.scene import PressureEffect
 from procedures.pressure.effects.separation import separate_pressure
-from procedures.pressure.evaluate import WholePlotTraced, fit_whole_plots
+from procedures.pressure.evaluate import WholePlotTraced
+from procedures.pressure.fitted import fit_whole_plots
 from procedures.pressure.options import FitOptions
 from procedures.pressure.settings import WholePlotProcedure
 from procedures.pressure.table import whole_plot_data

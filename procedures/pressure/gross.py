@@ -6,14 +6,17 @@ Readings of one whole plot, and of one pressure, are compared. The common part o
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fitter.formula import Formula
 from fitter.gross import GrossErrors, gross_errors
 from fitter.resolution import resolution
-from procedures.pressure.data import WholePlotData
 from procedures.pressure.fit.models import of_whole_plot
+
+if TYPE_CHECKING:
+    from fitter.formula import Formula
+    from procedures.pressure.data import WholePlotData
 
 REPEATS = 3
 """Minimum readings of one pressure for a level of its own."""

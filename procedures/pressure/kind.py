@@ -83,7 +83,7 @@ class PressureKind(Kind):
         self, source: Source, options: FitOptions, *, leave_out: Sequence[str], own: Sequence[Entry], keep: bool
     ) -> Fitted:
         """Every transducer by every method."""
-        from procedures.pressure.evaluate import fit_whole_plots  # noqa: PLC0415
+        from procedures.pressure.fitted import fit_whole_plots  # noqa: PLC0415
 
         given = options.model_dump(exclude_none=True, exclude={"formula"})
         return fit_whole_plots(source.table, options.formula, leave_out=leave_out, **given)

@@ -5,16 +5,17 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from procedures.numbers import number
 from procedures.pictures import grid
-from procedures.pressure.evaluate import HOLD_AT, IN_USE, errors_in_words, in_use_words, low_pressure
 from procedures.pressure.fit import METHODS, PressureFit
+from procedures.pressure.fitted import HOLD_AT, IN_USE, errors_in_words, in_use_words, low_pressure
 from procedures.results import Page
 
 if TYPE_CHECKING:
-    from procedures.pressure.evaluate import WholePlotFitted
+    from matplotlib.figure import Figure
+
+    from procedures.pressure.fitted import WholePlotFitted
 
 _MEASURES = (
     ("max_pct", "Largest residual / % (no error in use where a method fits whole plots as they come)"),

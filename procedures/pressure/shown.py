@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.markup import escape
 
-from fitter.trace.outcome import Outcome
 from procedures.before_after import compared
 from procedures.blocks import Block, Grid, Line, headline
 from procedures.effects_shown import show_certificate, show_effect, show_unnamed
 from procedures.gross_shown import show_gross, show_left_out
 from procedures.numbers import number
-from procedures.pressure.evaluate import IN_USE, WholePlotTraced, errors_in_words, in_use_words, low_pressure
+from procedures.pressure.fitted import IN_USE, errors_in_words, in_use_words, low_pressure
 from procedures.words import verdict_of
+
+if TYPE_CHECKING:
+    from fitter.trace.outcome import Outcome
+    from procedures.pressure.evaluate import WholePlotTraced
 
 _MEASURES = (
     ("in_use", "max_pct", "largest reading error in use / %"),

@@ -77,9 +77,9 @@ class Random:
         alphabet = self._of.choice((*[self._alphabets[0]] * 6, *self._alphabets))
         return "".join(self._of.choice(alphabet) for _ in range(self._of.randint(1, most))).strip() or "x"
 
-    def maybe(self, most: int = 20) -> str:
+    def maybe(self) -> str:
         """A text, or nothing."""
-        return self.text(most) if self._of.random() < 0.6 else ""
+        return self.text(20) if self._of.random() < 0.6 else ""
 
     def day(self) -> datetime.date:
         """A date of this century."""

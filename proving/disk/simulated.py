@@ -111,7 +111,7 @@ class Disk(storage.Storage):
         self._files: dict[str, CachedFile] = {}
         self._entries: list[_Entry] = []
         self._open: Counter[tuple[str, int]] = Counter()
-        self._crash, self._bad_sync, self._bad_write, self._bad_read = (_Countdown() for _ in range(4))
+        self._crash, self._bad_sync, self._bad_write = (_Countdown() for _ in range(3))
         self._room: int | None = None
         self._slow: tuple[Clock, float, float] | None = None
 
@@ -149,7 +149,7 @@ class Disk(storage.Storage):
             chance = lost
         self.boot += 1
         self.crashed = False
-        for countdown in (self._crash, self._bad_sync, self._bad_write, self._bad_read):
+        for countdown in (self._crash, self._bad_sync, self._bad_write):
             countdown.set(0)
         if chance is False:
             return  # whatever is in memory stays there, also what a failed fsync left behind
@@ -170,13 +170,9 @@ class Disk(storage.Storage):
         """Let the nth sync from now fail, and the next ones up to `times`, as ext4 fails (`CachedFile.sync_failed`)."""
         self._bad_sync.set(nth, times)
 
-    def fail_write(self, nth: int = 1, times: int = 1) -> None:
-        """Let the nth write from now fail with an I/O error, and the next ones up to `times`."""
-        self._bad_write.set(nth, times)
-
-    def fail_read(self, nth: int = 1, times: int = 1) -> None:
-        """Let the nth read from now fail with an I/O error, and the next ones up to `times`."""
-        self._bad_read.set(nth, times)
+    def fail_write(self, nth: int = 1) -> None:
+        """Let the nth write from now fail with an I/O error."""
+        self._bad_write.set(nth)
 
     def full_after(self, room: int | None) -> None:
         """Let files grow by `room` bytes more in all, then be full; None: there is room again."""
@@ -289,10 +285,6 @@ class Disk(storage.Storage):
         taken = min(growth, self._room)
         self._room -= taken
         return taken
-
-    def read_fails(self) -> bool:
-        """Whether this read is to fail."""
-        return self._bad_read.hit()
 
     def write_fails(self) -> bool:
         """Whether this write is to fail."""

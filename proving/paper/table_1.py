@@ -26,10 +26,10 @@ def grid(name: str, pitch_deg: tuple[float, ...], roll_deg: tuple[float, ...]) -
     return DesignPoints(name, pitch.ravel(), roll.ravel())
 
 
-def d1(pitch_max_deg: float, pitch_count: int = N, roll_count: int = M) -> DesignPoints:
+def d1(pitch_max_deg: float, pitch_count: int = N) -> DesignPoints:
     """Design D1: pitch uniform from minus to plus `pitch_max_deg`, roll uniform over the circle without repeats."""
     pitch = uniform(-pitch_max_deg, pitch_max_deg, pitch_count)
-    return grid(f"D1 +-{pitch_max_deg:g}", pitch, roll_circle(roll_count, repeat_180=False))
+    return grid(f"D1 +-{pitch_max_deg:g}", pitch, roll_circle(M, repeat_180=False))
 
 
 def no_roll(pitch_max_deg: float, count: int) -> DesignPoints:

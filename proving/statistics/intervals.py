@@ -22,7 +22,8 @@ from procedures.general.trace import trace_general
 from procedures.general.trace.estimate import estimate
 from procedures.general.trace.judge import TableJudge
 from procedures.general.trace.run import problem_of
-from procedures.pressure.evaluate import Declared, WholePlotTraced
+from procedures.pressure.evaluate import WholePlotTraced
+from procedures.pressure.fitted import Declared
 from procedures.pressure.trace import trace_whole_plots
 from procedures.table import Table
 from proving.ledger import Result

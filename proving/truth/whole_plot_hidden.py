@@ -116,8 +116,6 @@ def hide(
     sizes: Sequence[float],
     seed: int,
     transducers: int = 3,
-    bench: Bench = ORDINARY,
-    run: Run = NIGHT,
 ) -> Hiding:
     """A run with some of `HIDDEN` in it, on a bench that has more `transducers` and whatever noise it has."""
     several = [HIDDEN[name] for name in names]
@@ -125,7 +123,7 @@ def hide(
     lacks = [term for one in several for term in one.lacks]
     by_sensor, by_sse = (0.0 if term in lacks else own for term, own in zip(WARM, WARMED, strict=True))
     plain = tuple(replace(one, sensitivity_warm=(by_sensor, by_sse)) for one in plain)
-    bench = replace(bench, transducers=plain)
+    bench, run = replace(ORDINARY, transducers=plain), NIGHT
     for one in several:
         run = replace(run, **one.run)
     clean = simulate(bench, run, seed)

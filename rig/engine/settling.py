@@ -89,20 +89,25 @@ class Settling:
         self._last, self._was_inside = now, False
 
     def _slope(self) -> float:
-        """Least-squares slope of the samples inside the band over the last dwell, per second."""
+        """Least-squares slope of the samples inside the band over the last dwell, per second.
+
+        In one pass, by updates of the means and of sums of squares and products about them (Welford, 1962).
+        """
         c = self.criteria
         samples = self._samples
         since = samples[-1][0] - c.dwell_s - 1e-9
         while samples[self._dwell_from][0] < since:  # a soak has thousands of samples: the older ones are passed once
             self._dwell_from += 1
-        recent = [s for s in samples[self._dwell_from :] if abs(s[1] - c.target) <= c.band]
-        n = len(recent)
-        mean_t = sum([t for t, _ in recent]) / n
-        spread = sum([(t - mean_t) ** 2 for t, _ in recent])
-        if spread == 0.0:
-            return 0.0
-        mean_v = sum([v for _, v in recent]) / n
-        return sum([(t - mean_t) * (v - mean_v) for t, v in recent]) / spread
+        count, mean_t, mean_v, spread, joint = 0, 0.0, 0.0, 0.0, 0.0
+        for t, value in samples[self._dwell_from :]:
+            if abs(value - c.target) <= c.band:
+                count += 1
+                away = t - mean_t
+                mean_t += away / count
+                mean_v += (value - mean_v) / count
+                spread += away * (t - mean_t)
+                joint += away * (value - mean_v)
+        return joint / spread if spread else 0.0
 
     def lately(self, seconds: float, most: int) -> dict[str, object]:
         """The last `seconds`, for observers: criteria, outcome, and at most `most` samples as [seconds ago, value]."""

@@ -232,12 +232,13 @@ class PressureLine:
         flow = stretch.rate(t) - (self.truth.surroundings_psia - here) / self.truth.leak_time_constant_s
         return 100.0 * max(-1.0, min(1.0, flow / self.truth.valve_psi_per_s))
 
-    def settled_since(self, t: float, band_psi: float) -> float | None:
+    def settled_since(self, t: float, band_psi: float, back_to: float = -inf) -> float | None:
         """Time since which the controller's reading, without noise, has been within a band about the setpoint.
 
         Args:
             t: virtual time, not before the last command.
             band_psi: half width of the band.
+            back_to: stands for all earlier times, which need not be found.
 
         Returns:
             Virtual seconds, not before the last command; None if it is outside at `t` or uncontrolled.
@@ -249,7 +250,8 @@ class PressureLine:
         for stretch in reversed([s for s in self._stretches if commanded <= s.start <= t]):
             for outside in self._farthest(stretch, end):
                 if abs(self._error(outside)) > band_psi:
-                    return self._entered(outside, end, band_psi)
+                    in_band = outside < back_to and abs(self._error(back_to)) <= band_psi
+                    return back_to if in_band else self._entered(outside, end, band_psi)
             end = stretch.start
         return commanded
 

@@ -320,9 +320,10 @@ class DruckPACETwin(PaceStatus):
     @property
     def in_limits(self) -> bool:
         """Whether the pressure has been in limits for long enough."""
-        reached = self._in_limits_from()
         now = self.world.now()
-        if reached is None or now < reached:
+        begin = now - self.band_s
+        since = self.line.settled_since(now, self._band_psi, begin)
+        if since is None or since > begin:
             return False
         return abs(self.line.reading_psia(now) - self.line.setpoint_psia) <= self._band_psi
 

@@ -65,7 +65,6 @@ GEAR_PITCH = Effect(
     largest=ONE_DEGREE,
     separate_by="visit pitches between those of the design: the period of the teeth shows",
     usual_size="seconds of arc, 3e-4 deg",
-    known_aliases={},
     searched=True,
 )
 
@@ -82,7 +81,6 @@ GEAR_ROLL = Effect(
     largest=ONE_DEGREE,
     separate_by="visit rolls between those of the design: the period of the teeth shows",
     usual_size="seconds of arc, 3e-4 deg",
-    known_aliases={},
     needs=("roll",),
     searched=True,
 )

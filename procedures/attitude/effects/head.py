@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -111,18 +112,17 @@ BACKLASH_ROLL = Effect(
     needs=("roll sides",),
 )
 
-HEAD_ONCE = Effect(
+_AT_POINTS = partial(Effect, scope="package", stratum="between-point", unit="deg", largest=ONE_DEGREE)
+"""An axis errs by an angle at the points of the design."""
+
+HEAD_ONCE = _AT_POINTS(
     name="head-once-per-turn",
     cause="eccentric scale of the pitch axis, or an overhung load or an off-centre mass that bends it: an error with "
     "one period a turn",
     source="pitch axis",
-    scope="package",
-    stratum="between-point",
-    unit="deg",
     size=amplitude,
     against="pitch_deg",
     terms=fixed(*waves(pitch_error, "pitch", 1)),
-    largest=ONE_DEGREE,
     separate_by="compare commands that share an attitude, (a, R) and (180 - a, R + 180), or two sensors on the head",
     usual_size="seconds of arc, 5e-4 deg",
     known_aliases={
@@ -138,50 +138,38 @@ HEAD_ONCE = Effect(
     },
 )
 
-HEAD_TWICE = Effect(
+HEAD_TWICE = _AT_POINTS(
     name="head-twice-per-turn",
     cause="elliptic scale of the pitch axis: an error with two periods a turn",
     source="pitch axis",
-    scope="package",
-    stratum="between-point",
-    unit="deg",
     size=amplitude,
     against="pitch_deg",
     terms=fixed(*waves(pitch_error, "pitch", 2)),
-    largest=ONE_DEGREE,
     separate_by=_OTHER_INDEX,
     usual_size="seconds of arc, 5e-4 deg",
     known_aliases={"sensor-third-order": Alias("the sine phase, for an x sensor by itself", _OTHER_INDEX)},
 )
 
-ROLL_HEAD_ONCE = Effect(
+ROLL_HEAD_ONCE = _AT_POINTS(
     name="roll-head-once-per-turn",
     cause="eccentric scale of the roll axis: an error with one period a turn",
     source="roll axis",
-    scope="package",
-    stratum="between-point",
-    unit="deg",
     size=amplitude,
     against="roll_deg",
     terms=fixed(*waves(roll_error, "roll", 1)),
-    largest=ONE_DEGREE,
     separate_by=_REMOUNTED,
     usual_size="seconds of arc, 5e-4 deg",
     known_aliases={"cross-axis": Alias("for a y or z sensor near zero pitch", _REMOUNTED)},
     needs=("roll",),
 )
 
-ROLL_HEAD_TWICE = Effect(
+ROLL_HEAD_TWICE = _AT_POINTS(
     name="roll-head-twice-per-turn",
     cause="elliptic scale of the roll axis: an error with two periods a turn",
     source="roll axis",
-    scope="package",
-    stratum="between-point",
-    unit="deg",
     size=amplitude,
     against="roll_deg",
     terms=fixed(*waves(roll_error, "roll", 2)),
-    largest=ONE_DEGREE,
     separate_by=_REMOUNTED,
     usual_size="seconds of arc, 5e-4 deg",
     known_aliases={"sensor-third-order": Alias("for a y or z sensor near zero pitch", _REMOUNTED)},
@@ -189,20 +177,15 @@ ROLL_HEAD_TWICE = Effect(
 )
 
 
-INDEX_ERROR = Effect(
+INDEX_ERROR = _AT_POINTS(
     name="index-error",
     cause="the head's zero of pitch does not agree with gravity: the scale's index or the base is off along pitch",
     source="pitch axis",
-    scope="package",
-    stratum="between-point",
-    unit="deg",
     size=arcsec,
     against="pitch_deg",
     terms=fixed(pitch_error("1", lambda scene: np.ones(len(scene.data)))),
-    largest=ONE_DEGREE,
     separate_by=_LEVEL,
     usual_size="1e-3 deg",
-    known_aliases={},
     needs=("roll",),
 )
 
@@ -216,56 +199,41 @@ def _sideways(name: str, arm: Callable[[Scene], FloatArray]) -> Term:
     return Term(name, column)
 
 
-HEAD_TILT = Effect(
+HEAD_TILT = _AT_POINTS(
     name="head-tilt",
     cause="the pitch axis is not level: the base of the head leans sideways",
     source="pitch axis",
-    scope="package",
-    stratum="between-point",
-    unit="deg",
     size=arcsec,
     against="roll_deg",
     terms=fixed(_sideways("m_y*cos(roll) - m_z*sin(roll)", lambda scene: np.ones(len(scene.data)))),
-    largest=ONE_DEGREE,
     separate_by="put a spirit level along the pitch axis",
     usual_size="1e-3 deg",
-    known_aliases={},
     needs=("roll",),
 )
 
-AXES_NOT_SQUARE = Effect(
+AXES_NOT_SQUARE = _AT_POINTS(
     name="axes-not-square",
     cause="the roll axis is not at right angles to the pitch axis",
     source="roll axis",
-    scope="package",
-    stratum="between-point",
-    unit="deg",
     size=arcsec,
     against="pitch_deg",
     terms=fixed(_sideways("(m_z*sin(roll) - m_y*cos(roll))*sin(pitch)", lambda scene: -np.sin(scene.pitch))),
-    largest=ONE_DEGREE,
     separate_by="sight the roll axis with an autocollimator while the pitch axis turns",
     usual_size="1e-3 deg",
-    known_aliases={},
     needs=("roll",),
 )
 
-ROLL_WOBBLE = Effect(
+ROLL_WOBBLE = _AT_POINTS(
     name="roll-wobble",
     cause="the bearing of the roll axis wobbles: pitch errs with one or two periods a turn of roll",
     source="roll axis",
-    scope="package",
-    stratum="between-point",
-    unit="deg",
     size=amplitude,
     against="roll_deg",
     terms=fixed(
         *(term for k in (1, 2) for term in waves(pitch_error, "roll", k)),
     ),
-    largest=ONE_DEGREE,
     separate_by=_REMOUNTED,
     usual_size="seconds of arc, 3e-4 deg",
-    known_aliases={},
     needs=("roll",),
 )
 
@@ -290,7 +258,6 @@ TILT_DRIFT = Effect(
     terms=fixed(*_leans("time", lambda scene: scene.hours())),
     separate_by="read an electronic level on the base of the head through a night",
     usual_size="1e-4 deg/h",
-    known_aliases={},
     needs=("time", "roll"),
 )
 
@@ -309,7 +276,6 @@ TILT_DAILY = Effect(
     ),
     separate_by="read an electronic level on the base of the head through a day and a night",
     usual_size="1e-3 deg",
-    known_aliases={},
     needs=("a night", "roll"),
 )
 
@@ -329,7 +295,6 @@ CABLE = Effect(
     largest=ONE_DEGREE,
     separate_by="free the cable, or lead it another way, and repeat a few points at both ends of the roll",
     usual_size="1e-3 deg/turn",
-    known_aliases={},
     needs=("roll",),
     hand=(resized_by(OTHER_CABLE),),
 )
@@ -358,6 +323,5 @@ BACKLASH_TEMPERATURE = Effect(
     largest=Largest(0.1, "0.1 deg/degC"),
     separate_by="visit some points from both sides at another temperature",
     usual_size="1e-5 deg/degC",
-    known_aliases={},
     needs=("temperature",),
 )

@@ -25,7 +25,6 @@ HYSTERESIS_PITCH = Effect(
     terms=fixed(Term("pitch side/2", lambda scene, _sensor: scene.data.pitch_side / 2)),
     separate_by=_FLAT,
     usual_size="1e-5 of the range",
-    known_aliases={},
     needs=("pitch sides",),
 )
 
@@ -64,7 +63,6 @@ CREEP = Effect(
     ),
     separate_by="wait twice as long before reading at some points after large moves",
     usual_size="1e-5 of the change",
-    known_aliases={},
     needs=("pitch sides",),
 )
 
@@ -81,7 +79,6 @@ SETTLING_PITCH = Effect(
     signed=_AT_REST,
     separate_by="settle twice as long at some points after large moves of pitch",
     usual_size="1e-5 of the move",
-    known_aliases={},
     needs=("pitch sides",),
 )
 

@@ -134,7 +134,6 @@ MOUNTING_SLIP = Effect(
     terms=_turns,
     separate_by="read an autocollimator on the package before and after the run",
     usual_size="1e-3 deg",
-    known_aliases={},
     needs=("starts",),
     searched=True,
 )
@@ -152,7 +151,6 @@ MOUNTING_SLIP_UNRECORDED = Effect(
     largest=Largest(1.0, "1 deg"),
     separate_by="find out what happened in the laboratory then; read an autocollimator on the package through the run",
     usual_size="1e-3 deg",
-    known_aliases={},
     needs=("time",),
     searched=True,
 )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from fitter.arrays import FloatArray
@@ -71,12 +73,12 @@ DAILY_CYCLE = Effect(
     needs=("a night",),
 )
 
-SECOND_ORDER = Effect(
+_OF_SENSOR = partial(Effect, source="sensor", scope="sensor", stratum="between-point")
+"""A sensor's own error at the points of the design."""
+
+SECOND_ORDER = _OF_SENSOR(
     name="sensor-second-order",
     cause="the accelerometer's output has a term in the square of the acceleration along its axis",
-    source="sensor",
-    scope="sensor",
-    stratum="between-point",
     unit="V/g^2",
     size=relative("ug/g^2"),
     against="pitch_deg",
@@ -87,12 +89,9 @@ SECOND_ORDER = Effect(
     known_aliases={"head-once-per-turn": Alias("its cosine phase, for an x sensor by itself", _END_FOR_END)},
 )
 
-THIRD_ORDER = Effect(
+THIRD_ORDER = _OF_SENSOR(
     name="sensor-third-order",
     cause="the accelerometer's output has a term in the cube of the acceleration along its axis",
-    source="sensor",
-    scope="sensor",
-    stratum="between-point",
     unit="V/g^3",
     size=relative("ug/g^3"),
     against="pitch_deg",
@@ -127,12 +126,9 @@ def _cross(first: int, second: int) -> Term:
     return Term(f"axis+{first} * axis+{second}", column, shown)
 
 
-CROSS_AXIS = Effect(
+CROSS_AXIS = _OF_SENSOR(
     name="cross-axis",
     cause="the accelerometer's output has a term in the product of accelerations along and across its axis",
-    source="sensor",
-    scope="sensor",
-    stratum="between-point",
     unit="V/g^2",
     size=relative("ug/g^2"),
     against="roll_deg",
@@ -159,28 +155,21 @@ def _null(at: float) -> Term:
     return Term(f"sign(gravity - {at:g} g)" if at else "sign(gravity)", column)
 
 
-DEAD_ZONE = Effect(
+DEAD_ZONE = _OF_SENSOR(
     name="dead-zone",
     cause="the sensor sticks: about its null it does not answer, and lags by half of that zone elsewhere",
-    source="sensor",
-    scope="sensor",
-    stratum="between-point",
     unit="V",
     size=micro("uV"),
     against="pitch_deg",
     terms=fixed(*(_null(at) for at in (0.0, -0.1, 0.1, -0.03, 0.03))),
     separate_by="tilt the sensor in small steps through its null, up and down",
     usual_size="1e-6 g",
-    known_aliases={},
     searched=True,
 )
 
-ASYMMETRY = Effect(
+ASYMMETRY = _OF_SENSOR(
     name="sensor-asymmetry",
     cause="the sensitivity is not the same for both signs of the acceleration",
-    source="sensor",
-    scope="sensor",
-    stratum="between-point",
     unit="V/g",
     size=relative("ppm"),
     against="pitch_deg",
@@ -188,7 +177,6 @@ ASYMMETRY = Effect(
     largest=_TENTH,
     separate_by="compare the slopes at small positive and small negative acceleration",
     usual_size="1e-5 of the sensitivity",
-    known_aliases={},
 )
 
 
@@ -202,12 +190,9 @@ def _beyond(share: float) -> Term:
     return Term(f"gravity beyond {share:g} g", column)
 
 
-SATURATION = Effect(
+SATURATION = _OF_SENSOR(
     name="saturation",
     cause="the sensitivity is smaller near the end of the range: the sensor or its amplifier saturates",
-    source="sensor",
-    scope="sensor",
-    stratum="between-point",
     unit="V/g",
     size=relative("ppm"),
     against="pitch_deg",
@@ -215,7 +200,6 @@ SATURATION = Effect(
     largest=_TENTH,
     separate_by="look at more points between 0.8 g and 1 g, on both sides",
     usual_size="1e-5 of the sensitivity",
-    known_aliases={},
     searched=True,
 )
 
@@ -230,18 +214,14 @@ def _field(axis: int, lab: str) -> Term:
     return Term(f"level field {lab}, axis {'xyz'[axis]}", column, group=lab)
 
 
-MAGNETIC = Effect(
+MAGNETIC = _OF_SENSOR(
     name="magnetic-heading",
     cause="the sensor answers to a field that is level in the laboratory: the Earth's magnetic field",
-    source="sensor",
-    scope="sensor",
-    stratum="between-point",
     unit="V",
     size=micro("uV"),
     against="roll_deg",
     terms=fixed(*(_field(axis, lab) for lab in ("along the pitch axis", "across the pitch axis") for axis in range(3))),
     separate_by="turn the head to another heading, or bring a magnet near",
     usual_size="1e-6 g",
-    known_aliases={},
     needs=("roll",),
 )

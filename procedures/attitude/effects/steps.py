@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 from fitter.arrays import FloatArray
 from fitter.effects.entry import Alias
@@ -39,15 +40,14 @@ def _sought(since: Moment) -> Term:
     return Term(since.name, lambda scene, _sensor: since.passed(scene), finer=finer)
 
 
-OFFSET_STEP = Effect(
+_CHANGE = partial(Effect, source="interruption", scope="sensor", stratum="point-by-replication", against="elapsed_s")
+"""A sensor changes at one moment."""
+
+OFFSET_STEP = _CHANGE(
     name="offset-step",
     cause="the offset changed at an interruption of the run or when an instrument was replaced",
-    source="interruption",
-    scope="sensor",
-    stratum="point-by-replication",
     unit="V",
     size=micro("uV"),
-    against="elapsed_s",
     terms=lambda data: tuple(map(_step, blocks(data))),
     separate_by=_EARLIER,
     usual_size="whatever the interruption did",
@@ -57,52 +57,37 @@ OFFSET_STEP = Effect(
     needs=("blocks",),
 )
 
-SENSITIVITY_STEP = Effect(
+SENSITIVITY_STEP = _CHANGE(
     name="sensitivity-step",
     cause="the sensitivity changed at an interruption of the run or when an instrument was replaced",
-    source="interruption",
-    scope="sensor",
-    stratum="point-by-replication",
     unit="V/g",
     size=relative("ppm"),
-    against="elapsed_s",
     terms=lambda data: tuple(map(_gain, blocks(data))),
     separate_by=_EARLIER,
     usual_size="whatever the interruption did",
-    known_aliases={},
     needs=("blocks",),
 )
 
-OFFSET_STEP_UNRECORDED = Effect(
+OFFSET_STEP_UNRECORDED = _CHANGE(
     name="offset-step-unrecorded",
     cause="the offset changed at an unrecorded moment",
-    source="interruption",
-    scope="sensor",
-    stratum="point-by-replication",
     unit="V",
     size=micro("uV"),
-    against="elapsed_s",
     terms=lambda data: (*map(_step, boundaries(data)), *map(_sought, evenly(data))),
     separate_by="find out what happened in the laboratory at that time, and repeat a few earlier points",
     usual_size="whatever happened",
-    known_aliases={},
     needs=("time",),
     searched=True,
 )
 
-SENSITIVITY_STEP_UNRECORDED = Effect(
+SENSITIVITY_STEP_UNRECORDED = _CHANGE(
     name="sensitivity-step-unrecorded",
     cause="the sensitivity changed between two replications, and nothing is recorded of it",
-    source="interruption",
-    scope="sensor",
-    stratum="point-by-replication",
     unit="V/g",
     size=relative("ppm"),
-    against="elapsed_s",
     terms=lambda data: tuple(map(_gain, boundaries(data))),
     separate_by="find out what happened in the laboratory at that time, and repeat a few earlier points",
     usual_size="whatever happened",
-    known_aliases={},
     needs=("replications",),
     searched=True,
 )
@@ -119,7 +104,6 @@ INDEX_SHIFT = Effect(
     terms=lambda data: tuple(pitch_error(since.name, since.passed) for since in starts(data)),
     separate_by="home the head several times and read the outputs at one point after each",
     usual_size="arc seconds, 5e-4 deg",
-    known_aliases={},
     needs=("starts",),
     searched=True,
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -23,12 +24,12 @@ OTHER_TEMPERATURE = "repeat a few points at another enclosure temperature, at th
 _STEP = "step the enclosure's temperature once and read one point until nothing changes: a lag decays, an offset stays"
 _DEGREE = np.radians(1.0)
 
-OFFSET_TEMPERATURE = Effect(
+_OF_TEMPERATURE = partial(Effect, source="temperature", scope="sensor", stratum="point-by-replication")
+"""A sensor follows its temperature."""
+
+OFFSET_TEMPERATURE = _OF_TEMPERATURE(
     name="offset-temperature",
     cause="the offset follows the sensor's temperature",
-    source="temperature",
-    scope="sensor",
-    stratum="point-by-replication",
     unit="V/degC",
     size=micro("uV/degC"),
     against="sensor_temperature_degC",
@@ -39,12 +40,9 @@ OFFSET_TEMPERATURE = Effect(
     needs=("temperature",),
 )
 
-SENSITIVITY_TEMPERATURE = Effect(
+SENSITIVITY_TEMPERATURE = _OF_TEMPERATURE(
     name="sensitivity-temperature",
     cause="the sensitivity follows the sensor's temperature",
-    source="temperature",
-    scope="sensor",
-    stratum="point-by-replication",
     unit="V/g/degC",
     size=relative("ppm/degC"),
     against="sensor_temperature_degC",
@@ -66,19 +64,15 @@ def _across(nth: int) -> Term:
     return Term(f"temperature*gravity along axis+{nth}", column, group="alignment")
 
 
-ALIGNMENT_TEMPERATURE = Effect(
+ALIGNMENT_TEMPERATURE = _OF_TEMPERATURE(
     name="alignment-temperature",
     cause="the sensitive axis turns in the package as the temperature changes",
-    source="temperature",
-    scope="sensor",
-    stratum="point-by-replication",
     unit="deg/degC",
     size=each("deg/degC"),
     against="sensor_temperature_degC",
     terms=fixed(_across(1), _across(2)),
     separate_by=OTHER_TEMPERATURE,
     usual_size="1e-4 deg/degC",
-    known_aliases={},
     needs=("temperature", "roll"),
 )
 
@@ -137,20 +131,16 @@ def _finer(term: Callable[[float], Term], tau_h: float) -> Callable[[AttitudeDat
     return lambda _data: tuple((term(round(tau_h * 2.0 ** (k / 6), 3)),) for k in range(-6, 7))
 
 
-THERMAL_LAG = Effect(
+THERMAL_LAG = _OF_TEMPERATURE(
     name="thermal-lag",
     cause="the part of the sensor that matters follows the thermometer late: the offset depends on a temperature that "
     "lags, or on by how much it lags",
-    source="temperature",
-    scope="sensor",
-    stratum="point-by-replication",
     unit="V/degC",
     size=micro("uV/degC"),
     against="sensor_temperature_degC",
     terms=fixed(*(term(tau) for tau in TIME_CONSTANTS_H for term in (_lag, _late))),
     separate_by=_STEP,
     usual_size="5e-5 g/degC, 1 h",
-    known_aliases={},
     needs=("temperature",),
     searched=True,
 )
@@ -166,12 +156,9 @@ def _rate(scene: Scene, _sensor: str) -> FloatArray:
     return np.asarray((np.interp(late, at, degC) - np.interp(early, at, degC)) / hours)
 
 
-THERMAL_GRADIENT = Effect(
+THERMAL_GRADIENT = _OF_TEMPERATURE(
     name="thermal-gradient",
     cause="while the temperature changes the sensor is warmer on one side, and its offset follows the rate of change",
-    source="temperature",
-    scope="sensor",
-    stratum="point-by-replication",
     unit="V/(degC/h)",
     size=micro("uV/(degC/h)"),
     against="elapsed_s",

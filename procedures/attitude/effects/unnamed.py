@@ -70,7 +70,6 @@ UNNAMED_SHAPE = Effect(
     terms=_shapes,
     separate_by="visit points between those of the design",
     usual_size="unknown",
-    known_aliases={},
 )
 
 UNNAMED_COURSE = Effect(
@@ -85,7 +84,6 @@ UNNAMED_COURSE = Effect(
     terms=_courses,
     separate_by="read one point through a night",
     usual_size="unknown",
-    known_aliases={},
     needs=("time",),
 )
 

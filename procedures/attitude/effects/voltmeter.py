@@ -65,7 +65,6 @@ VOLTMETER_RANGE = Effect(
     largest=Largest(0.01, "0.01 V or 1 %"),
     separate_by="fix the voltmeter's range and repeat a few points of small output",
     usual_size="1e-5 of the range",
-    known_aliases={},
     searched=True,
 )
 

@@ -72,7 +72,6 @@ GROWING_NOISE = Entry(
     against="pressure_psia",
     separate_by="repeat the highest and the lowest pressure several times in one whole plot",
     usual_size="3e-4 of the pressure",
-    known_aliases={},
 )
 """It does not change the mean, so it has no candidate column: `fitter.trace.growing_noise` estimates it."""
 

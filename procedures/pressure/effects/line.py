@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 
 from fitter.arrays import FloatArray
 from fitter.effects.entry import Alias, Signed
@@ -38,12 +39,12 @@ def _bend(values: Mapping[str, float], per_psi: float) -> str:
     return ", ".join(each(f"psi/{name.replace('P', 'psi')}")({name: value}, per_psi) for name, value in values.items())
 
 
-CARRY_OVER = PressureEffect(
+_OF_LINE = partial(PressureEffect, source="line", scope="line", stratum="subplot")
+"""All transducers on the line err within whole plots."""
+
+CARRY_OVER = _OF_LINE(
     name="carry-over",
     cause="part of the previous pressure is still in the line when a reading is taken",
-    source="line",
-    scope="line",
-    stratum="subplot",
     unit="psi/psi",
     size=each("of the step"),
     against="previous_pressure_psia",
@@ -54,18 +55,14 @@ CARRY_OVER = PressureEffect(
     signed=Signed("share of the pressure before", +1, "a line that goes beyond the pressure it was set to"),
     searched=True,
 )
-TRANSPIRATION = PressureEffect(
+TRANSPIRATION = _OF_LINE(
     name="thermal-transpiration",
     cause="at low pressure the gas in a line with a warm and a cold end is not at one pressure",
-    source="line",
-    scope="line",
-    stratum="subplot",
     unit="psi/psi",
     size=each("of what a line of that bore would do"),
     against="pressure_psia",
     separate_by="read a gauge at the cold end of the line, or use a line of twice the bore",
     usual_size="one, if the bore is right",
-    known_aliases={},
     terms=fixed(*map(_transpiration, BORES_MM)),
     signed=Signed("thermal transpiration", +1, ""),
     searched=True,
@@ -90,46 +87,35 @@ REFERENCE_ZERO_DRIFT = PressureEffect(
     terms=fixed(("time", lambda s: s.hours)),
     hand=(resized_by(OTHER_GAUGE),),
 )
-REFERENCE_DRIFT = PressureEffect(
+REFERENCE_DRIFT = _OF_LINE(
     name="reference-drift",
     cause="the pressure controller's own gain drifts through the run",
-    source="line",
-    scope="line",
-    stratum="subplot",
     unit="psi/psi/h",
     size=micro("ppm/h"),
     against="elapsed_s",
     separate_by=_CHECKED,
     usual_size="1 ppm/h",
-    known_aliases={},
     terms=fixed(("P*time", lambda s: s.p * s.hours)),
     hand=(resized_by(OTHER_GAUGE),),
 )
-LINE_LEAK = PressureEffect(
+LINE_LEAK = _OF_LINE(
     name="line-leak",
     cause="air leaks into the line, while a pressure settles or all through a whole plot",
-    source="line",
-    scope="line",
-    stratum="subplot",
     unit="psi/psi/h",
     size=each("psi/h for every psi below ambient"),
     against="elapsed_s",
     separate_by="close the controller off at the lowest pressure and watch the line",
     usual_size="1e-4 psi/h for every psi",
-    known_aliases={},
     terms=fixed(
         ("(14.7-P)*wait", lambda s: s.pull * s.waited_h),
         ("(14.7-P)*time in the whole plot", lambda s: s.pull * s.since_h),
     ),
     signed=Signed("leak", +1, "a pump between the controller and the transducers"),
 )
-HEAD_CORRECTION = PressureEffect(
+HEAD_CORRECTION = _OF_LINE(
     name="head-correction",
     cause="the gas between the reference level and the transducers weighs, and more where it is cold; no correction "
     "was made for it, or one for another temperature",
-    source="line",
-    scope="line",
-    stratum="subplot",
     unit="m",
     size=each("m of air between reference and transducers"),
     against="sensor_temperature_degC",
@@ -145,12 +131,9 @@ HEAD_CORRECTION = PressureEffect(
     at_most=HIGHEST_M,
     hand=(),
 )
-REFERENCE_NONLINEARITY = PressureEffect(
+REFERENCE_NONLINEARITY = _OF_LINE(
     name="reference-nonlinearity",
     cause="the pressure reference itself is not straight: all transducers show the same bend, in psi",
-    source="line",
-    scope="line",
-    stratum="subplot",
     unit="psi/psi^2, psi/psi^3",
     size=_bend,
     against="pressure_psia",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 
 import numpy as np
 
@@ -58,12 +59,13 @@ def _lagging(values: Mapping[str, float], per_psi: float) -> str:
     )
 
 
-HYSTERESIS = PressureEffect(
+_WITHIN = partial(PressureEffect, scope="sensor", stratum="subplot")
+"""A transducer errs within whole plots."""
+
+HYSTERESIS = _WITHIN(
     name="hysteresis",
     cause="the output depends on whether the pressure was reached from below or from above",
     source="sensor",
-    scope="sensor",
-    stratum="subplot",
     unit="mV",
     size=each("mV to each side"),
     against="pressure_side",
@@ -78,77 +80,63 @@ HYSTERESIS = PressureEffect(
         ("side", lambda s: np.asarray(s.data.pressure_side, np.float64)),
     ),
 )
-HYSTERESIS_TEMPERATURE = PressureEffect(
+HYSTERESIS_TEMPERATURE = _WITHIN(
     name="hysteresis-temperature",
     cause="the difference between pressures reached from below and from above follows the transducer's temperature: "
     "friction that grows in the cold",
     source="sensor",
-    scope="sensor",
-    stratum="subplot",
     unit="mV/degC",
     size=micro("nV/degC to each side"),
     against="pressure_side",
     separate_by="run pressures up and down at the coldest and at the warmest temperature",
     usual_size="5e-6 of the range per degC",
-    known_aliases={},
     terms=fixed(
         ("side*loop(P)*T_sensor", lambda s: s.data.pressure_side * s.loop * s.sensor),
         ("side*T_sensor", lambda s: s.data.pressure_side * s.sensor),
     ),
 )
-CREEP = PressureEffect(
+CREEP = _WITHIN(
     name="creep",
     cause="the transducer still creeps after the last step of pressure when it is read",
     source="sensor",
-    scope="sensor",
-    stratum="subplot",
     unit="mV/psi",
     size=each("mV per psi of the step"),
     against="previous_pressure_psia",
     separate_by=AT_EASE,
     usual_size="3e-4 of the step",
-    known_aliases={},
     terms=fixed(("P_before-P", lambda s: -s.change_psia), *map(settling, CREEPS_H)),
     searched=True,
 )
-SENSOR_LAG = PressureEffect(
+SENSOR_LAG = _WITHIN(
     name="thermal-lag",
     cause="the transducer, or a correction for its temperature, still follows the last change of it when a whole plot "
     "begins",
     source="chamber",
-    scope="sensor",
-    stratum="subplot",
     unit="mV/degC; with P mV/psi/degC",
     size=_lagging,
     against="since_s",
     separate_by=SOAK,
     usual_size="1e-4 mV/degC",
-    known_aliases={},
     terms=_lag("T_sensor", lambda s: s.step(s.data.sensor_temperature_degC)),
     searched=True,
 )
-SSE_LAG = PressureEffect(
+SSE_LAG = _WITHIN(
     name="sse-thermal-lag",
     cause="the electronics, or a correction for their temperature, still follow the last change of it when a whole "
     "plot begins",
     source="chamber",
-    scope="sensor",
-    stratum="subplot",
     unit="mV/degC; with P mV/psi/degC",
     size=_lagging,
     against="since_s",
     separate_by=SOAK,
     usual_size="1e-4 mV/degC",
-    known_aliases={},
     terms=_lag("T_SSE", lambda s: s.step(s.data.sse_temperature_degC)),
     searched=True,
 )
-THERMAL_GRADIENT = PressureEffect(
+THERMAL_GRADIENT = _WITHIN(
     name="thermal-gradient",
     cause="while its temperature changes one side of the transducer, or of its electronics, is warmer than the other",
     source="chamber",
-    scope="sensor",
-    stratum="subplot",
     unit="mV/(degC/h)",
     size=micro("nV per degC/h"),
     against="since_s",
@@ -182,7 +170,6 @@ THERMAL_HYSTERESIS = PressureEffect(
     against="elapsed_s",
     separate_by="repeat one pair of temperatures right after the coldest one, after the warmest one, and hours later",
     usual_size="5e-4 of the range",
-    known_aliases={},
     terms=fixed(*(_displaced(side, tau_h) for side in (-1.0, 1.0) for tau_h in RECOVERS_H)),
     searched=True,
 )
@@ -198,7 +185,6 @@ THERMAL_RATCHET = PressureEffect(
     against="elapsed_s",
     separate_by="visit both ends of the temperature range before the run: what yields has then yielded",
     usual_size="5e-6 of the range per degC",
-    known_aliases={},
     terms=fixed(
         ("coldest so far", lambda s: s.extreme(s.data.sensor_temperature_degC, -1.0)),
         ("warmest so far", lambda s: s.extreme(s.data.sensor_temperature_degC, 1.0)),

@@ -43,7 +43,6 @@ def _smooth(
         against="sensor_temperature_degC" if whole_plot else "pressure_psia",
         separate_by=_MORE_TEMPERATURES if whole_plot else _MORE_PRESSURES,
         usual_size=usual_size,
-        known_aliases={},
         terms=lambda _data: tuple(PressureTerm(text, column, text.replace("*", ":")) for text, column in terms),
     )
 
@@ -198,7 +197,6 @@ TOUCH_DOWN = PressureEffect(
     against="pressure_psia",
     separate_by=_LOW,
     usual_size="5e-4 of the range",
-    known_aliases={},
     terms=lambda data: (
         *_each_of(BENDS, _touch_down)(data),
         *_each_of(BENDS, partial(_touch_down, warm=True))(data),
@@ -216,7 +214,6 @@ DEAD_BAND = PressureEffect(
     against="pressure_psia",
     separate_by=_LOW,
     usual_size="1e-2 of the sensitivity",
-    known_aliases={},
     terms=_each_of(BANDS, _band),
     searched=True,
 )
@@ -231,7 +228,6 @@ SATURATION = PressureEffect(
     against="pressure_psia",
     separate_by=_MORE_PRESSURES,
     usual_size="1e-3 of the sensitivity",
-    known_aliases={},
     terms=_each_of(ENDS, _end),
     searched=True,
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 
 import numpy as np
 
@@ -69,32 +70,29 @@ def _unrecorded(text: str, of: Callable[[PressureScene], FloatArray], data: Whol
     return tuple(term(free[k], hours[free[k]]) for k in picked)
 
 
-OFFSET_STEP = PressureEffect(
+_IN_TIME = partial(PressureEffect, scope="sensor", against="elapsed_s")
+"""A transducer changes with time."""
+
+OFFSET_STEP = _IN_TIME(
     name="offset-step",
     cause="the offset changed at an interruption of the run or when an instrument was replaced",
     source="interruption",
-    scope="sensor",
     stratum="whole-plot",
     unit="mV",
     size=each("mV"),
-    against="elapsed_s",
     separate_by=_EARLIER,
     usual_size="whatever the interruption did",
-    known_aliases={},
     terms=_recorded("", lambda s: np.ones_like(s.p)),
 )
-ORDER_DRIFT = PressureEffect(
+ORDER_DRIFT = _IN_TIME(
     name="whole-plot-drift",
     cause="the offset drifts through the run, from whole plot to whole plot",
     source="time",
-    scope="sensor",
     stratum="whole-plot",
     unit="mV/h",
     size=micro("nV/h"),
-    against="elapsed_s",
     separate_by=_REPEAT_FIRST,
     usual_size="1e-3 mV/h",
-    known_aliases={},
     terms=fixed(("time", lambda s: s.hours)),
 )
 SUBPLOT_DRIFT = PressureEffect(
@@ -108,18 +106,15 @@ SUBPLOT_DRIFT = PressureEffect(
     against="since_s",
     separate_by=SOAK,
     usual_size="5e-3 mV/h",
-    known_aliases={},
     terms=fixed(("time in the whole plot", lambda s: s.since_h)),
 )
-SENSITIVITY_DRIFT = PressureEffect(
+SENSITIVITY_DRIFT = _IN_TIME(
     name="sensitivity-drift",
     cause="the sensitivity drifts through the run: the transducer's own, or its excitation",
     source="time",
-    scope="sensor",
     stratum="subplot",
     unit="mV/psi/h",
     size=micro("nV/psi/h"),
-    against="elapsed_s",
     separate_by=_REPEAT_FIRST,
     usual_size="1e-5 of the sensitivity per h",
     known_aliases={
@@ -127,29 +122,24 @@ SENSITIVITY_DRIFT = PressureEffect(
     },
     terms=fixed(("P*time", lambda s: s.p * s.hours)),
 )
-SENSITIVITY_STEP = PressureEffect(
+SENSITIVITY_STEP = _IN_TIME(
     name="sensitivity-step",
     cause="the sensitivity changed at an interruption of the run or when an instrument was replaced",
     source="interruption",
-    scope="sensor",
     stratum="subplot",
     unit="mV/psi",
     size=micro("nV/psi"),
-    against="elapsed_s",
     separate_by=_EARLIER,
     usual_size="whatever the interruption did",
-    known_aliases={},
     terms=_recorded("P ", lambda s: s.p),
 )
-UNRECORDED_STEP = PressureEffect(
+UNRECORDED_STEP = _IN_TIME(
     name="offset-step-unrecorded",
     cause="the offset changed between two whole plots, at an unrecorded moment",
     source="interruption",
-    scope="sensor",
     stratum="whole-plot",
     unit="mV",
     size=each("mV"),
-    against="elapsed_s",
     separate_by="find out what happened in the laboratory at that time, and repeat a few earlier whole plots",
     usual_size="whatever happened",
     known_aliases={
@@ -158,15 +148,13 @@ UNRECORDED_STEP = PressureEffect(
     terms=lambda data: _unrecorded("", lambda s: np.ones_like(s.p), data),
     searched=True,
 )
-SENSITIVITY_STEP_UNRECORDED = PressureEffect(
+SENSITIVITY_STEP_UNRECORDED = _IN_TIME(
     name="sensitivity-step-unrecorded",
     cause="the sensitivity changed between two whole plots, at an unrecorded moment",
     source="interruption",
-    scope="sensor",
     stratum="subplot",
     unit="mV/psi",
     size=micro("nV/psi"),
-    against="elapsed_s",
     separate_by="find out what happened in the laboratory at that time, and repeat a few earlier whole plots",
     usual_size="whatever happened",
     known_aliases={"sensitivity-drift": Alias("if it is not many errors large", _REPEAT_FIRST)},
@@ -192,32 +180,26 @@ def _warming(tau_h: float) -> tuple[str, Callable[[PressureScene], FloatArray]]:
     return f"exp(-time of the run/{tau_h:g}h)", lambda s: np.exp(-(s.hours - s.begun_h) / tau_h)
 
 
-DAILY_COURSE = PressureEffect(
+DAILY_COURSE = _IN_TIME(
     name="daily-course",
     cause="the offset follows the time of day: the room, or the supply, goes up and down with it",
     source="time",
-    scope="sensor",
     stratum="whole-plot",
     unit="mV",
     size=each("mV up and down"),
-    against="elapsed_s",
     separate_by="record the temperature of the room and of the instruments through the run",
     usual_size="2e-4 of the range",
-    known_aliases={},
     terms=_daily,
 )
-WARM_UP = PressureEffect(
+WARM_UP = _IN_TIME(
     name="warm-up",
     cause="the offset settles after the instruments were switched on at the beginning of the run",
     source="time",
-    scope="sensor",
     stratum="whole-plot",
     unit="mV",
     size=each("mV at the beginning of the run"),
-    against="elapsed_s",
     separate_by=_REPEAT_FIRST,
     usual_size="1e-3 of the range",
-    known_aliases={},
     terms=fixed(*map(_warming, WARMS_UP_H)),
     searched=True,
 )
@@ -245,19 +227,16 @@ EXCITATION = PressureEffect(
     ),
     at_most=5e-3,
 )
-OUTLYING_WHOLE_PLOT = PressureEffect(
+OUTLYING_WHOLE_PLOT = _IN_TIME(
     name="outlying-whole-plot",
     cause="one whole plot stands apart from all others, and nothing that is recorded explains it; it is left out "
     "of what whole plots' means say",
     source="interruption",
-    scope="sensor",
     stratum="whole-plot",
     unit="mV",
     size=each("mV"),
-    against="elapsed_s",
     separate_by="look in the log at this whole plot, and repeat it",
     usual_size="whatever happened",
-    known_aliases={},
     terms=_each,
     searched=True,
     of_noise=True,
