@@ -83,14 +83,14 @@ class Prediction:
     mean: FloatArray
     sd: FloatArray
 
-    def bound(self) -> FloatArray:
-        """(T,) two-sided 95 % limit of the error."""
+    def bound(self, level: float) -> FloatArray:
+        """(T,) two-sided limit of the error with this probability."""
         low, high = np.zeros(self.mean.shape[1]), np.max(np.abs(self.mean) + 10.0 * self.sd, axis=0)
         sd = np.maximum(self.sd, np.finfo(float).tiny)
         for _ in range(24):
             middle = 0.5 * (low + high)
             inside = special.ndtr((middle - self.mean) / sd) - special.ndtr((-middle - self.mean) / sd)
-            below = inside.mean(axis=0) < _LEVEL
+            below = inside.mean(axis=0) < level
             low, high = np.where(below, middle, low), np.where(below, high, middle)
         return np.asarray(0.5 * (low + high))
 
@@ -127,7 +127,7 @@ def error_bound(
             errors = np.stack([p.mean[drawn, t] + p.sd[drawn, t] * z for p, drawn, z in parts])
             at = rows @ errors
             bound[t] = np.quantile(np.maximum(at.max(axis=0), -at.min(axis=0)), _LEVEL)
-        together = [predict(one, between, ages, nodes).bound() for one in outputs]
+        together = [predict(one, between, ages, nodes).bound(_LEVEL) for one in outputs]
         bounds[between] = np.max([bound, *together], axis=0)
     return ErrorBound(ages, bounds)
 

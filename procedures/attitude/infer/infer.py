@@ -221,14 +221,14 @@ def _two_axes(q: Question, out: InferredAttitude) -> None:
             break
         extra = again
     out.assumed[:] = True
-    error = np.sqrt(_tangent_errors(q, g, out))
+    error = np.sqrt(_tangent_errors(q, g, out).sum(axis=0))
     folded = ~(np.abs(t) > FEWEST_SD * error)
     if folded.any():
         _open_fold(q, g, t, length, np.flatnonzero(folded), out)
 
 
 def _tangent_errors(q: Question, g: FloatArray, out: InferredAttitude) -> FloatArray:
-    """Angles and their errors of (3, n) gravity in `out`; returns (n,) variance over both directions, rad^2."""
+    """Angles and their errors of (3, n) gravity in `out`; returns (2, n) variances, rad^2."""
     assert q.tangent is not None
     gains, c = q.tangent.gains(g)
     both = Propagation.at(q.calibration, q.noise, g, q.warmth).spread(gains, weighed=q.weighed)
@@ -248,7 +248,7 @@ def _tangent_errors(q: Question, g: FloatArray, out: InferredAttitude) -> FloatA
         reason(out.flag, pole, ROLL_OPEN)
     if q.over.any():
         turn_over(out, q.over)
-    return np.asarray(both.variance.sum(axis=0))
+    return both.variance
 
 
 def _open_fold(
