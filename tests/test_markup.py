@@ -10,7 +10,11 @@ from command import rig
 from dry import LAB, SHORT, dry
 from few_sensors import with_sensors
 
+from procedures.blocks import Grid, Line
 from proving.forger import Opened, forge
+from rig.cli.show import out
+from rig.present.html import html
+from rig.present.terminal import show
 
 NAME = '<script>alert(1)</script>[red]&"$x^{$ ESCAPE'
 
@@ -58,3 +62,13 @@ def test_in_a_table(run_file, tmp_path):
     assert rig("export", run_file, "--out", tmp_path / "data.csv").returncode == 0
     with (tmp_path / "data.csv").open(newline="") as file:
         assert len(list(csv.DictReader(file))) == 30
+
+
+def test_a_word_between_colons_is_no_picture(capsys):
+    """A file may be called so."""
+    blocks = [Line("[bold]night:x:2.csv[/]"), Grid(["file"], rows=[("night:x:3.csv",)])]
+    show(blocks, out)
+    printed = capsys.readouterr().out
+    for drawn in (printed, html(blocks)):
+        assert "night:x:2.csv" in drawn
+        assert "night:x:3.csv" in drawn

@@ -80,7 +80,7 @@ class Result(ABC):
         return html(self._said())
 
     def __str__(self) -> str:
-        console = Console(file=io.StringIO(), width=_WIDTH, highlight=False, color_system=None)
+        console = Console(file=io.StringIO(), width=_WIDTH, highlight=False, emoji=False, color_system=None)
         with console.capture() as said:
             show(self._said(), console)
         return visible(said.get())
