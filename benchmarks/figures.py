@@ -190,11 +190,17 @@ def git(*arguments: str, cwd: Path = HERE) -> str:
     return subprocess.run(["git", *arguments], cwd=cwd, check=True, capture_output=True, text=True).stdout.strip()
 
 
+def surroundings(**also: str) -> dict[str, str]:
+    """The environment of a measured command: one thread, and compiled modules are kept, as where the program is used."""
+    kept = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+    return kept | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"} | also
+
+
 def measure(figure: Figure) -> str:
     """Run a figure's command, and quote it. Raises `SystemExit` if it fails or says something else."""
     argv = shlex.split(figure.command)
     argv[0] = str(Path(sys.executable).parent / argv[0])
-    environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+    environment = surroundings()
     processor, wall = [], []
     quoted = figure.says + figure.spans
     for _ in range(1 if quoted else TIMES):

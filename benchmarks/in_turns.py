@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
 
-from benchmarks.figures import HERE, LIMIT_S, Figure, figures, git
+from benchmarks.figures import HERE, LIMIT_S, Figure, figures, git, surroundings
 
 _NUMBER = re.compile(r"(?<![\w.])\d+(?:\.\d+)?(?![\w.]*\d)")
 _TOO_LONG = frozenset({"late-point"})
@@ -61,11 +61,10 @@ def turn(figure: Figure, tree: Path) -> Turn | str:
     """Run a figure's command in a tree; what went wrong as a text."""
     argv = shlex.split(figure.command)
     argv = argv[1:] if argv[0] == "python" else ["-m", *argv]
-    environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "PYTHONPATH": str(tree)}
     done = subprocess.run(
         [sys.executable, "-c", _MEASURED, sys.executable, *argv],
         cwd=tree,
-        env=environment,
+        env=surroundings(PYTHONPATH=str(tree)),
         capture_output=True,
         text=True,
         timeout=LIMIT_S,
@@ -82,6 +81,8 @@ def turn(figure: Figure, tree: Path) -> Turn | str:
 def compared(figure: Figure, other: Path, times: int) -> list[str]:
     """Lines about a figure: medians there and here, and their ratio."""
     turns: dict[Path, list[Turn]] = {other: [], HERE: []}
+    if not figure.says:  # it is timed as a whole: without the compilation of its modules
+        turn(figure, other), turn(figure, HERE)
     for time in range(times):
         for tree in (other, HERE) if time % 2 == 0 else (HERE, other):
             ran = turn(figure, tree)
