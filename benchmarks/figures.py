@@ -191,7 +191,7 @@ def git(*arguments: str, cwd: Path = HERE) -> str:
 
 
 def surroundings(**also: str) -> dict[str, str]:
-    """The environment of a measured command: one thread, and compiled modules are kept, as where the program is used."""
+    """The environment of a measured command: one thread, compiled modules kept as where the program is used."""
     kept = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
     return kept | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"} | also
 
