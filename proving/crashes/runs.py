@@ -125,8 +125,8 @@ class Run:
         def acknowledging(run: RunWriter) -> None:
             pending = list(run._pending)
             commit(run)
-            for seq, record, _, own in pending:
-                if record.kind == "observation" and record.status == "accepted":
+            for seq, _, kind, _, _, _, _, _, status, _, _, own in pending:
+                if kind == "observation" and status == "accepted":
                     self.acknowledged[seq] = own
 
         def leaving(live: LiveState) -> None:

@@ -265,7 +265,6 @@ class AtPoint:
         self._assert_undisturbed(at, positions)
         chambers = self._do.environment()
         self._check_environment(chambers)
-        readings = at.observation.as_json()
         observed = Observed(
             verdict=ACCEPTED,
             approach={axis: (a.side, a.start) for axis, a in self._do.arrivals.items()} | self._settings.approach,
@@ -273,7 +272,7 @@ class AtPoint:
             settling=at.settling,
             measured_s=at.measured_s,
             environment=chambers,
-            **readings,
+            **at.observation.as_json(),
             rejected=at.rejected or EMPTY,
         )
         try:
@@ -288,7 +287,7 @@ class AtPoint:
                 self._soaking.lose(why)
         self._journal.write(observed)
         self._journal.point_observed()
-        if self._warned(at.point, readings) and self._conduct.warnings.hold:
+        if self._warned(at.point, observed) and self._conduct.warnings.hold:
             self._do.stop_motion()
             self._journal.write(Held(why="a warning, and the procedure asks to hold at one"))
             self._journal.take_up(None)
@@ -299,11 +298,11 @@ class AtPoint:
         self._at.legs = self._legs(self._at.point, positions)
         return "move"
 
-    def _warned(self, point: Point, readings: Mapping[str, Any]) -> bool:
-        """Whether the readings caused a warning; each warning is recorded."""
+    def _warned(self, point: Point, observed: Observed) -> bool:
+        """Whether the observation caused a warning; each warning is recorded."""
         if self._warnings is None:
             return False
-        found = self._warnings.add(point, self._journal.fold.whole_plot, readings)
+        found = self._warnings.add(point, self._journal.fold.whole_plot, observed.body())
         for warning in found:
             self._journal.write(warning)
         return bool(found)
