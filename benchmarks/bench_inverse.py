@@ -18,6 +18,7 @@ import numpy as np
 from scipy.optimize import leastsq
 
 from procedures.attitude.infer import ThreeAxis, calibrate_package, infer_attitude
+from procedures.attitude.infer.blocks import cores
 from proving.truth.attitude import D1, Bench, simulate, volts
 
 BENCH = Bench()
@@ -33,8 +34,9 @@ def speed():
     three = ThreeAxis.of(calibration.offsets_V, calibration.matrix, calibration.sigma_V)
     few = 20_000
     best = minpack(calibration, v[:few])
-    cores = len(os.sched_getaffinity(0))
-    print(f"{READINGS:,} readings of three axes, {cores} cores, medians of {ROUNDS}; errors against MINPACK on {few:,}")
+    print(
+        f"{READINGS:,} readings of three axes, {cores()} cores, medians of {ROUNDS}; errors against MINPACK on {few:,}"
+    )
     for label, action in (
         ("one correction", lambda: three.angles_deg(v, 1)),
         ("two corrections", lambda: three.angles_deg(v, 2)),

@@ -16,6 +16,11 @@ _WORKERS, _BLOCKS_EACH = 4, 2
 """Most threads, and fewest blocks of each: below, starting one takes longer than it saves."""
 
 
+def cores() -> int:
+    """Cores that this process may use; where the system does not say, those of the machine."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 def in_blocks(n: int, infer: Callable[[slice], None]) -> None:
     """Apply `infer` to all blocks of n readings; where it cannot compute, without warnings.
 
@@ -27,7 +32,7 @@ def in_blocks(n: int, infer: Callable[[slice], None]) -> None:
             infer(slice(start, start + BLOCK))
 
     starts = range(0, n, BLOCK)
-    workers = min(_WORKERS, len(os.sched_getaffinity(0)), len(starts) // _BLOCKS_EACH)
+    workers = min(_WORKERS, cores(), len(starts) // _BLOCKS_EACH)
     if workers > 1:
         with ThreadPoolExecutor(workers) as pool:
             deque(pool.map(quietly, starts), maxlen=0)
