@@ -34,9 +34,7 @@ def speed():
     three = ThreeAxis.of(calibration.offsets_V, calibration.matrix, calibration.sigma_V)
     few = 20_000
     best = minpack(calibration, v[:few])
-    print(
-        f"{READINGS:,} readings of three axes, {cores()} cores, medians of {ROUNDS}; errors against MINPACK on {few:,}"
-    )
+    print(f"{READINGS:,} readings of three axes, {cores()} cores, medians of {ROUNDS}; errors: MINPACK on {few:,}")
     for label, action in (
         ("one correction", lambda: three.angles_deg(v, 1)),
         ("two corrections", lambda: three.angles_deg(v, 2)),
