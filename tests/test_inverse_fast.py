@@ -185,6 +185,30 @@ def test_the_first_correction_alone_is_within_the_rounding_where_it_ends():
     assert np.abs(three.gravity(v, 3) - three.gravity(far, 9)[:, :-1]).max() < 1e-13
 
 
+@pytest.mark.parametrize("sigma_g", [(1, 1, 1), (1, 10, 10), (10, 1, 1), (1, 1, 100)])
+def test_of_outputs_far_from_1_g_too_the_attitude_is_the_least_squares_one(sigma_g):
+    """By the conditions that only the least of all points of a sphere meets (More and Sorensen 1983): a unit vector,
+    (M'WM + c I) g = M'W y, and no eigenvalue of the matrix in brackets below zero.
+    """
+    calibration = true_calibration(NAMES)
+    pitch, roll, rng = attitudes(300)
+    v = volts(pitch, roll, NAMES)
+    v *= 1.0 + rng.choice([0.0, 0.001, 0.01, 0.05, -0.05], (300, 1))
+    v[:, rng.integers(3)] += 5.0 * rng.choice([0.0, 0.01, 0.03, 0.1, -0.1, 0.2, -0.3, 0.45], 300)
+    sd = 1e-4 * np.array(sigma_g)
+    found = infer_attitude(calibration, v, noise_sd_V=sd)
+    given = np.isfinite(found.pitch_deg)
+    assert given.sum() > 200
+    g = gravity(np.radians(found.pitch_deg[given]), np.radians(found.roll_deg[given]))
+    matrix = calibration.matrix / sd[:, None]
+    y = (v[given] - calibration.offsets_V).T / sd[:, None]
+    left = matrix.T @ y - matrix.T @ matrix @ g
+    along = np.einsum("in,in->n", left, g)
+    size = np.linalg.eigvalsh(matrix.T @ matrix)
+    assert np.abs(left - along * g).max() < 1e-12 * size[-1]
+    assert along.min() > -size[0] * (1.0 + 1e-9)
+
+
 def test_cores_share_the_blocks_of_many_readings_and_answers_are_those_of_one_to_the_bit(monkeypatch):
     calibration = true_calibration(NAMES)
     pitch, roll, rng = attitudes(3000)

@@ -193,7 +193,7 @@ def _three_axes(q: Question, three: ThreeAxis, out: InferredAttitude) -> None:
     matrix = q.calibration.matrix
     y, extra = q.y, np.zeros((1, 1))
     for _ in range(_TERMS_ITERATIONS):
-        g = three.gravity(y.T, steps=3)
+        g = three.gravity(y.T)
         again = beyond(q, g)
         if again is None or _settled(again, extra):
             break

@@ -11,7 +11,9 @@ e = |u0|^2 - 1, with P = sum p u0^2 and Q = sum p^2 u0^2,
     l = (e / 2P) (1 + (3Q / 2P) (e / 2P)) + ...,
 
 which is the first correction, within the cube of the outputs' relative error; each that follows is a step of Newton's
-method and doubles the digits.
+method and doubles the digits. Outputs far from 1 g need more: from the left of the solution, Newton's method for the
+inverse length 1/|u|, which is concave, never goes past it (J. J. More and D. C. Sorensen, SIAM J. Sci. Stat. Comput. 4,
+553, 1983).
 """
 
 from __future__ import annotations
@@ -31,6 +33,14 @@ _NEAR = 2e-5
 
 _SETTLED = 1e-9
 """Change of the multiplier after which the next one is its square: below the rounding."""
+
+_USUAL = 2
+"""Steps after the first correction that all readings are given."""
+
+_ROUNDING = 4e-16
+
+_MOST = 60
+"""Steps of Newton's method from the left; about ten are the most that were seen."""
 
 CHUNK = 8192
 """Number of readings processed together, by the size of the nearest cache."""
@@ -80,8 +90,13 @@ class ThreeAxis:
         variance = root**-2.0
         return ThreeAxis(offsets_V, left.T / root[:, None] / sigma_V, axes.T, variance / variance.max())
 
-    def gravity(self, outputs_V: FloatArray, steps: int = 2) -> FloatArray:
-        """(3, n) gravity in package axes of (n, S) outputs, of unit length to the order of `steps`."""
+    def gravity(self, outputs_V: FloatArray, steps: int | None = None) -> FloatArray:
+        """(3, n) gravity in package axes of (n, S) outputs, of unit length.
+
+        Args:
+            outputs_V: (n, S).
+            steps: corrections; None: to the end, whatever the outputs are.
+        """
         u = self.to_principal @ outputs_V.T
         if self._shift.any():
             u -= self._shift
@@ -99,8 +114,8 @@ class ThreeAxis:
         multiplier *= bent
         p = self.variance[:, None]
         shrunk = np.empty_like(u)
-        near = np.abs(multiplier).max(initial=0.0) < _NEAR
-        for _ in range(0 if near else steps - 1):
+        settled = np.abs(multiplier).max(initial=0.0) < _NEAR
+        for _ in range(0 if settled else _USUAL if steps is None else steps - 1):
             np.multiply(p, multiplier, out=shrunk)
             shrunk += 1.0
             np.divide(1.0, shrunk, out=shrunk)
@@ -111,12 +126,30 @@ class ThreeAxis:
             s *= shrunk
             change /= (2.0 * self.variance) @ s
             multiplier += change
-            if np.abs(change, out=change).max(initial=0.0) < _SETTLED:
+            settled = np.abs(change, out=change).max(initial=0.0) < _SETTLED
+            if settled:
                 break
+        if steps is None and not settled:
+            far = np.flatnonzero(~(change < _SETTLED))
+            multiplier[far] = self._to_the_end(u[:, far])
         np.multiply(p, multiplier, out=shrunk)
         shrunk += 1.0
         u /= shrunk
         return np.asarray(self.to_package @ u)
+
+    def _to_the_end(self, u: FloatArray) -> FloatArray:
+        """(n,) multiplier of (3, n) outputs in principal axes, of any size; NaN of those that are not finite."""
+        p = self.variance[:, None]
+        found = ((np.abs(u) - 1.0) / p).max(axis=0)  # no component may be longer than 1 g: left of the solution
+        for _ in range(_MOST):
+            shrunk = 1.0 / (1.0 + p * found)
+            squares = (u * shrunk) ** 2
+            length = squares.sum(axis=0)
+            change = (np.sqrt(length) - 1.0) * length / (self.variance @ (squares * shrunk))
+            found += change
+            if not (np.abs(change) > _ROUNDING * (1.0 + np.abs(found))).any():
+                break
+        return np.asarray(found)
 
     def angles_deg(self, outputs_V: ArrayLike, steps: int = 1) -> tuple[FloatArray, FloatArray]:
         """Pitch, within +-90 deg, and roll of (n, S) outputs in volts; (n,) each.
