@@ -14,22 +14,12 @@ import sys
 from dataclasses import replace
 from time import process_time
 
-from procedures.attitude.trace import trace
-from procedures.general.column_roles import Roles, roles_of
-from procedures.general.trace import trace_general
-from procedures.pressure.trace import trace_whole_plots
-from procedures.table import Table
-from proving.truth.attitude import D1, simulate
-from proving.truth.attitude_hidden import CLEAN, sized, together
-from proving.truth.table import MISSING, Lab, options
-from proving.truth.table import simulate as simulate_table
-from proving.truth.whole_plot import CUBIC, GROWING, Bench, Run, Transducer
-from proving.truth.whole_plot import simulate as simulate_whole_plots
-
-SEVEN = tuple(Transducer(offset=0.1 * k, sensitivity=1.9 + 0.03 * k) for k in range(7))
-
 
 def attitude():
+    from procedures.attitude.trace import trace  # memory is that of one kind: nothing of another is loaded
+    from proving.truth.attitude import D1, simulate
+    from proving.truth.attitude_hidden import CLEAN, sized, together
+
     plan = D1(180, 37, 13)
     two = together([sized("pads", 2, plan), sized("cube", 2, plan)])
     for label, bench in (("nothing to add", CLEAN), ("two effects", two)):
@@ -42,9 +32,14 @@ def attitude():
 
 def tables():
     """1,000 rows of six columns."""
+    from procedures.general.column_roles import Roles, roles_of
+    from procedures.general.trace import trace_general
+    from procedures.table import Table
+    from proving.truth.table import MISSING, Lab, options, simulate
+
     lab = Lab(1000, 4, clock=True)
     for name, effect in (("nothing missing", None), ("temperature", MISSING["temperature"].at(1.0))):
-        columns = simulate_table(lab, 1, effect)
+        columns = simulate(lab, 1, effect)
         begin = process_time()
         data, _ = roles_of(Table("simulated", columns, True, {}), Roles(**options(lab)))
         verdict = trace_general(data).verdict
@@ -53,13 +48,17 @@ def tables():
 
 def whole_plots():
     """220 readings; the least of three."""
+    from procedures.pressure.trace import trace_whole_plots
+    from proving.truth.whole_plot import CUBIC, GROWING, Bench, Run, Transducer, simulate
+
+    seven = tuple(Transducer(offset=0.1 * k, sensitivity=1.9 + 0.03 * k) for k in range(7))
     for label, bench in (
         ("one, nothing to add", Bench()),
         ("one, cubic", Bench((Transducer(cubic=CUBIC),), GROWING)),
-        ("seven, nothing to add", Bench(SEVEN)),
-        ("seven, cubic", Bench(tuple(replace(t, cubic=CUBIC) for t in SEVEN), GROWING)),
+        ("seven, nothing to add", Bench(seven)),
+        ("seven, cubic", Bench(tuple(replace(t, cubic=CUBIC) for t in seven), GROWING)),
     ):
-        data = simulate_whole_plots(bench, Run(), 1)
+        data = simulate(bench, Run(), 1)
         times = []
         for _ in range(3):
             begin = process_time()

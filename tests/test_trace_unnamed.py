@@ -169,8 +169,8 @@ def test_every_place_of_an_attitude_run_can_be_drawn():
     data, _ = simulate(CLEAN, PLAN, 1)
     scene = trace(data, validate=False).scene
     for place in (*attitude_places(scene), *between_replications(scene)):
-        axes = attitude_axes(scene, place.block.place, 0)
-        assert axes is not None, place.block.place
+        axes = attitude_axes(scene, place.text, 0)
+        assert axes is not None, place.text
         assert all(axis is None or axis.values.shape == (len(scene.data),) for axis in axes)
 
 

@@ -181,7 +181,7 @@ class AttitudeTogether(Together):
         for place in places_of(self.scene):
             if lasting and place.level != "replications":
                 continue
-            columns = place.block.columns
+            columns = place.columns()
             raw = np.zeros((count, n, columns.shape[1]))
             if place.sensor is None:
                 raw[:] = columns.reshape(raw.shape)

@@ -30,7 +30,7 @@ class Moment:
 
     def passed(self, scene: Scene) -> FloatArray:
         """(n,) one for observations after the time, zero before."""
-        return scene.kept(self, lambda: np.asarray(getattr(scene.data, self.field) >= self.value, np.float64))
+        return np.asarray(getattr(scene.data, self.field) >= self.value, np.float64)
 
 
 def blocks(data: AttitudeData) -> tuple[Moment, ...]:

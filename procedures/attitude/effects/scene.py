@@ -119,6 +119,11 @@ class Scene:
             self._known[name] = compute()
         return self._known[name]
 
+    def forget(self) -> None:
+        """Drop what was computed once; it is computed again if it is asked for."""
+        for known in (self._known, self._turns, self.lagged):
+            known.clear()
+
     @cached_property
     def lagged(self) -> dict[float, FloatArray]:
         """Cache of computed lagged temperatures, by time constant."""

@@ -43,11 +43,10 @@ FINE = 24
 
 def drawn(nameless: Nameless, left: Left, i: int) -> Shape | None:
     """The shape that sensor `i` follows; None where the likeliest is nothing."""
-    place, axes = left.place, axes_of(nameless.problem.scene, left.place.block.place, i)
-    if axes is not None and place.block.place in ("over the pitch angle", "over gravity along the sensor"):
+    place, axes = left.place, axes_of(nameless.problem.scene, left.place.text, i)
+    if axes is not None and place.text in ("over the pitch angle", "over gravity along the sensor"):
         columns = waves(axes[0].values, FINE)
-        fine = Block(place.block.place, columns, place.block.orders, np.arange(1.0, columns.shape[1] + 1))
-        place = replace(place, block=fine)
+        place = replace(place, columns=lambda: columns, roughness=np.arange(1.0, columns.shape[1] + 1))
     return _drawn(nameless, place, i, left.p, axes)
 
 
@@ -77,7 +76,7 @@ def drawn_period(nameless: Nameless, found: Line, i: int) -> Shape | None:
     period, phase = folded(nameless.view(level).outputs[i], at, period)
     columns = turns(360.0 * phase / period, HARMONICS)
     block = Block(found.where, columns, (columns.shape[1],), np.repeat(np.arange(1.0, columns.shape[1] // 2 + 1), 2))
-    place = Place(block, level, i, len(problem.sensors))
+    place = Place.of(block, level, i, len(problem.sensors))
     return _drawn(
         nameless, place, i, found.p, (Axis("phase", f"place in a period of {period:.4g} {unit}", unit, phase), None)
     )
@@ -111,15 +110,14 @@ def drawn_points(nameless: Nameless, left: Left | None, p: float, i: int) -> Sha
             for one, r in each
         ]
     columns, rough = each[0][0][:, 1:], each[0][1][1:]
-    place = Place(Block(text, columns, (columns.shape[1],), rough), "replications", i, len(nameless.problem.sensors))
+    place = Place.of(Block(text, columns, (columns.shape[1],), rough), "replications", i, len(nameless.problem.sensors))
     return _drawn(nameless, place, i, p, axes)
 
 
 def drawn_drift(nameless: Nameless, p: float, i: int) -> Shape | None:
     """Offsets of the replications of sensor `i`."""
     place = next(one for one in between_replications(nameless.problem.scene) if one.sensor == i)
-    at = Place(place.block, "declared", i, place.count)
-    return _drawn(nameless, at, i, p, axes_of(nameless.problem.scene, place.block.place, i))
+    return _drawn(nameless, replace(place, level="declared"), i, p, axes_of(nameless.problem.scene, place.text, i))
 
 
 def _drawn(nameless: Nameless, place: Place, i: int, p: float, axes: tuple[Axis, Axis | None] | None) -> Shape | None:
@@ -129,14 +127,14 @@ def _drawn(nameless: Nameless, place: Place, i: int, p: float, axes: tuple[Axis,
     view, rho = nameless.view(place.level), nameless.memory
     at = slice(None) if place.sensor is None else slice(place.sensor * n, (place.sensor + 1) * n)
     own = slice(i * n, (i + 1) * n) if place.sensor is None else slice(None)
-    y, columns = view.outputs.reshape(-1)[at], view.project(place.block.columns, place.sensor)
+    y, columns = view.outputs.reshape(-1)[at], view.project(place.columns(), place.sensor)
     scale = float(view.sigma[i] * np.degrees(1.0 / problem.fits[problem.sensors[i]].parameters.S_V) * PER_DEG)
     seen = Seen(
         plain=y[own] * scale,
         plain_columns=columns[own] * scale,
         white=view.white(y, place.sensor, rho),
         white_columns=view.white(columns, place.sensor, rho),
-        roughness=place.block.roughness,
+        roughness=place.roughness,
         df=y.size // n * problem.levels.df(place.level) - len(nameless.chosen),
     )
     return shape_of(seen, *axes, _names(nameless, place, i), unit=UNIT, p=p, stratum=STRATA[place.level])

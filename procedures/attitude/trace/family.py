@@ -9,6 +9,8 @@ below `ALPHA`. Together that is 5 % and not 6.5, because later tests remove some
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from scipy import sparse, special
 
@@ -31,17 +33,17 @@ def family_of(problem: Problem, scores: Scores, seed: int) -> Family:
     Scores of one run have the correlations of their columns. They are drawn as normal, by sensor, with each level's own
     estimate of the error.
     """
-    units, products = _orthonormal_units(problem)
+    units, combined = _orthonormal_units(problem)
     if not units:
         return Family(np.ones(1))
     rng = np.random.default_rng(seed)
-    roots = [_root(one) for one in products]
+    roots = [_root(combined @ (combined @ one).T) for one in _products(problem)]
     groups = _alike(problem, units, scores)
     smallest = []
     for first in range(0, DRAWS, AT_ONCE):
         count = min(AT_ONCE, DRAWS - first)
         # selection of whole rows is much faster than of columns
-        drawn = np.zeros((products.shape[1], count), np.float32)
+        drawn = np.zeros((combined.shape[0], count), np.float32)
         for own, root in roots:
             drawn[own] += (rng.standard_normal((count, root.shape[0]), dtype=np.float32) @ root).T
         np.square(drawn, out=drawn)
@@ -92,23 +94,31 @@ def _alike(problem: Problem, units: list[tuple[int, int, int]], scores: Scores) 
     return {key: np.array(starts) for key, starts in groups.items()}
 
 
-def _orthonormal_units(problem: Problem) -> tuple[list[tuple[int, int, int]], FloatArray]:
-    """Units that can be judged, as (unit, first column, columns), and the products of their columns.
-
-    The columns are combined, unit by unit, to ones that are orthonormal over all sensors together.
-
-    Returns:
-        The units, and (S, m, m) products of each sensor's share of their m columns.
-    """
-    if not problem.units:
-        return [], np.zeros((len(problem.length), 0, 0))
+def _products(problem: Problem) -> Iterator[FloatArray]:
+    """(J, J) products of all columns in each sensor in turn, of each at its own level, over the error's variance."""
     weight = errors(problem, ()) ** -2.0
     points = np.array([level == "points" for level in problem.judged_at], np.bool_)
-    every = np.arange(points.size)
-    products = problem.products["replications"].of(every[:, None], every)
-    np.copyto(products, problem.products["points"].of(every[:, None], every), where=points[:, None] | points)
-    products *= weight[:, None, None]
-    pooled, length2 = products.sum(axis=0), np.sum(problem.length**2 * weight[:, None], axis=0)
+    for i, one in enumerate(weight):
+        products = problem.products["replications"].of_all(i)
+        np.copyto(products, problem.products["points"].of_all(i), where=points[:, None] | points)
+        products *= one
+        yield products
+
+
+def _orthonormal_units(problem: Problem) -> tuple[list[tuple[int, int, int]], sparse.csr_array]:
+    """Units that can be judged, as (unit, first column, columns), and how their columns are combined.
+
+    Unit by unit, they are combined to ones that are orthonormal over all sensors together.
+
+    Returns:
+        The units, and (m, J) from the candidates to their m columns.
+    """
+    if not problem.units:
+        return [], sparse.csr_array((0, 0))
+    weight, pooled = errors(problem, ()) ** -2.0, np.zeros((len(problem.candidates),) * 2)
+    for one in _products(problem):
+        pooled += one
+    length2 = np.sum(problem.length**2 * weight[:, None], axis=0)
     scale = 1.0 / np.sqrt(np.maximum(length2, np.finfo(float).tiny))
     pooled *= scale[:, None] * scale
     sizes, rank = np.array([len(unit) for unit in problem.units], np.int64), np.zeros(len(problem.units), np.int64)
@@ -131,9 +141,8 @@ def _orthonormal_units(problem: Problem) -> tuple[list[tuple[int, int, int]], Fl
         across.append(np.repeat((first[same][:, None] + np.cumsum(kept, axis=1) - 1)[u, k], here.shape[1]))
     able = np.flatnonzero(rank)
     at = np.concatenate(across), np.concatenate(rows)
-    combined = sparse.csr_array((np.concatenate(shares), at), shape=(int(rank.sum()), every.size))
-    units = [(int(u), int(first[u]), int(rank[u])) for u in able]
-    return units, np.stack([combined @ (combined @ one).T for one in products]) if units else products
+    combined = sparse.csr_array((np.concatenate(shares), at), shape=(int(rank.sum()), len(pooled)))
+    return [(int(u), int(first[u]), int(rank[u])) for u in able], combined
 
 
 def _root(products: FloatArray) -> tuple[np.ndarray, np.ndarray]:

@@ -170,6 +170,7 @@ class AttitudeJudge:
         of: dict[int, list[list[int]]] = {}
         for block in blocks.values():
             of.setdefault(len(block), []).append(sorted(block))
+        self._known_products.clear()
         count = len(self.candidates)
         out = Products(np.zeros((count, count)), np.zeros(count), self.signs)
         for same in of.values():
@@ -178,7 +179,6 @@ class AttitudeJudge:
             length2 = np.sum((self.problem.length[:, here] / sigma[:, None, None]) ** 2, axis=0)
             some = Products(left.columns.sum(axis=0), left.outputs.sum(axis=0)).without(length2)
             out.columns[here[:, :, None], here[:, None, :]], out.outputs[here] = some.columns, some.outputs
-        self._known_products.clear()
         self._known_products[key] = out, {}
         return self._known_products[key]
 
@@ -186,6 +186,10 @@ class AttitudeJudge:
     def _known_products(self) -> dict[Any, tuple[Products, Paths]]:
         """The last ones."""
         return {}
+
+    def forget(self) -> None:
+        """Drop the products of the last explanations; they are computed again if they are asked for."""
+        self._known_products.clear()
 
     def _reachable(self, products: Products, found: Sequence[Rival]) -> list[bool]:
         """Whether each explanation needs no coefficient that is impossibly large."""

@@ -30,7 +30,7 @@ LEVELS: tuple[Level, ...] = ("declared", "replications", "points")
 COINCIDENCE = 10
 """Degrees of freedom within replications for each of points visited again, from which such visits are coincidences."""
 AT_ONCE = 64
-"""Columns that are added up to points together: scipy copies them."""
+"""Columns that are handled together where libraries copy them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,14 +121,18 @@ class Levels:
         whole, out = columns.T @ columns, dict[Level, FloatArray]()
         for level in LEVELS:
             basis = self._basis(level)
-            taken = [basis.T @ columns]
-            if level == "points":
-                some = (columns[:, k : k + AT_ONCE] for k in range(0, columns.shape[1], AT_ONCE))
-                sums = np.concatenate([self._added @ one for one in some], axis=1)
-                taken.append(sums / np.sqrt(self._visits)[:, None])
+            further = beside
             if beside.shape[1]:
-                taken.append(orthonormal(self.leave(beside, level), np.linalg.norm(beside, axis=0)).T @ columns)
-            along = np.concatenate(taken)
+                further = orthonormal(self.leave(beside, level), np.linalg.norm(beside, axis=0))
+            points = self.n_points if level == "points" else 0
+            along = np.empty((basis.shape[1] + points + further.shape[1], columns.shape[1]))
+            along[: basis.shape[1]] = basis.T @ columns
+            if points:
+                sums = along[basis.shape[1] : basis.shape[1] + points]
+                for k in range(0, columns.shape[1], AT_ONCE):
+                    sums[:, k : k + AT_ONCE] = self._added @ columns[:, k : k + AT_ONCE]
+                sums /= np.sqrt(self._visits)[:, None]
+            along[basis.shape[1] + points :] = further.T @ columns
             out[level] = np.zeros((len(whole) + 1,) * 2)
             np.subtract(whole, along.T @ along, out=out[level][:-1, :-1])
         return out

@@ -12,7 +12,7 @@ from scipy import special
 
 from fitter.arrays import FloatArray
 from fitter.trace.doubts import BUNDLE, DOUBT, EARNED, bundle, in_several, no_better, several_values, something_left
-from fitter.trace.flexible import Remainder, evidence, evidence_of, remainders, tried
+from fitter.trace.flexible import Remainder, evidence, evidence_of, remainders
 from fitter.trace.lines import CLEAR, Line, lines
 from fitter.trace.search import names_of
 from procedures.attitude.trace.estimate import concerns
@@ -59,7 +59,7 @@ class Left:
     def where(self) -> str:
         """Its place in words, with its level."""
         level = "between points" if self.place.level == "replications" else "within points"
-        return f"{level}, {self.place.block.place}"
+        return f"{level}, {self.place.text}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +118,7 @@ class Nameless:
         if not self.able:
             return ()
         problem, n = self.problem, len(self.problem.scene.data)
-        count = tried(place.block for place in self.places)
+        count = sum(len(place.orders) for place in self.places)
         found = []
         rho = self.memory
         for place in self.places:
@@ -176,7 +176,7 @@ class Nameless:
             for name in names:
                 found = self._left_beside(name, level)
                 if found is not None:
-                    out[name] = something_left(found.place.block.place, found.p)
+                    out[name] = something_left(found.place.text, found.p)
                 elif self._common(name) and (period := self._period) is not None:
                     out[name] = something_left(period.where, period.p)
                 elif level == "replications" and self.fine is not None and self.fine.p < CLEAR:
@@ -300,7 +300,7 @@ class Nameless:
         by_text: dict[str, dict[int | None, Place]] = {}
         for place in (*self.places, *(between_replications(problem.scene) if level == "declared" else ())):
             if place.level == of:
-                by_text.setdefault(place.block.place, {})[place.sensor] = place
+                by_text.setdefault(place.text, {})[place.sensor] = place
         alike = {text: next(iter(at.values())).alternatives for text, at in by_text.items()}
         kinds, best, where = sum(1.0 / count for count in alike.values()), -np.inf, ""
         for text, at in by_text.items():
@@ -308,7 +308,7 @@ class Nameless:
             for i, place in at.items():
                 if i is None or i in sensors:
                     rows = slice(None) if i is None else slice(i * n, (i + 1) * n)
-                    total += evidence(y[rows], view.project(place.block.columns, i), place.block.roughness)
+                    total += evidence(y[rows], view.project(place.columns(), i), place.roughness)
             if total > best:
                 best, where = total, text
         return best, where

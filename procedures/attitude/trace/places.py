@@ -42,8 +42,13 @@ FADING = "after the attitudes before, as they fade"
 class Place:
     """A block of one sensor, or with one set of coefficients for all.
 
+    Its columns are made when they are used: those of all places would be a quarter of all memory of a trace.
+
     Attributes:
-        block: its columns are (S n, m), those of the first sensor first.
+        text: in words: "over the pitch angle".
+        columns: makes (n, m) columns, the slowest first; for all sensors (S n, m), those of the first sensor first.
+        orders: numbers of columns that are tried together, ascending.
+        roughness: (m,) number of half waves of each.
         level: level of its judgement.
         sensor: its index; None for all.
         count: number of sensors.
@@ -51,26 +56,39 @@ class Place:
 
     """
 
-    block: Block
+    text: str
+    columns: Callable[[], FloatArray]
+    orders: tuple[int, ...]
+    roughness: FloatArray
     level: Level
     sensor: int | None
     count: int
     alternatives: int = 1
 
+    @classmethod
+    def of(cls, block: Block, level: Level, sensor: int | None, count: int) -> Place:
+        """The place of a block that is at hand."""
+        return cls(block.place, lambda: block.columns, block.orders, block.roughness, level, sensor, count)
+
+    @property
+    def block(self) -> Block:
+        """Its columns, made now."""
+        return Block(self.text, self.columns(), self.orders, self.roughness)
+
     @property
     def in_time(self) -> bool:
         """Whether it is a smooth change of the offset, similar to a random walk."""
-        return self.block.place in (ALONG_RUN, ALONG_REPLICATION)
+        return self.text in (ALONG_RUN, ALONG_REPLICATION)
 
     @property
     def remembers(self) -> bool:
         """Whether it is of the rows before, as hysteresis and settling are, wherever it is judged."""
-        return self.block.place == FADING or self.block.place.startswith(AFTER_A_TIP)
+        return self.text == FADING or self.text.startswith(AFTER_A_TIP)
 
 
 def places_of(scene: Scene) -> tuple[Place, ...]:
     """All places of a run."""
-    found: list[Place] = []
+    found, count = list[Place](), len(scene.data.sensors)
     makers: tuple[tuple[Level, Callable[[Scene], list[_Made]]], ...] = (
         ("replications", _between_points),
         ("points", _within_points),
@@ -79,15 +97,20 @@ def places_of(scene: Scene) -> tuple[Place, ...]:
         made = make(scene)
         tips = sum(place.startswith(AFTER_A_TIP) for place, _, _ in made)
         for place, columns, rough in made:
-            each = [columns(i) for i in range(len(scene.data.sensors))]
-            at: list[tuple[int | None, FloatArray]] = list(enumerate(each))
+            each = [partial(columns, i) for i in range(count)]
+            at: list[tuple[int | None, Callable[[], FloatArray]]] = list(enumerate(each))
             if place.startswith("package"):
-                at = [(None, np.concatenate(each))]
+                at = [(None, partial(_of_all, each))]
             for i, own in at:
-                orders = orders_of(own, (3, 6, 12, 40) if level == "replications" else (3, 6, 12))
+                some = own()
+                orders = orders_of(some, (3, 6, 12, 40) if level == "replications" else (3, 6, 12))
                 alike = tips if place.startswith(AFTER_A_TIP) else 1
-                found.append(Place(Block(place, own, orders, rough[: own.shape[1]]), level, i, len(each), alike))
+                found.append(Place(place, own, orders, rough[: some.shape[1]], level, i, count, alike))
     return tuple(found)
+
+
+def _of_all(each: Sequence[Callable[[], FloatArray]]) -> FloatArray:
+    return np.concatenate([own() for own in each])
 
 
 def between_replications(scene: Scene) -> tuple[Place, ...]:
@@ -98,7 +121,7 @@ def between_replications(scene: Scene) -> tuple[Place, ...]:
         gain = _times(scene.along(sensor), own)
         for text, columns in (("with an offset of each replication", own), ("with a sensitivity of each", gain)):
             block = Block(text, columns, (columns.shape[1],), np.ones(columns.shape[1]))
-            found.append(Place(block, "points", i, len(scene.data.sensors)))
+            found.append(Place.of(block, "points", i, len(scene.data.sensors)))
     return tuple(found)
 
 
@@ -148,8 +171,7 @@ def _tipped(scene: Scene) -> Iterator[_Made]:
         state = latches(tipped(scene, axis), executed)
         if np.any(state) and not any(np.array_equal(state, one) for one in known):
             known.append(state)
-            both = [np.column_stack([state, _times(scene.along(sensor), state)]) for sensor in data.sensors]
-            yield AFTER_A_TIP + text, partial(_of_each, both), np.ones(both[0].shape[1])
+            yield AFTER_A_TIP + text, partial(_with_gravity, scene, state), np.ones(2 * state.shape[1])
 
 
 def _faded(scene: Scene) -> Iterator[_Made]:
@@ -230,8 +252,8 @@ def _same(columns: FloatArray, _i: int) -> FloatArray:
     return columns
 
 
-def _of_each(columns: Sequence[FloatArray], i: int) -> FloatArray:
-    return columns[i]
+def _with_gravity(scene: Scene, state: FloatArray, i: int) -> FloatArray:
+    return np.column_stack([state, _times(scene.along(scene.data.sensors[i]), state)])
 
 
 def _rough(columns: FloatArray) -> FloatArray:

@@ -13,7 +13,7 @@ from fitter.trace.not_kept import LARGEST, NotKept
 from procedures.attitude.data import AttitudeData
 from procedures.attitude.effects import Effect
 from procedures.attitude.fit import fit_all
-from procedures.attitude.trace.levels import LEVELS, Level, levels_of
+from procedures.attitude.trace.levels import AT_ONCE, LEVELS, Level, levels_of
 from procedures.attitude.trace.problem import Candidate, Problem, Products, columns_of, scene_of
 
 KEPT = 0.05
@@ -56,7 +56,11 @@ def pose(data: AttitudeData, catalogue: Sequence[Effect], *, temperature: bool =
         both[:, -1] = data.outputs[sensor]
         with np.errstate(over="ignore", invalid="ignore"):
             columns_of(scene, [every[j] for j in own], sensor, both)
-            length[i, own] = np.linalg.norm(both[:, :-1], axis=0)
+            if sensor == data.sensors[-1]:
+                scene.forget()  # what sensors share would be a tenth of all memory of a trace
+            for k in range(0, own.size, AT_ONCE):
+                some = own[k : k + AT_ONCE]
+                length[i, some] = np.linalg.norm(both[:, k : k + some.size], axis=0)
         large = np.flatnonzero(~(length[i, own] <= LARGEST))
         both[:, large], length[i, own[large]] = 0.0, 0.0
         overflowing |= set(own[large].tolist())

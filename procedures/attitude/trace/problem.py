@@ -60,6 +60,11 @@ class Products:
         rows, across = np.asarray(these, np.int64), np.asarray(those, np.int64)
         return np.stack([own[at[rows], at[across]] for own, at in zip(self.own, self.place, strict=True)])
 
+    def of_all(self, i: int) -> FloatArray:
+        """(J, J) products of all columns with one another, in one sensor."""
+        at = self.place[i]
+        return np.asarray(self.own[i][at[:, None], at])
+
     @property
     def squares(self) -> FloatArray:
         """(S, J) products of columns with themselves."""
