@@ -46,12 +46,19 @@ def tables():
         print(f"{name}: {verdict}, {process_time() - begin:.1f} s", flush=True)
 
 
+def seven_transducers():
+    """Of different offsets and sensitivities."""
+    from proving.truth.whole_plot import Transducer
+
+    return tuple(Transducer(offset=0.1 * k, sensitivity=1.9 + 0.03 * k) for k in range(7))
+
+
 def whole_plots():
     """220 readings; the least of three."""
     from procedures.pressure.trace import trace_whole_plots
     from proving.truth.whole_plot import CUBIC, GROWING, Bench, Run, Transducer, simulate
 
-    seven = tuple(Transducer(offset=0.1 * k, sensitivity=1.9 + 0.03 * k) for k in range(7))
+    seven = seven_transducers()
     for label, bench in (
         ("one, nothing to add", Bench()),
         ("one, cubic", Bench((Transducer(cubic=CUBIC),), GROWING)),

@@ -222,10 +222,12 @@ def _trace(_: Path) -> Pair:
 
 @ratio("trace-pressure", "trace of 220 readings of seven transducers with a cubic each / numpy.linalg.lstsq", 3)
 def _trace_pressure(_: Path) -> Pair:
-    from benchmarks.bench_trace import CUBIC, GROWING, SEVEN, Bench, Run, simulate_whole_plots, trace_whole_plots
+    from benchmarks.bench_trace import seven_transducers
+    from procedures.pressure.trace import trace_whole_plots
+    from proving.truth.whole_plot import CUBIC, GROWING, Bench, Run, simulate
 
-    bench = Bench(tuple(replace(one, cubic=CUBIC) for one in SEVEN), GROWING)
-    data, look = simulate_whole_plots(bench, Run(), 1), yardstick(220, 10)
+    bench = Bench(tuple(replace(one, cubic=CUBIC) for one in seven_transducers()), GROWING)
+    data, look = simulate(bench, Run(), 1), yardstick(220, 10)
     return Pair(lambda: trace_whole_plots(data), lambda: [look() for _ in range(1000)], (1, 1000))
 
 
