@@ -34,13 +34,13 @@ _NEAR = 2e-5
 _SETTLED = 1e-9
 """Change of the multiplier after which the next one is its square: below the rounding."""
 
-_USUAL = 2
-"""Steps after the first correction that all readings are given."""
+_USUAL, _MOST = 2, 20
+"""Steps after the first correction that all readings are given, and most steps from the left of those that need more:
+16 were the most of 80,000 random ones, from 0.001 to 1,000 g, of sensors whose noise differs by up to ten thousand.
+"""
 
-_ROUNDING = 4e-16
-
-_MOST = 60
-"""Steps of Newton's method from the left; about ten are the most that were seen."""
+_END = 1e-13
+"""Relative change of the multiplier after which the next one is below the rounding."""
 
 CHUNK = 8192
 """Number of readings processed together, by the size of the nearest cache."""
@@ -130,7 +130,7 @@ class ThreeAxis:
             if settled:
                 break
         if steps is None and not settled:
-            far = np.flatnonzero(~(change < _SETTLED))
+            far = np.flatnonzero(~(change < _SETTLED) | (multiplier <= -1.0))
             multiplier[far] = self._to_the_end(u[:, far])
         np.multiply(p, multiplier, out=shrunk)
         shrunk += 1.0
@@ -147,7 +147,7 @@ class ThreeAxis:
             length = squares.sum(axis=0)
             change = (np.sqrt(length) - 1.0) * length / (self.variance @ (squares * shrunk))
             found += change
-            if not (np.abs(change) > _ROUNDING * (1.0 + np.abs(found))).any():
+            if not (np.abs(change) > _END * (1.0 + np.abs(found))).any():
                 break
         return np.asarray(found)
 

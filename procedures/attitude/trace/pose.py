@@ -57,7 +57,7 @@ def pose(data: AttitudeData, catalogue: Sequence[Effect], *, temperature: bool =
         with np.errstate(over="ignore", invalid="ignore"):
             columns_of(scene, [every[j] for j in own], sensor, both)
             if sensor == data.sensors[-1]:
-                scene.forget()  # what sensors share would be a tenth of all memory of a trace
+                scene.forget()  # what the sensors shared is not needed beside the products
             for k in range(0, own.size, AT_ONCE):
                 some = own[k : k + AT_ONCE]
                 length[i, some] = np.linalg.norm(both[:, k : k + some.size], axis=0)
