@@ -1,7 +1,7 @@
 # The README's commands. Each makes or reuses .venv first: nothing to install by hand.
 STAMP := .venv/.made-for-these-requirements
 
-.PHONY: demo test test-all test-peers test-page check nights mutants figures campaigns figure bench clean
+.PHONY: demo test test-all test-peers test-kernels test-page check nights mutants figures campaigns figure bench clean
 demo: $(STAMP)
 	@.venv/bin/rig demo
 
@@ -15,6 +15,11 @@ test-all: $(STAMP)
 # Our drivers and twins against clients and servers that others wrote; a part of `make test` as well.
 test-peers: $(STAMP)
 	@.venv/bin/pytest -q -p no:cacheprovider tests/peers
+
+# The tests under each kernel of the linear algebra that this processor can run, since each rounds otherwise: before a
+# release.
+test-kernels: $(STAMP)
+	@tools/kernels
 
 # The live page in a real Chromium, which has to be installed; says so if it is not. Pictures go to PAGE_PICTURES.
 test-page: $(STAMP)

@@ -29,7 +29,12 @@ def f_limit(level: float, df_above: float, df_below: float) -> float:
 
 
 def f_tail(f: float, df_above: float, df_below: float) -> float:
-    """Probability of exceeding F; NaN if one of the degrees of freedom is not positive."""
+    """Probability of exceeding F; NaN if one of the degrees of freedom is not positive.
+
+    An F below zero is a zero that rounding made negative: a difference of two sums of squares that are equal. It is
+    exceeded for certain, on every processor.
+    """
     if df_above <= 0 or df_below <= 0:
         return float("nan")
-    return float(special.fdtrc(df_above, df_below, f))
+    # not max(f, 0.0): that would turn an F that is not a number into zero
+    return float(special.fdtrc(df_above, df_below, 0.0 if f < 0.0 else f))

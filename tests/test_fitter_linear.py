@@ -87,6 +87,12 @@ def test_limits_of_table_2(df, limits):
     assert f_tail(f_limit(0.95, *df), *df) == pytest.approx(0.05)
 
 
+def test_a_ratio_that_rounding_made_negative_is_zero():
+    """On one processor two equal sums of squares differed by -2e-14, and a calibration could not be written."""
+    assert f_tail(-2.8e-14, 1, 27) == 1.0
+    assert np.isnan(f_tail(float("nan"), 1, 27))
+
+
 def test_student_limits():
     # Student's table: two-tailed 95 % for 4, 10 and very many degrees of freedom
     assert [round(t_limit(0.95, df), 3) for df in (4, 10, 1e9)] == [2.776, 2.228, 1.960]

@@ -444,5 +444,5 @@ def test_the_document_names_all_that_is_public():
 def test_a_number_too_large_for_a_double_is_named_and_no_calibration_file_is_written():
     """Found by the fuzz of CSV files: a spread that overflows was written half and ended in a traceback."""
     told = {"sensors": {"y": {"coefficients": [1.0, float("inf")], "df": None}}, "unused": "nothing"}
-    assert first_endless(told) == "sensors.y.coefficients.1"
+    assert first_endless(told) == ("sensors.y.coefficients.1", float("inf"))
     assert first_endless({"sensors": {"y": {"coefficients": [1.0]}}}) is None

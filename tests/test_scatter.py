@@ -96,3 +96,10 @@ def test_errors_of_a_head_are_not_in_the_scatter_again():
     assert any("as large as the register's errors" in note for note in evaluation.notes())
     with pytest.raises(ValueError, match="before anything is evaluated"):
         explain(evaluation, Statements([turn]))
+
+
+def test_a_lack_of_fit_that_rounding_made_negative_is_none():
+    """Equal sums of squares: the tail of F was not a number, and the model was said to lack fit."""
+    found = scatter(1.0, 20.0, 1.0 + 2e-16, 12.0, 0.0)
+    assert not found.lacks_fit
+    assert found.df == 20.0

@@ -283,12 +283,10 @@ def _member(comparison: Comparison, j: int, sigmas: float, shown: float) -> Memb
     q = own.shape[1]
     together, spread = solve(model, both.outputs)[:q], _errors_of(model)[:q]
     changed = both.columns_in(member.terms, both.fresh)
-    wider = np.column_stack([model, changed, shifts])
-    more = orthonormal(wider).shape[1] - orthonormal(model).shape[1]
+    gain, more = _gained(both.outputs, model, np.column_stack([changed, shifts]))
     df, limit, fits = both.df, member.limit(both.df), _fits(both, model)
     if fits and sigmas <= limit:
         fits = p_structured(both, model, lasting=lasting(question)) >= CHANGED
-    gain = _rss(model, both.outputs) - _rss(wider, both.outputs)
     p = f_tail(gain / more, more, df) if more > 0 else 1.0
     alone, error = _alone(both, member, question.rest)
     t = t_limit(0.95, df)
@@ -369,5 +367,14 @@ def _alone(both: Together, member: Hypothesis, rest: Candidates) -> tuple[FloatA
     return np.where(seen, gamma[:q], np.nan), np.where(seen, error[:q], np.nan)
 
 
-def _rss(columns: FloatArray, outputs: FloatArray) -> float:
-    return float(np.sum(left(columns, outputs) ** 2))
+def _gained(outputs: FloatArray, model: FloatArray, further: FloatArray) -> tuple[float, int]:
+    """Fall of the sum of squares by further columns (n, q) beside a model's (n, k), and their number outside its span.
+
+    Both come from one basis of what the columns have outside the model. As the difference of two ranks and two sums
+    of squares they could disagree in the last bit, and the fall was negative on some processors.
+    """
+    basis = orthonormal(model)
+    outside = further - basis @ (basis.T @ further)
+    outside -= basis @ (basis.T @ outside)  # twice: what rounding left of a long column is as large as a short one
+    beyond = orthonormal(outside, np.linalg.norm(further, axis=0))
+    return float(np.sum((beyond.T @ outputs) ** 2)), beyond.shape[1]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
-from math import isfinite
+from math import isfinite, isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -75,10 +75,10 @@ class Evaluated(Reported):
         return [*first, *sentences(self._told["unused"])]
 
 
-def first_endless(told: JsonValue, key: str = "") -> str | None:
-    """Key, with points between its parts, of the first number that is not finite; None if all are."""
+def first_endless(told: JsonValue, key: str = "") -> tuple[str, float] | None:
+    """Key, with points between its parts, and value of the first number that is not finite; None if all are."""
     if isinstance(told, float):
-        return None if isfinite(told) else key
+        return None if isfinite(told) else (key, told)
     parts = told.items() if isinstance(told, dict) else enumerate(told) if isinstance(told, list) else ()
     found = (first_endless(value, f"{key}.{name}".lstrip(".")) for name, value in parts)
     return next((one for one in found if one is not None), None)
@@ -137,12 +137,16 @@ class Calibration(Evaluated):
         """Write the calibration file of `rig fit --out`. Raises `UsageError` if the disk refuses.
 
         Raises:
-            DataError: a number of the fit is too large for a double.
+            DataError: a number of the fit is too large for a double, or is not a number.
         """
         endless = first_endless(self._told)
         if endless is not None:
+            key, value = endless
             raise DataError(
-                f"{self.source}: {endless} is too large for a double, and no calibration file can hold it; "
+                f"{self.source}: {key} is not a number: it could not be computed from these data, and no calibration "
+                "file can hold it; correct columns with numbers of extreme size, and report it if there are none"
+                if isnan(value)
+                else f"{self.source}: {key} is too large for a double, and no calibration file can hold it; "
                 "correct the column that is so large, or give it in a larger unit"
             )
         write_whole(Path(path), lambda file: json.dump(self._told, file, indent=2, allow_nan=False))

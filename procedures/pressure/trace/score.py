@@ -236,7 +236,8 @@ def _of_slopes(problem: Problem, columns: FloatArray, left: FloatArray) -> tuple
     squares = np.sum(own**2, axis=1)
     explained = (slopes[:, None] @ own)[:, 0] ** 2 / np.maximum(squares, TINY)
     ratio = (np.sum(slopes**2, axis=1)[:, None] - explained) / df
-    clear = special.fdtrc(df, problem.at["subplot"].df[:, None], ratio) < CHANCE
+    # the difference above may be negative in its last bit, and the tail of a negative ratio is not a number
+    clear = special.fdtrc(df, problem.at["subplot"].df[:, None], np.maximum(ratio, 0.0)) < CHANCE
     return np.sum(np.where(clear, (ratio - 1.0) * squares, 0.0), axis=0), df
 
 
