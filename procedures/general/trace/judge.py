@@ -17,7 +17,7 @@ from procedures.general.trace.problem import Candidate, Problem
 from procedures.general.trace.rivalry import Rivalry, Trial, possible_of
 from procedures.general.trace.rivals import rivals
 from procedures.general.trace.robust import excess
-from procedures.general.trace.score import View, score
+from procedures.general.trace.score import View, ranked, score
 
 SHORTLIST = 8
 """Number of effects examined closely at each step, by their reduction of the residual."""
@@ -264,7 +264,7 @@ class TableJudge:
         per_column = float(np.log(self.problem.n))
         shortlist: dict[int, float] = {}
         for at in dict.fromkeys((0, beside.best)):
-            scores, _ = score(self.view(at), self.white(at, chosen), chosen)
+            scores = ranked(self.view(at), self.white(at, chosen), chosen)
             worth = scores.evidence - per_column * self._price
             best: dict[str, int] = {}
             for j in np.argsort(-worth, kind="stable").tolist():

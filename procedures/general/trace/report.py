@@ -45,10 +45,11 @@ CONSTANT = 0.99
 
 def trace_general(data: TableData) -> TableTrace:
     """Find effects missing in the declared model of a table. Method: docs/trace_tables.md."""
-    found = search_table(data)
+    problem = problem_of(data)
+    found = search_table(data, problem)
     judge, chosen = found.judge, found.chosen
     before, after = estimate(judge, (), data.tails), estimate(judge, chosen, data.tails)
-    crossed = left_out(problem_of(data), judge, chosen)
+    crossed = left_out(problem, judge, chosen)
     pure = [pure_error(data.y, data.points, judge.problem.of(terms)) for terms in ((), chosen)]
     nameless = Nameless(judge, chosen, data)
     doubts = doubts_of(nameless)

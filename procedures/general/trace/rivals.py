@@ -38,7 +38,7 @@ def rivals(
     taken = view.taken(rest)
     beside = y - taken @ (taken.T @ y)
     path = _Path(candidates, view, beside, variance, rest)
-    gains = view.blocks(rest).gains(beside)
+    gains, _ = view.gains(rest, beside)
     single: dict[str, int] = {}
     for j, candidate in enumerate(candidates):
         name = candidate.effect.name

@@ -109,11 +109,12 @@ def problem_of(data: TableData) -> Problem:
     )
 
 
-def search_table(data: TableData) -> Found:
-    """All that the declared model of a table lacks."""
-    found = look(TableJudge(problem_of(data)), data)
+def search_table(data: TableData, problem: Problem | None = None) -> Found:
+    """All that the declared model of a table lacks; `problem` is that of the table, if it is known."""
+    problem = problem_of(data) if problem is None else problem
+    found = look(TableJudge(problem), data)
     noise = _alike(data, found)
-    return found if noise is None else look(TableJudge(replace(problem_of(data), noise=noise)), data)
+    return found if noise is None else look(TableJudge(replace(problem, noise=noise)), data)
 
 
 def look(judge: TableJudge, data: TableData, rows: IntArray | None = None) -> Found:
