@@ -97,6 +97,12 @@ def several_values(count: int) -> str:
     return f"it takes {count} values of a constant that has one true value: together they can have almost any shape"
 
 
+def rests_on(rows: Sequence[int]) -> str:
+    """Sentence about an effect that no other rows show."""
+    which = f"row {rows[0]}" if len(rows) == 1 else f"rows {' and '.join(str(row) for row in rows)}"
+    return f"it rests on {which}: the other rows do not show it"
+
+
 def several_causes(count: int) -> str:
     """Sentence about a name that is one of many."""
     return f"{count} causes explain these data alike, and a cause that is not listed may do so too"

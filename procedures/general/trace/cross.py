@@ -31,7 +31,7 @@ FAR = 3.0
 
 
 def left_out(
-    problem: Problem, judge: TableJudge, chosen: tuple[int, ...]
+    problem: Problem, judge: TableJudge, chosen: tuple[int, ...], apart: IntArray
 ) -> tuple[tuple[float, float], str, int] | None:
     """Rms error before and after of rows left out of search and fit, the groups of left-out rows, and rows not counted.
 
@@ -41,17 +41,19 @@ def left_out(
         problem: the table before the refinement of searched constants.
         judge: the judge at the end of the search; its noise, weights and simulated families are used again.
         chosen: its findings.
+        apart: (m,) gross errors with a column of their own: they are never left out, nor counted.
 
     Returns:
         None if too few rows would remain.
     """
     at = judge.beside(chosen).best
     fold, words = _folds(problem, at)
+    fold[apart] = -1
     held = replace(problem, sd=judge.problem.sd, noise=judge.problem.noise.only(at))
     slow = judge.problem.noise.slow
     rival: Rivalry = "fast" if np.any(slow) and not slow[at] else "any"
     families: dict[tuple[int, Rivalry], TableFamily] = {(0, "any"): judge.family(at, rival)}
-    errors, counted = np.zeros((2, problem.n)), np.ones(problem.n, np.bool_)
+    errors, counted = np.zeros((2, problem.n)), fold >= 0
     for one in range(int(fold.max()) + 1):
         kept, out = np.flatnonzero(fold != one), np.flatnonzero(fold == one)
         if len(kept) - orthonormal(problem.declared[kept]).shape[1] < FEWEST_SPARE:
@@ -66,7 +68,7 @@ def left_out(
     if not np.any(counted):
         return None
     before, after = np.sqrt(np.mean(errors[:, counted] ** 2, axis=1)).tolist()
-    return (before, after), words, int(np.sum(~counted))
+    return (before, after), words, int(np.sum(~counted[fold >= 0]))
 
 
 def _undetermined(problem: Problem, found: Sequence[int], kept: IntArray) -> NDArray[np.bool_]:

@@ -16,6 +16,7 @@ from fitter.trace.growing_noise import Growth, OfLevels
 from procedures.general.trace.both import Both
 from procedures.general.trace.estimate import error_of
 from procedures.general.trace.family import of_all
+from procedures.general.trace.few_rows import Searched
 from procedures.general.trace.intervals import in_words, moved, understated
 from procedures.general.trace.judge import TableJudge
 from procedures.general.trace.noise import Wandering
@@ -33,7 +34,7 @@ COARSE = 0.5
 
 
 def noise_findings(
-    judge: TableJudge, chosen: tuple[int, ...], growth: Growth | OfLevels | None, data: TableData
+    judge: TableJudge, chosen: tuple[int, ...], growth: Growth | OfLevels | None, looked: Searched
 ) -> tuple[FoundTableEffect, ...]:
     """Findings about noise with the `chosen` effects, and its influence on intervals.
 
@@ -41,12 +42,15 @@ def noise_findings(
         judge: that ended the search.
         chosen: candidates in the model.
         growth: of the noise, as used for weights.
-        data: the table.
+        looked: the table, and its gross errors beside the declared model.
     """
+    data = looked.data
     every = (
         _wander(judge, chosen, data),
         _growing(judge, chosen, growth, data),
-        _alone(judge, chosen, data),
+        _found_by_fit(judge, looked)
+        if looked.dropped
+        else _alone(judge, chosen, data) or (None if chosen else _found_by_fit(judge, looked)),
         _rounded(judge, chosen, data),
         _by_hand(judge, chosen, data),
     )
@@ -173,6 +177,31 @@ def _alone(judge: TableJudge, chosen: tuple[int, ...], data: TableData) -> Found
         data.response,
         size,
         p,
+        "look in the log at these rows, and measure them again",
+        None,
+    )
+
+
+def _found_by_fit(judge: TableJudge, looked: Searched) -> FoundTableEffect | None:
+    """Gross errors beside the declared model, as `rig fit` finds them."""
+    if not looked.apart.size:
+        return None
+    rows, z = [looked.data.rows[i] for i in looked.apart[:SHOWN]], np.abs(looked.distance_sd)
+    more = f" and {len(z) - SHOWN} more" if len(z) > SHOWN else ""
+    which = f"row{'s' if len(z) > 1 else ''} {', '.join(map(str, rows))}{more} of the file"
+    apart = f"{len(z)} of {judge.problem.n} rows {'stands' if len(z) == 1 else 'stand'} alone, by {z.max():.1f} sd"
+    size = f"{which}; as `rig fit` finds"
+    if looked.dropped:
+        size += f". They are left out here: only they show {' and '.join(looked.dropped)}, which is not named"
+    return _finding(
+        judge,
+        looked.data,
+        OUTLIERS,
+        apart,
+        {f"row {row}": float(off) for row, off in zip(rows, looked.off, strict=False)},
+        looked.data.response,
+        size,
+        looked.p,
         "look in the log at these rows, and measure them again",
         None,
     )

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from fitter.trace.doubts import CHANGES, not_constant, not_sudden
 from procedures.general.trace.constant import changes, exchanged
+from procedures.general.trace.few_rows import resting
 from procedures.general.trace.laws import other_laws
 from procedures.general.trace.nameless import Nameless
 from procedures.general.trace.sudden import not_sudden as lasting
 
 
 def doubts_of(nameless: Nameless) -> dict[str, str]:
-    """A sentence by name: those of shapes without a name first."""
-    return {**new_doubts(nameless), **nameless.doubts}
+    """A sentence by name: rows that alone show a name first, then shapes without a name."""
+    return {**new_doubts(nameless), **nameless.doubts, **resting(nameless)}
 
 
 def new_doubts(nameless: Nameless) -> dict[str, str]:

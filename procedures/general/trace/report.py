@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fitter.arrays import FloatArray
+from fitter.arrays import FloatArray, IntArray
 from fitter.effects.noise import AUTOCORRELATION
 from fitter.linear import orthonormal
 from fitter.trace.aliases import DELTA
@@ -24,6 +24,7 @@ from procedures.general.trace.both import Both
 from procedures.general.trace.cross import SHARING, left_out
 from procedures.general.trace.drawn import drawn_instead
 from procedures.general.trace.estimate import Estimate, estimate, strata_of
+from procedures.general.trace.few_rows import searched
 from procedures.general.trace.findings import noise_findings
 from procedures.general.trace.judge import TableJudge
 from procedures.general.trace.nameless import Nameless
@@ -31,7 +32,7 @@ from procedures.general.trace.noise import Wandering
 from procedures.general.trace.reasons import doubts_of
 from procedures.general.trace.remainder import pure_error, unnamed
 from procedures.general.trace.result import FoundTableEffect, TableSide, TableTrace
-from procedures.general.trace.run import Found, TableData, problem_of, search_table
+from procedures.general.trace.run import Found, TableData
 from procedures.general.trace.shared import Shared
 
 WANDER = "slow-wander"
@@ -45,12 +46,13 @@ CONSTANT = 0.99
 
 def trace_general(data: TableData) -> TableTrace:
     """Find effects missing in the declared model of a table. Method: docs/trace_tables.md."""
-    problem = problem_of(data)
-    found = search_table(data, problem)
+    looked = searched(data)
+    found, data = looked.found, looked.data
+    names, apart = data.names, looked.apart if looked.dropped else looked.apart[:0]
     judge, chosen = found.judge, found.chosen
     before, after = estimate(judge, (), data.tails), estimate(judge, chosen, data.tails)
-    crossed = left_out(problem, judge, chosen)
-    pure = [pure_error(data.y, data.points, judge.problem.of(terms)) for terms in ((), chosen)]
+    crossed = left_out(looked.problem, judge, chosen, apart)
+    pure = [pure_error(data.y, data.points, _apart_from(judge, terms, apart)) for terms in ((), chosen)]
     nameless = Nameless(judge, chosen, data)
     doubts = doubts_of(nameless)
     left = unnamed(nameless, _variables(data))
@@ -58,7 +60,7 @@ def trace_general(data: TableData) -> TableTrace:
         left += in_place_of(found.not_kept)
     shown = [_effect(judge, after, name, data) for name in names_of(judge.candidates, chosen)]
     divided = _shares(judge, chosen, shown, unnamed_part(left))
-    noise = noise_findings(judge, chosen, found.growth, data)
+    noise = noise_findings(judge, chosen, found.growth, looked)
     wanders = any(finding.effect == AUTOCORRELATION for finding in noise)
     slow = {c.effect.name for c in judge.candidates if c.effect.source == "time" or ORDER in c.effect.columns}
     wandering = slow if wanders else set()
@@ -72,7 +74,7 @@ def trace_general(data: TableData) -> TableTrace:
     return TableTrace(
         response=data.response,
         declared=data.formula,
-        names=data.names,
+        names=names,
         verdict=verdict(
             found=bool(effects),
             fell=after.sigma_E < before.sigma_E,
@@ -91,6 +93,13 @@ def trace_general(data: TableData) -> TableTrace:
         left_out=None if crossed is None else data.shares if crossed[1] == SHARING else crossed[1],
         search=found,
     )
+
+
+def _apart_from(judge: TableJudge, terms: tuple[int, ...], apart: IntArray) -> FloatArray:
+    """(n, d) columns of effects, and one for each row that is apart."""
+    own = np.zeros((judge.problem.n, apart.size))
+    own[apart, np.arange(apart.size)] = 1.0
+    return np.hstack([judge.problem.of(terms), own])
 
 
 def _doubt(effect: FoundTableEffect, wandering: Collection[str]) -> str | None:
