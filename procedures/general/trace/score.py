@@ -307,4 +307,4 @@ def _lengths(columns: FloatArray) -> FloatArray:
 
 def _scaled(squares: FloatArray, length: FloatArray, at: IntArray) -> FloatArray:
     """Sums of squares of some columns over their squared lengths."""
-    return np.asarray(squares[at] / np.maximum(length[at], np.finfo(float).tiny) ** 2)
+    return np.asarray(squares[at] / np.maximum(length[at] ** 2, np.finfo(float).tiny))
