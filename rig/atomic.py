@@ -6,7 +6,6 @@ import contextlib
 import errno
 import io
 import os
-import secrets
 import stat
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -14,6 +13,7 @@ from typing import IO
 
 from rig.errors import UsageError
 from rig.regular import open_regular
+from rig.temporary import open_temporary, sweep, temporary_in
 
 
 def write_whole(path: Path, write: Callable[[IO[str]], object]) -> None:
@@ -40,17 +40,16 @@ def write_whole_bytes(path: Path, write: Callable[[IO[bytes]], object]) -> None:
     """The same for a binary file."""
     target = check_writable(path)
     mode = stat.S_IMODE(target.stat().st_mode) if target.exists() else None
-    # A temporary name of its own length: the file's name may have the maximum length.
-    temporary = target.with_name(f".rig-{os.getpid()}-{secrets.token_hex(4)}.tmp")
+    sweep(target.parent)
+    temporary = temporary_in(target.parent)
     try:
-        made = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666 if mode is None else mode)
-        with os.fdopen(made, "wb") as file:
+        with open_temporary(temporary, 0o666 if mode is None else mode) as file:
             if mode is not None:
-                os.fchmod(made, mode)
+                os.fchmod(file.fileno(), mode)
             write(file)
             file.flush()
-            os.fsync(made)  # otherwise a power cut after the rename could leave an empty file under the name
-        os.replace(temporary, target)
+            os.fsync(file.fileno())  # otherwise a power cut after the rename could leave an empty file under the name
+            os.replace(temporary, target)
     except BaseException as error:
         with contextlib.suppress(OSError):
             temporary.unlink()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import json
 import os
 from collections.abc import Iterator, Mapping
@@ -14,8 +15,11 @@ from typing import Any
 from rig.certificate.document import Amendment
 from rig.certificate.seal import hash_of
 from rig.errors import UsageError
+from rig.temporary import locked, open_temporary, sweep, sync_folder, temporary_in
 
 FORMS = ("pdf", "html", "xml", "json")
+COMMIT = "json"
+"""The form that is written last: with it, a certificate is issued."""
 _MOST_CHANGES = 20
 _NEVER = (("number",), ("amends",), ("dates", "issued"))
 """Parts of a document that differ in every amendment."""
@@ -53,27 +57,42 @@ def number_of_amendment(folder: Path, original: str) -> str:
 def write_once(folder: Path, number: str, forms: Mapping[str, bytes]) -> list[Path]:
     """Write all forms of a certificate, or none. An existing file is never replaced.
 
+    All forms are durable under temporary names before one gets its own. The JSON is the last: a certificate is issued
+    when it is there. Until then `.NUMBER.issuing` stands for it, so that the files of an issue that was cut are known.
+
     Args:
-        folder: made if it does not exist.
+        folder: made if it does not exist; the caller has its lock (`issuing`).
         number: of the certificate.
         forms: contents by form.
 
     Raises:
         UsageError: a file of this number exists, or the disk refuses.
     """
+    made: dict[Path, Path] = {}
     written: list[Path] = []
+    mark = _mark(folder, number)
+    *before, last = sorted(((folder / f"{number}.{form}", form) for form in forms), key=lambda one: one[1] == COMMIT)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for form, contents in forms.items():
-            path = folder / f"{number}.{form}"
-            made = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
-            written.append(path)
-            with os.fdopen(made, "wb") as file:
-                file.write(contents)
+        sweep(folder)
+        for path, form in (*before, last):
+            made[path] = temporary_in(folder)
+            with open_temporary(made[path]) as file:
+                file.write(forms[form])
                 file.flush()
-                os.fsync(made)
+                os.fsync(file.fileno())
+        check_free(folder, number)
+        os.replace(made[last[0]], mark)
+        sync_folder(folder)
+        for path, _ in before:
+            _name(made[path], path)
+            written.append(path)
+        sync_folder(folder)
+        _name(mark, last[0])
+        written.append(last[0])
+        sync_folder(folder)
     except BaseException as error:
-        for path in written:
+        for path in (*reversed(written), mark):  # the JSON first
             with contextlib.suppress(OSError):
                 path.unlink()
         if isinstance(error, FileExistsError):
@@ -81,13 +100,81 @@ def write_once(folder: Path, number: str, forms: Mapping[str, bytes]) -> list[Pa
         if isinstance(error, OSError):
             raise UsageError(f"{folder} cannot be written to: {error.strerror}; nothing was written") from error
         raise
-    return written
+    finally:
+        for path in made.values():
+            with contextlib.suppress(OSError):
+                path.unlink()
+    with contextlib.suppress(OSError):
+        mark.unlink()
+    return [folder / f"{number}.{form}" for form in forms]
+
+
+def _name(file: Path, path: Path) -> None:
+    """Give a file its name. Raises `FileExistsError` if there is one, which a rename alone would replace."""
+    try:
+        os.link(file, path)
+    except OSError as error:
+        if error.errno not in (errno.EPERM, errno.EOPNOTSUPP, errno.ENOSYS):
+            raise
+        if path.exists() or path.is_symlink():  # a file system without links, such as that of a memory stick
+            raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(path)) from None
+        os.rename(file, path)
+
+
+@contextlib.contextmanager
+def issuing(folder: Path) -> Iterator[list[str]]:
+    """Hold the lock of a folder while a number is chosen and its files are written; the folder is made.
+
+    Returns:
+        Numbers whose issue was cut before its JSON was there: these certificates were never issued, and their files
+        have been removed.
+
+    Raises:
+        UsageError: the folder cannot be made or locked.
+    """
+    new = not folder.exists()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UsageError(f"{folder} cannot be made: {error.strerror}; choose another folder") from error
+    try:
+        with locked(folder):
+            yield [name for mark in sorted(folder.glob(".*.issuing")) if _discarded(folder, name := mark.name[1:-8])]
+    except BaseException:
+        if new:
+            with contextlib.suppress(OSError):  # only an empty one is removed
+                folder.rmdir()
+        raise
+
+
+def _discarded(folder: Path, number: str) -> bool:
+    """Remove the mark of an issue that was cut; if the JSON is not there, the other files, too, and say so.
+
+    Files without a mark are not touched: a person may have moved the JSON away.
+    """
+    cut = not (folder / f"{number}.{COMMIT}").exists()
+    for path in taken(folder, number) if cut else ():
+        path.unlink()
+    _mark(folder, number).unlink()
+    return cut
+
+
+def _mark(folder: Path, number: str) -> Path:
+    return folder / f".{number}.issuing"
 
 
 def check_free(folder: Path, number: str) -> None:
     """Refuse a number that has a certificate. Raises `UsageError`."""
-    if taken(folder, number):
-        raise _exists(number, folder)
+    found = taken(folder, number)
+    if not found:
+        return
+    if not (folder / f"{number}.{COMMIT}").exists():
+        names = " and ".join(path.name for path in found)
+        raise UsageError(
+            f"{folder} has {names} and no {number}.{COMMIT}: the certificate was cut while it was written, or its "
+            f"{COMMIT} was moved. They are never overwritten: bring that back, or move {names} away if nobody has it"
+        )
+    raise _exists(number, folder)
 
 
 def _exists(number: str, folder: Path) -> UsageError:
@@ -174,12 +261,12 @@ def _changes(old: Any, new: Any, where: tuple[str, ...] = ()) -> Iterator[tuple[
     elif isinstance(old, list) and isinstance(new, list):
         for n in range(max(len(old), len(new))):
             first, then = (part[n] if n < len(part) else None for part in (old, new))
-            yield from _changes(first, then, (*where, _name(first if first is not None else then, n)))
+            yield from _changes(first, then, (*where, _label(first if first is not None else then, n)))
     elif old != new:
         yield " ".join(where).replace("_", " "), old, new
 
 
-def _name(part: Any, n: int) -> str:
+def _label(part: Any, n: int) -> str:
     """Name of an entry of a list, or its ordinal."""
     if isinstance(part, Mapping):
         for key in ("sensor", "name", "label", "result"):

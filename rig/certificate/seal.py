@@ -20,6 +20,7 @@ from rig.atomic import write_whole
 from rig.dcc.extras import needed
 from rig.errors import RunFileError, UsageError
 from rig.regular import open_regular
+from rig.temporary import locked
 
 _PURPOSE = b"calibration-rig seal 1\n"
 """Before every statement that is signed: the same key's signature of something else is no seal."""
@@ -168,10 +169,11 @@ def _read(path: Path) -> bytes:
 
 
 def _add(run_file: Path, made: Mapping[str, Any]) -> None:
-    """Write `RUN.seal` anew with a further seal; those before it stay."""
+    """Write `RUN.seal` anew with a further seal; those before it stay, also those that others add at this moment."""
     path = beside(run_file)
-    seals = [*stored(run_file), made]
-    write_whole(path, lambda file: json.dump({"seals": seals}, file, indent=2))
+    with locked(path.resolve().parent):
+        seals = [*stored(run_file), made]
+        write_whole(path, lambda file: json.dump({"seals": seals}, file, indent=2))
 
 
 def stored(run_file: Path) -> list[Any]:

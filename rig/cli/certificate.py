@@ -132,6 +132,9 @@ def certificate(
     out.print(f"{simulated}certificate {escape(made.document.number)}: {count} results", soft_wrap=True)
     for path in made.files:
         out.print(f"  {escape(str(path))}", soft_wrap=True)
+    for name in made.discarded:
+        words = f"certificate {name} was cut while it was written, and never issued: its files were removed"
+        err.print(f"  [yellow]{escape(words)}[/]", soft_wrap=True)
     for change in made.document.amends.changes if made.document.amends else ():
         err.print(f"  amended: {escape(change)}", soft_wrap=True)
     return ExitCode.DONE

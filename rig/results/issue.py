@@ -14,6 +14,7 @@ from rig.certificate.files import (
     amendment,
     check_free,
     check_number,
+    issuing,
     next_number,
     number_of_amendment,
     write_once,
@@ -59,10 +60,11 @@ class Issue:
 
 @dataclass(frozen=True, eq=False)
 class Issued:
-    """An issued certificate and its files."""
+    """An issued certificate and its files; and numbers of earlier issues that were cut and are discarded."""
 
     document: Document
     files: tuple[Path, ...]
+    discarded: tuple[str, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """JSON values: the document, and its files by form."""
@@ -85,6 +87,11 @@ def issue(made: Made, how: Issue) -> Issued:
         UsageError: an extra is missing, the number exists, nothing was amended, a unit is unknown, or the disk refuses.
         ConfigurationError: the template cannot be used.
     """
+    with issuing(how.out) as discarded:
+        return replace(_issued(made, how), discarded=tuple(discarded))
+
+
+def _issued(made: Made, how: Issue) -> Issued:
     from rig.certificate.as_dcc import dcc  # noqa: PLC0415 - where a certificate is written
     from rig.certificate.html import html  # noqa: PLC0415
     from rig.certificate.pdf import pdf  # noqa: PLC0415

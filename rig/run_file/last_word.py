@@ -14,6 +14,7 @@ import stat
 from pathlib import Path
 
 from rig.regular import open_regular, real_path
+from rig.temporary import temporary_in
 
 _SIZE = 8 + 32
 
@@ -45,7 +46,7 @@ def _opened(path: Path) -> int:
     said = b""
     with contextlib.suppress(OSError), open_regular(path) as file:
         said = file.read(_SIZE)
-    fresh = path.with_name(f"{path.name}.{os.getpid()}.tmp")
+    fresh = temporary_in(path.parent)
     descriptor = os.open(fresh, flags | os.O_EXCL, 0o644)
     try:
         os.write(descriptor, said)

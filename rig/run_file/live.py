@@ -22,6 +22,7 @@ from typing import Any
 
 from rig.regular import real_path
 from rig.run_file.bodies import COUNT, NUMBER
+from rig.temporary import sweep, temporary_in
 
 VERBS = ("hold", "release", "stop", "done")
 
@@ -38,7 +39,7 @@ def request_path(run: Path) -> Path:
 
 def replace_json(path: Path, content: Mapping[str, Any]) -> None:
     """Replace a small JSON file atomically: readers see the old or the new one, never a part."""
-    temporary = f"{path.parent}/.rig-{os.getpid()}-{secrets.token_hex(4)}.tmp"  # for names of any length
+    temporary = temporary_in(path.parent)
     try:
         with open(temporary, "wb") as file:
             file.write(json.dumps(content).encode() + b"\n")
@@ -130,6 +131,7 @@ class LiveState:
         self._path = live_path(run)
         self._stopwatch = stopwatch
         self._written = -1e9
+        sweep(self._path.parent)
 
     def publish(self, content: Callable[[], Mapping[str, Any]], *, now: bool = False) -> None:
         """Write what `content` returns, unless less than a second has passed and it is not urgent."""
@@ -221,7 +223,8 @@ def send_request(run: Path, verb: str, **more: Any) -> str | None:
         return None
     request_id = secrets.token_hex(8)
     request = request_path(run)
-    temporary = request.with_name(f".rig-{request_id}.tmp")
+    sweep(request.parent)
+    temporary = temporary_in(request.parent)
     content = {"id": request_id, "session": live["session"], "verb": verb, **more}
     try:
         temporary.write_text(json.dumps(content) + "\n", encoding="utf-8")
