@@ -79,6 +79,15 @@ def check_files(written: Sequence[Path | None], read: Sequence[Path | None]) -> 
         seen[target] = path
 
 
+def check_ending(path: Path, ending: str) -> None:
+    """Refuse a name that says another format than is written. Raises `UsageError`."""
+    if path.suffix.lower() not in (ending, ".txt", ""):
+        raise UsageError(
+            f"{path} would have {ending[1:].upper()} under a name that says {path.suffix}: only this is "
+            f"written; name it {path.with_suffix(ending)}"
+        )
+
+
 def check_added_to(path: Path | None, apart_from: Sequence[Path | None]) -> None:
     """Refuse to append to a run file, or to another file of the same command. Raises `UsageError`."""
     if path is None:

@@ -13,6 +13,7 @@ from pathlib import Path
 from unittest.mock import patch
 
 import pytest
+from command import rig
 from test_seal import command
 
 from proving.crashes.damages import small_finished
@@ -211,3 +212,10 @@ def test_a_folder_on_a_file_system_without_locks_on_folders_is_locked_by_a_file(
     with patch("fcntl.flock", side_effect=OSError(5, "Input/output error")), refused, locked(tmp_path):
         raise AssertionError
     assert temporary_in(tmp_path).parent == tmp_path
+
+
+@pytest.mark.parametrize("ending", [".parquet", ".h5", ".xlsx", ".feather", ".json"])
+def test_csv_is_not_written_under_the_name_of_another_format(tmp_path, ending):
+    done = rig("export", tmp_path / "run.sqlite", "--out", tmp_path / f"x{ending}")
+    assert (done.returncode, list(tmp_path.iterdir())) == (2, [])
+    assert f"a name that says {ending}: only this is written; name it" in " ".join(done.stderr.split())

@@ -12,7 +12,7 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
-from rig.atomic import check_files
+from rig.atomic import check_ending, check_files
 from rig.cli import app
 from rig.cli.show import err, headline
 from rig.errors import ExitCode
@@ -38,6 +38,7 @@ def export(
     from rig.tables.faults import check_replaceable, faults, write_faults  # noqa: PLC0415
     from rig.tables.table_of_run import run_table  # noqa: PLC0415
 
+    check_ending(out_file, ".csv")
     beside = out_file.with_name(f"{out_file.stem}.faults.csv") if everything and not salvage else None
     check_files([out_file, beside], [run_file])
     if beside is not None:
