@@ -180,6 +180,11 @@ def of_reading(formula: str | None) -> Callable[[float], float]:
 def _check_safe_setpoints(config: BenchConfig, options: Mapping[str, BaseModel], where: str) -> None:
     """Refuse a safe setpoint outside the limits of the safe state: every run would end as unsafe."""
     low, high = config.safety.ambient_degC
+    named = () if isinstance(config.safety.on_stop, str) else config.safety.on_stop
+    for name in named:
+        if name not in config.instruments:
+            known = ", ".join(config.instruments)
+            raise ConfigurationError(f"{where}: safety.on_stop: this bench has no instrument {name} (known: {known})")
     for name, given in options.items():
         safe = getattr(given, "safe_degC", None)
         if safe is not None and not low <= safe <= high:

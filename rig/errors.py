@@ -46,6 +46,12 @@ class BenchFault(RigError):
     """The bench cannot do what the procedure requires; it has been brought to its safe state."""
 
 
+class NotSafe(RigError):
+    """An unforeseen error, its cause, after which some instruments could not be brought to their safe state."""
+
+    exit_code = ExitCode.UNSAFE
+
+
 class BusyError(UsageError):
     """Another controller is using this bench or run file; nothing was touched."""
 

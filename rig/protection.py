@@ -60,6 +60,16 @@ class SafetyConfig(_Strict):
         (8.0, 17.0), description="pressure of a vented line; read back in the safe state"
     )
 
+    on_stop: Literal["hold", "off"] | dict[str, Literal["hold", "off"]] = Field(
+        "hold",
+        description="outputs at an interruption (SIGINT, SIGTERM, SIGHUP): hold, they stay on; off, safe state of the "
+        "instrument; for all, or a table by instrument. All other ends bring every instrument to its safe state",
+    )
+
+    def switched_off(self, instrument: str) -> bool:
+        """Whether an interruption brings an instrument to its safe state."""
+        return (self.on_stop if isinstance(self.on_stop, str) else self.on_stop.get(instrument)) == "off"
+
     @model_validator(mode="after")
     def _in_order(self) -> Self:
         for name, (low, high) in (("ambient_degC", self.ambient_degC), ("ambient_psia", self.ambient_psia)):

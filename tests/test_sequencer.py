@@ -12,7 +12,7 @@ from transitions import MachineError
 from drivers.errors import InstrumentError, NoReply
 from rig.engine.session import Outcome, Signals
 from rig.engine.states import TRANSITIONS, Moves, State, machine
-from rig.errors import StorageError
+from rig.errors import ExitCode, NotSafe, StorageError
 from rig.run_file.reader import RunReader
 
 POINTS = 18
@@ -253,6 +253,44 @@ def test_what_cannot_be_made_safe_is_said_and_has_an_outcome_of_its_own(tmp_path
     outcome, _, _, message = run_session(path, spoil=stuck)
     assert outcome is Outcome.UNSAFE
     assert "NOT everything could be brought to its safe state: head: head does not stop" in message
+
+
+def defect(news):
+    if news.done == 3:
+        raise ZeroDivisionError("a defect of the program")
+
+
+def test_an_unforeseen_error_after_which_the_bench_is_not_safe_ends_in_5_and_is_recorded(tmp_path):
+    path = new_run(tmp_path)
+
+    def stuck(_bench, head, _reader):
+        def refuse():
+            head.read = refuse
+            raise NoReply("head does not stop")
+
+        head.make_safe = refuse
+
+    with pytest.raises(
+        NotSafe, match=r"(?s)a defect of the program.*NOT everything.*head: head does not stop"
+    ) as caught:
+        run_session(path, spoil=stuck, on_progress=defect)
+    assert caught.value.exit_code == ExitCode.UNSAFE
+    assert isinstance(caught.value.__cause__, ZeroDivisionError)
+    (fault,) = records(path, "fault")
+    assert fault.status == "abort"
+    assert "ZeroDivisionError" in fault.data["message"]
+    (safe,) = (r for r in records(path, "event") if r.status == "safe")
+    assert safe.data["unsafe"] == ["head: head does not stop"]
+    assert run_session(path)[0] is Outcome.COMPLETE
+
+
+def test_an_unforeseen_error_with_a_safe_bench_is_recorded_too_and_keeps_its_name(tmp_path):
+    path = new_run(tmp_path)
+    with pytest.raises(ZeroDivisionError):
+        run_session(path, on_progress=defect)
+    (fault,) = records(path, "fault")
+    assert "safe after" in fault.data["message"]
+    assert run_session(path)[0] is Outcome.COMPLETE
 
 
 def test_a_signal_stops_motion_and_leaves_the_run_resumable(tmp_path):

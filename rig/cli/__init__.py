@@ -18,7 +18,7 @@ import typer
 
 from procedures.errors import BrokenKind, DataError
 from rig.cli.commands import Commands
-from rig.errors import ExitCode, RigError
+from rig.errors import ExitCode, NotSafe, RigError
 
 # Typer contains click from 0.2x on and used the installed one before: this finds both.
 _UsageProblem: type[Exception] = next(cls for cls in typer.BadParameter.__mro__ if cls.__name__ == "ClickException")
@@ -66,6 +66,8 @@ def main() -> None:
         from rig.present.visible import visible  # noqa: PLC0415
 
         print(f"rig: {visible(str(error))}", file=sys.stderr)
+        if isinstance(error, NotSafe) and isinstance(error.__cause__, Exception):
+            print(f"rig: {_unforeseen(error.__cause__)}", file=sys.stderr)
         code = _exit_code(error)
     except _UsageProblem as error:
         error.show(file=sys.stderr)  # type: ignore[attr-defined]  # every ClickException has it

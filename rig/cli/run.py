@@ -21,7 +21,7 @@ from rig.atomic import check_added_to
 from rig.cli import app
 from rig.cli.options import BenchOption, OperatorOption, ProcedureArgument, RunArgument
 from rig.cli.progress import run_progress
-from rig.cli.show import err, mark
+from rig.cli.show import err, mark, outlive_readers
 from rig.cli.unattended import (
     Listening,
     LogFormatOption,
@@ -92,6 +92,7 @@ def run(
 
     Example: `rig run procedure.toml --bench bench.toml --dry --world world.toml`
     """
+    outlive_readers()
     by = operator(operator_name)
     check_added_to(log, [procedure, bench, world, notify_file])
     plan = load_plan(procedure, bench, dry=dry, world=world)
@@ -164,6 +165,7 @@ def resume(
 
     Example: `rig resume runs/20260115T180000-night-1a2b.sqlite`
     """
+    outlive_readers()
     by = operator(operator_name)
     check_added_to(log, [run_file, bench, notify_file])
     with RunReader.open(run_file) as reader:
@@ -208,6 +210,8 @@ def conclude(result: Result) -> int:
     with contextlib.suppress(OSError):  # a full or closed log does not change the result of the run
         for words in warnings_in(result.path):
             err.print(f"[bold yellow]warning:[/] {escape(words)}", soft_wrap=True)
+        for words in state.left_on:
+            err.print(f"[bold yellow]left on:[/] {escape(words)}", soft_wrap=True)
         if result.message and (result.outcome is not Outcome.INTERRUPTED or result.parked):
             print(f"rig: {visible(result.message)}", file=sys.stderr)
         for index, reason in sorted(state.skipped.items()):
@@ -257,14 +261,19 @@ def _outside_acceptance(result: Result) -> bool:
 
 
 def signals() -> Signals:
-    """SIGINT, SIGTERM and SIGHUP (a lost terminal) stop motion and leave the run resumable."""
+    """SIGINT, SIGTERM and SIGHUP (a lost terminal) stop motion and leave the run resumable.
+
+    SIGINT and SIGHUP stay ignored if they were ignored when this process began.
+    """
     signals = Signals()
 
     def note(number: int, _frame: FrameType | None) -> None:
         signals.interrupt = signal.Signals(number).name
 
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, note)
+        # nohup, and shells that start a command in the background, ask for these to be ignored
+        if number == signal.SIGTERM or signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, note)
     return signals
 
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 import sys
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TextIO, cast
 
 from rich.console import Console
 from rich.markup import escape
@@ -16,6 +18,7 @@ from rig.present.terminal import show
 from rig.present.visible import visible
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from pathlib import Path
 
     from rich.text import Text
@@ -32,6 +35,47 @@ class _Console(Console):
     def on_broken_pipe(self) -> None:
         """Leave it to `rig.cli.main`: the reader of our output has gone, which is not a fault."""
         raise BrokenPipeError
+
+
+class _Outliving:
+    """A standard stream that loses its text when its terminal or reader has gone; the command goes on.
+
+    Args:
+        stream: the stream.
+
+    """
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+    def write(self, text: str) -> int:
+        """Write, or lose, a text; returns its length."""
+        self._or_lose(lambda: self._stream.write(text))
+        return len(text)
+
+    def flush(self) -> None:
+        """Flush, if anybody reads it."""
+        self._or_lose(self._stream.flush)
+
+    def _or_lose(self, act: Callable[[], object]) -> None:
+        try:
+            act()
+        except OSError as error:
+            if error.errno not in (errno.EIO, errno.EPIPE):
+                raise
+            # Python keeps the text, and would fail again when it flushes at its end.
+            null = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(null, self._stream.fileno())
+            os.close(null)
+
+
+def outlive_readers() -> None:
+    """Let this command go on, with its own exit code, when its terminal is closed (EIO) or its reader ends (EPIPE)."""
+    sys.stdout = cast("TextIO", _Outliving(sys.stdout))
+    sys.stderr = cast("TextIO", _Outliving(sys.stderr))
 
 
 out = _Console(highlight=False, emoji=False)

@@ -14,7 +14,7 @@ from rig.engine.actions import BenchActions
 from rig.engine.deciding import LEAVE, Deciding
 from rig.engine.fault_classes import FAULTS, InterlockHold
 from rig.engine.journal import Journal
-from rig.engine.safe_state import make_safe
+from rig.engine.safe_state import make_safe, outputs_on
 from rig.engine.states import State
 from rig.errors import StorageError
 from rig.run_file.events.bench import MadeSafe
@@ -65,6 +65,23 @@ class Parking:
                     return f"not parked: {what}"
                 continue
             return ""
+
+    def leave(self) -> tuple[list[str], list[str]]:
+        """Leave the bench at an interruption: what the bench file declares is switched off, the rest stays on.
+
+        Returns:
+            outputs that stay on, with their values; instruments that were to be switched off and are not.
+
+        """
+        names, safety = list(self._bench.instruments), self._bench.config.safety
+        off = [name for name in names if safety.switched_off(name)]
+        unsafe: list[str] = []
+        if off:
+            safe = make_safe(self._bench, self._clock, off)
+            unsafe = list(safe.unsafe)
+            with contextlib.suppress(StorageError):
+                self._journal.write(safe)
+        return outputs_on(self._bench, [name for name in names if name not in off]), unsafe
 
     def make_safe(self) -> MadeSafe:
         """Bring the bench to its safe state; the duration and readbacks are recorded if possible."""

@@ -8,6 +8,7 @@ named.
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Collection
 from typing import Any
 
 from drivers.clock import Clock
@@ -159,15 +160,17 @@ _TASKS: tuple[tuple[type, type[_Task]], ...] = (
 """Order of instruments, and how each is brought to its safe state."""
 
 
-def make_safe(bench: Bench, clock: Clock) -> MadeSafe:
-    """Bring every instrument to its safe state, also after errors, and verify it by readback."""
+def make_safe(bench: Bench, clock: Clock, only: Collection[str] | None = None) -> MadeSafe:
+    """Bring every instrument, or `only` those of these names, to its safe state, also after errors, and verify it by
+    readback.
+    """
     safety, began = bench.config.safety, clock.now()
     end = began + safety.within_s
     tasks = [
         kind(name, instrument, safety, clock)
         for role, kind in _TASKS
         for name, instrument in bench.instruments.items()
-        if _role(instrument) is role
+        if _role(instrument) is role and (only is None or name in only)
     ]
     for task in tasks:
         task.begin()
@@ -190,6 +193,35 @@ def make_safe(bench: Bench, clock: Clock) -> MadeSafe:
         silent=tuple(f"{task.name}: {task.problem}" for task in failed if task.harmless),
         found={task.name: task.found for task in tasks if task.found},
     )
+
+
+def outputs_on(bench: Bench, names: Collection[str]) -> list[str]:
+    """Outputs of these instruments that are on, each with its value: "calibrator stays on at 1000 V". Commands nothing.
+
+    An instrument that does not answer may be on, and is named.
+    """
+    found = []
+    for name in names:
+        instrument: Any = bench.instruments[name]
+        role = _role(instrument)
+        try:
+            if role is Source:
+                source = instrument.read()
+                told = f"stays on at {source.value:g} {instrument.unit()}" if source.output and not source.safe else ""
+            elif role is PressureController:
+                line = instrument.read()
+                controls = line.controlling or line.venting
+                told = f"keeps control at {line.pressure_psia:.4g} psia" if controls else ""
+            elif role is Chamber:
+                chamber = instrument.read()
+                told = f"stays on at a setpoint of {chamber.setpoint_degC:g} degC" if chamber.running else ""
+            else:
+                continue
+        except Exception as error:  # an ending is said in any case
+            told = f"may be on, it was not read: {str(error) or repr(error)}"
+        if told:
+            found.append(f"{name} {told}")
+    return found
 
 
 _roles: dict[type, type] = {}

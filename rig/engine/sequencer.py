@@ -7,6 +7,7 @@ without observations.
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -41,8 +42,9 @@ from rig.engine.set_by_hand import SetByHand
 from rig.engine.soaking import Soaking
 from rig.engine.standing import Standing
 from rig.engine.states import AT_POINT, FINAL, Moves, State
-from rig.errors import BenchFault, RigError, StorageError
+from rig.errors import BenchFault, NotSafe, RigError, StorageError
 from rig.run_file.events.bench import AsFound, EnvironmentSettled, Fault, Homed, MadeSafe, Prepared, Preparing, Remark
+from rig.run_file.events.event import EMPTY
 from rig.run_file.events.points import Skipped
 from rig.run_file.events.sessions import Ended, Held, Interruption, Parked, Stopped
 from rig.run_file.live import Requests
@@ -219,8 +221,11 @@ class Sequencer:
                 journal.state = moves.state
                 journal.tell()
             return self._outcome or Outcome.FAULT
+        except Exception as error:
+            self._unforeseen(error)  # safe state first, then the traceback
+            raise
         except BaseException:
-            make_safe(self._bench, self._clock)  # unexpected error: safe state first, then the traceback
+            make_safe(self._bench, self._clock)  # the process ends; nothing is recorded
             raise
         finally:
             self._journal.close()
@@ -456,9 +461,24 @@ class Sequencer:
     def _interrupted(self) -> str | None:
         """Handle a signal: stop motion, record it, and leave the run for `rig resume`."""
         self._deciding.stop_motion()
-        self._journal.write(Interruption(signal=self._signals.interrupt))
-        self._outcome = Outcome.INTERRUPTED
+        left, unsafe = self._way_out.leave()
+        self._journal.write(Interruption(signal=self._signals.interrupt, left_on=left or EMPTY, unsafe=unsafe or EMPTY))
+        self._outcome = Outcome.UNSAFE if unsafe else Outcome.INTERRUPTED
+        self._journal.message = "; ".join((*unsafe, *left))
         return None
+
+    def _unforeseen(self, error: Exception) -> None:
+        """Make the bench safe after a defect of the program, and record both. Raises `NotSafe` if it is not safe."""
+        cause = f"unforeseen: {type(error).__name__}: {error}"
+        try:
+            safe = self._way_out.make_safe()
+            words, unsafe = safe.words, bool(safe.unsafe)
+        except Exception as another:  # nothing is known then
+            words, unsafe = f"NOT known to be in its safe state, check the bench on site: {another!r}", True
+        with contextlib.suppress(Exception):  # the run file may be the defect
+            self._journal.write(Fault(decision=ABORT, message=f"{cause}\n{words}", state=str(self.state)))
+        if unsafe:
+            raise NotSafe(f"{cause}\n{words}") from error
 
     def _give_up(self, message: str, *, recorded: bool = True, safe: MadeSafe | None = None) -> str:
         """Make the bench safe first, then record why."""

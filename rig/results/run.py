@@ -123,7 +123,9 @@ def _interruptible() -> Iterator[Signals]:
     def note(number: int, _frame: FrameType | None) -> None:
         signals.interrupt = signal.Signals(number).name
 
-    before = signal.signal(signal.SIGINT, note)
+    before = signal.getsignal(signal.SIGINT)
+    if before is not signal.SIG_IGN:  # a shell's background command ignores it
+        signal.signal(signal.SIGINT, note)
     try:
         yield signals
     finally:

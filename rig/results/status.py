@@ -122,6 +122,8 @@ class Status:
                 yield Line(f"    {escape(f'{duration(record.elapsed_s)}: {record.sentence()}')}")
         if self.told["running"] or state.ended is not None:
             return
+        for words in state.left_on:
+            yield Line(f"  [bold yellow]left on:[/] {escape(words)}")
         if state.last_fault:
             yield Line(f"  [red]last fault:[/] {escape(state.last_fault)}")
         if state.safe.get("unsafe"):
@@ -177,6 +179,7 @@ def _status(run_file: Path) -> Status:
         "decisions": state.decisions,
         "faults": [_fault(record) for record in state.faults],
         "safe": state.safe,
+        "left_on": state.left_on,
         "message": f"{live.get('message', '')} {live.get('detail', '')}".strip() if running else "",
         "to_do": _to_do(live, run_file),
         "by_hand": [_done(event) for _, event in sorted(state.by_hand.items())],

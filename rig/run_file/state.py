@@ -15,7 +15,7 @@ from rig.run_file.events.bench import Fault, MadeSafe, Prepared, Preparing
 from rig.run_file.events.by_hand import DoneByHand, SetByHand
 from rig.run_file.events.event import Event
 from rig.run_file.events.points import ACCEPTED, Observed, Skipped, TemperaturesLeft, WholePlotBegan, WholePlotLost
-from rig.run_file.events.sessions import Ended, Identified, Rescued, RunCreated, SessionBegan, Stopped
+from rig.run_file.events.sessions import Ended, Identified, Interruption, Rescued, RunCreated, SessionBegan, Stopped
 from rig.run_file.indexes import IndexCounts, IndexSet
 from rig.run_file.opening import makes_no_sense
 from rig.run_file.reader import RunReader
@@ -56,6 +56,7 @@ class RunState:
         decisions: number of decisions, by class of fault and decision ("no_reply: retry").
         faults: records of the last faults, for people.
         safe: body of the last event of bringing the bench to its safe state.
+        left_on: outputs that the last session left on, with their values; empty after a safe state.
         ended: status of the end record, None while the run can be resumed.
         rescued: the rescued copy in which the run continues; "" if it continues here.
         simulated: whether no real instrument is involved.
@@ -90,6 +91,7 @@ class RunState:
     decisions: dict[str, int] = field(default_factory=dict)
     faults: deque[Record] = field(default_factory=lambda: deque(maxlen=_FAULTS_KEPT))
     safe: dict[str, Any] = field(default_factory=dict)
+    left_on: list[str] = field(default_factory=list)
     ended: str | None = None
     rescued: str = ""
     simulated: bool = False
@@ -131,7 +133,7 @@ class RunState:
                 self.session = event
                 if event.by and event.by not in self.operators:
                     self.operators.append(event.by)
-                self.last_fault = None
+                self.last_fault, self.left_on = None, []
                 self.rested = "interrupted"
                 self.rescued = ""
             case Preparing():
@@ -141,6 +143,11 @@ class RunState:
                 self.worked_s = record.elapsed_s
             case MadeSafe():
                 self.safe = record.data
+            case Interruption():
+                self.left_on = [*event.left_on]
+                if event.unsafe:
+                    self.rested = "faulted"
+                    self.last_fault = "; ".join(event.unsafe)
             case Rescued():
                 self.rescued = event.to
             case Stopped():

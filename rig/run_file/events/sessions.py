@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from procedures.by_hand import HandStep
-from rig.run_file.bodies import Count, MaybeText, Seconds, Steps, Text, Texts, Truth, Whole
+from rig.run_file.bodies import Count, MaybeText, Seconds, Steps, Text, Texts, Truth, Whole, Words
 from rig.run_file.events.event import (
     DECISION,
     EMPTY,
@@ -182,9 +182,18 @@ class Identified(Event, kind="identity"):
 
 @dataclass(frozen=True, kw_only=True)
 class Interruption(Event, status="interrupted", matters=SESSION, exported=True, ends="interrupted ({signal})"):
-    """A signal ended the session; the run can be resumed."""
+    """A signal ended the session; the run can be resumed.
+
+    Attributes:
+        signal: its name.
+        left_on: outputs that stay on, with their values, one sentence each.
+        unsafe: instruments that were to be switched off and are not, one sentence each.
+
+    """
 
     signal: Text = "signal"
+    left_on: Words = EMPTY
+    unsafe: Words = EMPTY
 
 
 @dataclass(frozen=True, kw_only=True)
