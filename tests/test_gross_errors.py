@@ -302,3 +302,33 @@ def test_growth_of_noise_that_rows_cannot_tell_has_no_error():
     found = noise_of(residual, left, driver)
     assert np.isnan(found.stderr).all()
     assert found.at_zero == pytest.approx(0.083, abs=0.001)
+
+
+@pytest.mark.parametrize("size", [7.0, 100.0, 1e4, 1e6, 1e9])
+@pytest.mark.parametrize("share", [0.01, 0.1, 0.2])
+def test_bad_rows_of_any_size_are_named_and_no_good_ones_in_their_place(size, share):
+    """Ten settings, six repeats: a bad row of 1e4 sd stood alone for its setting, and its good repeats were named."""
+    missed = wrong = bad = 0
+    for seed in range(6):
+        rng = np.random.default_rng([seed, int(1000 * share), int(size)])
+        x = np.repeat(np.arange(10.0), 6)
+        columns = np.column_stack([np.ones(60), x])
+        y = columns @ [1.0, 2.0] + rng.normal(0.0, 1e-3, 60)
+        rows = rng.choice(60, max(1, int(share * 60)), replace=False)
+        y[rows] += 1e-3 * size * rng.choice([-1, 1], rows.size) * rng.uniform(1.0, 2.0, rows.size)
+        named = set(of_table(y, columns).rows.tolist())
+        missed, wrong = missed + len(set(rows.tolist()) - named), wrong + len(named - set(rows.tolist()))
+        bad += rows.size
+    assert wrong <= 1, f"{wrong} good rows named of 360, beside {bad} bad ones"
+    assert missed <= (0.1 * bad if size < 10.0 else 0), f"{missed} of {bad} bad rows not named"
+
+
+def test_one_bad_row_is_told_from_its_good_repeats_and_leaving_it_out_gives_the_slope():
+    """Reported: five settings, six repeats, noise 0.1 mV, row 15 ten times too large; slope 4.0 for 1."""
+    for seed in range(5):
+        x = np.repeat([1.0, 2.0, 3.0, 4.0, 5.0], 6)
+        y = x + np.random.default_rng(seed).normal(0.0, 1e-4, 30)
+        y[14] *= 10.0
+        found = of_table(y, np.column_stack([np.ones(30), x]))
+        assert found.rows.tolist() == [14], f"seed {seed}"
+        assert found.off[0] == pytest.approx(27.0, abs=5e-3), f"seed {seed}"  # 5 sd of the noise, ten times as large

@@ -46,6 +46,8 @@ SUBSETS, STEPS, FINAL = 100, 2, 30
 BEST, LEAST_ABSOLUTE = 5, 12
 AFFORDABLE = 4_000_000
 """Maximum number of values for all random starts together."""
+GIANT = 1e4
+"""Standard deviations beyond which a row's deviation is taken out of sums of squares. It is named in any case."""
 SEED = 20260115
 ROUNDING = 1e3
 """Minimum standard deviation as a multiple of the response's rounding errors."""
@@ -171,7 +173,9 @@ class _Found:
 
 def _judged(rows: Rows, out: IntArray, floor: float, asked: _Asked) -> _Found:
     """The deviating rows, among those outside a robust fit."""
-    n, rss, left = len(rows.y), float(rows.residual @ rows.residual), rows.df
+    n, left = len(rows.y), rows.df
+    rows, taken = _without_giants(rows, out)
+    rss = float(rows.residual @ rows.residual)
     none = np.zeros(0)
     sigma = max(np.sqrt(rss / left), floor)
     best = _Found(out[:0], none, none, 1.0, sigma)
@@ -182,6 +186,7 @@ def _judged(rows: Rows, out: IntArray, floor: float, asked: _Asked) -> _Found:
         mine, e = inverse[np.ix_(inside, inside)], rows.residual[out[inside]]
         off = mine @ e
         sigma = max(np.sqrt(max(rss - float(e @ off), 0.0) / (left - inside.size)), floor)
+        off = off + taken[out[inside]]
         distance = off / (sigma * np.sqrt(np.diag(mine)))
         back = int(np.argmin(np.abs(distance)))
         tail = 2.0 * float(special.stdtr(left - inside.size, -abs(distance[back])))
@@ -195,6 +200,21 @@ def _judged(rows: Rows, out: IntArray, floor: float, asked: _Asked) -> _Found:
         inverse = inverse - np.outer(row, row) / row[inside[back]]
         inside = np.delete(inside, back)
     return replace(best, p=lowest) if best.out.size else best
+
+
+def _without_giants(rows: Rows, out: IntArray) -> tuple[Rows, FloatArray]:
+    """The rows, of those far off a fit without `out` only what is not their deviation; and (n,) these deviations.
+
+    What a row that is left out reads does not change the fit of the others, but in sums of squares of all rows
+    the others are lost beside it by rounding.
+    """
+    taken = np.zeros(len(rows.y))
+    if not out.size:
+        return rows, taken
+    left, rss = _without(rows, out)
+    far = out[np.abs(left[out]) > GIANT * np.sqrt(rss / max(rows.df - out.size, 1))] if np.isfinite(rss) else out[:0]
+    taken[far] = left[far]
+    return (rows.of(rows.y - taken) if far.size else rows), taken
 
 
 def _trimmed(rows: Rows, most: int, *, designed: bool) -> IntArray:
@@ -283,8 +303,11 @@ def _without(rows: Rows, out: IntArray) -> tuple[FloatArray, float]:
     except np.linalg.LinAlgError:
         return e, float("inf")
     left = e - rows.spread(out, off)
+    # Summed, not the difference of two sums: beside a row at 1e9 standard deviations nothing would remain of it.
+    left[out] = 0.0
+    rss = float(left @ left)
     left[out] = off
-    return left, float(e @ e - e[out] @ off)
+    return left, rss
 
 
 def _concentrated(rows: Rows, left: FloatArray, most: int, allowed: IntArray, steps: int) -> tuple[IntArray, float]:

@@ -11,9 +11,12 @@ import numpy as np
 
 from fitter.arrays import FloatArray, IntArray
 from fitter.gross import GrossErrors, gross_errors
+from fitter.linear import orthonormal
 from fitter.resolution import resolution
 from procedures.general.read_settings import settings_of
 
+CLEARLY = 0.5
+"""Ratio of standard deviations below which one set of rows explains the scatter clearly better than another."""
 SETTINGS, OFTEN = 50, 4
 """Maximum number of settings with a level of their own, and minimum number of repeats of each."""
 
@@ -40,9 +43,27 @@ def of_table(
     if scale is not None:
         found = gross_errors(y, columns, group=whole_plot, step=step * float(np.median(scale)))
         return replace(found, off=found.off / scale[found.rows], sd=found.sd / scale)
+    drivers = {str(i): np.abs(column) for i, column in enumerate(columns.T)}
     settings = settings_of(columns)
     visits = np.bincount(settings)
-    if visits.size <= SETTINGS and visits.min() >= OFTEN:
+    if visits.size > SETTINGS or visits.min() < OFTEN:
+        return gross_errors(y, columns, group=whole_plot, step=step, drivers=drivers)
+    if whole_plot is not None:
         columns = np.column_stack([columns, np.eye(visits.size)[settings]])
-    drivers = {str(i): np.abs(column) for i, column in enumerate(columns.T)}
-    return gross_errors(y, columns, group=whole_plot, step=step, drivers=drivers)
+        return gross_errors(y, columns, group=whole_plot, step=step, drivers=drivers)
+    # As groups, of which at most half can be left out: as columns, one bad row could stand for a setting alone, with a
+    # residual of zero, and its good repeats were named in its place.
+    found = gross_errors(y, columns, group=settings, step=step, drivers=drivers)
+    if not found.rows.size:
+        return found
+    # If most rows of a setting are bad, its good ones differ from the others. The declared model shows which are which.
+    declared = gross_errors(y, columns, step=step, drivers=drivers)
+    return declared if _sigma(y, columns, declared) < CLEARLY * _sigma(y, columns, found) else found
+
+
+def _sigma(y: FloatArray, columns: FloatArray, found: GrossErrors) -> float:
+    """Standard deviation of the residuals of the declared model without the named rows."""
+    kept = np.delete(np.arange(len(y)), found.rows)
+    basis = orthonormal(columns[kept])
+    left = y[kept] - basis @ (basis.T @ y[kept])
+    return float(np.sqrt(left @ left / max(kept.size - basis.shape[1], 1)))
