@@ -38,9 +38,9 @@ def export(
     from rig.tables.faults import check_replaceable, faults, write_faults  # noqa: PLC0415
     from rig.tables.table_of_run import run_table  # noqa: PLC0415
 
-    check_ending(out_file, ".csv")
     beside = out_file.with_name(f"{out_file.stem}.faults.csv") if everything and not salvage else None
     check_files([out_file, beside], [run_file])
+    check_ending(out_file, ".csv")
     if beside is not None:
         check_replaceable(beside)
     table = run_table(run_file, everything=everything, salvage=salvage)
