@@ -38,6 +38,7 @@ class Inference:
         zeros: pressure: the used zero, by output, as JSON values.
         df: (n,) degrees of freedom of the standard deviation of each quantity; NaN where it has none.
         alike: quantities that are one and the same by several sensors, such as `prt_1_bath_degC`: the sensor of each.
+        turns: a full turn, in the unit of the quantity, of those that begin again after it, such as angles: 360.
     """
 
     columns: Mapping[str, Any]
@@ -49,6 +50,7 @@ class Inference:
     zeros: Mapping[str, Any] = field(default_factory=dict)
     df: Mapping[str, FloatArray] = field(default_factory=dict)
     alike: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    turns: Mapping[str, float] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:
         """JSON values for `rig infer --json`; the numbers are in the CSV."""
@@ -61,6 +63,11 @@ class Inference:
             "unused": self.unused.to_json(),
             "zeros": dict(self.zeros),
         }
+
+
+def within_half_turn(apart: FloatArray, turn: float) -> FloatArray:
+    """Differences of angles, of any shape, on the short way round: -turn/2 to turn/2, in the unit of `turn`."""
+    return np.asarray(apart - turn * np.round(apart / turn))
 
 
 def empty_rows(inputs: Mapping[str, FloatArray]) -> NDArray[Any]:

@@ -175,3 +175,35 @@ def test_a_table_is_read_once_however_many_influences_there_are(kept, tmp_path):
     found = infer(calibration, counted, calibration.kind.infer_options())
     assert set(found.columns["uncertainty"]) == {"total"}
     assert len(asked) == 1
+
+
+@pytest.mark.parametrize("kept", ["attitude"], indirect=True)
+@pytest.mark.parametrize("roll", [180.0, 179.99999, -180.0, 0.0])
+def test_an_angle_at_its_seam_has_the_total_uncertainty_of_its_neighbours(kept, tmp_path, roll):
+    file = kept[0]
+    calibration = read_calibration(file)
+    sensors = calibration.calibration
+    a = np.radians(20.0)
+    for near in (roll, roll + 90.0):
+        r = np.radians(near)
+        g = np.array([np.sin(a), -np.sin(r) * np.cos(a), -np.cos(r) * np.cos(a)])
+        volts = sensors.offsets_V + sensors.matrix @ g
+        readings, out = tmp_path / "r.csv", tmp_path / "o.csv"
+        readings.write_text(",".join(sensors.names) + "\n" + ",".join(map(repr, map(float, volts))) + "\n")
+        done = rig("infer", file, readings, "--out", out)
+        assert done.returncode == 0, done.stderr
+        (row,) = csv.DictReader(out.read_text().splitlines())
+        assert 0.0 < float(row["roll_deg_sd"]) < 0.1
+        assert not row["flag"]
+
+
+def test_a_budget_at_the_seam_has_the_uncertainty_of_its_neighbours():
+    run, register, *_ = CASES["attitude"]
+    sds = []
+    for roll in ("179", "180"):
+        done = rig("budget", run, "--equipment", register, "--at", f"pitch_deg=20,roll_deg={roll}", "--json")
+        assert done.returncode == 0, done.stderr
+        (angle,) = (one for one in json.loads(done.stdout)["results"] if one["name"].startswith("inferred roll"))
+        assert angle["value"] == pytest.approx(float(roll), abs=0.1)
+        sds.append(angle["standard_uncertainty"])
+    assert sds[1] == pytest.approx(sds[0], rel=0.2)

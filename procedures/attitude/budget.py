@@ -25,6 +25,7 @@ from procedures.attitude.table import attitude_data
 from procedures.attitude.temperature import Temperature
 from procedures.budgeting import SCATTER, Evaluation, Results, Shift, Shifts, no_error
 from procedures.errors import DataError
+from procedures.inference import within_half_turn
 from procedures.scatter import Scatter, scatter
 from procedures.table import SENSOR_TEMPERATURE, Columns, Table
 
@@ -114,12 +115,15 @@ class Model:
         )
 
     def _inferred(self, used: AttitudeCalibration, readings: FloatArray) -> FloatArray:
-        """(p, angles) angles, deg; NaN where they are not determined."""
+        """(p, angles) angles, deg, within half a turn of `at_deg`; NaN where they are not determined."""
         try:
             answer = self.infer(used, readings)
         except FitError:
             return np.full((len(readings), len(self.angles)), np.nan)
-        return np.column_stack([answer.pitch_deg, answer.roll_deg])[:, : len(self.angles)]
+        found = np.column_stack([answer.pitch_deg, answer.roll_deg])
+        # a step over +-180 deg is none: differences of results are taken on one side of the seam
+        found = self.at_deg + within_half_turn(found - self.at_deg, 360.0)
+        return found[:, : len(self.angles)]
 
 
 def with_coefficients(calibration: AttitudeCalibration, coefficients: FloatArray) -> AttitudeCalibration:

@@ -98,6 +98,7 @@ def infer_attitudes(
         int(np.sum(found.flag != "")),
         quantities=tuple(quantities),
         df=dict(zip(quantities, (found.df, found.roll_df), strict=False)),
+        turns=dict.fromkeys(quantities, 360.0),
         unused=unused_beside(table, needed, inputs),
     )
 

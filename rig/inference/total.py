@@ -17,7 +17,7 @@ from scipy import special
 
 from fitter.arrays import FloatArray
 from fitter.budget import combine
-from procedures.inference import Inference
+from procedures.inference import Inference, within_half_turn
 from procedures.kind import Kind
 from procedures.table import Reader, Table
 
@@ -25,6 +25,8 @@ REPEATABILITY_ONLY = (
     "standard deviations and intervals are repeatability only: no influence of the calibration's instruments is in them"
 )
 TOTAL, COLUMN = "total", "uncertainty"
+FIRST_ORDER = 1.0 / 12.0
+"""Largest move of an angle by an influence, in full turns, of a row without a flag: 30 deg."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,6 +132,8 @@ def with_total(
     for quantity in found.quantities:
         columns |= _combined(found, quantity, moved[quantity], np.array(df), groups[quantity])
     rows = len(next(iter(columns.values())))
+    told, flagged = _flags(found, columns, moved, groups)
+    columns |= told
     name = COLUMN if COLUMN not in columns else f"inferred_{COLUMN}"
     columns[name] = np.full(rows, TOTAL, dtype=object)
     words = (
@@ -143,6 +147,7 @@ def with_total(
     return replace(
         found,
         columns=columns,
+        flagged=flagged,
         added=(*found.added, name),
         notes=(f"{words}; {meter}", *budget.notes, *found.notes),
     )
@@ -164,7 +169,42 @@ def _half(
         moved = kind.with_coefficients(calibration, coefficients)
         sides.append(infer(moved, _shifted(read, error, sign), lambda path, s=sign: _shifted(other(path), error, s)))  # type: ignore[misc]
     up, down = sides
-    return {q: (np.asarray(up.columns[q], float) - np.asarray(down.columns[q], float)) / 2.0 for q in found.quantities}
+    halves = {}
+    for q in found.quantities:
+        apart = np.asarray(up.columns[q], float) - np.asarray(down.columns[q], float)
+        # angles on both sides of +-180 deg are neighbours: without this the half-difference is half a turn
+        halves[q] = (within_half_turn(apart, found.turns[q]) if q in found.turns else apart) / 2.0
+    return halves
+
+
+def _flags(
+    found: Inference,
+    columns: Mapping[str, Any],
+    moved: Mapping[str, Sequence[FloatArray]],
+    groups: Mapping[str, Sequence[tuple[FloatArray, float]]],
+) -> tuple[dict[str, Any], int]:
+    """The column of flags with what total uncertainty adds to it, and the number of rows that have one.
+
+    An influence is carried to first order: of an angle this holds while it moves the angle by far less than half a
+    turn. A row without total uncertainty has no uncertainty at all.
+    """
+    flag_names = [name for name in found.added if name.endswith("flag")]
+    if len(flag_names) != 1:
+        return {}, found.flagged
+    flag = np.array(found.columns[flag_names[0]], dtype=object)
+    for q in found.quantities:
+        sd, own = (np.asarray(one[f"{q}_sd"], np.float64) for one in (columns, found.columns))
+        reasons = [(np.isfinite(own) & np.isnan(sd), f"{q}: an influence leaves no value, so no uncertainty is known")]
+        if q in found.turns:
+            most = FIRST_ORDER * found.turns[q]
+            far = np.max([np.abs(one) for one in moved[q]], axis=0) if moved[q] else np.zeros(len(sd))
+            for variance, _ in groups[q]:
+                far = np.fmax(far, np.sqrt(variance))
+            words = f"{q}: an influence or the total uncertainty is above {most:g} deg, which is not of first order"
+            reasons.append(((far > most) | (sd > most), words))
+        for rows, words in reasons:
+            flag[rows] = [f"{old}; {words}" if old else words for old in flag[rows]]
+    return {flag_names[0]: flag}, int(np.sum(flag != ""))
 
 
 def _shifted(read: Reader, error: Mapping[str, tuple[float, float]], sign: float) -> Reader:
