@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
+import os
 import re
+import socket
+import threading
 from dataclasses import replace
 from html import unescape
 
@@ -174,6 +178,41 @@ def test_a_template_that_cannot_be_used(tmp_path, source, words):
     own.write_text(source)
     with pytest.raises(ConfigurationError, match=words):
         pdf(document(), own)
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        '#import "@" + "preview/tablex:0.0.8": *',
+        '#let name = ("@", "preview", "/tablex:0.0.8").join()\n#import name as other',
+        '#include str.from-unicode(64) + "preview/tablex:0.0.8"',
+    ],
+)
+@pytest.mark.parametrize("passed_by", ["", "packages.typst.org", "*"])
+def test_a_package_with_a_computed_name_is_never_fetched(tmp_path, monkeypatch, source, passed_by):
+    """A proxy of the environment is what typst would ask: nothing comes to it, and typst reaches nothing else."""
+    own, asked = tmp_path / "own.typ", []
+    own.write_text(source)
+
+    def answer(server):
+        with contextlib.suppress(OSError):
+            while True:
+                client, _ = server.accept()
+                asked.append(client.recv(100))
+                client.close()
+
+    with socket.create_server(("127.0.0.1", 0)) as proxy:
+        threading.Thread(target=answer, args=(proxy,), daemon=True).start()
+        for name in ("http_proxy", "https_proxy", "all_proxy", "HTTPS_PROXY", "ALL_PROXY"):
+            monkeypatch.setenv(name, f"http://127.0.0.1:{proxy.getsockname()[1]}")
+        monkeypatch.setenv("no_proxy", passed_by)
+        before = dict(os.environ)
+        with pytest.raises(ConfigurationError, match="would be fetched: copy what it needs") as refused:
+            pdf(document(), own)
+        proxy.shutdown(socket.SHUT_RDWR)
+    assert asked == []
+    assert "Connection refused" in refused.value.__cause__.message, "by the proxy that cannot be, not by a name server"
+    assert dict(os.environ) == before
 
 
 def test_a_template_that_does_not_exist(tmp_path):
