@@ -117,7 +117,11 @@ def rounded_factor(factor: float) -> str:
 
 def rounded_df(df: float) -> str:
     """Effective degrees of freedom, cut to a whole number (JCGM 100, G.4.1); "∞" from 1000 on."""
-    return "∞" if df >= 1000.0 else str(shortest(df).quantize(Decimal(1), ROUND_DOWN, _EXACT))
+    if df >= 1000.0:
+        return "∞"
+    if abs(df - round(df)) < 1e-6 * df:  # 60 that was computed as 59.99999999 is not 59
+        df = float(round(df))
+    return str(shortest(df).quantize(Decimal(1), ROUND_DOWN, _EXACT))
 
 
 def shortest(number: float) -> Decimal:

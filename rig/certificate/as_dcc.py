@@ -205,6 +205,8 @@ def _statements(parent: ET.Element, document: Document) -> None:
         state = "confirmed" if effect.confirmed else "not confirmed"
         text = f"{effect.sensor}: {effect.name}, {effect.cause}; {effect.size}; {state}: {effect.how}"
         _declared(parent, "Effect beside the declared model", text)
+    for model in document.models:
+        _declared(parent, "Model of the results", model)
     if document.adjustment:
         _declared(parent, "Adjustment between as found and as left", document.adjustment)
     for text in (*document.remarks, *document.opinions):

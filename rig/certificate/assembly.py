@@ -12,6 +12,7 @@ from fitter.budget import NEAR_95, Budgeted, Shapes
 from fitter.budget.rounding import rounded, rounded_df, rounded_factor, rounded_to, rounded_uncertainty
 from fitter.decision import decide
 from fitter.trace.outcome import Finding, Outcome
+from rig.certificate import words
 from rig.certificate.document import Budget, Condition, Contribution, Effect, Result, ResultTable, Stage, Statement
 from rig.certificate.settings import CertificateSettings, ToleranceSettings
 from rig.closed_loop.budget import RunBudget
@@ -223,7 +224,7 @@ def _statement(
     )
     unit = per_term(one.unit)
     ends = (interval.lower, interval.upper)
-    words = (
+    limits = (
         f"{tolerance.nominal:g} ± {tolerance.deviation:g} {unit}"
         if tolerance.nominal is not None
         else f"{_end(ends[0], 'from')}{_end(ends[1], 'to' if np.isfinite(ends[0]) else 'up to')}{unit}".strip()
@@ -232,7 +233,7 @@ def _statement(
     return Statement(
         sensor=sensor_of(column, run),
         what=what,
-        tolerance=words,
+        tolerance=limits,
         rule=settings.decision.words,
         verdict=made.word,
         probability=_probability(made.conformity_probability),
@@ -319,3 +320,37 @@ def doubtful(outcomes: Iterable[Outcome], confirmed: Confirmed | None) -> Iterat
         for one in outcome.named:
             if one.doubtful and settled.get(one.effect) not in ("confirmed", "replaced"):
                 yield outcome.sensor, one
+
+
+def all_confirmed(names: Iterable[str], confirmed: Confirmed | None) -> bool:
+    """Whether further runs confirmed every one of these effects as it is named."""
+    told = {} if confirmed is None else {one.effect: one.verdict for one in confirmed.answers}
+    return all(told.get(name) == "confirmed" for name in names)
+
+
+def models(run: RunBudget, stage: Stage, outcomes: Sequence[Outcome], *, accepted: bool) -> Iterator[str]:
+    """By which model the results are, where a trace found effects beside the declared one, sentences."""
+    by_sensor = {
+        sensor_of(one.sensor, run): list(dict.fromkeys(f.effect for f in one.named if f.kind == "effect"))
+        for one in outcomes
+    }
+    found = "; ".join(f"{sensor}: {', '.join(names)}" for sensor, names in by_sensor.items() if names)
+    if not found:
+        return
+    of = f"Run {stage}: results" if stage else "Results"
+    if accepted:
+        yield (
+            f"{of}, budgets and statements of conformity are of the declared model with the effects that were found "
+            f"({found}), as rig budget --traced."
+        )
+        return
+    yield (
+        f"{of} are {words.LACKS} that were found ({found}). A budget has a line for each result that they move, and "
+        f"conformity counts it: the difference from the model with these effects. `rig certificate RUN --traced` "
+        f"states the results of that model."
+    )
+    if moved := [one for one in run.undeclared if not {"output", "inferred"} & set(one.split())]:
+        yield (
+            f"{', '.join(moved)}: coefficients of the declared model over the range of this run. They absorb the "
+            f"effects, and are no properties of the item."
+        )

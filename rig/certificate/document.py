@@ -407,6 +407,7 @@ class Document:
         paper: size of a page.
         opinions: interpretations that are no results of measurement.
         notes: on the uncertainties, sentences.
+        models: by which model the results are, where effects were found beside the declared one, sentences.
     """
 
     number: str
@@ -434,6 +435,7 @@ class Document:
     opinions: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     paper: Literal["a4", "letter"] = "a4"
+    models: tuple[str, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """JSON values of all but the logo, dates as YYYY-MM-DD; infinite numbers are None."""

@@ -200,6 +200,8 @@ def _equipment(document: Document) -> Iterator[Block]:
 
 
 def _results(document: Document) -> Iterator[Block]:
+    if document.models:
+        yield Sentences(document.models)
     yield Sentences(words.uncertainty(document))
     if document.notes:
         yield Sentences(document.notes, small=True)

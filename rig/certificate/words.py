@@ -17,12 +17,23 @@ UNTRACED = (
     "Instruments without a certificate keep or watch conditions, or the register states no error of them: no result is "
     "traceable through them, and conditions that they alone record are indications.",
 )
-UNCERTAINTY = (
-    "The expanded uncertainty is the combined standard uncertainty times the coverage factor k. The value of the "
-    "quantity lies within it with the stated coverage probability. It was evaluated after JCGM 100:2008 (GUM) from the "
-    "scatter of the run and the certificates of the equipment; it does not include the behaviour of the item after the "
-    "calibration.",
+LACKS = "of the declared model, which lacks effects"
+"""How a sentence of `Document.models` says that effects were found and not accepted."""
+_LIES = "The value of the quantity lies within it with the stated coverage probability."
+_BY_MODEL = (
+    "It counts the size of the effects that the model lacks: of a result that they move, the value by the model with "
+    "them is inside, and the coverage is at least the stated one as far as that model holds."
 )
+_NAMELESS = (
+    "The trace left an error without a name: of the results of that item, the coverage probability is stated under the "
+    "condition that the model holds at their points."
+)
+_UNCERTAINTY = (
+    "The expanded uncertainty is the combined standard uncertainty times the coverage factor k. {} It was evaluated "
+    "after JCGM 100:2008 (GUM) from the scatter of the run and the certificates of the equipment; it does not include "
+    "the behaviour of the item after the calibration."
+)
+UNCERTAINTY = (_UNCERTAINTY.format(_LIES),)
 CORRELATED = "Coefficients of one item are correlated: the uncertainty of an output does not follow from theirs alone."
 INFERRED = (
     "A result that is called inferred is the quantity for one reading in use at the point: its value is the point, and "
@@ -61,7 +72,13 @@ def uncertainty(document: Document) -> tuple[str, ...]:
     labels = [one.label for table in document.tables for one in table.results]
     told = {"coefficient ": CORRELATED, "inferred ": INFERRED}
     found = (words for begin, words in told.items() if any(label.startswith(begin) for label in labels))
-    return (*UNCERTAINTY, " ".join(found)) if any(label.startswith(tuple(told)) for label in labels) else UNCERTAINTY
+    coverage = [_LIES]
+    if any(LACKS in one for one in document.models):
+        coverage = [_BY_MODEL]
+    if any(one.name == "no name" for one in document.effects):
+        coverage = [*(one for one in coverage if one != _LIES), _NAMELESS]
+    first = (_UNCERTAINTY.format(" ".join(coverage)),)
+    return (*first, " ".join(found)) if any(label.startswith(tuple(told)) for label in labels) else first
 
 
 def count(number: int, noun: str) -> str:

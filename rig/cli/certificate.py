@@ -51,6 +51,13 @@ def certificate(
     confirmed_by: Annotated[
         list[Path] | None, _file("a later run that confirms the effects found; repeatable: all are judged together")
     ] = None,
+    traced: Annotated[
+        bool,
+        typer.Option(
+            "--traced",
+            help="results of the model with the effects found; the default once further runs confirm all of them",
+        ),
+    ] = False,
     adjustment: Annotated[
         str, typer.Option(help="adjustment between as found and as left, a sentence", show_default=False)
     ] = "",
@@ -119,7 +126,7 @@ def certificate(
 
     later = tuple(confirmed_by or ())
     people = (calibrated_by, approved_by)
-    asked = Asked(tuple(runs), _date(issued), equipment, settings, later, *people, adjustment, _date(""))
+    asked = Asked(tuple(runs), _date(issued), equipment, settings, later, *people, adjustment, _date(""), traced)
     how = Issue(out_folder, number or "", amends or "", because, template, paper, key, key_certificate, schema)
     check_files([], list(all_files(asked, how)))
     check_extras(how)

@@ -102,6 +102,7 @@ class RunBudget:
         checks: of each result by simulation; empty if none was asked for.
         unstated: columns whose errors the register does not state.
         outside: points beyond the settings of the run, as sentences.
+        undeclared: results whose budgets have a line for effects that the declared model lacks.
     """
 
     of: OfRun
@@ -114,6 +115,7 @@ class RunBudget:
     checks: tuple[Check, ...] = ()
     unstated: tuple[str, ...] = ()
     outside: tuple[str, ...] = ()
+    undeclared: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

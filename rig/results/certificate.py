@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import date
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from fitter.errors import FitError
 from procedures.errors import DataError
@@ -15,6 +15,7 @@ from rig.certificate import about, assembly
 from rig.certificate.document import Dates, Document, Stage
 from rig.certificate.settings import CertificateSettings, read_settings
 from rig.closed_loop.budget import OfRun, RunBudget, budget_of, checked_run
+from rig.closed_loop.undeclared import with_undeclared
 from rig.errors import RigError, UsageError
 from rig.register import DOCUMENT
 from rig.results.data import Data
@@ -56,6 +57,8 @@ class Asked:
         calibrated_by: instead of that of the settings.
         approved_by: instead of that of the settings.
         adjustment: between as found and as left, a sentence.
+        traced: whether results are of the model with the effects that the trace finds, also where no further run
+            confirmed them.
         today: the certificate of a real run is not dated after it; None if that is not asked.
     """
 
@@ -68,6 +71,7 @@ class Asked:
     approved_by: str = ""
     adjustment: str = ""
     today: date | None = None
+    traced: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,6 +106,8 @@ class _Run:
     outcomes: Sequence[Outcome] = ()
     confirmed: Confirmed | None = None
     heads: Mapping[Path, str] = field(default_factory=dict)
+    stated: bool = False
+    accepted: bool = False
 
 
 def make(asked: Asked) -> Made:
@@ -140,10 +146,12 @@ def _read(path: Path, stage: Stage, asked: Asked, settings: CertificateSettings,
         reasons.append(f"{path} is not complete: {run.state.remaining} points are missing; rig resume {path}")
     later = asked.confirmed_by if path == asked.runs[-1] else ()
     with _noted(reasons):
-        _budget(run, asked, settings, reasons)
+        _checked(run, asked, reasons)
     if run.state.ended == "complete":  # the effects of half a run are others in a moment
         with _noted(reasons):
             _trace(run, later, reasons)
+    with _noted(reasons):
+        _budget(run, asked, settings, reasons)
     return run
 
 
@@ -156,20 +164,32 @@ def _noted(reasons: list[str]) -> Iterator[None]:
         reasons.extend(str(error).splitlines())
 
 
-def _budget(run: _Run, asked: Asked, settings: CertificateSettings, reasons: list[str]) -> None:
+def _checked(run: _Run, asked: Asked, reasons: list[str]) -> None:
     checked = checked_run(run.path, asked.equipment)
     reasons.extend(checked.reasons)
-    run.of = checked.of
+    run.of, run.stated = checked.of, checked.stated
     if run.of.register.example and not run.of.table.simulated:
         reasons.append(f"the register {run.of.register.name!r} has example values: state those of your equipment")
-    run.budget = budget_of(
-        run.of,
-        at=settings.at,
-        same_meter=settings.same_meter,
-        probability=settings.probability,
-        shapes=assembly.shapes(settings.probability),
-    )
-    reasons.extend(_of_budget(run.budget, settings, stated=checked.stated))
+
+
+def _budget(run: _Run, asked: Asked, settings: CertificateSettings, reasons: list[str]) -> None:
+    """Budgets by the accepted model; otherwise by the declared one, with the size of the effects that it lacks."""
+    if run.of is None:
+        return
+    found = tuple(dict.fromkeys(one.effect for o in run.outcomes for one in o.named if one.kind == "effect"))
+    run.accepted = bool(found) and (asked.traced or assembly.all_confirmed(found, run.confirmed))
+    more: dict[str, Any] = {
+        "at": settings.at,
+        "same_meter": settings.same_meter,
+        "probability": settings.probability,
+        "shapes": assembly.shapes(settings.probability),
+    }
+    made = budget_of(run.of, **more, options={"traced": True} if run.accepted else None)
+    if found and not run.accepted:
+        with_effects = budget_of(run.of, **more, options={"traced": True})
+        made = with_undeclared(made, with_effects, found, more["shapes"])
+    run.budget = made
+    reasons.extend(_of_budget(made, settings, stated=run.stated))
 
 
 def _trace(run: _Run, later: Sequence[Path], reasons: list[str]) -> None:
@@ -306,6 +326,9 @@ def _document(
         next_due=settings.next_due,
         remarks=settings.remarks,
         paper=settings.paper,
+        models=tuple(
+            m for one, b in with_budget for m in assembly.models(b, one.stage, one.outcomes, accepted=one.accepted)
+        ),
     )
 
 

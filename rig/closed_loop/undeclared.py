@@ -1,0 +1,123 @@
+"""The size of effects that the declared model lacks, as a line of the budget of each result that they move."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from fitter.arrays import FloatArray, IntArray
+from fitter.budget import Budgeted, Shapes, TypeA, budgets
+from procedures.budgeting import Results, Shift
+from procedures.errors import DataError
+from rig.closed_loop.budget import RunBudget
+
+LINE = "effects beside the declared model: {}"
+SOURCE = "trace of the run"
+SMALL = 1e-2
+"""A result counts as moved where the line has this share of its standard uncertainty or more."""
+
+
+def with_undeclared(declared: RunBudget, traced: RunBudget, effects: Sequence[str], shapes: Shapes) -> RunBudget:
+    """Budgets by the declared model, with a line for effects that it lacks.
+
+    The line is how far each result is from that by the traced model. It is a known deviation that is not corrected, so
+    its whole size is taken as a standard uncertainty, together with the model errors of the traced one, and with the
+    scatter by which the traced result is less certain than the declared one.
+
+    Args:
+        declared: of the run, by the declared model.
+        traced: of the same run and points, by the model with effects.
+        effects: their names.
+        shapes: of which results coverage factors follow the shapes of the distributions.
+
+    Raises:
+        DataError: a result has no number by the traced model, so that the effects cannot be counted in it.
+    """
+    mine, other = declared.evaluation.results, traced.evaluation.results
+    where = _partners(mine, other)
+    lost = [name for name, at in zip(mine.names, where, strict=True) if at is None]
+    if lost:
+        raise DataError(
+            f"{lost[0]}: the size of {', '.join(effects)} in it is not known, because the model with these effects has "
+            f"no such result; use --traced"
+        )
+    chosen = np.array(where, np.int64)
+    moved = _same_readings(traced, mine, chosen)[chosen] - mine.values
+    turns = np.array([unit == "deg" for unit in mine.units])
+    moved[turns] = (moved[turns] + 180.0) % 360.0 - 180.0
+    if not np.isfinite(moved).all():
+        name = mine.names[int(np.flatnonzero(~np.isfinite(moved))[0])]
+        raise DataError(f"{name}: the size of {', '.join(effects)} in it is not finite; use --traced")
+    square = np.ix_(chosen, chosen)
+    covariance = np.outer(moved, moved)
+    for one in traced.evaluation.model_errors():
+        covariance = covariance + one.covariance[square]
+    covariance += np.diag(np.maximum(other.of_fit[chosen] - mine.of_fit, 0.0))
+    line = TypeA(covariance, np.inf, LINE.format(", ".join(effects)), SOURCE, "B")
+    type_a = (*declared.type_a, line)
+    made = budgets(
+        mine.names,
+        mine.units,
+        mine.values,
+        type_a,
+        declared.influences,
+        probability=declared.budgets[0].coverage_probability,
+        shapes=shapes,
+    )
+    return replace(declared, budgets=tuple(made), type_a=type_a, undeclared=_moved(line, made))
+
+
+def _same_readings(traced: RunBudget, mine: Results, chosen: IntArray) -> FloatArray:
+    """(m,) results by the traced model; inferred values are of the declared model's outputs at the points.
+
+    Each model gives its own outputs back as their points, which hides what an effect does to an inferred value.
+    """
+    other = traced.evaluation.results
+    outputs = {
+        sensor: np.array([place[name] for name in names])
+        for place in [{name: n for n, name in enumerate(mine.names)}]
+        for (sensor, sort), names in _by_sort(mine).items()
+        if sort == "output"
+    }
+    added = {sensor: mine.values[at] - other.values[chosen[at]] for sensor, at in outputs.items()}
+
+    def in_use(column: str, readings: FloatArray) -> FloatArray:
+        return added.get(column, np.zeros_like(readings))
+
+    return np.asarray(traced.evaluation.evaluate(Shift(in_use=in_use)))
+
+
+def _moved(line: TypeA, made: Sequence[Budgeted]) -> tuple[str, ...]:
+    """Names of the results in which a line of their budgets counts."""
+    size: FloatArray = np.sqrt(np.diag(line.covariance))
+    return tuple(one.name for one, u in zip(made, size, strict=True) if u > SMALL * one.standard_uncertainty)
+
+
+def _partners(mine: Results, other: Results) -> list[int | None]:
+    """The same result by another model: by name, or by its order, as a model with more terms names its points anew."""
+    by_name = {name: n for n, name in enumerate(other.names)}
+    theirs = _by_sort(other)
+    place: Mapping[str, tuple[tuple[str, str], int]] = {
+        name: (sort, n) for sort, names in _by_sort(mine).items() for n, name in enumerate(names)
+    }
+    sizes = {sort: len(names) for sort, names in _by_sort(mine).items()}
+    found: list[int | None] = []
+    for name in mine.names:
+        sort, n = place[name]
+        same = theirs.get(sort, [])
+        if name in by_name:
+            found.append(by_name[name])
+        else:
+            found.append(by_name[same[n]] if sort[1] != "coefficient" and len(same) == sizes[sort] else None)
+    return found
+
+
+def _by_sort(results: Results) -> dict[tuple[str, str], list[str]]:
+    """Names of results by their sensor and sort: coefficient, output, inferred."""
+    found: dict[tuple[str, str], list[str]] = {}
+    for name, sensor in zip(results.names, results.sensors, strict=True):
+        sort = next((word for word in ("coefficient", "output", "inferred") if f" {word} " in f" {name} "), "")
+        found.setdefault((sensor, sort), []).append(name)
+    return found
