@@ -329,7 +329,7 @@ def all_confirmed(names: Iterable[str], confirmed: Confirmed | None) -> bool:
 
 
 def models(run: RunBudget, stage: Stage, outcomes: Sequence[Outcome], *, accepted: bool) -> Iterator[str]:
-    """By which model the results are, where a trace found effects beside the declared one, sentences."""
+    """The model of the results, where a trace found effects beside the declared one, sentences."""
     by_sensor = {
         sensor_of(one.sensor, run): list(dict.fromkeys(f.effect for f in one.named if f.kind == "effect"))
         for one in outcomes

@@ -407,7 +407,7 @@ class Document:
         paper: size of a page.
         opinions: interpretations that are no results of measurement.
         notes: on the uncertainties, sentences.
-        models: by which model the results are, where effects were found beside the declared one, sentences.
+        models: the model of the results, where effects were found beside the declared one, sentences.
     """
 
     number: str

@@ -84,7 +84,8 @@ def _same_readings(traced: RunBudget, mine: Results, chosen: IntArray) -> FloatA
     added = {sensor: mine.values[at] - other.values[chosen[at]] for sensor, at in outputs.items()}
 
     def in_use(column: str, readings: FloatArray) -> FloatArray:
-        return added.get(column, np.zeros_like(readings))
+        found: FloatArray = added.get(column, np.zeros_like(readings))
+        return found
 
     return np.asarray(traced.evaluation.evaluate(Shift(in_use=in_use)))
 
