@@ -188,7 +188,7 @@ def test_a_template_that_cannot_be_used(tmp_path, source, words):
         '#include str.from-unicode(64) + "preview/tablex:0.0.8"',
     ],
 )
-@pytest.mark.parametrize("passed_by", ["", "packages.typst.org", "*"])
+@pytest.mark.parametrize("passed_by", ["", "*"])
 def test_a_package_with_a_computed_name_is_never_fetched(tmp_path, monkeypatch, source, passed_by):
     """A proxy of the environment is what typst would ask: nothing comes to it, and typst reaches nothing else."""
     own, asked = tmp_path / "own.typ", []

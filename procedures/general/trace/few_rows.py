@@ -18,7 +18,7 @@ from procedures.general.trace.run import Found, TableData, problem_of, search_ta
 MOST = 2
 """Rows that are left out to see whether a name rests on them."""
 NOTHING = 0.05
-"""Probability by chance of what is left of a name without them, above which it rests on them."""
+"""Probability by chance of an effect when they are left out, above which its name rests on them."""
 FIXED = 1e-9
 """Share of a row's variance in its residual below which the model passes through it."""
 
