@@ -67,7 +67,7 @@ def pdf(document: Document, template: Path | None = None, fonts: Path | None = N
             with _without_network():
                 made: bytes = compiler.compile(format="pdf", pdf_standards="a-2b", timestamp=int(issued.timestamp()))
         except typst.TypstError as error:
-            if "package" in error.message and "packages.typst.org" in error.message:
+            if error.message.startswith(("failed to download package", "package not found")):
                 raise ConfigurationError(f"template {template} {_FETCHES}") from error
             if "could not be displayed with font" in error.message:
                 raise ConfigurationError(f"{error.message}: {_FONTS}") from error
