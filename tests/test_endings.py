@@ -100,3 +100,17 @@ def test_a_closed_terminal_is_no_fault(tmp_path, what, code):
         os.close(terminal)
         os.close(master)
         assert process.wait() == code
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["run", "--help"]])
+def test_a_reader_that_has_gone_is_no_fault(arguments):
+    """`rig --help | head -1` ended in 1: the command-line library turns a closed pipe into an exit code of its own."""
+    read, write = os.pipe()
+    os.close(read)
+    try:
+        done = subprocess.run(
+            [sys.executable, "-m", "rig", *arguments], stdout=write, stderr=subprocess.PIPE, check=False, text=True
+        )
+    finally:
+        os.close(write)
+    assert (done.returncode, done.stderr) == (0, "")

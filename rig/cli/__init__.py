@@ -75,11 +75,11 @@ def main() -> None:
     except (typer.Abort, KeyboardInterrupt):
         code = _interrupted()
     except SystemExit as ended:
-        code = _interrupted() if ended.code == _BY_SIGINT else ended.code
+        # The command-line library makes exit code 1 of a reader that has gone, such as `head`.
+        gone = isinstance(ended.__context__, BrokenPipeError)
+        code = _unread() if gone else _interrupted() if ended.code == _BY_SIGINT else ended.code
     except BrokenPipeError:
-        # The reader of our output has gone; Python must not fail either when it flushes at its end.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        code = ExitCode.DONE
+        code = _unread()
     except OSError as error:
         too_long = error.errno == errno.ENAMETOOLONG  # the error belongs to an argument, in whatever function
         print(f"rig: {_name_too_long(error) if too_long else error}", file=sys.stderr)
@@ -123,6 +123,12 @@ def _exit_code(error: Exception) -> ExitCode:
 
 _BY_SIGINT = 130
 """Exception of the command-line library after Ctrl-C."""
+
+
+def _unread() -> ExitCode:
+    """The reader of our output has gone; Python must not fail either when it flushes at its end."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return ExitCode.DONE
 
 
 def _interrupted() -> ExitCode:
