@@ -17,6 +17,8 @@ from procedures.general.read_settings import settings_of
 
 CLEARLY = 0.5
 """Ratio of standard deviations below which one set of rows explains the scatter clearly better than another."""
+AS_MANY = 1.5
+"""Maximum ratio of the number of rows in these two sets."""
 SETTINGS, OFTEN = 50, 4
 """Maximum number of settings with a level of their own, and minimum number of repeats of each."""
 
@@ -56,9 +58,12 @@ def of_table(
     found = gross_errors(y, columns, group=settings, step=step, drivers=drivers)
     if not found.rows.size:
         return found
-    # If most rows of a setting are bad, its good ones differ from the others. The declared model shows which are which.
+    # If most rows of a setting are bad, its good ones differ from the others. The declared model shows which are which,
+    # unless it names many more: then it lacks something, and whole settings are far from it.
     declared = gross_errors(y, columns, step=step, drivers=drivers)
-    return declared if _sigma(y, columns, declared) < CLEARLY * _sigma(y, columns, found) else found
+    as_many = declared.rows.size <= AS_MANY * found.rows.size + 1
+    better = as_many and _sigma(y, columns, declared) < CLEARLY * _sigma(y, columns, found)
+    return declared if better else found
 
 
 def _sigma(y: FloatArray, columns: FloatArray, found: GrossErrors) -> float:
