@@ -50,7 +50,7 @@ def check_options(config: BenchConfig, where: str, *, strict: bool = True) -> di
     _check_rates(config, checked, where)
     _check_interlocks(config, where)
     _check_references(config, where)
-    _check_safe_setpoints(config, checked, where)
+    _check_safety(config, checked, where)
     return checked
 
 
@@ -177,14 +177,17 @@ def of_reading(formula: str | None) -> Callable[[float], float]:
     return lambda reading: float(expression.value({"reading": reading}))
 
 
-def _check_safe_setpoints(config: BenchConfig, options: Mapping[str, BaseModel], where: str) -> None:
-    """Refuse a safe setpoint outside the limits of the safe state: every run would end as unsafe."""
-    low, high = config.safety.ambient_degC
+def _check_safety(config: BenchConfig, options: Mapping[str, BaseModel], where: str) -> None:
+    """Refuse `on_stop` of an instrument that is not on the bench.
+
+    And a safe setpoint outside the limits of the safe state: every run would end as unsafe.
+    """
     named = () if isinstance(config.safety.on_stop, str) else config.safety.on_stop
     for name in named:
         if name not in config.instruments:
             known = ", ".join(config.instruments)
             raise ConfigurationError(f"{where}: safety.on_stop: this bench has no instrument {name} (known: {known})")
+    low, high = config.safety.ambient_degC
     for name, given in options.items():
         safe = getattr(given, "safe_degC", None)
         if safe is not None and not low <= safe <= high:

@@ -73,7 +73,7 @@ def test_without_lack_of_fit_nothing_is_said_and_all_residuals_count():
     evaluation = run(np.zeros(9))
     explain(evaluation, Statements([WEIGHTS]))
     assert list(evaluation.notes()) == []
-    assert evaluation.results.type_a.df[0] == 25
+    assert evaluation.results.type_a.df[0] == pytest.approx(25, rel=1e-12)  # rounding differs by processor
 
 
 @pytest.mark.parametrize(("pure_ss", "pure_df"), [(0.0, 0.0), (0.0, 5.0), (5.0, 20.0)])

@@ -11,6 +11,7 @@ from fitter.arrays import FloatArray, IntArray
 from fitter.budget import Budgeted, Shapes, TypeA, budgets
 from procedures.budgeting import Results, Shift
 from procedures.errors import DataError
+from procedures.inference import within_half_turn
 from rig.closed_loop.budget import RunBudget
 
 LINE = "effects beside the declared model: {}"
@@ -23,8 +24,10 @@ def with_undeclared(declared: RunBudget, traced: RunBudget, effects: Sequence[st
     """Budgets by the declared model, with a line for effects that it lacks.
 
     The line is how far each result is from that by the traced model. It is a known deviation that is not corrected, so
-    its whole size is taken as a standard uncertainty, together with the model errors of the traced one, and with the
-    scatter by which the traced result is less certain than the declared one.
+    its whole size d is taken as a standard uncertainty, together with the model errors of the traced one, and with the
+    scatter by which the traced result is less certain than the declared one. If the traced result is right within its
+    standard uncertainty u, the value is within k sqrt(d^2 + u^2) of the declared result with at least 95 % for
+    k = 1.96, whatever d is (least, 95.2 %, at d = u / sqrt(k^2 - 1)); with nearly 100 % where d is large beside u.
 
     Args:
         declared: of the run, by the declared model.
@@ -46,7 +49,7 @@ def with_undeclared(declared: RunBudget, traced: RunBudget, effects: Sequence[st
     chosen = np.array(where, np.int64)
     moved = _same_readings(traced, mine, chosen)[chosen] - mine.values
     turns = np.array([unit == "deg" for unit in mine.units])
-    moved[turns] = (moved[turns] + 180.0) % 360.0 - 180.0
+    moved[turns] = within_half_turn(moved[turns], 360.0)
     if not np.isfinite(moved).all():
         name = mine.names[int(np.flatnonzero(~np.isfinite(moved))[0])]
         raise DataError(f"{name}: the size of {', '.join(effects)} in it is not finite; use --traced")

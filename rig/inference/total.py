@@ -200,7 +200,7 @@ def _flags(
             far = np.max([np.abs(one) for one in moved[q]], axis=0) if moved[q] else np.zeros(len(sd))
             for variance, _ in groups[q]:
                 far = np.fmax(far, np.sqrt(variance))
-            words = f"{q}: an influence or the total uncertainty is above {most:g} deg, which is not of first order"
+            words = f"{q}: an influence or the uncertainty exceeds {most:g} deg, where propagation to first order fails"
             reasons.append(((far > most) | (sd > most), words))
         for rows, words in reasons:
             flag[rows] = [f"{old}; {words}" if old else words for old in flag[rows]]

@@ -190,7 +190,7 @@ def _found_by_fit(judge: TableJudge, looked: Searched) -> FoundTableEffect | Non
     more = f" and {len(z) - SHOWN} more" if len(z) > SHOWN else ""
     which = f"row{'s' if len(z) > 1 else ''} {', '.join(map(str, rows))}{more} of the file"
     apart = f"{len(z)} of {judge.problem.n} rows {'stands' if len(z) == 1 else 'stand'} alone, by {z.max():.1f} sd"
-    size = f"{which}; as `rig fit` finds"
+    size = f"{which}, found by `rig fit`, too"
     if looked.dropped:
         size += f". They are left out here: only they show {' and '.join(looked.dropped)}, which is not named"
     return _finding(
