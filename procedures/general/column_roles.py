@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from fitter.arithmetic import Expression, quoted
+from fitter.arithmetic import quoted
 from fitter.arithmetic_text import column_name
 from fitter.arrays import FloatArray, IntArray
 from fitter.effects.entry import Entry
@@ -24,6 +24,7 @@ from procedures.general.directions import approached_by, are_directions, directi
 from procedures.general.effects.kind import TableEffect
 from procedures.general.effects.own import missing_in
 from procedures.general.effects.scene import Grouping, TableScene
+from procedures.general.formula_settings import settings_of, subtracted
 from procedures.general.order import Parts, alike, identities, time_of
 from procedures.general.trace import TableData
 from procedures.table import Reader, Table
@@ -126,7 +127,7 @@ def _roles(table: Table, roles: Roles, formula: Formula, response: Formula) -> t
         raise FitError(f"--ignore: there is no column {missing[0]!r}; the table has {', '.join(there)}")
     notes: list[str] = []
     free = _free(table, roles, (*formula.names, *response.names))
-    given = _subtracted(response)
+    given = subtracted(response)
     categories = tuple(c.name for term in formula.terms for c in term.categories)
     parts = Parts(
         settings=(*formula.names, *given),
@@ -153,7 +154,8 @@ def _roles(table: Table, roles: Roles, formula: Formula, response: Formula) -> t
         raise FitError(f"the formula {roles.formula!r} has no terms: there is nothing to compare with")
     if len(y) <= len(names):
         raise FitError(f"{len(y)} rows are not enough for {len(names)} coefficients and an error")
-    settings = _settings(formula, columns)
+    settings = settings_of(formula, columns)
+    functions = frozenset(name for name in settings if name not in columns)
     unused = _unused_text(table, roles, (*formula.names, *response.names))
     if roles.direction is None and (seen := approached_by([*free, *unused], columns, settings)) is not None:
         roles, free = replace(roles, direction=seen), [name for name in free if name != seen]
@@ -176,6 +178,7 @@ def _roles(table: Table, roles: Roles, formula: Formula, response: Formula) -> t
         speed=_speed(roles, parts.settings, columns),
         setpoints={name: np.asarray(columns[setpoint], np.float64) for name, setpoint in read.items()},
         since={name: columns[since_of(name)] for name in (*settings, *free) if since_of(name) in columns},
+        functions=functions,
     )
     labels = {name: _grouping(columns[name], declared=False) for name in _levels(table, unused) if name not in few}
     scene = replace(scene, own=tuple(_testable(scene, roles.own, notes)), labels=labels)
@@ -226,9 +229,11 @@ def _parse(option: str, text: str) -> Formula:
 def _free(table: Table, roles: Roles, used: Sequence[str]) -> list[str]:
     """Columns of numbers without another role: the covariates."""
     if roles.candidates is not None:
-        text = [name for name in roles.candidates if name not in table.columns]
-        if text:
-            raise FitError(f"--candidates: {text[0]} is text; as a grouping it goes with --group")
+        for name in roles.candidates:
+            if name not in table.columns:
+                raise FitError(f"--candidates: {name} is text; as a grouping it goes with --group")
+            if name in roles.ignore:
+                raise FitError(f"--candidates and --ignore both name {name}: leave out one of them")
         return [name for name in roles.candidates if name not in used]
     taken = {*used, *roles.named, *roles.ignore, *(since_of(name) for name in table.columns)}
     return [name for name in table.columns if name not in taken]
@@ -289,18 +294,6 @@ def used_columns(roles: Roles, parts: Mapping[str, Any]) -> set[str]:
     return named | setpoints | {*roles.named, *parts["covariates"], parts["time"] or "", direction} - {""}
 
 
-def _settings(formula: Formula, columns: Mapping[str, Any]) -> dict[str, FloatArray]:
-    """Variables of the declared model, and expressions in it that replace them, such as log(R)."""
-    found: dict[str, FloatArray] = {}
-    for term in formula.terms:
-        for factor in term.numeric:
-            expression = _base(factor.expression)
-            v = np.asarray(expression.value(columns), np.float64)
-            if np.ptp(v) > 0:
-                found[expression.of[0] if expression.operation == "name" else str(expression)] = v
-    return found
-
-
 def _read_by_reference(settings: Sequence[str], table: Table) -> dict[str, str]:
     """Columns of setpoints, by the settings that a reference standard read: `force_set_kN` beside `force_kN`."""
     pairs = {name: _setpoint_of(name) for name in settings}
@@ -309,20 +302,6 @@ def _read_by_reference(settings: Sequence[str], table: Table) -> dict[str, str]:
 
 def _setpoint_of(name: str) -> str:
     return with_word(name, "set")
-
-
-def _subtracted(response: Formula) -> tuple[str, ...]:
-    """The setting whose coefficient is declared to be one, if the response is a difference to it."""
-    expression = response.terms[0].numeric[0].expression
-    right = expression.of[1] if expression.operation == "-" else None
-    return right.of if right is not None and right.operation == "name" else ()
-
-
-def _base(expression: Expression) -> Expression:
-    """The base of a power; everything else unchanged."""
-    if expression.operation == "^" and expression.of[1].operation == "number":
-        return _base(expression.of[0])
-    return expression
 
 
 def _direction(

@@ -24,6 +24,7 @@ from procedures.unused import TEXT, unused_columns
 from procedures.words import doubts_of, noise_of, part, verdict
 
 IGNORED = "named with --ignore"
+UNTESTED = "no effect of it could be tested: too few rows, or too large values"
 """Reason for a column that a person excluded."""
 
 
@@ -48,7 +49,8 @@ class GeneralTraced:
     def to_json(self) -> dict[str, Any]:
         """JSON values for `rig trace --json`."""
         data = {"file": Path(self.table.source).name, "points": len(self.table), "kind": "general"}
-        unused = unused_columns(self.table, used_columns(self.roles, self.parts), self._spared()).to_json()
+        used = used_columns(self.roles, self.parts) - set(self._untested)
+        unused = unused_columns(self.table, used, self._spared()).to_json()
         return run_json(data, [self.outcome], unused=unused)
 
     @property
@@ -88,7 +90,15 @@ class GeneralTraced:
         reasons |= dict.fromkeys(self.table.text, TEXT)
         if self.roles.candidates is not None:
             reasons |= {n: "not among --candidates" for n in self.table.names if n not in self.roles.candidates}
+        reasons |= dict.fromkeys(self._untested, UNTESTED)
         return reasons | dict.fromkeys(self.roles.ignore, IGNORED)
+
+    @property
+    def _untested(self) -> tuple[str, ...]:
+        """Covariates that no candidate uses, as in a table of too few rows for any."""
+        search = self.trace.search
+        tested = {name for c in search.judge.candidates for name in c.effect.columns}
+        return tuple(name for name in self.parts.get("covariates", ()) if name not in tested)
 
     def _df(self, effect: FoundTableEffect) -> float:
         """Degrees of freedom of an effect's standard errors: for effects constant in whole plots, at most by the number

@@ -71,7 +71,7 @@ class TraceOptions(Options):
         description="column of +-1, of words (up, down), or of a velocity; or a setting, for the side it was "
         "approached from; of two other words: COLUMN=UP,DOWN",
     )
-    candidates: list[str] | None = Field(None, description="the only other columns to look at; repeatable, or a,b")
+    candidates: list[str] | None = Field(None, description="the only columns beside the formula's; repeatable, or a,b")
     ignore: list[str] | None = Field(None, description="column(s) not to look at; repeatable, or a,b")
     wrap: float | None = Field(
         None, description="the response is an angle with this period: wrap it to half a period on either side of zero"

@@ -34,6 +34,7 @@ from procedures.general.effects.of_others import (
 from procedures.general.effects.of_settings import (
     DEAD_ZONE,
     FIFTH_ORDER,
+    FIRST_ORDER,
     FOURTH_ORDER,
     HARMONIC,
     KINK,
@@ -66,6 +67,7 @@ from procedures.general.effects.of_time import (
 
 TABLE_CATALOGUE: tuple[TableKind, ...] = (
     OFFSET,
+    FIRST_ORDER,
     GROUP_OFFSET,
     COVARIATE,
     SELF_HEATING,

@@ -58,6 +58,17 @@ def linear(scene: TableScene, name: str) -> Terms:
     return (TableTerm((less(name, middle(v)),), (v - middle(v))[:, None]),)
 
 
+def first_order(scene: TableScene, name: str) -> Terms:
+    """A setting itself, relative to its middle; to its zero beside a declared model without a constant.
+
+    There a centre would be a constant.
+    """
+    v = scene.of(name)
+    if scene.constant or np.ptp(v) == 0.0:
+        return linear(scene, name)
+    return (TableTerm((whole(name),), v[:, None]),)
+
+
 def drift(scene: TableScene, name: str) -> Terms:
     """The time relative to the middle; beside a declared model without a constant also from its zero, or its start.
 

@@ -19,6 +19,18 @@ OFFSET = TableKind(
     columns.constant,
 )
 
+FIRST_ORDER = TableKind(
+    "first-order",
+    "nonlinearity",
+    "setting",
+    "the response has a part proportional to {0}, which the declared model has not",
+    "between-point",
+    "{y} per unit of {0}",
+    "declare {0} in the formula; hold everything else and change {0} alone, up and down",
+    "a term of the model, or an offset that follows {0}",
+    columns.first_order,
+)
+
 SECOND_ORDER = TableKind(
     "second-order",
     "nonlinearity",

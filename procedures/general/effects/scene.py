@@ -115,6 +115,7 @@ class TableScene:
             looked for by them, but no effects.
         since: (n,) seconds that a variable had stood at its setting when the row was read, where that is known.
         constant: whether the declared model has a constant, in whatever columns.
+        functions: settings that are functions of columns in the declared model; these columns are settings, too.
     """
 
     settings: Mapping[str, FloatArray]
@@ -128,11 +129,17 @@ class TableScene:
     labels: Mapping[str, Grouping] = field(default_factory=dict)
     since: Mapping[str, FloatArray] = field(default_factory=dict)
     constant: bool = True
+    functions: frozenset[str] = frozenset()
 
     @property
     def variables(self) -> dict[str, FloatArray]:
         """Settings and covariates."""
         return {**self.settings, **self.covariates}
+
+    @property
+    def quantities(self) -> dict[str, FloatArray]:
+        """(n,) recorded numbers that differ between rows, without functions of them."""
+        return {name: v for name, v in self.variables.items() if name not in self.functions and np.ptp(v) > 0}
 
     def since_in_its_unit(self, name: str) -> FloatArray | None:
         """(n,) `since` of a variable in the unit of the time; None if it is not known."""

@@ -14,6 +14,7 @@ from fitter.arrays import FloatArray, IntArray
 from fitter.resolution import resolution
 from fitter.trace.not_kept import NotKept, overflows
 from procedures.general.effects import TableEffect, effects_of
+from procedures.general.effects.of_settings import FIRST_ORDER
 from procedures.general.effects.scene import TableScene, TableTerm
 from procedures.general.read_settings import settings_of, share_within
 from procedures.general.trace.noise import Noise
@@ -22,6 +23,8 @@ REPEATED = 2
 """Readings of a setting, at least, on average, by which settings are levels."""
 SCATTER = 0.05
 """Share of a term's variation within settings from which it is one of their scatter."""
+NOTHING_LEFT = 1e-3
+"""Share of a column beside the declared model, below which it is declared."""
 SPARED = 2
 """Minimum degrees of freedom beside a candidate."""
 
@@ -124,20 +127,30 @@ def _of_scatter(scene: TableScene, effect: TableEffect, term: TableTerm) -> bool
     return int(group.max()) + 1 <= scene.n // REPEATED and share_within(term.columns, group) > SCATTER
 
 
-def candidates_of(scene: TableScene, response: str, left: int) -> tuple[tuple[Candidate, ...], tuple[NotKept, ...]]:
+def _declared(term: TableTerm, basis: FloatArray) -> bool:
+    """Whether a term is one of the declared model, whose columns have this basis (n, k)."""
+    about = term.columns - term.columns.mean(axis=0)
+    beside = term.columns - basis @ (basis.T @ term.columns)
+    return bool(np.linalg.norm(beside) <= NOTHING_LEFT * np.linalg.norm(about))
+
+
+def candidates_of(
+    scene: TableScene, response: str, basis: FloatArray
+) -> tuple[tuple[Candidate, ...], tuple[NotKept, ...]]:
     """All candidates in a table, cheapest first, then in catalogue order; and those with too large values.
 
     Args:
         scene: the table.
         response: its name.
-        left: number of rows minus columns of the declared model.
+        basis: (n, k) of the declared model's columns, orthonormal.
     """
+    left = len(basis) - basis.shape[1]
     with np.errstate(over="ignore", invalid="ignore"):
         every = [
             Candidate(effect, term)
             for effect in effects_of(scene, response)
             for term in effect.terms(scene)
-            if not _of_scatter(scene, effect, term)
+            if not _of_scatter(scene, effect, term) and not (effect.kind is FIRST_ORDER and _declared(term, basis))
         ]
     large = [c for c in every if overflows(c.term.columns)]
     found = [c for c in every if c.term.columns.shape[1] + SPARED <= left and c not in large]

@@ -26,7 +26,7 @@ from procedures.general.trace.refine import refined
 from procedures.general.trace.shared import Shared, scale_of
 
 ROUNDS = 3
-ORDERS = ("second-order", "third-order", "fourth-order", "fifth-order")
+ORDERS = ("first-order", "second-order", "third-order", "fourth-order", "fifth-order")
 """Kinds that lead their alias class as its simplest even if they are just not significant by themselves."""
 LEVEL = 0.05
 """Largest such probability, for the whole run; another member of the class is below `ALPHA`."""
@@ -93,8 +93,7 @@ class Found:
 
 def problem_of(data: TableData) -> Problem:
     """The table prepared for the search."""
-    left = len(data.y) - orthonormal(data.columns).shape[1]
-    candidates, large = candidates_of(data.scene, data.response, left)
+    candidates, large = candidates_of(data.scene, data.response, orthonormal(data.columns))
     time = data.scene.time
     return Problem(
         y=data.y,
