@@ -51,6 +51,11 @@ class InstrumentConfig(BaseModel):
     asset: str = Field("", description="your asset number, for instruments that do not report their serial number")
     due: date | None = Field(None, description="due date of its own calibration")
     serial: str = Field("", description="expected serial number; a different one is refused")
+    coarse: bool = Field(
+        False,
+        description="its readings may repeat to the last digit, as a balance's or a coarse display's do: it is never "
+        "said to hang",
+    )
 
     @property
     def options(self) -> dict[str, Any]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from html import escape
 from pathlib import Path
@@ -110,6 +111,33 @@ def test_the_due_date_follows_tolerance_and_today(charted):
     )
     assert overdue.sensors["x_V"].due(1e-3)["status"] == "overdue"
     assert "already due" in overdue.to_json()["sensors"]["x_V"]["sentences"][-1]
+
+
+def test_the_end_of_the_forecast_is_no_due_date(charted):
+    """A sensor that stays within its tolerance as far as the forecast reaches is not overdue after that."""
+    later = chart_calibrations(charted.given, datetime(2030, 1, 1, tzinfo=UTC), tolerance=1.0, usage_deg=30)
+    sensor = later.sensors["x_V"]
+    due = sensor.due(1.0)
+    assert (due["status"], due["at_least"]) == ("not known", True)
+    said = sensor.to_json()["sentences"][-1]
+    assert f"is not known: it was expected within until {due['date']}" in said
+    assert "already due" not in said
+    page = re.sub(r"\s+", " ", re.sub("<[^>]+>", " ", render(chart_page(later))))
+    assert "(past)" not in page
+
+
+def test_calibrations_of_a_few_days_have_no_rate_per_year_and_no_due_date(charted):
+    first = charted.given[0].when
+    close = [replace(one, when=first + timedelta(days=day)) for day, one in enumerate(charted.given)]
+    short = chart_calibrations(close, TODAY, tolerance=1e-3, usage_deg=30)
+    result = short.to_json()["sensors"]["x_V"]
+    assert result["due"]["status"] == "too short"
+    words = " ".join(result["sentences"])
+    assert "no due date: 5 calibrations within 4 days say nothing of the months to come" in words
+    assert " within 4 days (+- one standard error" in words
+    assert "/year" not in words
+    page = re.sub(r"\s+", " ", re.sub("<[^>]+>", " ", render(chart_page(short))))
+    assert "(95 % probability" not in page
 
 
 def test_the_tolerance_that_nobody_gave_is_the_interval_of_one_reading(charted):

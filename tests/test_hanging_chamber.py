@@ -14,17 +14,19 @@ RUN_LIST = PROCEDURE.expand()
 CHAMBERS = dict(zip((f.name for f in RUN_LIST.hard), ("cold_box", "hot_box"), strict=True))
 POINT = RUN_LIST.points[0]
 GAP_S = PROCEDURE.recovery.continue_gap_s
+FINE_DISPLAY = {chamber: SimpleNamespace(coarse=False) for chamber in CHAMBERS.values()}
 LONGER = f"min, longer than continue_gap_s = {GAP_S:g} s"
 RESTARTED = "the controller's machine was restarted, so it is not known how long the bench was left alone"
 
 
-def rules(steps):
-    """After eight points of one whole plot, at which the cold box read so much more than its setpoint."""
+def rules(steps, coarse=False):
+    """After points of one whole plot, at which the cold box read so much more than its setpoint."""
+    chambers = dict.fromkeys(CHAMBERS.values(), SimpleNamespace(coarse=coarse))
     bench = SimpleNamespace(
         soaks=lambda factor: (CHAMBERS[factor], None),
         instruments={},
         by_hand=lambda factor: None,
-        config=SimpleNamespace(factors={}, thermometers=lambda factor: ()),
+        config=SimpleNamespace(factors={}, thermometers=lambda factor: (), instruments=chambers),
     )
     found = WholePlots(bench, RUN_LIST, PROCEDURE.conduct.whole_plots)
     for off in steps:
@@ -159,7 +161,7 @@ def with_thermometers():
         soaks=lambda factor: (CHAMBERS[factor], None),
         instruments={},
         by_hand=lambda factor: None,
-        config=SimpleNamespace(factors={}, thermometers=lambda factor: (factor,)),
+        config=SimpleNamespace(factors={}, thermometers=lambda factor: (factor,), instruments=FINE_DISPLAY),
     )
     return WholePlots(bench, RUN_LIST, PROCEDURE.conduct.whole_plots)
 
@@ -202,3 +204,36 @@ def test_a_thermometer_that_is_open_three_times_in_a_row_ends_a_soak_and_not_bef
         found.check_thermometers(polls)
     with pytest.raises(BenchFault, match="3 times in a row"):
         found.check_thermometers(broken)
+
+
+SETTLING = [-0.5 * 0.5**k for k in range(9)]
+
+
+def rounded(steps, resolution):
+    return [round(one / resolution) * resolution for one in steps]
+
+
+@pytest.mark.parametrize("resolution", [0.001, 0.005])
+def test_one_that_has_settled_stands(resolution):
+    """It changed at every point until its display could not show a change any more."""
+    steps = [off for k, off in enumerate(rounded(SETTLING, resolution)) if k < 7]
+    assert len(set(steps)) == len(steps)
+    found = rules([*steps, steps[-1]])
+    assert found.lost_now(POINT, states(found, steps[-1], unchanged_s=3600.0), {}) == ""
+    assert found.doubted_s == 0.0
+
+
+def test_one_that_stands_on_its_way_to_its_setpoint_hangs():
+    steps = [-0.5 + 0.03 * k + 0.001 * (k % 3) for k in range(8)]
+    found = rules(steps)
+    assert "hangs" in found.lost_now(POINT, states(found, steps[-1], unchanged_s=61.0), {})
+
+
+def test_one_that_flickers_by_its_last_digit_may_stand():
+    found = rules([0.0, 0.01, 0.0, 0.01, 0.0, 0.01, 0.0, 0.01])
+    assert found.lost_now(POINT, states(found, 0.01, unchanged_s=600.0), {}) == ""
+
+
+def test_what_the_bench_calls_coarse_never_hangs():
+    found = rules(FINE, coarse=True)
+    assert found.lost_now(POINT, states(found, 0.0125, unchanged_s=600.0), {}) == ""

@@ -18,6 +18,8 @@ from rig.closed_loop.chart_words import due_sentence, quantity_sentences
 from rig.errors import UsageError
 
 DAYS = 365.25
+SHORT_DAYS = 30.0
+"""Calibrations within fewer days say nothing of a year: no rate per year, no due date."""
 _TOLERANCES = (0.5, 1.0, 2.0, 4.0)
 """Factors of the requested tolerance, to show how the due date depends on it."""
 
@@ -54,29 +56,38 @@ class SensorChart:
         """Date of the last calibration."""
         return self.given[-1].when
 
+    @property
+    def span_days(self) -> float:
+        """Days from the first calibration to the last."""
+        return (self.last - self.given[0].when) / timedelta(days=1)
+
     def due(self, tolerance: float) -> dict[str, Any]:
         """Due date of the last calibration for a tolerance: a status and, if there is one, a date.
 
-        "too few": fewer than three calibrations. "never within": not even on the date of the last calibration. "due":
-        on a future date. "overdue": on a past date. `at_least` means that the date is the end of the forecast, not of
-        the tolerance.
+        "too few": fewer than three calibrations. "too short": all within `SHORT_DAYS`. "never within": not even on the
+        date of the last calibration. "due": on a future date. "overdue": on a past date. "not known": the forecast
+        ended on a past date, and within the tolerance. `at_least` means that the date is the end of the forecast, not
+        of the tolerance.
         """
         answer: dict[str, Any] = {"tolerance": tolerance, "unit": self.view.unit}
         bound = self.chart.bound
         if bound is None:
             return {**answer, "status": "too few"}
+        if self.span_days < SHORT_DAYS:
+            return {**answer, "status": "too short", "span_days": self.span_days}
         years = bound.holds_for(tolerance)
         by_kind = {kind.value: self._date(bound.holds_for(tolerance, kind)) for kind in Between}
         if years is None:
             at_once = max(float(b[0]) for b in bound.bounds.values())
             return {**answer, "status": "never within", "bound_at_once": at_once, "by_variation": by_kind}
         days = int(np.floor((self.last + timedelta(days=DAYS * years) - self.today) / timedelta(days=1)))
+        at_least = years >= float(bound.years[-1])
         return {
             **answer,
-            "status": "due" if days >= 0 else "overdue",
+            "status": "due" if days >= 0 else "not known" if at_least else "overdue",
             "date": self._date(years),
             "days": days,
-            "at_least": years >= float(bound.years[-1]),
+            "at_least": at_least,
             "governs": bound.governs(tolerance).value,
             "by_variation": by_kind,
         }
@@ -146,7 +157,8 @@ class SensorChart:
                     for kind, values in bound.bounds.items()
                 },
             }
-        sentences = [f"{self.name}: {text}" for text in quantity_sentences(self.chart, dates, self.view.shown)]
+        span = self.span_days if self.span_days < SHORT_DAYS else None
+        sentences = [f"{self.name}: {text}" for text in quantity_sentences(self.chart, dates, self.view.shown, span)]
         return {**result, "sentences": [*sentences, f"{self.name}: {due_sentence(due, len(dates), self.told)}"]}
 
     def _outside(self, i: int) -> dict[str, str]:

@@ -99,7 +99,8 @@ class AtPoint:
         self._standards = [f for f in run_list.factors if f.name in bench.references]
         self._most_scatter = most_scatter(conduct, bench.config)
         self._poll_s = conduct.poll_s
-        readers = {name: reader for name, (reader, _) in (*bench.sensors.items(), *bench.references.items())}
+        read_by = (*bench.sensors.items(), *bench.references.items())
+        readers = {name: reader for name, (reader, _) in read_by if not bench.config.instruments[reader].coarse}
         last = journal.last_read()
         at, read = (None, {}) if last is None else (run_list.points[last[0]], last[1])
         places = {f.name: place for place, f in enumerate(run_list.factors) if f.name in bench.references}

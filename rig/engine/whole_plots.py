@@ -11,7 +11,6 @@ a new identity; earlier readings remain data of the whole plot in which they wer
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -22,6 +21,7 @@ from procedures.run_list import Point, RunList
 from rig.bench import Bench
 from rig.engine.held import held_factors
 from rig.engine.measuring import Channel
+from rig.engine.readback import HANGS_S, Readback
 from rig.engine.settling import SETPOINT_STANDS, Criteria
 from rig.errors import BenchFault
 
@@ -31,12 +31,6 @@ AMBIENT_DEGC = 23.0
 _OPEN_POLLS = 3
 """Consecutive polls out of range after which a thermometer counts as broken or disconnected; one may be a
 disturbance."""
-
-
-_HANGS_S = 60.0
-_PAIRS = 6
-"""Pairs of successive points of a whole plot with different chamber readings, after which a minute of equal readings
-means that the chamber hangs. A chamber of coarse resolution has equal readings earlier."""
 
 
 def renewal(target_degC: float, away_degC: float) -> float:
@@ -93,30 +87,16 @@ class WholePlots:
         self._by_hand_only = not self.soaked and all(bench.by_hand(f.name) is not None for f in run_list.hard)
         self.doubted_s = 0.0
         self._open_for: dict[str, int] = {}
-        self._pairs: Counter[str] = Counter()
-        self._same: Counter[str] = Counter()
-        self._waiting: set[str] = set()
-        self._before: tuple[int | None, Mapping[str, Any]] = (None, {})
+        self._readbacks = {s.chamber: Readback() for s in self.soaked if not bench.config.instruments[s.chamber].coarse}
+        self._whole_plot: int | None = None
 
     def note(self, identity: int | None, chambers: Mapping[str, Any]) -> None:
-        """Count, from an accepted observation of a whole plot, how often a chamber repeats its reading."""
-        if identity == self._before[0]:
-            for name in self._before[1].keys() & chambers.keys():
-                self._note(name, self._before[1][name]["temperature_degC"], chambers[name])
-        else:
-            self._waiting.clear()
-        self._before = identity, chambers
-
-    def _note(self, name: str, before_degC: float, state: Mapping[str, Any]) -> None:
-        same = state["temperature_degC"] == before_degC
-        if same and self._never_the_same(name):
-            self._waiting.add(name)  # its resolution is coarser than assumed if it moves again soon; otherwise it hangs
-            return
-        if name in self._waiting and state.get("stood_s", 0.0) < _HANGS_S:
-            self._same[name] += 1
-        self._waiting.discard(name)
-        self._pairs[name] += 1
-        self._same[name] += same
+        """Learn, from an accepted observation of a whole plot, how the chambers' readings change."""
+        for name in self._readbacks.keys() & chambers.keys():
+            state = chambers[name]
+            new = identity != self._whole_plot
+            self._readbacks[name].note(state["temperature_degC"], state.get("stood_s", 0.0), new_whole_plot=new)
+        self._whole_plot = identity
 
     @property
     def thermometers(self) -> list[str]:
@@ -231,11 +211,11 @@ class WholePlots:
         return why
 
     def _stood_s(self, name: str, state: Mapping[str, Any]) -> float:
-        """Seconds since a chamber that otherwise never repeats a reading began to repeat one; 0 if it does not."""
-        return float(state.get("unchanged_s", state.get("stood_ago_s", 0.0))) if self._never_the_same(name) else 0.0
+        """Seconds since a chamber that should move began to repeat a reading; 0 if it may stand, or does not."""
+        return float(state.get("unchanged_s", state.get("stood_ago_s", 0.0))) if self._should_move(name) else 0.0
 
-    def _never_the_same(self, name: str) -> bool:
-        return self._pairs[name] >= _PAIRS and not self._same[name]
+    def _should_move(self, name: str) -> bool:
+        return name in self._readbacks and self._readbacks[name].should_move
 
     def _out_of_place(
         self, targets: Mapping[str, float], chambers: Mapping[str, Any], temperatures: Mapping[str, Channel]
@@ -249,7 +229,7 @@ class WholePlots:
             if abs(state["temperature_degC"] - target) > self._soak.tolerance_degC:
                 return f"{name} is at {state['temperature_degC']:.2f} degC, not at {target:g} degC"
             still_s = state.get("unchanged_s", 0.0)
-            if still_s >= _HANGS_S and self._never_the_same(name):
+            if still_s >= HANGS_S and self._should_move(name):
                 return f"{name} hangs: it has read {state['temperature_degC']:g} degC for {still_s:.0f} s"
             for thermometer in soaked.thermometers:
                 seen = temperatures.get(thermometer)

@@ -19,7 +19,7 @@ from procedures.pictures import grid, legend_below
 from procedures.results import Page
 from procedures.unused import Unused
 from procedures.words import capitalised
-from rig.closed_loop.chart import DAYS, ControlCharts, SensorChart
+from rig.closed_loop.chart import DAYS, SHORT_DAYS, ControlCharts, SensorChart
 from rig.closed_loop.chart_inputs import as_table
 from rig.closed_loop.chart_words import due_date, probability, with_error
 
@@ -146,7 +146,7 @@ def _dates(axis: Axes, due: dict[str, Any]) -> None:
             color="#c00",
             linewidth=1.0,
             linestyle=":",
-            label="due",
+            label="forecast ends" if due["at_least"] else "due",
         )
     low, high = axis.get_xlim()
     form = "%Y-%m" if high - low > 150 else "%Y-%m-%d"
@@ -181,7 +181,7 @@ def _sensor(sensor: SensorChart, result: Mapping[str, Any]) -> dict[str, Any]:
         "parameters": list(result["calibrations"][0]["parameters"]),
         "rows": [_row(sensor, row) for row in result["calibrations"]],
         "tests": [_tests(sensor, name, q) for name, q in result["quantities"].items()],
-        "due_rows": [] if result["due"]["status"] == "too few" else [_due(due) for due in result["due_by_tolerance"]],
+        "due_rows": [_due(due) for due in result["due_by_tolerance"]] if "by_variation" in result["due"] else [],
         "unit": sensor.view.unit,
         "usage": sensor.view.usage_words,
         "plots": plots,
@@ -203,7 +203,8 @@ def _tests(sensor: SensorChart, name: str, q: Mapping[str, Any]) -> dict[str, An
     scale, unit = shown.scale, shown.unit
     trend, step, spread = q["trend"], q["step"], q["homogeneity"]
     found = next(each for each in sensor.chart.quantities if each.name == name)
-    rate = "-" if trend is None else f"{with_error(scale * trend['per_year'], scale * trend['stderr'])} {unit}"
+    short = sensor.span_days < SHORT_DAYS  # a rate per year does not follow from a few days
+    rate = "-" if trend is None or short else f"{with_error(scale * trend['per_year'], scale * trend['stderr'])} {unit}"
     return {
         "name": shown.label,
         "rate": rate,

@@ -144,8 +144,8 @@ def _sensor(name: str, view: View, found: Mapping[str, Any]) -> Iterator[Block]:
         yield Line("  values +- one standard error")
     for sentence in found["sentences"]:
         yield Line(f"  {escape(sentence)}")
-    if found["due"]["status"] == "too few":
-        return
+    if "by_variation" not in found["due"]:
+        return  # no due date can be told at all, which a sentence says
     due_dates = Grid((f"tolerance / {found['due']['unit']}", "due", "if calibrations scatter", "for a random walk"))
     for due in found["due_by_tolerance"]:
         by_variation = (value or "-" for value in due["by_variation"].values())
