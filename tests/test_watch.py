@@ -32,7 +32,7 @@ from rig.run_file.live import live_path, replace_json
 from rig.run_file.writer import RunWriter
 from rig.tables import read_table
 from rig.watch import Access, Shelf, make_app
-from rig.watch.feed import RunFeed, encoded
+from rig.watch.feed import RunFeed, encoded, said
 from rig.watch.reading import WatchReader
 from rig.watch.sample import KEPT, RECENT, Sample
 from rig.watch.server import only_this_machine
@@ -299,7 +299,9 @@ def test_the_stream_tells_everything_first_and_then_what_changes(tmp_path):
     assert set(events[0][2]) >= {"about", "state", "sessions", "story", "charts"}
     assert [data["state"]["done"] for _, _, data in events if "state" in data] == [0, 1, 2, 3]
     assert "about" not in events[1][2]
-    assert events[3][2]["readings"]["rows"][0]["name"] == "x_V"
+    readings = events[3][2]["readings"]
+    assert readings["rows"][0]["name"] == "x_V"
+    assert [(one["what"], one["unit"]) for one in readings["setpoints"]] == [("pitch", "deg"), ("roll", "deg")]
     assert [int(number) for number, _, _ in events] == [2, 3, 4, 5]
 
 
@@ -520,3 +522,16 @@ def test_half_open_connections_keep_nobody_out(tmp_path):
             one.close()
         page.terminate()
         page.communicate(timeout=30)
+
+
+@pytest.mark.parametrize(
+    ("column", "what", "unit"),
+    [
+        ("flow_kg_per_min", "flow", "kg/min"),  # was "flow kg per" in min
+        ("bridge_2_mV_per_V", "bridge 2", "mV/V"),
+        ("sensor_temperature_degC", "sensor temperature", "degC"),
+        ("count", "count", ""),
+    ],
+)
+def test_a_column_is_told_with_the_unit_of_the_file(column, what, unit):
+    assert said(column) == {"what": what, "unit": unit}

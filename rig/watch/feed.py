@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from procedures.column_names import spelled, split_unit
 from procedures.expected import Previous
 from procedures.run_list import Factor
 from rig.errors import RigError
@@ -204,18 +205,18 @@ class RunFeed:
             return None
         groups = (("output", last.outputs), ("temperature", last.temperatures), ("reference", last.references))
         rows = [
-            {"kind": kind, "name": name, "mean": mean, "sd": sd if n > 1 else None, "n": n}
+            {"kind": kind, "name": name, **said(name), "mean": mean, "sd": sd if n > 1 else None, "n": n}
             for kind, group in groups
             for name, (mean, sd, n) in group.items()
         ]
         rows += [
-            {"kind": "chamber", "name": f"{name}_degC", "mean": degC, "sd": None, "n": 1}
+            {"kind": "chamber", "name": f"{name}_degC", **said(f"{name}_degC"), "mean": degC, "sd": None, "n": 1}
             for name, degC in last.environment.items()
         ]
         return {
             "index": last.index,
             "utc_s": last.utc_s,
-            "setpoints": dict(last.setpoints),
+            "setpoints": [{"name": name, **said(name), "value": value} for name, value in last.setpoints.items()],
             "flags": list(last.flags),
             "rows": rows,
         }
@@ -244,6 +245,12 @@ class RunFeed:
         return residuals(shown, self._reference, self._kind, self._declared, self._mounting)
 
 
+def said(name: str) -> dict[str, str]:
+    """What a column is, and its unit, for people; here alone, so that the page has no rule of its own for names."""
+    stem, unit = split_unit(name)
+    return {"what": stem.replace("_", " "), "unit": spelled(unit)} if stem else {"what": unit, "unit": ""}
+
+
 def _temperatures(shown: list[Seen]) -> dict[str, Any]:
     """Recorded temperatures and chambers over the run."""
     names = sorted({name for s in shown for name in s.temperatures})
@@ -253,7 +260,8 @@ def _temperatures(shown: list[Seen]) -> dict[str, Any]:
     return {
         "elapsed_s": [round(s.elapsed_s, 1) for s in shown],
         "series": [
-            {"name": n, "values": [None if v is None else round(v, 4) for v in values]} for n, values in series.items()
+            {"name": n, **said(n), "values": [None if v is None else round(v, 4) for v in values]}
+            for n, values in series.items()
         ],
     }
 

@@ -49,12 +49,6 @@ const fixed = (value, digits) => (isNumber(value) ? minus(value.toFixed(digits))
 const UNITS = { uV: "\u00b5V", degC: "\u00b0C", deg: "deg" };
 const unitText = (unit) => UNITS[unit] ?? unit;
 
-function split(column) {
-  const cut = column.lastIndexOf("_");
-  if (cut < 0) return [column, ""];
-  return [column.slice(0, cut).replaceAll("_", " "), unitText(column.slice(cut + 1))];
-}
-
 // --- small pieces of page ------------------------------------------------------------------------------------
 
 function node(tag, text, className) {
@@ -211,18 +205,15 @@ function showSettling(settling) {
 
 function showReadings(readings) {
   if (!readings) return;
-  const where = Object.entries(readings.setpoints).map(([column, value]) => {
-    const [what, unit] = split(column);
-    return `${what} ${minus(String(Number(value.toPrecision(9))))} ${unit}`;
-  });
+  const where = readings.setpoints.map(({ what, value, unit }) => `${what} ${minus(String(Number(value.toPrecision(9))))} ${unitText(unit)}`);
   const flags = readings.flags.length ? `; flagged: ${readings.flags.join(", ")}` : "";
   write("readingsat", `Point ${readings.index} at ${where.join(", ")}; ${local(readings.utc_s, true)}${flags}`);
   at("readings").hidden = false;
   rows(at("readings"), readings.rows.map((row) => {
-    const [what, unit] = split(row.name);
+    const { what, unit } = row;
     const digits = decimals(row.sd, row.mean);
     const title = row.kind === "reference" ? `${what} (reference)` : row.kind === "chamber" ? `${what} (controller)` : what;
-    return [title, n(fixed(row.mean, digits)), unit, n(isNumber(row.sd) ? row.sd.toPrecision(2) : "\u2013"), { ...n(row.kind === "chamber" ? "\u2013" : String(row.n)), className: "count" }];
+    return [title, n(fixed(row.mean, digits)), unitText(unit), n(isNumber(row.sd) ? row.sd.toPrecision(2) : "\u2013"), { ...n(row.kind === "chamber" ? "\u2013" : String(row.n)), className: "count" }];
   }));
 }
 
@@ -254,7 +245,7 @@ function showCharts(charts) {
     const words = isNumber(last) ? `${fixed(last, 2)} \u00b0C` : "";
     return {
       key: one.name,
-      caption: caption(split(one.name)[0], words),
+      caption: caption(one.what, words),
       chart: {
         ...overTime(charts.temperatures.elapsed_s),
         series: [{ values: one.values, style: "line", colour: i }],
