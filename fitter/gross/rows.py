@@ -22,6 +22,10 @@ ENOUGH = 1e-11
 """Relative size of singular values of the scaled products that count as zero."""
 
 
+LEAST_ABSOLUTE = 12
+"""Reweighted fits to least absolute values."""
+
+
 class Span(Protocol):
     """Span of the columns beside the groups' levels, by an orthonormal basis Q."""
 
@@ -140,6 +144,15 @@ class Rows:
     def residual(self) -> FloatArray:
         """(n,) residuals of the fit of all rows, weighted."""
         return self.span.off(self.levels.off(self.y))
+
+    @cached_property
+    def least_absolute(self) -> FloatArray:
+        """(n,) residuals of a fit by least absolute values, from that of all rows, weighted."""
+        left = self.residual
+        for _ in range(LEAST_ABSOLUTE):
+            size = np.abs(left)
+            left = self.residual_of(1.0 / np.maximum(size, 1e-3 * max(float(np.median(size)), 1e-300)))
+        return left
 
     @cached_property
     def kept(self) -> FloatArray:

@@ -20,8 +20,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import special
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
 from fitter.arrays import FloatArray, IntArray
 from fitter.gross.rows import Rows
@@ -43,9 +44,12 @@ CLEAR = 0.85
 """Share of the limit: if no row of a design is so far from a robust fit, no subset is searched."""
 SUBSETS, STEPS, FINAL = 100, 2, 30
 """Random starts, concentration steps of each, and number of the best that are continued."""
-BEST, LEAST_ABSOLUTE = 5, 12
+BEST = 5
 AFFORDABLE = 4_000_000
 """Maximum number of values for all random starts together."""
+ALONE, AS_GOOD, AGAIN = 0.05, 2.0, 5
+"""Share of a row's share in its residual below which it has become alone; ratio of standard deviations up to which
+another start is as good; number of such starts."""
 GIANT = 1e4
 """Standard deviations beyond which a row's deviation is taken out of sums of squares. It is named in any case."""
 SEED = 20260115
@@ -88,6 +92,7 @@ def gross_errors(
     designed: bool = False,
     level: float = LEVEL,
     rows: Rows | None = None,
+    first: IntArray | None = None,
 ) -> GrossErrors:
     """Rows that deviate from a linear model.
 
@@ -103,11 +108,13 @@ def gross_errors(
         designed: whether no row lies far from the others in `columns`, so that random starts need not be tried.
         level: probability that a clean table has any row named.
         rows: these columns and groups, if several responses share them.
+        first: (m,) rows that are outside every start, also where they are most of a group.
 
     """
     no_group = np.full(len(y), NO_GROUP, np.int64)
-    every = Rows(columns, y, np.ones(len(y)), no_group if group is None else group) if rows is None else rows.of(y)
-    asked = _Asked(every, step, responses, designed, level)
+    every = rows or Rows(columns, y, np.ones(len(y)), no_group if group is None else group)
+    every = every if every.y is y else every.of(y)
+    asked = _Asked(every, step, responses, designed, level, np.zeros(0, np.int64) if first is None else first)
     found = _search(asked, None)
     if drivers and not found.not_looked:
         grown = _growth(every, np.setdiff1d(np.arange(len(y)), found.rows), drivers)
@@ -123,6 +130,7 @@ class _Asked:
     responses: int
     designed: bool
     level: float
+    first: IntArray
 
     def rows(self, weight: FloatArray) -> Rows:
         return self.every if np.all(weight == 1.0) else self.every.weighted(weight)  # the usual case needs no copy
@@ -156,10 +164,32 @@ def _search(asked: _Asked, spread: FloatArray | None) -> GrossErrors:
         return GrossErrors(none, np.zeros(0), np.zeros(0), 1.0, np.full(len(y), np.nan), alone, why)
     eps = ROUNDING * np.finfo(float).eps * float(np.sqrt(np.mean(rows.y**2)))
     floor = max(least_sd(step * weight), eps)
-    found = _judged(rows, _trimmed(rows, most, designed=asked.designed), floor, asked)
+    first = np.isin(np.arange(len(y)), asked.first if asked.first.size <= most else none)
+    found = _looked(rows, _Limits(most, _allowed(rows), first), floor, asked)
     out = found.out
     sd = np.broadcast_to(found.sigma, weight.shape) if spread is None else found.sigma / weight
     return GrossErrors(out, found.distance, found.off / weight[out], found.p, sd, alone)
+
+
+def _looked(rows: Rows, limits: _Limits, floor: float, asked: _Asked) -> _Found:
+    """The deviating rows of a start, and of others if one of the rows kept may be off.
+
+    A fit goes through a row, however far it is off, if every other row that determines one of its coefficients is
+    named instead. Rows that have become alone so are left out of a new start, which counts if it names fewer rows.
+    """
+    found = last = _judged(rows, _trimmed(rows, limits, designed=asked.designed), floor, asked)
+    for _ in range(AGAIN):
+        inside = np.setdiff1d(np.arange(len(rows.y)), last.out)
+        alone = inside[rows.some(inside).kept < ALONE * rows.kept[inside]] if last.out.size else last.out
+        first = limits.first.copy()
+        first[alone] = True
+        if not alone.size or np.sum(first) > limits.most:
+            break
+        limits = replace(limits, first=first)
+        last = _judged(rows, _trimmed(rows, limits, designed=asked.designed), floor, asked)
+        if 0 < last.out.size < found.out.size and last.sigma <= AS_GOOD * found.sigma:
+            found = last
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,7 +204,7 @@ class _Found:
 def _judged(rows: Rows, out: IntArray, floor: float, asked: _Asked) -> _Found:
     """The deviating rows, among those outside a robust fit."""
     n, left = len(rows.y), rows.df
-    rows, taken = _without_giants(rows, out)
+    rows, taken = _without_giants(rows, out, floor)
     rss = float(rows.residual @ rows.residual)
     none = np.zeros(0)
     sigma = max(np.sqrt(rss / left), floor)
@@ -202,7 +232,7 @@ def _judged(rows: Rows, out: IntArray, floor: float, asked: _Asked) -> _Found:
     return replace(best, p=lowest) if best.out.size else best
 
 
-def _without_giants(rows: Rows, out: IntArray) -> tuple[Rows, FloatArray]:
+def _without_giants(rows: Rows, out: IntArray, floor: float) -> tuple[Rows, FloatArray]:
     """The rows, of those far off a fit without `out` only what is not their deviation; and (n,) these deviations.
 
     What a row that is left out reads does not change the fit of the others, but in sums of squares of all rows
@@ -211,26 +241,40 @@ def _without_giants(rows: Rows, out: IntArray) -> tuple[Rows, FloatArray]:
     taken = np.zeros(len(rows.y))
     if not out.size:
         return rows, taken
-    left, rss = _without(rows, out)
-    far = out[np.abs(left[out]) > GIANT * np.sqrt(rss / max(rows.df - out.size, 1))] if np.isfinite(rss) else out[:0]
+    _, left, rss = _without(rows, out)
+    far = out[np.abs(left[out]) > GIANT * max(np.sqrt(rss / max(rows.df - out.size, 1)), floor)]
     taken[far] = left[far]
     return (rows.of(rows.y - taken) if far.size else rows), taken
 
 
-def _trimmed(rows: Rows, most: int, *, designed: bool) -> IntArray:
-    """The `most` rows without which the others fit best."""
-    allowed = _allowed(rows)
+@dataclass(frozen=True, eq=False)
+class _Limits:
+    """Limits of the rows outside.
+
+    Attributes:
+        most: their number.
+        allowed: (n,) number of a row's group.
+        first: (n,) whether a row is outside whatever its residual.
+    """
+
+    most: int
+    allowed: IntArray
+    first: NDArray[np.bool_]
+
+
+def _trimmed(rows: Rows, limits: _Limits, *, designed: bool) -> IntArray:
+    """Up to `most` rows without which the others fit best."""
     best = [(np.inf, np.zeros(0, np.int64))]
     starts = list(_starts(rows, designed=designed))
-    if designed and _clear(rows, starts[-1]):
+    if designed and not limits.first.any() and _clear(rows, starts[-1]):
         return best[0][1]
     for start in starts:
-        out, rss = _concentrated(rows, start, most, allowed, STEPS)
+        out, rss = _concentrated(rows, start, limits, STEPS)
         best = sorted([*best, (rss, out)], key=lambda one: one[0])[:BEST]
     found: tuple[float, IntArray] = (np.inf, np.zeros(0, np.int64))
     for rss, out in best:
         if np.isfinite(rss):
-            again, less = _concentrated(rows, _without(rows, out)[0], most, allowed, FINAL)
+            again, less = _concentrated(rows, _without(rows, out)[1], limits, FINAL)
             found = min(found, (less, again), (rss, out), key=lambda one: one[0])
     return found[1]
 
@@ -246,12 +290,8 @@ def _clear(rows: Rows, left: FloatArray) -> bool:
 def _starts(rows: Rows, *, designed: bool) -> Iterator[FloatArray]:
     """(n,) residuals of several fits: of all rows, by least absolute values, of random subsets."""
     n = len(rows.y)
-    left = rows.residual_of(np.ones(n))
-    yield left
-    for _ in range(LEAST_ABSOLUTE):
-        size = np.abs(left)
-        left = rows.residual_of(1.0 / np.maximum(size, 1e-3 * max(float(np.median(size)), 1e-300)))
-    yield left
+    yield rows.residual
+    yield rows.least_absolute
     if designed:
         return
     random = np.random.default_rng(SEED)
@@ -276,46 +316,73 @@ def _allowed(rows: Rows) -> IntArray:
     return allowed
 
 
-def _outside(rows: Rows, left: FloatArray, most: int, allowed: IntArray) -> IntArray:
-    """The `most` farthest rows, within the limit of each group."""
-    size = np.where(rows.kept > LONE, np.abs(left), -1.0)
+def _outside(rows: Rows, left: FloatArray, limits: _Limits) -> IntArray:
+    """The `most` farthest rows, within the limit of each group, after those that are outside anyway."""
+    size = np.where(limits.first, np.inf, np.abs(left))
+    size[rows.kept <= LONE] = -1.0
     ahead = np.argsort(-size, kind="stable")
     ahead = ahead[size[ahead] >= 0]
     group = rows.group[ahead]
     place = np.zeros(ahead.size, np.int64)
     by_group = np.argsort(group, kind="stable")
-    first = np.r_[0, np.flatnonzero(np.diff(group[by_group])) + 1]
-    counts = np.diff(np.r_[first, ahead.size])
-    place[by_group] = np.arange(ahead.size) - np.repeat(first, counts)
-    return np.array(ahead[(group < 0) | (place < allowed[ahead])][:most])
+    start = np.r_[0, np.flatnonzero(np.diff(group[by_group])) + 1]
+    counts = np.diff(np.r_[start, ahead.size])
+    place[by_group] = np.arange(ahead.size) - np.repeat(start, counts)
+    return np.array(ahead[(group < 0) | (place < limits.allowed[ahead]) | limits.first[ahead]][: limits.most])
 
 
-def _without(rows: Rows, out: IntArray) -> tuple[FloatArray, float]:
-    """(n,) residuals of all rows with `out` left out of the fit, and its sum of squares; infinite if there is
-    no fit.
+def _without(rows: Rows, out: IntArray) -> tuple[IntArray, FloatArray, float]:
+    """Rows left out of the fit: `out`, but for those that the fit of the others needs; (n,) residuals of all rows, and
+    their sum of squares.
     """
     e = rows.residual
     if not out.size:
-        return e, float(e @ e)
-    lower = rows.block(out) - LONE * np.eye(out.size)
-    try:
-        off = cho_solve(cho_factor(lower, lower=True, check_finite=False), e[out])
-    except np.linalg.LinAlgError:
-        return e, float("inf")
+        return out, e, float(e @ e)
+    if not _determined(block := rows.block(out)):
+        out = out[_free(block)]
+        block = rows.block(out)
+    off = cho_solve(cho_factor(block, lower=True), e[out])
     left = e - rows.spread(out, off)
     # Summed, not the difference of two sums: beside a row at 1e9 standard deviations nothing would remain of it.
     left[out] = 0.0
     rss = float(left @ left)
     left[out] = off
-    return left, rss
+    return out, left, rss
 
 
-def _concentrated(rows: Rows, left: FloatArray, most: int, allowed: IntArray, steps: int) -> tuple[IntArray, float]:
+def _determined(block: FloatArray) -> bool:
+    """Whether each row keeps some of its share in its residual when those before it are left out, by their (k, k)
+    rows and columns of the residual maker.
+    """
+    try:
+        pivots = np.diag(np.linalg.cholesky(block)) ** 2
+    except np.linalg.LinAlgError:
+        return False
+    return bool(np.min(pivots) > LONE)
+
+
+def _free(block: FloatArray) -> IntArray:
+    """Places (m,) of rows that can be left out one after another, by (k, k) rows and columns of the residual maker.
+
+    Pivots of a Cholesky factor are what is left of a row's share in its own residual when those before it are left out.
+    """
+    free: list[int] = []
+    factor = np.zeros_like(block)
+    for i in range(len(block)):
+        m = len(free)
+        row = solve_triangular(factor[:m, :m], block[free, i], lower=True, check_finite=False) if m else np.zeros(0)
+        pivot = float(block[i, i] - row @ row)
+        if pivot > LONE:
+            factor[m, :m], factor[m, m] = row, np.sqrt(pivot)
+            free.append(i)
+    return np.array(free, np.int64)
+
+
+def _concentrated(rows: Rows, left: FloatArray, limits: _Limits, steps: int) -> tuple[IntArray, float]:
     """Rows outside and residual sum of squares after this many concentration steps from these residuals."""
     best: tuple[IntArray, float] = np.zeros(0, np.int64), float("inf")
     for _ in range(steps):
-        out = _outside(rows, left, most, allowed)
-        left, rss = _without(rows, out)
+        out, left, rss = _without(rows, _outside(rows, left, limits))
         if not rss < best[1]:
             break
         best = out, rss

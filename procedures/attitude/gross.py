@@ -1,7 +1,7 @@
 """Gross errors of a pitch-roll calibration.
 
-Readings of one point are compared over replications, with a model for each replication. So effects common to a point
-(pads, head errors) or to a replication (drift) are not gross errors.
+Readings are compared with a model for each replication where that holds, otherwise with those of the same point in
+other replications. So effects common to a point (pads, head errors) or to a replication (drift) are not gross errors.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fitter.gross import GrossErrors, gross_errors
+from fitter.gross import GrossErrors, with_repeats
 from fitter.gross.rows import Rows
 from fitter.own_span import AT_ONCE, NO_GROUP
 from fitter.resolution import resolution
@@ -36,27 +36,30 @@ def of_attitude(data: AttitudeData) -> Mapping[str, GrossErrors]:
     own = visits >= REPEATS
     group = np.full(len(data), NO_GROUP, np.int64)
     group[own] = np.unique(data.point[own], return_inverse=True)[1]
-    rows = Rows(columns, np.broadcast_to(0.0, n), np.broadcast_to(1.0, n), group, data.replicate_index)
-    return {
-        name: gross_errors(
-            y,
-            columns,
-            group=group,
+    zero, one = np.broadcast_to(0.0, n), np.broadcast_to(1.0, n)
+    declared = Rows(columns, zero, one, np.full(n, NO_GROUP, np.int64), data.replicate_index)
+    levels = Rows(columns, zero, one, group, data.replicate_index)
+    found = {}
+    for name, y in data.outputs.items():
+        model = declared.of(y)
+        found[name] = with_repeats(
+            model,
+            levels.of(y),
+            group,
             step=resolution(y),
             responses=len(data.outputs),
-            drivers=_drivers(data, columns, y),
+            drivers=_drivers(data, model),
             designed=True,
-            rows=rows,
         )
-        for name, y in data.outputs.items()
-    }
+    return found
 
 
-def _drivers(data: AttitudeData, columns: FloatArray, y: FloatArray) -> dict[str, FloatArray]:
-    """Quantities that the standard deviation of an output may grow with."""
-    fit = fit_columns(columns, y)
-    output, slope = fit.predict(columns), np.empty(len(y))
-    for first in range(0, len(y), AT_ONCE):
+def _drivers(data: AttitudeData, rows: Rows) -> dict[str, FloatArray]:
+    """Quantities that the standard deviation of an output may grow with, by a fit that a few bad rows do not pull."""
+    columns, n = rows.columns, len(rows.y)
+    fit = fit_columns(columns, rows.y - rows.least_absolute)
+    output, slope = fit.predict(columns), np.empty(n)
+    for first in range(0, n, AT_ONCE):
         some = slice(first, first + AT_ONCE)
         moved = (
             attitude_columns(data.pitch_deg[some] + a, data.roll_deg[some] + r, roll=data.has_roll)
