@@ -63,8 +63,8 @@ class TraceOptions(Options):
     replicate: str | None = Field(None, description="column of repeats, whose offsets are declared")
     time: str | None = Field(None, description="column of the time, in any unit, or of dates and times as text")
     date: str | None = Field(None, description="column of the date, if --time is a column of times of day")
-    date_order: Literal["dmy", "mdy"] | None = Field(
-        None, description="day or month first, for dates such as 03/04/2026"
+    date_order: Literal["dmy", "mdy", "ymd"] | None = Field(
+        None, description="day, month or year first, for dates such as 03/04/2026 or 20-02-21"
     )
     direction: str | None = Field(
         None,

@@ -6,6 +6,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from procedures.clock import stamp_of
 from rig.errors import UsageError
 from rig.tables.of_others.asked import SEPARATORS, Asked
 from rig.tables.of_others.lines import Line, split
@@ -16,9 +17,6 @@ MOST_COLUMNS = 2000
 NO_SEPARATOR = "\n"
 """What separates the cells of a table of one column: nothing in a line does."""
 _SAMPLE = 400
-_TIME = re.compile(
-    r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}(?:[T ].{4,30})?|\d{1,2}:\d{2}(?::\d{2}(?:[.,:]\d+)?)?(?: ?[APap][Mm])?"
-)
 _ALIKE = 0.02
 _FEW, _MANY, _TAIL = 2, 4, 20
 _EXTRA = re.compile(r"comments?|notes?|remarks?", re.IGNORECASE)
@@ -60,7 +58,7 @@ def is_value(cell: str) -> bool:
 
 def is_time(cell: str) -> bool:
     """Whether a cell looks like a date or a time of day."""
-    return len(cell) < 50 and _TIME.fullmatch(cell) is not None
+    return stamp_of(cell) is not None
 
 
 def layout_of(lines: Sequence[Line], name: str, asked: Asked) -> Layout:
