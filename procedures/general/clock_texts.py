@@ -75,7 +75,9 @@ def _order(name: str, cells: Sequence[str], stamps: Sequence[Stamp]) -> str:
     orders = orders_of(stamps)
     if not orders:
         wrong = [next(c for c, s in zip(cells, stamps, strict=True) if not s.fits(one)) for one in ("dmy", "mdy")]
-        raise FitError(f"--time: {name} has {wrong[0][:40]!r} and {wrong[1][:40]!r}, which are no dates in the same order")
+        raise FitError(
+            f"--time: {name} has {wrong[0][:40]!r} and {wrong[1][:40]!r}, which are no dates in the same order"
+        )
     if len(orders) > 1 and not of_one_day(stamps):
         raise FitError(
             f"--time: {name} has {cells[0][:40]!r}, where day and month cannot be told apart; say "

@@ -68,9 +68,10 @@ class Cells:
                 )
         notation, footing = _notation(path, layout, rows, asked.decimal)
         left = {layout.body[i].row: cell for i, cell in footing.items()}
-        if left:
+        if footing:
             rows = [row for i, row in enumerate(rows) if i not in footing]
             layout = replace(layout, body=[line for line in layout.body if line.row not in left])
+        left = dict(sorted({**left, **dict.fromkeys(layout.again, "the names again")}.items()))
         if not rows:
             raise NoTable(f"{path} has column names and no rows")
         count = len(layout.names)
@@ -245,6 +246,11 @@ class Cells:
             yield f"no names: the columns are {', '.join(list(self.columns)[:_FEW])}{more}"
         elif layout.header > 1 or layout.before:
             yield f"names in row {layout.header}"
+        if layout.processing:
+            many = "s" * (len(layout.processing) > 1)
+            yield f"{rows_in_words(layout.processing)} left out: how the logger made the values (row{many} like Smp, Avg)"
+        for name, number in layout.constants.items():
+            yield f"{name} = {number} above the table, of which no column was made"
         if layout.earlier:
             yield f"another table before it, up to row {layout.earlier}, was not read"
         if self.units:

@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from procedures.clock import stamp_of
 from rig.errors import UsageError
 
 MISSING = frozenset(("", "na", "n/a", "#n/a", "#nv", "nan", "null", "-", "--", "---", "\u2013", "\u2014"))
@@ -38,6 +39,16 @@ def looks_like_number(cell: str) -> bool:
     if len(text) > _LONGEST:
         return False
     return any(one.fullmatch(text) for one in (_PLAIN, _GROUPED, _ENDLESS))
+
+
+def is_value(cell: str) -> bool:
+    """Whether a cell is a number, a time or a missing value, in some notation."""
+    return is_missing(cell) or looks_like_number(cell) or is_time(cell)
+
+
+def is_time(cell: str) -> bool:
+    """Whether a cell is a date or a time of day."""
+    return stamp_of(cell) is not None
 
 
 def minus(cell: str) -> str:

@@ -13,9 +13,16 @@ _PART = rf"(?:{_PREFIX}{_BASE}|1)(?:\^?-?[0-9²³]|²|³)?"
 _UNIT = re.compile(rf"{_PART}(?:[*·./ ]{_PART})*")
 _WORDS = re.compile(
     r"(?:milli|micro|kilo|mega|nano)?(?:volts?|amperes?|newtons?|seconds?|minutes?|hours?|celsius|fahrenheit|kelvin|"
-    r"percent|grams?|met(?:er|re)s?|pascals?|degrees?(?: celsius)?|sekunden?|stunden?|grad)",
+    r"percent|grams?|met(?:er|re)s?|pascals?|deg(?:rees?)?(?: ?(?:celsius|c|f|k))?|sekunden?|stunden?|grad|"
+    r"[munkµ]?v(?: ?dc| ?ac)|[munkµ]?a(?: ?dc| ?ac)|volts ?(?:dc|ac)|m?sec|msecs?|hpa|k?ohm|k?hz|%rh|% ?r\.?h\.?)",
     re.IGNORECASE,
 )
+_NONE = re.compile(
+    r"TS|RN|text|string|none|no unit|unitless|sequence|index|count(?:er)?|number|no\.?|nr\.?|datetime|date ?time|utc|"
+    r"local(?: time)?|bool(?:ean)?|int(?:eger)?|float|clock|[yMmdDhHsSjT:./ -]{5,25}(?:\.[fs0]+)?",
+    re.IGNORECASE,
+)
+"""Words in a row of units for columns that have none: Campbell Scientific's TS and RN, a kind of value, dd.mm.yyyy."""
 _BRACKETED = re.compile(r"[\[(]([^\[\]()]{0,20})[\])]")
 _IN_NAME = re.compile(
     r".*?\s*[\[(]([^\[\]()]{1,15})[\])]\s*|.*?_([A-Za-z%µΩ]{1,6}[23]?(?:(?:_per_|/)[A-Za-z]{1,5}[23]?)?)"
@@ -29,6 +36,11 @@ def is_unit(cell: str) -> bool:
         or _BRACKETED.fullmatch(cell)
         or (len(cell) <= 20 and (_UNIT.fullmatch(cell) or _WORDS.fullmatch(cell)))
     )
+
+
+def no_unit(cell: str) -> bool:
+    """Whether a cell of a row of units says that its column has none."""
+    return _NONE.fullmatch(cell) is not None
 
 
 def bare(cell: str) -> str:

@@ -1,0 +1,282 @@
+"""What stands above the values of a table: names, units, how a logger made the values, constants."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+from rig.errors import UsageError
+from rig.tables.of_others.asked import Asked
+from rig.tables.of_others.block import Block, trimmed
+from rig.tables.of_others.lines import Line, split
+from rig.tables.of_others.numbers import is_missing, is_value, looks_like_number
+from rig.tables.of_others.units import bare, is_unit, no_unit
+
+_EXTRA = re.compile(r"comments?|notes?|remarks?", re.IGNORECASE)
+_PROCESSING = re.compile(
+    r"smp|sample|avg|average|mean|tot|total|max|min|std|med|wvc|mmt|cov|tmx|tmn|instant|inst", re.IGNORECASE
+)
+"""What a logger did between two rows: Campbell Scientific's names of output processing, and words like them."""
+_HIGHEST, _FIRST = 10, 200
+_WORDS, _MIXED, _VALUES, _SPARSE = "words", "mixed", "values", "sparse"
+
+
+@dataclass(frozen=True)
+class Heads:
+    """Rows above the values.
+
+    Attributes:
+        names: of the columns; () without.
+        row: of the names in the file; 0 without.
+        top: index among the file's lines of the first of these rows.
+        start: number of the block's lines that are no values.
+        units: of the columns; () without.
+        processing: rows that say how the logger made the values.
+        constants: numbers in the row of units, by the name above them, where no column follows.
+    """
+
+    names: tuple[str, ...]
+    row: int
+    top: int
+    start: int
+    units: tuple[str, ...] = ()
+    processing: tuple[int, ...] = ()
+    constants: Mapping[str, str] = field(default_factory=dict)
+
+
+def heads_of(lines: Sequence[Line], block: Block, name: str, asked: Asked) -> Heads:
+    """The rows above the values of a block.
+
+    Args:
+        lines: of the file.
+        block: of lines that holds the values.
+        name: of the file, for messages.
+        asked: declarations of the user.
+
+    Raises:
+        UsageError: two rows may hold the names, or there are more names than columns, or fewer.
+    """
+    if asked.header == 0:
+        return Heads((), 0, block.start, 0)
+    walk = _Walk(lines, block, _value_columns(block))
+    if asked.header:
+        return walk.at(asked.header, name)
+    found = walk.up()
+    if found.names:
+        walk.check_single(found, name)
+    return found
+
+
+class _Walk:
+    """The way up from the first row of values, for `heads_of`."""
+
+    def __init__(self, lines: Sequence[Line], block: Block, values: Sequence[int]) -> None:
+        self.lines, self.block, self.values = lines, block, values
+        self.inside = {line.row: i for i, line in enumerate(block.lines[:_FIRST])}
+        first = next((i for i in self.inside.values() if self._sort(self._cells(block.lines[i])) == _VALUES), 0)
+        if not values:
+            first = 1  # nothing but text: the first row has the names
+        row = block.lines[min(first, len(block.lines) - 1)].row
+        self.end = next((i for i, line in enumerate(lines) if line.row >= row), len(lines))
+
+    def up(self) -> Heads:
+        """The nearest row of names above the values, and what stands between."""
+        marked: list[tuple[int, str]] = []
+        tried = 0
+        for i in range(self.end - 1, -1, -1):
+            line = self.lines[i]
+            if line.remark and not any(sign.isalnum() for sign in line.text):
+                continue
+            tried += 1
+            if tried > _HIGHEST:
+                break
+            cells = self._cells(line)
+            mark = self._mark(cells) if not any(what == "units" for _, what in marked) else ""
+            if mark:
+                marked.append((i, mark))
+                continue
+            if self._names(i, under_units=bool(marked)) is not None:
+                return self._heads(i, marked)
+            if line.row in self.inside and self._sort(cells) in (_MIXED, _SPARSE):
+                marked = []
+                continue
+            if len([cell for cell in trimmed(self._plain(line)) if cell]) > 1:
+                break
+        if marked and any(self.lines[i].row in self.inside for i, _ in marked):  # units that are names: V, A
+            return self._heads(marked[-1][0], marked[:-1])
+        return Heads((), 0, self.block.start, 0)
+
+    def at(self, row: int, name: str) -> Heads:
+        """The row of names that the user declared, and what follows it. Raises `UsageError`."""
+        at = next((i for i, line in enumerate(self.lines) if line.row == row), None)
+        if at is None:
+            last = self.lines[-1].row if self.lines else 0
+            raise UsageError(f"{name}: --header {row}: this row is blank, or there is none; the last one is {last}")
+        line = self.lines[at]
+        cells = (self._headings(line.remarked) if line.remark else None) or trimmed(self._plain(line))
+        width = max(self.block.count, self.block.raw)
+        if len(cells) < self.block.count and line.row not in self.inside:
+            raise UsageError(
+                f"{name}, row {row}: {len(cells)} names, and {self.block.count} values in the rows after it; correct "
+                "the row, or say another --header"
+            )
+        if len(cells) > self.block.count and width == self.block.count:
+            raise UsageError(
+                f"{name}, row {row}: {len(cells)} names, and {self.block.count} values in the rows after it; correct "
+                "the row, or say another --header"
+            )
+        marked: list[tuple[int, str]] = []
+        for i in range(at + 1, len(self.lines)):
+            line = self.lines[i]
+            if line.remark:
+                continue
+            if not (mark := self._mark(self._cells(line))):
+                if self._sort(self._cells(line)) == _WORDS and self._full(self._plain(line)):
+                    raise UsageError(
+                        f"{name}, row {line.row}: {self._plain(line)[0]!r} is not a value; are there two rows of names?"
+                    )
+                break
+            marked.append((i, mark))
+        return self._heads(at, marked[::-1], cells)
+
+    def check_single(self, found: Heads, name: str) -> None:
+        """Refuse another row above the names that may hold them as well."""
+        i = found.top
+        if self.lines[i].remark or self.lines[i].apart or i == 0 or self.lines[i - 1].remark:
+            return
+        above = trimmed(self._plain(self.lines[i - 1]))
+        if len(above) > len(found.names) or self._sort(self._cells(self.lines[i - 1])) != _WORDS:
+            return
+        mine, given = trimmed(list(found.names)), [cell for cell in above if cell]
+        doubtful = self._full(above, len(mine)) if self._full(mine) else len(given) >= len([one for one in mine if one])
+        if doubtful and len(given) > 1 and not _says_of_itself(above):
+            raise UsageError(
+                f"{name}: rows {self.lines[i - 1].row} and {found.row} may both hold the names of the columns; say "
+                "--header with the row"
+            )
+
+    def _heads(self, at: int, marked: Sequence[tuple[int, str]], cells: Sequence[str] | None = None) -> Heads:
+        names = list(cells or self._names(at, under_units=True) or trimmed(self._plain(self.lines[at])))
+        names += [""] * (self.block.count - len(names))
+        units: tuple[str, ...] = ()
+        constants: dict[str, str] = {}
+        for i, mark in marked:
+            if mark == "units":
+                row = self._plain(self.lines[i])
+                extra = zip(names[self.block.count :], row[self.block.count :], strict=False)
+                constants = {one: cell for one, cell in extra if one and looks_like_number(cell)}
+                row = [*row[: self.block.count], *[""] * len(names)][: len(names)]
+                units = tuple(bare(cell) if is_unit(cell) else "" for cell in row)
+        names = names[: self.block.count] if constants else names
+        last = max([at, *(i for i, _ in marked)])
+        start = max((k + 1 for row, k in self.inside.items() if row <= self.lines[last].row), default=0)
+        processing = tuple(self.lines[i].row for i, mark in marked if mark == "processing")[::-1]
+        return Heads(tuple(names), self.lines[at].row, at, start, units[: len(names)], processing, constants)
+
+    def _plain(self, line: Line) -> list[str]:
+        return line.cells(self.block.separator)
+
+    def _cells(self, line: Line) -> list[str]:
+        """The cells of the block's columns."""
+        cells = (self._headings(line.remarked) if line.remark else None) or self._headings(line.text)
+        cells = cells or self._plain(line)
+        return [*cells[: self.block.count], *[""] * (self.block.count - len(cells))]
+
+    def _sort(self, cells: Sequence[str]) -> str:
+        """What a row has in the columns of values."""
+        given = [cells[i] for i in self.values if cells[i]]
+        words = [cell for cell in given if not is_value(cell)]
+        numbers = [cell for cell in given if is_value(cell) and not is_missing(cell)]
+        if words:
+            return _MIXED if numbers else _WORDS
+        return _VALUES if 2 * len(given) >= len(self.values) else _SPARSE
+
+    def _mark(self, cells: Sequence[str]) -> str:
+        """Whether a row has units, or says how the values were made; "" for any other."""
+        given = [cell for cell in cells if cell and not is_missing(cell)]
+        if not given or self._sort(cells) in (_MIXED, _VALUES):
+            return ""
+        if all(_PROCESSING.fullmatch(cell) for cell in given):
+            return "processing"
+        known = sum(map(is_unit, given))
+        bracketed = any(cell[0] in "[(" and is_unit(cell) for cell in given)
+        others = [cell for cell in given if not is_unit(cell)]
+        return "units" if known and (not others or bracketed or all(map(no_unit, others))) else ""
+
+    def _names(self, i: int, *, under_units: bool) -> list[str] | None:
+        """A row as names of the columns; None if it cannot hold them."""
+        line, count = self.lines[i], self.block.count
+        inside = line.row in self.inside
+        cells = trimmed(self._plain(line))
+        if line.remark or not inside:
+            tried = (self._headings(line.remarked) if line.remark else None) or self._headings(line.text)
+            if tried is None:
+                short = line.remark or not count < len(cells) or self.block.raw <= count or not all(cells[:count])
+                if short or self._sort(cells) not in (_WORDS, _MIXED):
+                    return None
+                tried = cells
+            cells = tried
+        padded = [*cells, *[""] * (count - len(cells))]
+        sort = self._sort(padded)
+        if sort == _WORDS:
+            return cells if sum(map(bool, cells)) > 1 or count == len(self.values) == 1 or _is_pair(cells) else None
+        if sort != _MIXED:
+            return None
+        above = self.lines[i - 1] if i else None
+        if above is not None and not under_units and not above.remark and not line.apart:
+            full = self._cells(above)
+            if self._sort(full) == _WORDS and self._full(full):
+                return None  # an observation with a word in it, under the names
+        return cells if self._full(cells, count) and _rising(cells) else None
+
+    def _full(self, cells: Sequence[str], count: int = 0) -> bool:
+        """Whether each column has a name of its own."""
+        own = trimmed(list(cells))
+        return bool(own) and len(own) >= count and all(own) and len(set(own)) == len(own)
+
+    def _headings(self, text: str) -> list[str] | None:
+        """A line as names of the block's columns; None if their numbers differ, or it holds values."""
+        count = self.block.count
+        tries = [trimmed(split(text, self.block.separator))]
+        tries += [[one for one in re.split(r"\s{2,}|\t", text.strip().strip('"').strip()) if one]]
+        for cells in tries:
+            named = cells
+            if len(cells) == count + 1:
+                named = cells[1:] if cells[0].endswith(":") else cells[:-1] if _EXTRA.fullmatch(cells[-1]) else cells
+            if len(named) == count and not any(looks_like_number(cell) for cell in named) and all(named):
+                return named
+        return None
+
+
+def _is_pair(cells: Sequence[str]) -> bool:
+    """Whether names are those of an index and one value: ",y"."""
+    return len(cells) == 2 and bool(cells[1])
+
+
+def _rising(cells: Sequence[str]) -> bool:
+    """Whether the numbers among names are whole or rise or fall, as those of wavelengths and channels do."""
+    try:
+        numbers = [float(cell.replace(",", ".")) for cell in cells if looks_like_number(cell)]
+    except ValueError:
+        return False
+    steps = [b - a for a, b in pairwise(numbers)]
+    return all(step > 0 for step in steps) or all(step < 0 for step in steps)
+
+
+def _says_of_itself(cells: Sequence[str]) -> bool:
+    """Whether a row describes the file: the first line of Campbell Scientific's formats."""
+    return bool(re.fullmatch(r"TOA5|TOB\d|TOACI1", cells[0]))
+
+
+def _value_columns(block: Block) -> list[int]:
+    """Columns of which most cells are values, below the first rows or in the lower half."""
+    found: set[int] = set()
+    for skip in (min(3, len(block.sample) - 1), len(block.sample) // 2):
+        rest = block.sample[skip:]
+        for i in range(block.count):
+            given = sum(1 for row in rest if i < len(row) and is_value(row[i]) and not is_missing(row[i]))
+            if given > 0.5 * len(rest):
+                found.add(i)
+    return sorted(found)
