@@ -23,7 +23,7 @@ from rig.tables.of_others.asked import NOTHING, Asked
 from rig.tables.of_others.cells import Cells
 from rig.tables.of_others.footers import footers
 from rig.tables.of_others.layout import NoTable
-from rig.tables.of_others.numbers import OVERLOAD, Notation, is_missing, is_overload, looks_like_number
+from rig.tables.of_others.numbers import OVERLOAD, Notation, is_missing, is_no_reading, is_overload, looks_like_number
 
 _MOST_COLUMNS = 2000
 _BLANK = frozenset(("\n", "\r\n", "\r"))
@@ -221,7 +221,7 @@ def read_seen_csv(path: Path, asked: Asked = NOTHING) -> Table:
 
 def _of_numbers(cells: Iterable[str]) -> bool:
     """Whether a column of text is one of numbers in another notation, or with words for missing values."""
-    given = [cell for cell in cells if not is_missing(cell)]
+    given = [cell for cell in cells if not is_missing(cell) and not is_no_reading(cell)]
     return bool(given) and all(looks_like_number(cell) for cell in given)
 
 

@@ -50,7 +50,7 @@ def block_of(lines: Sequence[Line], separator: str, asked: Asked) -> Block | Non
         end -= 1
     raw = [len(row) for row in cells]
     run = end
-    while run and is_data(cells[run - 1]) and raw[run - 1] == raw[end - 1]:
+    while run and _mostly_values(cells[run - 1]) and raw[run - 1] == raw[end - 1]:
         run -= 1
     tail = range(max(run if end - run > 1 else 0, end - _TAIL), end)
     usual = max((raw[i] for i in tail), key=[raw[i] for i in tail].count, default=0)
@@ -70,6 +70,12 @@ def block_of(lines: Sequence[Line], separator: str, asked: Asked) -> Block | Non
     sample = [line.cells(separator) for line in (taken[: _SAMPLE // 2] + taken[_SAMPLE // 2 :][-_SAMPLE // 2 :])]
     after = tuple(line.row for _, line in plain[end:])
     return Block(separator, count, usual, plain[begin][0], taken, after, sample)
+
+
+def _mostly_values(cells: Sequence[str]) -> bool:
+    """Whether a line has several cells, and more values than words."""
+    given = [cell for cell in cells if cell]
+    return len(given) > 1 and 2 * sum(map(is_value, given)) > len(given)
 
 
 def _wider(cells: Sequence[list[str]], begin: int, end: int, count: int) -> tuple[int, int]:

@@ -20,10 +20,15 @@ from rig.tables.of_others.encoding import text_of
 from rig.tables.of_others.footers import footers, labelled_rows
 from rig.tables.of_others.layout import NO_SEPARATOR, Layout, NoTable, is_time, layout_of
 from rig.tables.of_others.lines import lines_of
-from rig.tables.of_others.numbers import Notation, is_missing, is_overload, looks_like_number, notation_of
-
-_SHOWN, _FEW, _LONG = 8, 3, 40
-_SAID = {";": "semicolons", "\t": "tabs", "|": "pipes", " ": "blanks"}
+from rig.tables.of_others.numbers import (
+    Notation,
+    is_missing,
+    is_no_reading,
+    is_overload,
+    looks_like_number,
+    notation_of,
+)
+from rig.tables.of_others.said import dates_with_dots, sentences, times_of, without_units
 
 
 @dataclass(frozen=True)
@@ -40,6 +45,7 @@ class Cells:
         renamed: names that occurred twice.
         remarks: rows of remarks among the values.
         footers: rows of the file that are no observations, with the cell that shows it.
+        in_cells: columns that have a unit in each cell.
     """
 
     path: Path
@@ -51,6 +57,7 @@ class Cells:
     renamed: tuple[str, ...]
     remarks: tuple[int, ...]
     footers: dict[int, str]
+    in_cells: tuple[str, ...] = ()
 
     @classmethod
     def read(cls, path: Path, data: bytes, asked: Asked) -> Cells:
@@ -66,6 +73,7 @@ class Cells:
                 raise UsageError(
                     f"{path}, row {line.row}: {len(row)} values for {len(layout.names)} columns; correct the row"
                 )
+        rows, inside = without_units(rows, len(layout.names))
         notation, footing = _notation(path, layout, rows, asked.decimal)
         left = {layout.body[i].row: cell for i, cell in footing.items()}
         if footing:
@@ -80,21 +88,55 @@ class Cells:
         names, renamed = _named([layout.names[i] for i in kept], kept)
         columns = {name: each[i] for name, i in zip(names, kept, strict=True)}
         units = {name: layout.units[i] for name, i in zip(names, kept, strict=True) if layout.units and layout.units[i]}
-        first, last = layout.body[0].row, layout.body[-1].row
-        remarks = tuple(line.row for line in lines if line.remark and first < line.row < last)
-        return cls(path, encoding, layout, notation, columns, units, renamed, remarks, left)
+        units |= {name: inside[i] for name, i in zip(names, kept, strict=True) if i in inside}
+        first = layout.body[0].row
+        remarks = tuple(line.row for line in lines if line.remark and line.row > first)
+        in_cells = tuple(name for name, i in zip(names, kept, strict=True) if i in inside)
+        return cls(path, encoding, layout, notation, columns, units, renamed, remarks, left, in_cells)
 
     @cached_property
     def rows(self) -> list[int]:
         """Number in the file of every row."""
         return [line.row for line in self.layout.body]
 
+    @cached_property
+    def empty(self) -> tuple[str, ...]:
+        """Columns without any value."""
+        return tuple(name for name, cells in self.columns.items() if not any(cells))
+
+    @cached_property
+    def no_readings(self) -> dict[str, int]:
+        """Number of cells with each word that stands in a column of numbers for no reading."""
+        found: dict[str, int] = {}
+        for name, cells in self.columns.items():
+            words = self._words[name]
+            for cell in cells:
+                if cell in words or is_overload(cell):
+                    found[cell] = found.get(cell, 0) + 1
+        return found
+
+    @cached_property
+    def _words(self) -> dict[str, frozenset[str]]:
+        """Words for no reading in each column: only where all other cells are numbers."""
+        found = {}
+        for name, cells in self.columns.items():
+            words = frozenset(cell for cell in cells if is_no_reading(cell))
+            others = [cell for cell in cells if cell not in words and not is_missing(cell)] if words else []
+            numbers = bool(others) and all(self.notation.number(cell) is not None for cell in others)
+            found[name] = words if numbers else frozenset()
+        return found
+
+    @cached_property
+    def times(self) -> dict[str, str]:
+        """How the dates of columns of times are read, in words; "" where they leave no doubt."""
+        return times_of(self.columns)
+
     @property
     def plain(self) -> bool:
         """Whether the file is written as our own tables are."""
         ordinary = self.encoding in ("utf-8", "utf-8-sig") and self.layout.separator == "," and not self.layout.units
         ordinary = ordinary and not self.footers and all(self.layout.names)
-        ordinary = ordinary and not any(is_overload(cell) for cells in self.columns.values() for cell in cells)
+        ordinary = ordinary and not self.no_readings and not self.empty and not self.in_cells
         return ordinary and self.layout.header == 1 and self.notation == Notation()
 
     def any(self, needed: Collection[str]) -> Table:
@@ -182,7 +224,7 @@ class Cells:
         """(n,) whether a cell has no value; "-" beside "+" is a direction."""
         cells = self.columns[name]
         signs = {cell for cell in cells if cell} <= {"+", "-"} and "+" in cells
-        return np.array([cell == "" or (is_missing(cell) and not signs) for cell in cells])
+        return np.array([cell == "" or (is_missing(cell) and not signs) or cell in self._words[name] for cell in cells])
 
     def _endless(self, name: str) -> np.ndarray[Any, np.dtype[np.bool_]]:
         """(n,) whether a cell is an infinite number."""
@@ -210,10 +252,12 @@ class Cells:
 
     def _understood(self, gaps: dict[str, list[int]]) -> dict[str, Any]:
         """How the table was read, as JSON values with a sentence; {} for a table like our own."""
-        said = list(self._parts())
+        said = list(sentences(self))
         for name, rows in gaps.items():
             many = "rows" if len(rows) > 1 else "row"
             said.append(f"{len(rows)} {many} left out without a value in {name} ({rows_in_words(rows)})")
+        if self.layout.header and self.layout.before:
+            said.append(f"{self.layout.before} line{'s' * (self.layout.before > 1)} above the names not read")
         if not said:
             return {}
         return {
@@ -223,54 +267,14 @@ class Cells:
             "decimal": self.notation.decimal,
             "header_row": self.layout.header,
             "units": self.units,
+            "times": {name: form for name, form in self.times.items() if form},
+            "rows_of_processing": list(self.layout.processing),
+            "constants": dict(self.layout.constants),
             "rows_without_value": gaps,
             "rows_of_remarks": list(self.remarks),
             "rows_after": list(self.layout.after),
             "rows_of_summaries": self.footers,
         }
-
-    def _parts(self) -> Iterator[str]:
-        layout = self.layout
-        if layout.separator == NO_SEPARATOR:
-            yield "one column"
-        elif layout.separator != ",":
-            yield f"cells separated by {_SAID[layout.separator]}"
-        if self.notation.decimal == ",":
-            yield "decimal comma"
-        if self.notation.grouped:
-            yield f"digits in groups, such as {self.notation.grouped}"
-        if self.encoding not in ("utf-8", "utf-8-sig"):
-            yield f"encoding {self.encoding}"
-        if not layout.header:
-            more = ", ..." if len(self.columns) > _FEW else ""
-            yield f"no names: the columns are {', '.join(list(self.columns)[:_FEW])}{more}"
-        elif layout.header > 1 or layout.before:
-            yield f"names in row {layout.header}"
-        if layout.processing:
-            many = "s" * (len(layout.processing) > 1)
-            yield f"{rows_in_words(layout.processing)} left out: how the logger made the values (row{many} like Smp, Avg)"
-        for name, number in layout.constants.items():
-            yield f"{name} = {number} above the table, of which no column was made"
-        if layout.earlier:
-            yield f"another table before it, up to row {layout.earlier}, was not read"
-        if self.units:
-            yield "units " + ", ".join(f"{name} {unit}" for name, unit in self.units.items())
-        for name in self.renamed:
-            yield f"{name} names several columns, which are {name} (column N)"
-        nameless = [name for name in self.columns if name not in layout.names and name.startswith("column_")]
-        if nameless and layout.header:
-            yield f"without a name: {', '.join(nameless[:_SHOWN])}"
-        overloaded = sum(is_overload(cell) for cells in self.columns.values() for cell in cells)
-        if overloaded:
-            yield f"{overloaded} cell{'s' * (overloaded > 1)} with 9.9E37, the overload of a meter: no value"
-        if self.remarks:
-            yield f"{rows_in_words(self.remarks)} left out as {'remarks' if len(self.remarks) > 1 else 'a remark'}"
-        if self.footers:
-            which = ", ".join(f"row {row} ({cell[:_LONG]})" for row, cell in list(self.footers.items())[:_SHOWN])
-            more = f" and {len(self.footers) - _SHOWN} more" if len(self.footers) > _SHOWN else ""
-            yield f"{which}{more} left out: no observation"
-        if layout.after:
-            yield f"what follows the table from row {layout.after[0]} on was not read"
 
 
 def _named(names: Sequence[str], places: Sequence[int]) -> tuple[list[str], tuple[str, ...]]:
@@ -291,8 +295,9 @@ def _notation(path: Path, layout: Layout, rows: Sequence[Sequence[str]], asked: 
     named = labelled_rows(rows)
     kept = [i for i in range(len(rows)) if i not in named] or list(range(len(rows)))
     columns = [[rows[i][column] if column < len(rows[i]) else "" for i in kept] for column in range(len(layout.names))]
+    dotted = any(map(dates_with_dots, columns))
     numbers = _numbers(columns, [layout.body[i].row for i in kept])
-    notation = notation_of(numbers, layout.separator, str(path), asked)
+    notation = notation_of(numbers, layout.separator, str(path), asked, dotted=dotted)
     apart = [line.apart for line in layout.body]
     return notation, footers(layout.names, rows, apart, notation, lambda i: f"{path}, row {layout.body[i].row}")
 

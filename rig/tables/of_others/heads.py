@@ -11,7 +11,7 @@ from rig.errors import UsageError
 from rig.tables.of_others.asked import Asked
 from rig.tables.of_others.block import Block, trimmed
 from rig.tables.of_others.lines import Line, split
-from rig.tables.of_others.numbers import is_missing, is_value, looks_like_number
+from rig.tables.of_others.numbers import is_missing, is_no_reading, is_value, looks_like_number
 from rig.tables.of_others.units import bare, is_unit, no_unit
 
 _EXTRA = re.compile(r"comments?|notes?|remarks?", re.IGNORECASE)
@@ -19,6 +19,11 @@ _PROCESSING = re.compile(
     r"smp|sample|avg|average|mean|tot|total|max|min|std|med|wvc|mmt|cov|tmx|tmn|instant|inst", re.IGNORECASE
 )
 """What a logger did between two rows: Campbell Scientific's names of output processing, and words like them."""
+_OF_FILE = re.compile(
+    r"TOA5|TOB\d|TOACI1|source|record length|vendor|model(?: number)?|firmware(?: version)?|serial(?: (?:no\.?|number))?|"
+    r"operator|instrument|software(?: version)?|file ?name|.*:",
+    re.IGNORECASE,
+)
 _HIGHEST, _FIRST = 10, 200
 _WORDS, _MIXED, _VALUES, _SPARSE = "words", "mixed", "values", "sparse"
 
@@ -34,6 +39,7 @@ class Heads:
         start: number of the block's lines that are no values.
         units: of the columns; () without.
         processing: rows that say how the logger made the values.
+        units_row: row of the units in the file; 0 without.
         constants: numbers in the row of units, by the name above them, where no column follows.
     """
 
@@ -43,6 +49,7 @@ class Heads:
     start: int
     units: tuple[str, ...] = ()
     processing: tuple[int, ...] = ()
+    units_row: int = 0
     constants: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -78,7 +85,8 @@ class _Walk:
         first = next((i for i in self.inside.values() if self._sort(self._cells(block.lines[i])) == _VALUES), 0)
         if not values:
             first = 1  # nothing but text: the first row has the names
-        row = block.lines[min(first, len(block.lines) - 1)].row
+        last = len(block.lines) - 1
+        row = block.lines[first].row if first <= last else block.lines[last].row + 1
         self.end = next((i for i, line in enumerate(lines) if line.row >= row), len(lines))
 
     def up(self) -> Heads:
@@ -173,7 +181,9 @@ class _Walk:
         last = max([at, *(i for i, _ in marked)])
         start = max((k + 1 for row, k in self.inside.items() if row <= self.lines[last].row), default=0)
         processing = tuple(self.lines[i].row for i, mark in marked if mark == "processing")[::-1]
-        return Heads(tuple(names), self.lines[at].row, at, start, units[: len(names)], processing, constants)
+        of_units = next((self.lines[i].row for i, mark in marked if mark == "units"), 0)
+        units = units[: len(names)]
+        return Heads(tuple(names), self.lines[at].row, at, start, units, processing, of_units, constants)
 
     def _plain(self, line: Line) -> list[str]:
         return line.cells(self.block.separator)
@@ -188,7 +198,7 @@ class _Walk:
         """What a row has in the columns of values."""
         given = [cells[i] for i in self.values if cells[i]]
         words = [cell for cell in given if not is_value(cell)]
-        numbers = [cell for cell in given if is_value(cell) and not is_missing(cell)]
+        numbers = [cell for cell in given if is_value(cell) and not is_missing(cell) and not is_no_reading(cell)]
         if words:
             return _MIXED if numbers else _WORDS
         return _VALUES if 2 * len(given) >= len(self.values) else _SPARSE
@@ -203,6 +213,8 @@ class _Walk:
         known = sum(map(is_unit, given))
         bracketed = any(cell[0] in "[(" and is_unit(cell) for cell in given)
         others = [cell for cell in given if not is_unit(cell)]
+        if given[0].upper() in ("NO.", "TS"):  # rows of Graphtec and Campbell Scientific repeat the word for time
+            others = [cell for cell in others if cell.lower() not in ("time", "date", "date&time")]
         return "units" if known and (not others or bracketed or all(map(no_unit, others))) else ""
 
     def _names(self, i: int, *, under_units: bool) -> list[str] | None:
@@ -266,8 +278,8 @@ def _rising(cells: Sequence[str]) -> bool:
 
 
 def _says_of_itself(cells: Sequence[str]) -> bool:
-    """Whether a row describes the file: the first line of Campbell Scientific's formats."""
-    return bool(re.fullmatch(r"TOA5|TOB\d|TOACI1", cells[0]))
+    """Whether a row describes the file: by a word before a colon, or one that names no column."""
+    return _OF_FILE.fullmatch(cells[0]) is not None
 
 
 def _value_columns(block: Block) -> list[int]:

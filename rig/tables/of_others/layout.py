@@ -11,6 +11,7 @@ from rig.tables.of_others.block import Block, block_of, is_data, trimmed
 from rig.tables.of_others.heads import Heads, heads_of
 from rig.tables.of_others.lines import Line
 from rig.tables.of_others.numbers import is_missing, is_time, is_value, looks_like_number
+from rig.tables.of_others.pairs import with_pairs
 
 __all__ = ["NO_SEPARATOR", "Layout", "NoTable", "is_time", "is_value", "layout_of"]
 
@@ -38,7 +39,9 @@ class Layout:
         after: rows of lines after the table, which do not belong to it.
         earlier: last row of another table before this one; 0 if there is none.
         processing: rows that say how a logger made the values.
+        units_row: row of the units in the file; 0 without.
         constants: numbers above the table, by name.
+        pairs: whether each value stands beside its name, and `after` are all lines that have none.
         again: rows above which the file begins anew: its heads once more.
     """
 
@@ -51,8 +54,10 @@ class Layout:
     after: tuple[int, ...]
     earlier: int = 0
     processing: tuple[int, ...] = ()
+    units_row: int = 0
     constants: Mapping[str, str] = field(default_factory=dict)
     again: tuple[int, ...] = ()
+    pairs: bool = False
 
 
 def layout_of(lines: Sequence[Line], name: str, asked: Asked) -> Layout:
@@ -67,6 +72,10 @@ def layout_of(lines: Sequence[Line], name: str, asked: Asked) -> Layout:
         UsageError: there is no table, or it can be read in several ways.
     """
     tried = [asked.separator] if asked.separator else list(SEPARATORS.values())
+    if not asked.separator and asked.header is None and (log := with_pairs(lines)) is not None:
+        rows = {line.row for line in log[1]}
+        left = tuple(line.row for line in lines if not line.remark and line.row not in rows)
+        return Layout("\t", log[0], 0, (), log[1], 0, left, pairs=True)
     lines, again = _once(lines)
     if (alone := _one_column(lines, name, asked)) is not None:
         return alone
@@ -93,7 +102,7 @@ def layout_of(lines: Sequence[Line], name: str, asked: Asked) -> Layout:
     before = sum(1 for line in lines[: heads.top] if not line.remark)
     return Layout(
         best.separator, heads.names or ("",) * best.count, heads.row, heads.units, best.lines[heads.start :], before,
-        best.after, _earlier(lines[:top], best.separator), heads.processing, heads.constants, again,
+        best.after, _earlier(lines[:top], best.separator), heads.processing, heads.units_row, heads.constants, again,
     )  # fmt: skip
 
 

@@ -5,19 +5,30 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import lru_cache
 
 from procedures.clock import stamp_of
 from rig.errors import UsageError
+from rig.tables.of_others.units import is_unit
 
 MISSING = frozenset(("", "na", "n/a", "#n/a", "#nv", "nan", "null", "-", "--", "---", "\u2013", "\u2014"))
 """Words for a missing value, in lower case."""
+_NO_READING = re.compile(
+    r"[+-]?(?:O\.?L\.?|OVL|OVLD|OVRG|OVF|OFL|UFL|OVER(?:[ _-]?(?:LOAD|RANGE|FLOW))?|UNDER(?:[ _-]?(?:RANGE|FLOW))?|"
+    r"OUT OF RANGE|BURN[ -]?OUT|OPEN|ERR(?:OR)?|INVALID|FAULT|NO (?:DATA|READING)|BAD|\u221e)|"
+    r"[+]{3,}|[*]{3,}|-{4,}|_{3,}|>{2,}|<{2,}|#{3,}|\?{2,}",
+    re.IGNORECASE,
+)
+"""What meters and loggers write in place of a reading. In a column of numbers it is none; elsewhere it is a word."""
 _EXPONENT = r"(?:[eEdD][+-]?\d{1,4})?"
 _SPACES = " \u00a0\u202f\u2009"
 _PLAIN = re.compile(rf"[+-]?(?:\d+|\d+(?P<d>[.,])\d*|(?P<b>[.,])\d+){_EXPONENT}")
 _GROUPED = re.compile(rf"[+-]?\d{{1,3}}(?:(?P<g>[.,'\u2019{_SPACES}])\d{{3}})(?:(?P=g)\d{{3}})*(?:(?P<d>[.,])\d*)?")
 _EITHER = re.compile(r"[+-]?[1-9]\d{0,2}[.,]\d{3}")
 _ENDLESS = re.compile(r"[+-]?(?:inf|infinity)", re.IGNORECASE)
-_LONGEST = 400
+_LONGEST, _LONG = 400, 40
+_WITH_UNIT = re.compile(r"([+\u2212-]?\s*[\d.,]*\d(?:[eE][+-]?\d+)?)(\s*)([^\s\d.,+-].*)")
+_APART = re.compile(r"^([+-])\s+(?=[\d.,])")
 OVERLOAD = 9.9e37
 """What instruments with SCPI send for a reading beyond the range; 9.91e37 for none (SCPI-99, volume 1, 7.2.1.4)."""
 _OVERLOAD = re.compile(r"[+-]?9\.9(?:0*|10*)[eE]\+?37")
@@ -33,6 +44,20 @@ def is_overload(cell: str) -> bool:
     return cell.endswith("37") and _OVERLOAD.fullmatch(cell) is not None
 
 
+def is_no_reading(cell: str) -> bool:
+    """Whether a cell has a word or signs that instruments write in place of a number."""
+    return len(cell) < _LONG and _NO_READING.fullmatch(cell) is not None
+
+
+@lru_cache(maxsize=1 << 12)
+def with_unit(cell: str) -> tuple[str, str]:
+    """A cell such as "12.5 g" as number and unit; ("", "") for any other."""
+    found = _WITH_UNIT.fullmatch(cell) if len(cell) < _LONG else None
+    if found is None or not looks_like_number(found[1]) or not is_unit(found[3]):
+        return "", ""
+    return (found[1], found[3]) if found[2] or len(found[3]) > 1 or not found[3].isalpha() else ("", "")
+
+
 def looks_like_number(cell: str) -> bool:
     """Whether a cell is a number in some notation."""
     text = minus(cell)
@@ -43,7 +68,9 @@ def looks_like_number(cell: str) -> bool:
 
 def is_value(cell: str) -> bool:
     """Whether a cell is a number, a time or a missing value, in some notation."""
-    return is_missing(cell) or looks_like_number(cell) or is_time(cell)
+    return (
+        is_missing(cell) or looks_like_number(cell) or is_time(cell) or is_no_reading(cell) or bool(with_unit(cell)[0])
+    )
 
 
 def is_time(cell: str) -> bool:
@@ -52,8 +79,8 @@ def is_time(cell: str) -> bool:
 
 
 def minus(cell: str) -> str:
-    """A cell with the plain minus sign."""
-    return cell.replace("\u2212", "-")
+    """A cell with the plain minus sign, and without blanks after its sign."""
+    return _APART.sub(r"\1", cell.replace("\u2212", "-"))
 
 
 @dataclass(frozen=True)
@@ -63,10 +90,12 @@ class Notation:
     Attributes:
         decimal: "." or ",".
         grouped: an example of a number with groups of digits; "" if there was none.
+        why: what shows the decimal sign, where the numbers alone do not; "" where they do.
     """
 
     decimal: str = "."
     grouped: str = ""
+    why: str = ""
 
     def number(self, cell: str) -> float | None:
         """The value of a cell; None if it is not a number. May be infinite, and NaN is not a number."""
@@ -87,7 +116,9 @@ class Notation:
         return None
 
 
-def notation_of(cells: Iterable[tuple[int, str]], separator: str, name: str, asked: str = "") -> Notation:
+def notation_of(
+    cells: Iterable[tuple[int, str]], separator: str, name: str, asked: str = "", *, dotted: bool = False
+) -> Notation:
     """The notation of all numbers of a file.
 
     Args:
@@ -95,6 +126,7 @@ def notation_of(cells: Iterable[tuple[int, str]], separator: str, name: str, ask
         separator: between cells.
         name: of the file, for messages.
         asked: the declared decimal sign; "" to recognise it.
+        dotted: whether the file has dates with dots: where those are written, a comma separates no groups of digits.
 
     Raises:
         UsageError: both signs are decimal, or "1,234" may be 1.234 or 1234.
@@ -131,6 +163,8 @@ def notation_of(cells: Iterable[tuple[int, str]], separator: str, name: str, ask
         decimal = next(iter(sure))
         other = either.get("," if decimal == "." else ".")
         return Notation(decimal, grouped or (other[1] if other else ""))
+    if dotted and "," in either and "." not in either and separator != ",":
+        return Notation(",", grouped, "as beside dates with dots")
     if "," in either or ("." in either and separator == ";"):
         row, cell = either.get(",") or either["."]
         raise UsageError(

@@ -7,7 +7,7 @@ import re
 _PREFIX = "(?:da|[YZEPTGMkhdcmuµμnpfazy])?"
 _BASE = (
     "(?:mHg|H2O|Hz|Pa|psi[adg]?|bar|Torr|torr|ohms?|Ohms?|Ω|deg[CFK]?|rad|rpm|cps|min|sec|lbf?|kgf?|inch|inHg|counts?"
-    "|cts|ppm|ppb|pct|FS|RH|rH|dB|°[CFK]?|[smgNVAKWJTCFLlhbdH]|eV|Nm|mol|lx|lux|a\\.u\\.|digits?|LSB|ft|Sv|Bq|%|‰)"
+    "|cts|ppm|ppb|pct|FS|RH|rH|dB|°[CFK]?|'[CF]|[smgNVAKWJTCFLlhbdH]|eV|Nm|mol|lx|lux|a\\.u\\.|digits?|LSB|ft|Sv|Bq|%|‰)"
 )
 _PART = rf"(?:{_PREFIX}{_BASE}|1)(?:\^?-?[0-9²³]|²|³)?"
 _UNIT = re.compile(rf"{_PART}(?:[*·./ ]{_PART})*")
@@ -19,7 +19,8 @@ _WORDS = re.compile(
 )
 _NONE = re.compile(
     r"TS|RN|text|string|none|no unit|unitless|sequence|index|count(?:er)?|number|no\.?|nr\.?|datetime|date ?time|utc|"
-    r"local(?: time)?|bool(?:ean)?|int(?:eger)?|float|clock|[yMmdDhHsSjT:./ -]{5,25}(?:\.[fs0]+)?",
+    r"local(?: time)?|bool(?:ean)?|int(?:eger)?|float|clock|A\d{4,}|AO\d+|"
+    r"[yMmdDhHsSjT:./ -]{5,25}(?:\.[fs0]+)?",
     re.IGNORECASE,
 )
 """Words in a row of units for columns that have none: Campbell Scientific's TS and RN, a kind of value, dd.mm.yyyy."""

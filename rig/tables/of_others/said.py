@@ -1,0 +1,164 @@
+"""How a table of others was understood, in words; and the dates and units that its cells show."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING
+
+from procedures.clock import Stamp, form_of, stamp_of
+from procedures.file_rows import rows_in_words
+from rig.tables.of_others.layout import NO_SEPARATOR
+from rig.tables.of_others.numbers import is_missing, with_unit
+
+if TYPE_CHECKING:
+    from rig.tables.of_others.cells import Cells
+
+_SHOWN, _FEW, _LONG = 8, 3, 40
+_SAID = {";": "semicolons", "\t": "tabs", "|": "pipes", " ": "blanks"}
+_MOSTLY = 0.8
+_EPOCH = re.compile(r"time|epoch|stamp|zeit|^t\b|date", re.IGNORECASE)
+_TICKS = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
+_FROM_S, _TO_S = 315532800.0, 4102444800.0
+"""1980 and 2100, in seconds since 1970: such numbers, or 1e3, 1e6 and 1e9 times them, are times of day and year."""
+
+
+def sentences(cells: Cells) -> Iterator[str]:
+    """What was recognised in a file, part by part."""
+    yield from _marks(cells)
+    yield from _heads(cells)
+    yield from _columns(cells)
+    if cells.remarks:
+        yield f"{rows_in_words(cells.remarks)} left out as {'remarks' if len(cells.remarks) > 1 else 'a remark'}"
+    if cells.footers:
+        which = ", ".join(f"row {row} ({cell[:_LONG]})" for row, cell in list(cells.footers.items())[:_SHOWN])
+        more = f" and {len(cells.footers) - _SHOWN} more" if len(cells.footers) > _SHOWN else ""
+        yield f"{which}{more} left out: no observation"
+    if cells.layout.after and cells.layout.pairs:
+        yield f"{rows_in_words(cells.layout.after)} without such values not read"
+    elif cells.layout.after:
+        yield f"what follows the table from row {cells.layout.after[0]} on was not read"
+
+
+def _marks(cells: Cells) -> Iterator[str]:
+    """Separator, decimal sign, encoding."""
+    layout, notation = cells.layout, cells.notation
+    if layout.pairs:
+        yield f"key=value: the name of each value stands beside it; the columns are {', '.join(cells.columns)}"
+    elif layout.separator == NO_SEPARATOR:
+        yield "one column"
+    elif layout.separator != ",":
+        yield f"cells separated by {_SAID[layout.separator]}"
+    if notation.decimal == ",":
+        yield f"decimal comma{', ' * bool(notation.why)}{notation.why}"
+    if notation.grouped:
+        yield f"digits in groups, such as {notation.grouped}"
+    if cells.encoding not in ("utf-8", "utf-8-sig"):
+        yield f"encoding {cells.encoding}"
+
+
+def _heads(cells: Cells) -> Iterator[str]:
+    """Names, units, and other rows above the values."""
+    layout = cells.layout
+    if not layout.header and not layout.pairs:
+        more = ", ..." if len(cells.columns) > _FEW else ""
+        yield f"no names: the columns are {', '.join(list(cells.columns)[:_FEW])}{more}"
+    elif layout.header > 1 or layout.before or (cells.empty and not layout.pairs):
+        yield f"names in row {layout.header}"
+    if layout.processing:
+        they = "they say" if len(layout.processing) > 1 else "it says"
+        yield f"{rows_in_words(layout.processing)} left out: {they} how the logger made the values"
+    for name, number in layout.constants.items():
+        yield f"{name} = {number} stands above the table and is not used"
+    if layout.earlier:
+        yield f"another table before it, up to row {layout.earlier}, was not read"
+    if cells.units:
+        where = f" (row {layout.units_row})" if layout.units_row else ""
+        yield f"units{where} " + ", ".join(f"{name} {unit}" for name, unit in cells.units.items())
+    if cells.in_cells:
+        yield f"numbers with their unit in each cell: {', '.join(cells.in_cells)}"
+    for name in cells.renamed:
+        yield f"{name} names several columns, which are {name} (column N)"
+    nameless = [name for name in cells.columns if name not in layout.names and name.startswith("column_")]
+    if nameless and layout.header:
+        yield f"without a name: {', '.join(nameless[:_SHOWN])}"
+
+
+def _columns(cells: Cells) -> Iterator[str]:
+    """Columns without values, times, and what instruments write in place of a reading."""
+    if cells.empty:
+        more = f" and {len(cells.empty) - _SHOWN} more" if len(cells.empty) > _SHOWN else ""
+        yield f"no values in {', '.join(cells.empty[:_SHOWN])}{more}"
+    for name, form in cells.times.items():
+        if form:
+            yield f"dates in {name}: {form}"
+    for name, column in cells.columns.items():
+        if epoch := _epoch(name, [cells.notation.number(cell) for cell in (column[0], column[-1])]):
+            yield epoch
+    overloaded = sum(count for cell, count in cells.no_readings.items() if cell.endswith("37"))
+    if overloaded:
+        yield f"{overloaded} cell{'s' * (overloaded > 1)} with 9.9E37, the overload of a meter: no value"
+    for cell, count in cells.no_readings.items():
+        if not cell.endswith("37"):
+            yield f"{count} cell{'s' * (count > 1)} with {cell}: no reading, so no value"
+
+
+def times_of(columns: Mapping[str, Sequence[str]]) -> dict[str, str]:
+    """How the dates of columns are read, in words, by column; "" where they leave no doubt."""
+    found = {}
+    for name, cells in columns.items():
+        stamps = _stamps(cells)
+        if stamps:
+            found[name] = form_of(stamps)
+    return found
+
+
+def dates_with_dots(cells: Sequence[str]) -> bool:
+    """Whether a column has dates with dots between their numbers, as 24.11.2020."""
+    return any(stamp.numbers and stamp.sign == "." for stamp in _stamps(cells))
+
+
+def _stamps(cells: Sequence[str]) -> list[Stamp]:
+    """The times of a column; [] if it has anything else."""
+    found = []
+    for cell in cells:
+        if is_missing(cell):
+            continue
+        if (stamp := stamp_of(cell)) is None:
+            return []
+        found.append(stamp)
+    return found
+
+
+def _epoch(name: str, ends: Sequence[float | None]) -> str:
+    """A sentence about a column of numbers that count from 1970; "" for any other."""
+    first, last = ends
+    if first is None or last is None or not _EPOCH.search(name):
+        return ""
+    for tick, many in _TICKS.items():
+        if _FROM_S <= first / many < _TO_S and _FROM_S <= last / many < _TO_S:
+            start = datetime.fromtimestamp(first / many, UTC).strftime("%Y-%m-%d %H:%M:%S")
+            return f"{name} counts {tick} from 1970 on, if it is the time: the first row is of {start} UTC"
+    return ""
+
+
+def without_units(rows: Sequence[Sequence[str]], count: int) -> tuple[list[list[str]], dict[int, str]]:
+    """Rows without the units in their cells, such as "12.5 g", and the unit of each column that has one in its cells.
+
+    A column keeps its text where cells have different units, or more than a few have none.
+    """
+    found: dict[int, str] = {}
+    for column in range(count):
+        given = [row[column] for row in rows if column < len(row) and not is_missing(row[column])]
+        if not given or not with_unit(given[0])[0]:
+            continue
+        pairs = [with_unit(cell) for cell in given]
+        units = {unit for _, unit in pairs if unit}
+        if len(units) == 1 and sum(bool(unit) for _, unit in pairs) >= _MOSTLY * len(pairs):
+            found[column] = units.pop()
+    bare = [
+        [with_unit(cell)[0] or cell if i in found else cell for i, cell in enumerate(row)] if found else list(row)
+        for row in rows
+    ]
+    return bare, found
