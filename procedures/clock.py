@@ -165,7 +165,9 @@ def form_of(stamps: Sequence[Stamp]) -> str:
     orders, said = orders_of(loose) if loose else ["dmy"], []
     if len(orders) > 1:
         said.append(f"day and month cannot be told apart: {' or '.join(SAID[one] for one in orders)}")
-    elif loose and orders:
+    elif loose and not orders:
+        said.append("days and months in different orders, so that not all are dates")
+    elif loose:
         said.append(SAID[orders[0]])
     short = [stamp for stamp in stamps if stamp.short]
     if short and len(orders) == 1:

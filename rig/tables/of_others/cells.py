@@ -19,7 +19,7 @@ from rig.tables.of_others.asked import Asked
 from rig.tables.of_others.encoding import text_of
 from rig.tables.of_others.footers import footers, labelled_rows
 from rig.tables.of_others.layout import NO_SEPARATOR, Layout, NoTable, is_time, layout_of
-from rig.tables.of_others.lines import lines_of
+from rig.tables.of_others.lines import lines_of, quoted_whole
 from rig.tables.of_others.numbers import (
     Notation,
     is_missing,
@@ -46,6 +46,7 @@ class Cells:
         remarks: rows of remarks among the values.
         footers: rows of the file that are no observations, with the cell that shows it.
         in_cells: columns that have a unit in each cell.
+        whole: whether quotes stand around whole lines.
     """
 
     path: Path
@@ -58,12 +59,15 @@ class Cells:
     remarks: tuple[int, ...]
     footers: dict[int, str]
     in_cells: tuple[str, ...] = ()
+    whole: bool = False
 
     @classmethod
     def read(cls, path: Path, data: bytes, asked: Asked) -> Cells:
         """The table in the bytes of a file. Raises `UsageError`."""
         text, encoding = text_of(data, str(path), asked.encoding)
         lines = list(lines_of(text))
+        whole = quoted_whole(lines)
+        lines = whole or lines
         layout = layout_of(lines, str(path), asked)
         rows = [line.cells(layout.separator) for line in layout.body]
         if len(layout.names) < 2 and layout.separator != NO_SEPARATOR:
@@ -92,7 +96,7 @@ class Cells:
         first = layout.body[0].row
         remarks = tuple(line.row for line in lines if line.remark and line.row > first)
         in_cells = tuple(name for name, i in zip(names, kept, strict=True) if i in inside)
-        return cls(path, encoding, layout, notation, columns, units, renamed, remarks, left, in_cells)
+        return cls(path, encoding, layout, notation, columns, units, renamed, remarks, left, in_cells, bool(whole))
 
     @cached_property
     def rows(self) -> list[int]:
@@ -136,7 +140,7 @@ class Cells:
         """Whether the file is written as our own tables are."""
         ordinary = self.encoding in ("utf-8", "utf-8-sig") and self.layout.separator == "," and not self.layout.units
         ordinary = ordinary and not self.footers and all(self.layout.names)
-        ordinary = ordinary and not self.no_readings and not self.empty and not self.in_cells
+        ordinary = ordinary and not self.no_readings and not self.empty and not self.in_cells and not self.whole
         return ordinary and self.layout.header == 1 and self.notation == Notation()
 
     def any(self, needed: Collection[str]) -> Table:

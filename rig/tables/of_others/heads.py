@@ -70,7 +70,7 @@ def heads_of(lines: Sequence[Line], block: Block, name: str, asked: Asked) -> He
     walk = _Walk(lines, block, _value_columns(block))
     if asked.header:
         return walk.at(asked.header, name)
-    found = walk.up()
+    found = walk.up(name)
     if found.names:
         walk.check_single(found, name)
     return found
@@ -89,8 +89,8 @@ class _Walk:
         row = block.lines[first].row if first <= last else block.lines[last].row + 1
         self.end = next((i for i, line in enumerate(lines) if line.row >= row), len(lines))
 
-    def up(self) -> Heads:
-        """The nearest row of names above the values, and what stands between."""
+    def up(self, name: str) -> Heads:
+        """The nearest row of names above the values, and what stands between. Raises `UsageError`."""
         marked: list[tuple[int, str]] = []
         tried = 0
         for i in range(self.end - 1, -1, -1):
@@ -102,6 +102,8 @@ class _Walk:
                 break
             cells = self._cells(line)
             mark = self._mark(cells) if not any(what == "units" for _, what in marked) else ""
+            if mark == "units" and self._fewer_above(i, cells):
+                mark = ""  # the names of single columns, under names of groups of them
             if mark:
                 marked.append((i, mark))
                 continue
@@ -114,7 +116,28 @@ class _Walk:
                 break
         if marked and any(self.lines[i].row in self.inside for i, _ in marked):  # units that are names: V, A
             return self._heads(marked[-1][0], marked[:-1])
+        self._check_first(name)
         return Heads((), 0, self.block.start, 0)
+
+    def _check_first(self, name: str) -> None:
+        """Refuse a first row that may have numbers for names, as of wavelengths. Raises `UsageError`."""
+        first, others = self.block.sample[0], self.block.sample[1:]
+        numbers = [first[i] for i in self.values if i < len(first)]
+        texts = len(trimmed(list(first))) > len(numbers)
+        below = [row[i] for row in others for i in self.values if i < len(row)]
+        whole = all(cell.isdigit() for cell in numbers) and not all(cell.lstrip("+-").isdigit() for cell in below)
+        if len(numbers) > 1 and texts and whole and len(set(numbers)) == len(numbers) and _rising(numbers):
+            row = self.block.lines[0].row
+            raise UsageError(
+                f"{name}, row {row}: {', '.join(numbers[:3])} may be names of columns, or values; say --header {row} "
+                "or --header 0"
+            )
+
+    def _fewer_above(self, i: int, cells: Sequence[str]) -> bool:
+        """Whether the row above has words for some columns only, and this one for more."""
+        above = self._plain(self.lines[i - 1]) if i and not self.lines[i - 1].remark else []
+        given = sum(map(bool, above))
+        return 1 < given < sum(map(bool, cells)) and len(above) >= self.block.count
 
     def at(self, row: int, name: str) -> Heads:
         """The row of names that the user declared, and what follows it. Raises `UsageError`."""
@@ -172,7 +195,8 @@ class _Walk:
         constants: dict[str, str] = {}
         for i, mark in marked:
             if mark == "units":
-                row = self._plain(self.lines[i])
+                line = self.lines[i]
+                row = (self._headings(line.remarked) if line.remark else None) or self._plain(line)
                 extra = zip(names[self.block.count :], row[self.block.count :], strict=False)
                 constants = {one: cell for one, cell in extra if one and looks_like_number(cell)}
                 row = [*row[: self.block.count], *[""] * len(names)][: len(names)]
@@ -196,6 +220,8 @@ class _Walk:
 
     def _sort(self, cells: Sequence[str]) -> str:
         """What a row has in the columns of values."""
+        if not self.values:
+            return _WORDS
         given = [cells[i] for i in self.values if cells[i]]
         words = [cell for cell in given if not is_value(cell)]
         numbers = [cell for cell in given if is_value(cell) and not is_missing(cell) and not is_no_reading(cell)]

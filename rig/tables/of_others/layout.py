@@ -165,8 +165,21 @@ def _once(lines: Sequence[Line]) -> tuple[Sequence[Line], tuple[int, ...]]:
     else:
         return lines, ()
     again = tuple(line.row for line in lines if heads.get(line.text, line.row) != line.row)
-    gone = set(again)
+    gone, last = set(again), True
+    for line in lines:
+        if line.row in gone and not last:
+            return lines, ()  # between the tables stands something else: they are not one
+        last = line.remark or line.row in gone or line.text in heads or _mostly(line)
     return [line for line in lines if line.row not in gone] if again else lines, again
+
+
+def _mostly(line: Line) -> bool:
+    """Whether most cells of a line are values, with one of the separators."""
+    for sign in SEPARATORS.values():
+        given = [cell for cell in line.cells(sign) if cell] if sign != " " else []
+        if len(given) > 1 and 2 * sum(map(is_value, given)) > len(given):
+            return True
+    return False
 
 
 def _check_only(lines: Sequence[Line], block: Block, heads: Heads, name: str, asked: Asked) -> None:
@@ -182,7 +195,8 @@ def _check_only(lines: Sequence[Line], block: Block, heads: Heads, name: str, as
                 "the row, or say --header 0 if it does not belong to the table"
             )
     alike = [line for line in values if len(trimmed(line.cells(block.separator))) == block.count]
-    if len(alike) > _FEW:
+    names = next((line.text for line in lines if line.row == heads.row), None)
+    if len(alike) > _FEW or (alike and names in [line.text for line in above]):
         raise UsageError(
             f"{name} holds several tables: one ends in row {alike[-1].row}, another begins in row "
             f"{block.lines[0].row}; make a file of each, or say --header for the last one"
@@ -207,7 +221,7 @@ def _check_above(lines: Sequence[Line], block: Block, name: str) -> None:
         return
     line = lines[block.start - 1]
     cells = trimmed(line.cells(block.separator))
-    if len(cells) > 1 and abs(len(cells) - block.count) == 1 and not any(map(looks_like_number, cells)):
+    if len(cells) > 1 and len(cells) != block.count and not any(map(looks_like_number, cells)):
         raise UsageError(
             f"{name}, row {line.row}: {len(cells)} names, and {block.count} values in the rows after it; correct the "
             "row, or say --header 0 if they are no names"

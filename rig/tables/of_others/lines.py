@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 _BREAK = re.compile(r"\r\n|\n|\r")
@@ -63,6 +63,13 @@ def lines_of(text: str) -> Iterator[Line]:
 def _line(row: int, text: str, *, apart: bool) -> Line:
     rule = len(text.strip()) > 2 and _RULE.fullmatch(text) is not None and not any(c in text for c in ";,\t|")
     return Line(row, text, rule or _REMARK.match(text) is not None, apart)
+
+
+def quoted_whole(lines: Sequence[Line]) -> list[Line]:
+    """Lines without quotes around the whole of each, as spreadsheets write a pasted text; [] if there are none."""
+    if not lines or not all(re.fullmatch(r'"[^"]*[,;\t|][^"]*"', line.text) for line in lines):
+        return []
+    return [Line(line.row, line.text[1:-1], line.remark, line.apart) for line in lines]
 
 
 def split(text: str, separator: str) -> list[str]:

@@ -1,4 +1,4 @@
-"""Logs that write the name of each value beside it: "t=0 lux=12.5", "T: 20.5 C, U: 0.125 V"."""
+"""Logs that write the name of each value beside it: "t=0 lux=12.5", "T: 20.5 C, U: 0.125 V", {"t": 0, "T": 20.5}."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ import re
 from collections.abc import Sequence
 
 from rig.tables.of_others.lines import Line
-from rig.tables.of_others.numbers import looks_like_number, with_unit
+from rig.tables.of_others.numbers import is_time, looks_like_number, with_unit
 
 _PAIR = re.compile(
-    r"(?P<name>[A-Za-z_\u00c0-\uffff][\w.%/-]{0,40})\s*(?P<sign>[=:])\s*"
+    r"\"?(?P<name>[A-Za-z_\u00c0-\uffff][\w.%/-]{0,40})\"?\s*(?P<sign>[=:])\s*"
     r"(?P<value>[+-]?(?:\d[\d.,]*\d|\d|\.\d+)(?:[eE][+-]?\d+)?(?: ?[A-Za-z%\u00b0\u00b5\u03a9/]{1,6}(?![\w=:]))?)"
 )
 _MOSTLY, _FEWEST = 0.8, 2
@@ -19,7 +19,8 @@ def with_pairs(lines: Sequence[Line]) -> tuple[tuple[str, ...], list[Line]] | No
     """Names, and lines of their values with tabs between; None for a file that is no such log.
 
     Every line has the same names, or some of them; other lines, such as "ready", are no part of the table. A log is
-    recognised where nearly all lines have two pairs of a name and a number or more, and nothing else but signs.
+    recognised where nearly all lines have two pairs of a name and a number or more, and nothing else but signs and a
+    time before them.
     """
     plain = [line for line in lines if not line.remark]
     found = [(line, _pairs(line.text)) for line in plain]
@@ -37,10 +38,12 @@ def _pairs(text: str) -> dict[str, str]:
     found = list(_PAIR.finditer(text))
     rest = _PAIR.sub("", text)
     names = [one["name"] for one in found]
-    if len(set(names)) < len(names) or any(sign.isalnum() for sign in rest):
+    time = rest.strip(" \t,;|[](){}-")
+    if len(set(names)) < len(names) or (any(sign.isalnum() for sign in time) and (time in names or not is_time(time))):
         return {}
     values = [one["value"].rstrip(".,") for one in found]
-    return dict(zip(names, values, strict=True)) if all(map(_is_number, values)) else {}
+    first = {"time": time} if any(sign.isalnum() for sign in time) and "time" not in names else {}
+    return first | dict(zip(names, values, strict=True)) if all(map(_is_number, values)) else {}
 
 
 def _is_number(cell: str) -> bool:

@@ -50,6 +50,8 @@ def _marks(cells: Cells) -> Iterator[str]:
         yield "one column"
     elif layout.separator != ",":
         yield f"cells separated by {_SAID[layout.separator]}"
+    if cells.whole:
+        yield "quotes around whole lines left out"
     if notation.decimal == ",":
         yield f"decimal comma{', ' * bool(notation.why)}{notation.why}"
     if notation.grouped:
