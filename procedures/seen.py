@@ -13,7 +13,7 @@ class SeenColumn:
     Attributes:
         name: as in the file.
         role: likely role: "response", "setting", "covariate", "time", "order", "direction", "group", "replicate",
-            "constant", "text".
+            "constant", "uncertainty", "weight", "other output", "the same quantity", "text".
         values: its values in words.
         missing: number of missing values.
     """
@@ -35,6 +35,7 @@ class Seen:
         why_not: why there are no options, or why those of a trace have no time; "" if there is no reason to tell.
         curve: why the formula is no straight line; "" if it is one.
         responses: outputs of the same sort as that of the options, with it.
+        notes: what to know about the proposal, as sentences.
     """
 
     columns: tuple[SeenColumn, ...]
@@ -43,3 +44,4 @@ class Seen:
     why_not: str = ""
     curve: str = ""
     responses: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()

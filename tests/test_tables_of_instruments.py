@@ -5,7 +5,6 @@ All are written by hand after the public form of each; the numbers are our own.
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import dataclass, field
 
@@ -13,6 +12,7 @@ import numpy as np
 import pytest
 from command import rig
 
+from fitter.errors import FitError
 from procedures.general.clock_texts import seconds_of
 from rig.errors import UsageError
 from rig.tables import Asked, FileSource, read_any_csv
@@ -68,8 +68,10 @@ FORMS = {
     "hobo": Form(
         lines(
             '"Plot Title: C1"',
-            '"#","Date Time, GMT-04:00","Temp, °F (LGR S/N: 20123456)","RH, % (LGR S/N: 20123456)","Stopped (LGR S/N: 1)"',
-            "1,06/13/23 12:00:00 PM,70.21,45.1,", "2,06/13/23 12:10:00 PM,70.41,45.2,", "3,06/13/23 12:12:00 PM,,,Logged",
+            '"#","Date Time, GMT-04:00","Temp, °F (LGR S/N: 20123456)","RH, % (LGR S/N: 20123456)",'
+            '"Stopped (LGR S/N: 1)"',
+            "1,06/13/23 12:00:00 PM,70.21,45.1,", "2,06/13/23 12:10:00 PM,70.41,45.2,",
+            "3,06/13/23 12:12:00 PM,,,Logged",
         ),
         {"#": [1, 2, 3], "Temp, °F (LGR S/N: 20123456)": [70.21, 70.41, None],
          "RH, % (LGR S/N: 20123456)": [45.1, 45.2, None], "Stopped (LGR S/N: 1)": ["", "", "Logged"]},
@@ -94,7 +96,8 @@ FORMS = {
             "2020-02-21 13:41:31.610,1,20.012,0.20015,", "2020-02-21 13:41:41.610,2,25.034,+9.90000000E+37,",
             "2020-02-21 13:41:51.610,3,30.034,0.3,",
         ),
-        {"Scan Number": [1, 2, 3], "101 (C)- Tref": [20.012, 25.034, 30.034], "102 (Vdc)- Sensor": [0.20015, None, 0.3]},
+        {"Scan Number": [1, 2, 3], "101 (C)- Tref": [20.012, 25.034, 30.034],
+         "102 (Vdc)- Sensor": [0.20015, None, 0.3]},
         8, (9, 11), {}, ("names in row 8", "1 cell with 9.9E37"),
     ),
     "agilent benchlink 34970a": Form(
@@ -116,7 +119,8 @@ FORMS = {
         4, (5, 7), {"Range": "V"}, ("1 cell with Overflow: no reading",),
     ),
     "rigol": Form(
-        lines("X,CH1,CH2,Start,Increment,", "Sequence,Volt,Volt,-1.00e-05,2.0e-07", "0,1.0e-01,-1.0,", "1,2.0e-01,-2.0,"),
+        lines("X,CH1,CH2,Start,Increment,", "Sequence,Volt,Volt,-1.00e-05,2.0e-07",
+              "0,1.0e-01,-1.0,", "1,2.0e-01,-2.0,"),
         {"X": [0, 1], "CH1": [0.1, 0.2], "CH2": [-1, -2]}, 1, (3, 4), {"CH1": "Volt", "CH2": "Volt"},
         ("Start = -1.00e-05", "Increment = 2.0e-07", "(row 2)"),
     ),
@@ -276,19 +280,23 @@ FORMS = {
     ),
     "balance": Form(
         lines("No;Weight;Time", "1;100.012 g;10:00:01", "2;100.013 g;10:00:05", "3;-0.002 g;10:00:09"),
-        {"Weight": [100.012, 100.013, -0.002]}, 1, (2, 4), {"Weight": "g"}, ("numbers with their unit in each cell: Weight",),
+        {"Weight": [100.012, 100.013, -0.002]}, 1, (2, 4), {"Weight": "g"},
+        ("numbers with their unit in each cell: Weight",),
     ),
     "titration": Form(
         lines(
             "Titrando 905", "Method: pH", "", "Volume\tU\tTemperature", "mL\tmV\t°C", "0.0000\t-12.5\t25.0",
             "0.1000\t-11.5\t25.0", "0.2000\t-10.0\t25.0",
         ).encode("cp1252"),
-        {"Volume": [0, 0.1, 0.2], "U": [-12.5, -11.5, -10]}, 4, (6, 8), {"Volume": "mL", "U": "mV", "Temperature": "°C"},
+        {"Volume": [0, 0.1, 0.2], "U": [-12.5, -11.5, -10]}, 4, (6, 8),
+        {"Volume": "mL", "U": "mV", "Temperature": "°C"},
     ),
     "plate reader": Form(
         lines(
-            "User: X", "Path: C,,,,,", "Date: 16/03/2022,,,,,", "Absorbance spectrum,,,,values are displayed as OD,",
-            ",,,,,", ",,,Raw Data (Abs),Raw Data (Abs),Raw Data (Abs)", "Well,Sample,Dilution,220,222,224",
+            "User: X", "Path: C,,,,,", "Date: 16/03/2022,,,,,",
+            "Absorbance spectrum,,,,values are displayed as OD,",
+            ",,,,,", ",,,Raw Data (Abs),Raw Data (Abs),Raw Data (Abs)",
+            "Well,Sample,Dilution,220,222,224",
             "A1,S1,1,3.736,3.389,3.636", "A3,S1,2,3.669,3.651,3.956", "A5,S1,4,3.232,4.083,4.167", "E3,Blank,1,3.3,3.7,4",
         ),
         {"Dilution": [1, 2, 4, 1], "220": [3.736, 3.669, 3.232, 3.3], "Well": ["A1", "A3", "A5", "E3"]}, 7, (8, 11),
@@ -321,7 +329,8 @@ FORMS = {
     ),
     "summaries": Form(
         lines("run,x,y", "1,1,2.5", "2,2,3.5", "3,3,4.5", "Average,2,3.5", "Std dev,1,1", "Sum,6,10.5"),
-        {"x": [1, 2, 3], "y": [2.5, 3.5, 4.5]}, 1, (2, 4), {}, ("row 5 (Average), row 6 (Std dev), row 7 (Sum) left out",),
+        {"x": [1, 2, 3], "y": [2.5, 3.5, 4.5]}, 1, (2, 4), {},
+        ("row 5 (Average), row 6 (Std dev), row 7 (Sum) left out",),
     ),
     "quoted separators": Form(
         lines('"x, set","y, read",note', '1,2.5,"a, b"', '2,3.5,"c; d"'),
@@ -338,8 +347,31 @@ FORMS = {
         lines("t=0 lux=12.5 raw=100", "t=10 lux=25.0 raw=201", "t=20 lux=50.0 raw=399"),
         {"t": [0, 10, 20], "lux": [12.5, 25, 50], "raw": [100, 201, 399]}, 0, (1, 3), {}, ("key=value",),
     ),
+    "lines of json": Form(
+        lines('{"t": 0, "T": 20.5}', '{"t": 10, "T": 21.5}'), {"t": [0, 10], "T": [20.5, 21.5]}, 0, (1, 2), {},
+        ("key=value",),
+    ),
+    "key=value after a time": Form(
+        lines("2020-02-21 10:00:00 T=20.5 U=0.5", "2020-02-21 10:00:10 T=21.5 U=0.6", "restarted",
+              "2020-02-21 10:00:20 T=22.5 U=0.7", "2020-02-21 10:00:30 T=23.5 U=0.8"),
+        {"T": [20.5, 21.5, 22.5, 23.5], "time": [f"2020-02-21 10:00:{i}0" for i in range(4)]}, 0, (1, 5), {},
+        ("row 3 without such values not read",),
+    ),
+    "whole lines in quotes": Form(
+        lines('"x;y"', '"1,5;2,5"', '"2,5;3,5"'), {"x": [1.5, 2.5], "y": [2.5, 3.5]}, 1, (2, 3), {},
+        ("quotes around whole lines left out",),
+    ),
+    "units in remarks": Form(
+        lines("# x y", "# mm V", "1 2.5", "2 3.5"), {"x": [1, 2], "y": [2.5, 3.5]}, 1, (3, 4), {"x": "mm", "y": "V"},
+    ),
+    "names of groups above names": Form(
+        lines("Sensor A,,Sensor B,", "T,RH,T,RH", "20.5,45,20.6,46", "21.5,46,21.6,47"),
+        {"T (column 1)": [20.5, 21.5], "RH (column 4)": [46, 47]}, 2, (3, 4), {},
+        ("1 line above the names not read", "T names several columns"),
+    ),
     "key: value with units": Form(
-        lines("# log", "T: 20.5 C, U: 0.125 V", "T: 21.5 C, U: 0.25 V"), {"T": [20.5, 21.5], "U": [0.125, 0.25]}, 0, (2, 3),
+        lines("# log", "T: 20.5 C, U: 0.125 V", "T: 21.5 C, U: 0.25 V"),
+        {"T": [20.5, 21.5], "U": [0.125, 0.25]}, 0, (2, 3),
         {"T": "C", "U": "V"}, ("key=value",),
     ),
 }  # fmt: skip
@@ -367,3 +399,113 @@ def test_files_of_instruments_are_read_right_and_what_was_understood_is_said(tmp
         assert (table.rows[0], table.rows[-1]) == given.rows
     for part in given.said:
         assert part in table.understood["sentence"]
+
+
+ASKED = {
+    "sessions with preambles of their own": (
+        lines("Logger", "Start 10:00", "x,y", "1,2.5", "2,3.5", "", "Logger", "Start 11:00", "x,y", "3,4.5", "4,5.5"),
+        "holds several tables",
+    ),
+    "numbers that may be names": (lines("Well,660,664", "A1,3.7,3.3", "A2,2.7,2.3"), "say --header 1 or --header 0"),
+    "fewer names": (lines("x,y", "1,2,3,4", "4,5,6,7"), "2 names, and 4 values"),
+    "more names": (lines("x;y;z;w", "1,5;2,5", "4,5;5,5"), "4 names, and 2 values"),
+    "two rows of names": (lines("a,b", "c,d", "1,2", "3,4"), "rows 1 and 2 may both hold the names"),
+    "zeros of a lost block": ("x,y\n1,2.5\n2,3.5\n" + 40 * "\0", "there is a NUL in it"),
+    "a group or a fraction": (lines("x;y", "1;1,234", "2;5,678"), "may be 1.234 or 1234; say --decimal"),
+}
+
+
+@pytest.mark.parametrize("case", ASKED)
+def test_what_can_be_read_in_two_ways_is_asked(tmp_path, case):
+    text, says = ASKED[case]
+    with pytest.raises(UsageError, match=says):
+        FileSource(written(tmp_path, text)).all_columns()
+
+
+HEADED = {
+    "empty columns at the end": (
+        lines("time,T1,T2", "0,26.5,", "10,26.25,"),
+        1,
+        {"time": [0, 10], "T1": [26.5, 26.25]},
+    ),
+    "numbers as names": (lines("Well,660,664", "A1,3.7,3.3", "A2,2.7,2.3"), 1, {"660": [3.7, 2.7], "664": [3.3, 2.3]}),
+    "units under the names": (lines("title", "a,b", "s,V", "1,2", "3,4"), 2, {"a": [1, 3], "b": [2, 4]}),
+    "another row of words above": (lines("a,b", "c,d", "1,2", "3,4"), 2, {"c": [1, 3], "d": [2, 4]}),
+    "the second of two tables": (lines("x,y", "1,2", "2,3", "3,4", "new", "x,y", "5,6", "7,8"), 6, {"x": [5, 7]}),
+    "a preamble of the same width": (
+        lines("Model,DMM,", "Date,2020-02-21,", "x,y,z", "1,2,3", "4,5,6"),
+        3,
+        {"x": [1, 4]},
+    ),
+    "a remark": (lines("# made by hand", "# x y", "1 2", "3 4"), 2, {"x": [1, 3], "y": [2, 4]}),
+}
+
+
+@pytest.mark.parametrize("case", HEADED)
+def test_the_row_of_names_that_is_said_is_obeyed_and_no_observation_is_lost(tmp_path, case):
+    """`--header 1` of a table with empty columns at the end took row 2 for the names."""
+    text, row, columns = HEADED[case]
+    table = FileSource(written(tmp_path, text), Asked.of(None, None, None, row)).all_columns()
+    assert {name: table.columns[name].tolist() for name in columns} == columns
+    assert table.understood.get("header_row", 1) == row
+
+
+def test_a_row_of_names_that_is_not_there_is_told(tmp_path):
+    with pytest.raises(UsageError, match="--header 9: this row is blank, or there is none; the last one is 3"):
+        FileSource(written(tmp_path, lines("x,y", "1,2", "3,4")), Asked.of(None, None, None, 9)).all_columns()
+
+
+@pytest.mark.parametrize("word", ["OL", "-OL", "O.L", "Overload", "+OVER", "OVERRANGE", "----", "+++++++", "BURNOUT"])
+def test_words_for_no_reading_are_gaps_in_numbers_and_words_elsewhere(tmp_path, word):
+    path = written(tmp_path, lines("x,y,state", "1,2.5,up", f"2,{word},{word}", "3,4.5,up"))
+    table = read_any_csv(path, ("x", "y"))
+    assert table.columns["y"].tolist() == [2.5, 4.5]
+    assert f"1 cell with {word}: no reading, so no value" in table.understood["sentence"]
+    assert "1 row left out without a value in y (row 3)" in table.understood["sentence"]
+    assert read_any_csv(path, ("state",)).text["state"].tolist() == ["up", word, "up"]
+
+
+@pytest.mark.parametrize(
+    ("texts", "expected"),
+    [
+        (["06/13/23 12:00:00 AM", "06/13/23 12:00:30 PM"], [0, 43230]),
+        (["Tue Nov 24 10:00:00 2020", "Wed Nov 25 10:00:01 2020"], [0, 86401]),
+        (["Fri Feb  5 10:00:00 2021", "Fri Feb  5 10:00:02 2021"], [0, 2]),
+        (["24-Nov-2020 10:00:00", "25-Nov-2020 10:00:00"], [0, 86400]),
+        (["31. Dez. 2020 23:59:59", "1. Jan. 2021 00:00:01"], [0, 2]),
+        (["Dec 31, 2020 11:59:59 PM", "Jan 1, 2021 12:00:00 AM"], [0, 1]),
+        (["24.11.20 10:00", "24.11.20 10:01"], [0, 60]),
+        (["31.12.99 23:59:59", "01.01.00 00:00:00"], [0, 1]),
+        (["2020/11/24 10:00:00.25", "2020/11/24 10:00:01.75"], [0, 1.5]),
+        (["20201124T100000", "20201124T100010"], [0, 10]),
+        (["2020-11-24T10:00:00+01:00", "2020-11-24T09:00:01Z"], [0, 1]),
+        (["2020-02-28 23:59:59", "2020-02-29 00:00:00"], [0, 1]),
+    ],
+)
+def test_times_of_instruments_in_seconds(texts, expected):
+    assert seconds_of("t", texts).tolist() == expected
+
+
+@pytest.mark.parametrize(
+    ("texts", "says"),
+    [
+        (["06/11/23 10:00", "07/11/23 10:00"], "--date-order dmy or --date-order mdy"),
+        (["20-02-21", "20-02-22"], "--date-order dmy or --date-order ymd"),
+        (["13/04/2026", "04/13/2026"], "no dates in the same order"),
+        (["30/02/2026", "01/03/2026"], "which is no time"),
+    ],
+)
+def test_dates_that_may_be_read_in_two_ways_are_asked_about(texts, says):
+    with pytest.raises(FitError, match=says):
+        seconds_of("t", texts)
+
+
+def test_the_order_that_is_said_is_used():
+    assert seconds_of("t", ["20-02-21", "20-02-22"], None, "ymd").tolist() == [0, 86400]
+    assert seconds_of("t", ["20-02-21", "20-02-22"], None, "dmy").tolist() == [0, 365 * 86400]
+
+
+def test_what_was_understood_of_a_logger_is_said_by_the_commands(tmp_path):
+    path = written(tmp_path, FORMS["campbell toa5"].text.replace("NAN", "24.75"))
+    done = rig("fit", path, "--response", "RH", "--formula", "1 + AirTC")
+    assert "names in row 2; row 4 left out: it says how the logger made the values" in done.stderr

@@ -571,7 +571,8 @@ SHAPES = {
     ),
     "uncertainties beside values": (
         a_table(**{"voltage[V]": EVEN, "gain[e]": EVEN**2 + NOISE, "err_gain[e]": NOISE**2}),
-        "--response 'gain[e]' --formula '1 + `voltage[V]` + `voltage[V]`^2'", {"err_gain[e]": "uncertainty"},
+        "--response 'gain[e]' --formula '1 + `voltage[V]` + `voltage[V]`^2' --u-y 'err_gain[e]'",
+        {"err_gain[e]": "uncertainty"},
     ),
     "sensors over a temperature T": (
         a_table(T=range(-50, 190, 10), **{"102GT": np.exp(54 - EVEN) + NOISE, "202GT": 3 * np.exp(54 - EVEN) + NOISE}),

@@ -108,6 +108,12 @@ def with_changes(side: FloatArray, settings: Iterable[FloatArray]) -> FloatArray
     return filled
 
 
+_FLAGS = frozenset(
+    ("true", "false", "yes", "no", "on", "off", "ok", "nok", "pass", "fail", "good", "bad", "valid", "invalid")
+)
+"""Words of a column that says whether something holds: no side of approach."""
+
+
 def likely_words(cells: Sequence[str], settings: Iterable[FloatArray]) -> tuple[str, str] | None:
     """The words for up and for down of a column of two other words that goes with the changes of a setting; else None.
 
@@ -116,7 +122,12 @@ def likely_words(cells: Sequence[str], settings: Iterable[FloatArray]) -> tuple[
         settings: (n,) columns of numbers.
     """
     levels = sorted(set(cells))
-    if len(levels) != 2 or any(not word or set(word) & {",", "="} for word in levels) or are_directions(cells):
+    if (
+        len(levels) != 2
+        or {level.lower() for level in levels} <= _FLAGS
+        or any(not word or set(word) & {",", "="} for word in levels)
+        or are_directions(cells)
+    ):
         return None
     side = np.array([1.0 if cell == levels[0] else -1.0 for cell in cells])
     for v in settings:

@@ -8,14 +8,19 @@ from collections.abc import Collection, Sequence
 import numpy as np
 
 from fitter.errors import FitError
-from fitter.quantiles import t_tail
+from fitter.quantiles import f_tail, t_tail
 from procedures.errors import DataError
 from procedures.general.fit import fit_general
 from procedures.results import Source
 from procedures.table import Table
 
-_CLEAR, _HIGHEST, _SPARE = 1e-4, 3, 3
+_CLEAR, _HIGHEST, _SPARE, _LEAVES = 1e-4, 3, 3, 0.02
+_REPEATS, _LEVELS, _ALONG = 10, 10, 2.5
+"""Degrees of freedom of repeats, or levels, from which a polynomial is judged; limit of a correlation, in its sd."""
 _NUMBER = re.compile(r"\d+|(?<![A-Za-z])[A-Za-z](?![A-Za-z])|(?<=[a-z])[A-Z](?![A-Za-z])")
+
+
+_NAMELESS = re.compile(r"column_\d+")
 
 
 def curved(
@@ -50,8 +55,39 @@ def curved(
                 break
             found.append(power)
             added.append(power)
+    if added and len(columns) == 1 and not _enough(table, response, columns[0], len(added) + 1):
+        why = (
+            f"A straight line in {columns[0]} is not enough for {response}, and powers up to {len(added) + 1} are not "
+            "either: what they leave is no scatter. The formula is left a straight line; please choose a better one"
+        )
+        return tuple(terms), why
     why = f"{' and '.join(added)}: in the formula because a straight line is not enough (p < 0.0001)" if added else ""
     return tuple(found), why
+
+
+def _enough(table: Table, response: str, column: str, degree: int) -> bool:
+    """Whether a polynomial takes nearly all that a straight line leaves, or leaves scatter alone.
+
+    Scatter is as large as that of repeats, and without order along the setting.
+    """
+    x, y = table.columns[column], table.columns[response]
+    both = np.isfinite(x) & np.isfinite(y)
+    x, y = x[both], y[both]
+    x = (x - x.min()) / np.ptp(x)
+    left = y - np.polynomial.Polynomial.fit(x, y, degree)(x)
+    line = y - np.polynomial.Polynomial.fit(x, y, 1)(x)
+    if float(left @ left) <= _LEAVES * float(line @ line):
+        return True
+    _, index, count = np.unique(x, return_inverse=True, return_counts=True)
+    means = np.bincount(index, left) / count
+    within, between = float(((left - means[index]) ** 2).sum()), float((count * means**2).sum())
+    free, spare = len(y) - len(count), len(count) - degree - 1
+    if free >= _REPEATS and spare > 0:
+        return not within or f_tail(between / spare / (within / free), spare, free) > _CLEAR
+    if len(means) < _LEVELS or not np.ptp(means):
+        return True
+    along = float(np.corrcoef(means[1:], means[:-1])[0, 1])
+    return along * np.sqrt(len(means)) < _ALONG
 
 
 def _p(source: Source, response: str, terms: Sequence[str]) -> float:
@@ -78,6 +114,6 @@ def alike(response: str, names: Collection[str], table: Table) -> tuple[str, ...
     def sort(name: str) -> tuple[str, str]:
         return _NUMBER.sub("#", name), table.units.get(name, "")
 
-    if not _NUMBER.search(response):
+    if not _NUMBER.search(response) or all(_NAMELESS.fullmatch(name) for name in table.names):
         return (response,)
     return tuple(name for name in table.names if name in {response, *names} and sort(name) == sort(response))

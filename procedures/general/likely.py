@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from fitter.errors import FitError
 from procedures.errors import DataError
 from procedures.general.clock_texts import is_clock
 from procedures.general.column_roles import Roles, read_roles
+from procedures.general.declared import Declared
 from procedures.general.directions import (
     are_directions,
     direction_option,
@@ -24,6 +25,7 @@ from procedures.general.directions import (
 from procedures.general.first_model import alike, curved
 from procedures.general.fit import fit_general
 from procedures.general.models.units import unit_in
+from procedures.general.uncertain import option, uncertainties, weights
 from procedures.results import Source
 from procedures.seen import Seen, SeenColumn
 from procedures.table import Table
@@ -32,16 +34,11 @@ _TIME = re.compile(
     r"time|elapsed|timestamp|(^|[ _])(?-i:t)$|(^|[ _])t[ _(\[]+(s|sec|min|h)[)\]]?$|zeit|^date", re.IGNORECASE
 )
 _ORDER = re.compile(r"^(seq|sequence|order|reading|scan|n|no\.?|nr\.?|number|pt|point|run_?order)$", re.IGNORECASE)
-_ROW = re.compile(r"^(row|row_?(names?|number|id)|index|id|unnamed: ?0|#|column_1)$", re.IGNORECASE)
+_ROW = re.compile(r"^(row|row_?(names?|number|id)|index|id|unnamed: ?0|#)$", re.IGNORECASE)
 _REPLICATE = re.compile(r"repl|^rep(eat)?s?$|cycle|series|trial|^run$|^pass$", re.IGNORECASE)
 _GROUP = re.compile(
     r"whole_?plot|batch|block|group|operator|serial|sensor|channel|^day$|shape|type|"
     r"instrument|treatment|subject|worker|machine|specimen|device|^lot$|^lab(oratory)?$",
-    re.IGNORECASE,
-)
-_UNCERTAINTY = re.compile(
-    r"(?:err(?:or)?|unc(?:ertainty)?|sd|std|stdev|sigma|se|u|d|delta)[_ .](?P<of>.+)|"
-    r"(?P<by>.+?)[_ .](?:err(?:or)?|unc(?:ertainty)?|sd|std|stdev|sigma|se)",
     re.IGNORECASE,
 )
 _RESPONSE = re.compile(
@@ -57,33 +54,46 @@ _SETTING = re.compile(
 
 OTHER_OUTPUT, _TOGETHER = "other output", 0.99
 """Role of a column that follows the setting as the response does, and the correlation from which it does."""
+THE_SAME, _ALIKE = "the same quantity", 1e-9
+"""Role of a column that is another one in another unit, and how far it may be from a line in that one, in parts of the span."""
+_NARROW = 0.01
+"""Span of a column relative to its values, below which its few levels are steps of a resolution."""
 
 
 def likely(source: Source, table: Table) -> Seen:
     """The columns of a table with likely roles, and options for a first fit and trace that were tried."""
-    roles = dict(_fixed(table))
+    of = uncertainties(table)
+    weighed = weights(table, of)
+    roles = dict(_fixed(table, of))
+    roles |= dict.fromkeys(weighed, "weight")
     free = [name for name in table.columns if name not in roles]
+    times = tuple(name for name, role in roles.items() if role == "time")
     groups = [name for name, role in roles.items() if role in ("group", "direction") and "" not in _values(table, name)]
     if len(free) == 1:  # a quantity over time
-        times = [name for name, role in roles.items() if role == "time" and name in table.columns]
         free = [
-            *(times or [name for name, role in roles.items() if role in ("order", "row number") and not groups]),
+            *(
+                [one for one in times if one in table.columns]
+                or [name for name, role in roles.items() if role in ("order", "row number") and not groups]
+            ),
             *free,
         ]
         roles = {name: role for name, role in roles.items() if name not in free}
     tried = ""
-    for response, terms in _pairs(table, free, groups):
+    for response, terms in _pairs(table, free, groups, times):
         settings = [name for name in (*free, *groups) if {_quoted(name), f"C({_quoted(name)})"} & set(terms)]
         sensors = alike(response, [name for name in free if name not in settings], table)
         response = sensors[0]  # noqa: PLW2901 - the first of its sort
         numbers = [name for name in settings if name in free]
         try:
             fit_general(source.read, response, " + ".join(["1", *terms]), first_look=True)
-            powers, curve = curved(source, table, response, numbers, [_quoted(name) for name in numbers])
+            over_time = any(name in times for name in numbers)
+            powers, curve = (terms, "") if over_time else curved(
+                source, table, response, numbers, [_quoted(name) for name in numbers]
+            )  # fmt: skip
             formula = " + ".join(["1", *terms, *powers[len(numbers) :]])
-            fit = {"response": response, "formula": formula}
+            fit, notes = _with_uncertainties(source, table, of, {"response": response, "formula": formula}, numbers)
             others = {name: role for name, role in roles.items() if f"C({_quoted(name)})" not in terms}
-            trace = {**fit, "response": _quoted(response), **_options(table, others)}
+            trace = {"response": _quoted(response), "formula": formula, **_options(table, others)}
             trace, without = _readable(source, trace)
         except (DataError, FitError) as error:
             tried = tried or str(error)
@@ -92,17 +102,65 @@ def likely(source: Source, table: Table) -> Seen:
         found |= dict.fromkeys(sensors, "response")
         outputs = [name for name in free if found[name] == "covariate" and _is_output(name, response, table)]
         found |= dict.fromkeys(outputs, OTHER_OUTPUT)
-        beside = [name for name in (*sensors, *outputs) if name != response and "," not in name]
+        same = {name: one for name in free if found[name] in ("covariate", OTHER_OUTPUT)
+                for one in (response, *numbers) if _is_same(table.columns[name], table.columns[one])}  # fmt: skip
+        found |= dict.fromkeys(same, THE_SAME)
+        notes += [f"{name} is {one} again, in another unit or copied" for name, one in same.items()]
+        notes += [f"{name} is a weight made of {one}" for name, one in weighed.items()]
+        notes += _doubts(table, response, numbers, times)
+        beside = [name for name in (*sensors, *outputs, *same) if name != response and "," not in name]
         if beside:  # what they have in common with it is the setting's error
             trace["ignore"] = ",".join(beside)
-        return Seen(_columns(table, found), fit, trace, without, curve, sensors)
+        return Seen(_columns(table, found), fit, trace, without, curve, sensors, tuple(dict.fromkeys(notes)))
     why = tried or "it takes two columns of numbers that vary: a response and a setting"
     return Seen(_columns(table, roles | dict.fromkeys(free, "covariate")), {}, {}, why)
 
 
+def _with_uncertainties(
+    source: Source, table: Table, of: Mapping[str, str], fit: dict[str, str], settings: Sequence[str]
+) -> tuple[dict[str, str], list[str]]:
+    """Options of a fit with columns of standard uncertainties, if it can be fitted with them; and what to know."""
+    u_y, note = option(table, of, fit["response"])
+    notes = [note] if note else []
+    if not u_y:
+        return fit, notes
+    given = {**fit, "u_y": u_y}
+    u_x, note = option(table, of, settings[0]) if len(settings) == 1 else ("", "")
+    try:
+        fit_general(source.read, given["response"], declared=Declared(given["formula"], u_y=u_y), first_look=True)
+    except (DataError, FitError) as error:
+        return fit, [f"{notes[0]}, and not used: {error}"]
+    if u_x:  # not tried: it is slow
+        return {**given, "u_x": u_x}, [*notes, note]
+    return given, [*notes, note] if note else notes
+
+
+def _doubts(table: Table, response: str, settings: Sequence[str], times: Sequence[str]) -> Iterator[str]:
+    """What to check, where neither names nor values show which column was set."""
+    if all(re.fullmatch(r"column_\d+", name) for name in table.names):
+        yield "The columns have no names: please check which one was set and which one was read"
+    elif any(name in times for name in settings):
+        yield f"{response} was recorded over time and nothing else varies: this is no calibration, but shows a drift"
+    elif settings and not any(_named_or_set(name, table) for name in settings):
+        yield (
+            "No column looks like a setting, by its name or by its values: please choose which one was set "
+            "(--formula) and which one was read (--response)"
+        )
+
+
+def _is_same(one: FloatArray, other: FloatArray) -> bool:
+    """Whether two columns are one quantity, in two units or twice."""
+    both = np.isfinite(one) & np.isfinite(other)
+    if both.sum() < 3 or np.ptp(one[both]) == 0 or np.ptp(other[both]) == 0:
+        return False
+    x, y = one[both], other[both]
+    return bool(np.abs(y - np.polynomial.Polynomial.fit(x, y, 1)(x)).max() <= _ALIKE * np.ptp(y))
+
+
 def _is_output(name: str, response: str, table: Table) -> bool:
-    """Whether a column is another output, of any unit: by its name or unit, and because it follows the response."""
-    return _merit(name, table) >= 2.0 and _follows(table.columns[name], table.columns[response]) > _TOGETHER
+    """Whether a column is another output, of any unit: by its name or values, and because it follows the response."""
+    measured = _merit(name, table) >= 2.0 or not _named_or_set(name, table)
+    return measured and _follows(table.columns[name], table.columns[response]) > _TOGETHER
 
 
 def _values(table: Table, name: str) -> list[Any]:
@@ -126,7 +184,7 @@ def _readable(source: Source, trace: dict[str, str]) -> tuple[dict[str, str], st
     return trace, ""
 
 
-def _fixed(table: Table) -> Iterator[tuple[str, str]]:
+def _fixed(table: Table, of: Collection[str]) -> Iterator[tuple[str, str]]:
     """Columns whose role shows in their name or in their values."""
     taken: set[str] = set()
     for name, cells in table.text.items():
@@ -153,7 +211,7 @@ def _fixed(table: Table) -> Iterator[tuple[str, str]]:
             yield name, "order"
         elif (whole and _ROW.search(name) and (np.diff(known) > 0).all()) or _counts_rows(name, table):
             yield name, "row number"
-        elif _is_uncertainty(name, table):
+        elif name in of:
             yield name, "uncertainty"
         elif whole and distinct.size <= known.size // 2 and _REPLICATE.search(name):
             yield name, "replicate"
@@ -183,30 +241,26 @@ def _counts_rows(name: str, table: Table) -> bool:
     )
 
 
-def _is_uncertainty(name: str, table: Table) -> bool:
-    """Whether a column states the uncertainty of another one, by their names."""
-    found = _UNCERTAINTY.fullmatch(_bare(name))
-    return found is not None and (found["of"] or found["by"]) in {_bare(other) for other in table.columns}
-
-
-def _bare(name: str) -> str:
-    """A name without a unit in brackets."""
-    return re.sub(r"\s*[\[(].*[\])]$", "", name)
-
-
-def _pairs(table: Table, free: Sequence[str], groups: Sequence[str]) -> Iterator[tuple[str, tuple[str, ...]]]:
+def _pairs(
+    table: Table, free: Sequence[str], groups: Sequence[str], times: Sequence[str]
+) -> Iterator[tuple[str, tuple[str, ...]]]:
     """Responses with the terms of settings, the likeliest first."""
     full = [name for name in free if np.isfinite(table.columns[name]).sum() >= max(3, 0.2 * len(table))]
+    abscissa = _abscissa(table, full)
     responses = sorted(
-        full, key=lambda name: (-_merit(name, table), -_distinct(table.columns[name]), -full.index(name))
+        (name for name in full if name not in times and name != abscissa),
+        key=lambda name: (-_merit(name, table), -_distinct(table.columns[name]), -full.index(name)),
     )
     for response in responses[:4]:
         others = [name for name in full if name != response]
         if not others:
             break
+        if abscissa:
+            yield response, (_quoted(abscissa),)
         named = [name for name in others if _named_or_set(name, table)]
         designed = [name for name in named if np.unique(table.columns[name]).size <= len(table) // 3]
-        strength = {name: _follows(table.columns[name], table.columns[response]) for name in others}
+        designed = [name for name in designed if not _is_narrow(table.columns[name])]
+        strength = {name: round(_follows(table.columns[name], table.columns[response]), 9) for name in others}
         follows = sorted(others, key=lambda name: (_is_number_of(name, table), -strength[name]))
         likely = (name for name in follows if name in named and 2 * strength[name] >= strength[follows[0]])
         best = next(likely, follows[0])
@@ -217,6 +271,21 @@ def _pairs(table: Table, free: Sequence[str], groups: Sequence[str]) -> Iterator
             yield response, (_quoted(follows[0]),)
     if len(full) == 1 and groups:
         yield full[0], tuple(f"C({_quoted(name)})" for name in groups)
+
+
+def _abscissa(table: Table, full: Sequence[str]) -> str:
+    """The first column, of a table without names, if it rises or falls throughout; "" for any other table."""
+    first = table.names[0]
+    if first not in full or len(full) < 2 or not all(re.fullmatch(r"column_\d+", name) for name in table.names):
+        return ""
+    steps = np.diff(table.columns[first])
+    return first if bool((steps > 0).all() or (steps < 0).all()) else ""
+
+
+def _is_narrow(v: FloatArray) -> bool:
+    """Whether the levels of a column are the steps of its resolution, as of a room's temperature."""
+    known = v[np.isfinite(v)]
+    return bool(np.ptp(known) < _NARROW * np.abs(known).max())
 
 
 def _distinct(v: FloatArray) -> float:

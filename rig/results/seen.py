@@ -54,7 +54,7 @@ class SeenTable:
             data["understood"] = self.table.understood
         seen = self.seen
         told = {"next": self.command or None, "why_not": seen.why_not or None, "curve": seen.curve or None}
-        return {"data": data, "columns": columns, **told, "responses": list(seen.responses)}
+        return {"data": data, "columns": columns, **told, "responses": list(seen.responses), "notes": list(seen.notes)}
 
     def blocks(self) -> Iterable[Block]:
         """Lines for people."""
@@ -82,6 +82,8 @@ class SeenTable:
                 swap = f", and {self.seen.responses[0]} after --ignore in its place" if self._of == "trace" else ""
                 words = f"Other outputs of this sort: {more}. For each, the same with its name after --response{swap}."
                 yield Line(escape(words), wrapped=True)
+            for note in self.seen.notes:
+                yield Line(escape(note), wrapped=True)
             if self.seen.why_not and self._of == "trace":
                 yield Line(f"Time is left out of it: {escape(self.seen.why_not)}", wrapped=True)
         else:

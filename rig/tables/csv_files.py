@@ -216,6 +216,8 @@ def read_seen_csv(path: Path, asked: Asked = NOTHING) -> Table:
     try:
         return cells_of_others(path, asked).gappy()
     except NoTable:
+        if asked:
+            raise
         return _read_gappy_csv(path, ())
 
 

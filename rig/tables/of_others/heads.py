@@ -20,8 +20,8 @@ _PROCESSING = re.compile(
 )
 """What a logger did between two rows: Campbell Scientific's names of output processing, and words like them."""
 _OF_FILE = re.compile(
-    r"TOA5|TOB\d|TOACI1|source|record length|vendor|model(?: number)?|firmware(?: version)?|serial(?: (?:no\.?|number))?|"
-    r"operator|instrument|software(?: version)?|file ?name|.*:",
+    r"TOA5|TOB\d|TOACI1|source|record length|vendor|model(?: number)?|firmware(?: version)?|"
+    r"serial(?: (?:no\.?|number))?|operator|instrument|software(?: version)?|file ?name|.*:",
     re.IGNORECASE,
 )
 _HIGHEST, _FIRST = 10, 200
@@ -141,10 +141,7 @@ class _Walk:
 
     def at(self, row: int, name: str) -> Heads:
         """The row of names that the user declared, and what follows it. Raises `UsageError`."""
-        at = next((i for i, line in enumerate(self.lines) if line.row == row), None)
-        if at is None:
-            last = self.lines[-1].row if self.lines else 0
-            raise UsageError(f"{name}: --header {row}: this row is blank, or there is none; the last one is {last}")
+        at = next(i for i, line in enumerate(self.lines) if line.row == row)
         line = self.lines[at]
         cells = (self._headings(line.remarked) if line.remark else None) or trimmed(self._plain(line))
         width = max(self.block.count, self.block.raw)

@@ -71,6 +71,11 @@ def layout_of(lines: Sequence[Line], name: str, asked: Asked) -> Layout:
     Raises:
         UsageError: there is no table, or it can be read in several ways.
     """
+    if asked.header and all(line.row != asked.header for line in lines):
+        raise UsageError(
+            f"{name}: --header {asked.header}: this row is blank, or there is none; the last one is "
+            f"{lines[-1].row if lines else 0}"
+        )
     tried = [asked.separator] if asked.separator else list(SEPARATORS.values())
     if not asked.separator and asked.header is None and (log := with_pairs(lines)) is not None:
         rows = {line.row for line in log[1]}
@@ -183,7 +188,9 @@ def _mostly(line: Line) -> bool:
 
 
 def _check_only(lines: Sequence[Line], block: Block, heads: Heads, name: str, asked: Asked) -> None:
-    """Refuse other rows of values before the block."""
+    """Refuse other rows of values before the block, unless the user says where its names are."""
+    if asked.header:
+        return
     above = [line for line in lines[: min(heads.top, block.start)] if not line.remark]
     values = [line for line in above if is_data(line.cells(block.separator))]
     if asked.header != 0 and above and not heads.names:
