@@ -87,7 +87,7 @@ def _enough(table: Table, response: str, column: str, degree: int) -> bool:
     if len(means) < _LEVELS or not np.ptp(means):
         return True
     along = float(np.corrcoef(means[1:], means[:-1])[0, 1])
-    return along * np.sqrt(len(means)) < _ALONG
+    return bool(along * np.sqrt(len(means)) < _ALONG)
 
 
 def _p(source: Source, response: str, terms: Sequence[str]) -> float:

@@ -55,7 +55,7 @@ _SETTING = re.compile(
 OTHER_OUTPUT, _TOGETHER = "other output", 0.99
 """Role of a column that follows the setting as the response does, and the correlation from which it does."""
 THE_SAME, _ALIKE = "the same quantity", 1e-9
-"""Role of a column that is another one in another unit, and how far it may be from a line in that one, in parts of the span."""
+"""Role of a column that is another one in another unit; how far it may be from a line in that one, by its span."""
 _NARROW = 0.01
 """Span of a column relative to its values, below which its few levels are steps of a resolution."""
 
