@@ -89,14 +89,15 @@ class Stamp:
         return self.ordered or self.short or order != "ymd"
 
 
-@lru_cache(maxsize=1 << 16)
 def stamp_of(cell: str) -> Stamp | None:
     """The parts of a text; None if it is no date and no time of day."""
-    if _LIKELY.search(cell) is None:
+    if not 4 <= len(cell) < _LONGEST or _LIKELY.search(cell) is None:
         return None
-    text = " ".join(cell.split())
-    if not 4 <= len(text) < _LONGEST:
-        return None
+    return _parsed(" ".join(cell.split()))
+
+
+@lru_cache(maxsize=1 << 16)
+def _parsed(text: str) -> Stamp | None:
     for form in _FORMS:
         if (found := form.fullmatch(text)) is not None:
             return _stamp(found.groupdict())

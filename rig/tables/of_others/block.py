@@ -49,8 +49,10 @@ def block_of(lines: Sequence[Line], separator: str, asked: Asked) -> Block | Non
     while end and len(cells[end - 1]) <= 1:
         end -= 1
     raw = [len(row) for row in cells]
+    if max(raw) > MOST_COLUMNS:
+        return None
     run = end
-    while run and _mostly_values(cells[run - 1]) and raw[run - 1] == raw[end - 1]:
+    while run > end - _TAIL and run and _mostly_values(cells[run - 1]) and raw[run - 1] == raw[end - 1]:
         run -= 1
     tail = range(max(run if end - run > 1 else 0, end - _TAIL), end)
     usual = max((raw[i] for i in tail), key=[raw[i] for i in tail].count, default=0)
@@ -63,6 +65,8 @@ def block_of(lines: Sequence[Line], separator: str, asked: Asked) -> Block | Non
     ):
         begin -= 1
     count = max((every[i] for i in range(begin, end) if raw[i] == usual or every[i] == most), default=0)
+    if count > MOST_COLUMNS:
+        return None
     begin, count = _wider(cells, begin, end, count)
     if count < 2 or count > MOST_COLUMNS or begin == end:
         return None

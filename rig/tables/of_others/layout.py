@@ -18,7 +18,7 @@ __all__ = ["NO_SEPARATOR", "Layout", "NoTable", "is_time", "is_value", "layout_o
 NO_SEPARATOR = "\n"
 """What separates the cells of a table of one column: nothing in a line does."""
 _ALIKE = 0.02
-_FEW, _MANY, _TAIL, _HEADS = 2, 4, 20, 40
+_FEW, _MANY, _TAIL, _HEADS, _LONGEST = 2, 4, 20, 40, 10_000
 
 
 class NoTable(UsageError):
@@ -161,6 +161,8 @@ def _once(lines: Sequence[Line]) -> tuple[Sequence[Line], tuple[int, ...]]:
     """Lines without those that repeat the first ones, as a logger writes that was started again; and their rows."""
     heads: dict[str, int] = {}
     for line in lines[:_HEADS]:
+        if len(line.text) > _LONGEST:
+            return lines, ()
         parts = next((cells for sign in SEPARATORS.values() if len(cells := line.cells(sign)) > 1 and sign != " "), [])
         given = [cell for cell in parts if cell]
         if sum(map(is_value, given)) * 2 > len(given):
@@ -170,12 +172,14 @@ def _once(lines: Sequence[Line]) -> tuple[Sequence[Line], tuple[int, ...]]:
     else:
         return lines, ()
     again = tuple(line.row for line in lines if heads.get(line.text, line.row) != line.row)
+    if not again:
+        return lines, ()
     gone, last = set(again), True
     for line in lines:
         if line.row in gone and not last:
             return lines, ()  # between the tables stands something else: they are not one
         last = line.remark or line.row in gone or line.text in heads or _mostly(line)
-    return [line for line in lines if line.row not in gone] if again else lines, again
+    return [line for line in lines if line.row not in gone], again
 
 
 def _mostly(line: Line) -> bool:

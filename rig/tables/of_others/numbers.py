@@ -80,7 +80,8 @@ def is_time(cell: str) -> bool:
 
 def minus(cell: str) -> str:
     """A cell with the plain minus sign, and without blanks after its sign."""
-    return _APART.sub(r"\1", cell.replace("\u2212", "-"))
+    text = cell.replace("\u2212", "-") if "\u2212" in cell else cell
+    return _APART.sub(r"\1", text) if text[1:2].isspace() else text
 
 
 @dataclass(frozen=True)

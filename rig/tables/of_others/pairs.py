@@ -12,7 +12,7 @@ _PAIR = re.compile(
     r"\"?(?P<name>[A-Za-z_\u00c0-\uffff][\w.%/-]{0,40})\"?\s*(?P<sign>[=:])\s*"
     r"(?P<value>[+-]?(?:\d[\d.,]*\d|\d|\.\d+)(?:[eE][+-]?\d+)?(?: ?[A-Za-z%\u00b0\u00b5\u03a9/]{1,6}(?![\w=:]))?)"
 )
-_MOSTLY, _FEWEST = 0.8, 2
+_MOSTLY, _FEWEST, _FIRST, _LONGEST = 0.8, 2, 40, 2000
 
 
 def with_pairs(lines: Sequence[Line]) -> tuple[tuple[str, ...], list[Line]] | None:
@@ -23,6 +23,8 @@ def with_pairs(lines: Sequence[Line]) -> tuple[tuple[str, ...], list[Line]] | No
     time before them.
     """
     plain = [line for line in lines if not line.remark]
+    if sum(len(_pairs(line.text)) >= _FEWEST for line in plain[:_FIRST]) < _MOSTLY * len(plain[:_FIRST]):
+        return None
     found = [(line, _pairs(line.text)) for line in plain]
     kept = [(line, pairs) for line, pairs in found if len(pairs) >= _FEWEST]
     if len(kept) < _FEWEST or len(kept) < _MOSTLY * len(plain):
@@ -35,6 +37,8 @@ def with_pairs(lines: Sequence[Line]) -> tuple[tuple[str, ...], list[Line]] | No
 
 def _pairs(text: str) -> dict[str, str]:
     """Values by name; {} for a line with anything else in it, or a name that comes twice."""
+    if len(text) > _LONGEST:
+        return {}
     found = list(_PAIR.finditer(text))
     rest = _PAIR.sub("", text)
     names = [one["name"] for one in found]

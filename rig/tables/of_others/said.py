@@ -15,7 +15,7 @@ from rig.tables.of_others.numbers import is_missing, with_unit
 if TYPE_CHECKING:
     from rig.tables.of_others.cells import Cells
 
-_SHOWN, _FEW, _LONG = 8, 3, 40
+_SHOWN, _FEW, _LONG, _FIRST = 8, 3, 40, 50
 _SAID = {";": "semicolons", "\t": "tabs", "|": "pipes", " ": "blanks"}
 _MOSTLY = 0.8
 _EPOCH = re.compile(r"time|epoch|stamp|zeit|^t\b|date", re.IGNORECASE)
@@ -118,7 +118,7 @@ def times_of(columns: Mapping[str, Sequence[str]]) -> dict[str, str]:
 
 def dates_with_dots(cells: Sequence[str]) -> bool:
     """Whether a column has dates with dots between their numbers, as 24.11.2020."""
-    return any(stamp.numbers and stamp.sign == "." for stamp in _stamps(cells))
+    return any(stamp.numbers and stamp.sign == "." for stamp in _stamps(cells[:_FIRST]))
 
 
 def _stamps(cells: Sequence[str]) -> list[Stamp]:
