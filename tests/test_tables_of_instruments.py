@@ -65,6 +65,12 @@ FORMS = {
         {"P": [100.5, 101.5, 100.5, 101.5], "T": [20.25, 20.5, 20.25, 20.5]}, 2, (5, 12), {"P": "kPa", "T": "Deg C"},
         ("row 7 (the names again), row 8 (the names again), row 9 (the names again), row 10 (the names again)",),
     ),
+    "campbell, its rows without the first": Form(
+        lines("TIMESTAMP,RECORD,A_Avg,B_Max", "TS,RN,,", ",,Avg,Max", "2026-06-22 09:00:00,1,2.5,3.5",
+              "2026-06-22 09:01:00,2,2.75,3.75"),
+        {"RECORD": [1, 2], "A_Avg": [2.5, 2.75], "B_Max": [3.5, 3.75]}, 1, (4, 5), {},
+        ("row 2 left out", "row 3 left out"),
+    ),
     "hobo": Form(
         lines(
             '"Plot Title: C1"',

@@ -238,6 +238,7 @@ class _Walk:
         others = [cell for cell in given if not is_unit(cell)]
         if given[0].upper() in ("NO.", "TS"):  # rows of Graphtec and Campbell Scientific repeat the word for time
             others = [cell for cell in others if cell.lower() not in ("time", "date", "date&time")]
+            known += all(map(no_unit, others))
         return "units" if known and (not others or bracketed or all(map(no_unit, others))) else ""
 
     def _names(self, i: int, *, under_units: bool) -> list[str] | None:

@@ -78,6 +78,8 @@ def _heads(cells: Cells) -> Iterator[str]:
     if cells.units:
         where = f" (row {layout.units_row})" if layout.units_row else ""
         yield f"units{where} " + ", ".join(f"{name} {unit}" for name, unit in cells.units.items())
+    elif layout.units_row:
+        yield f"row {layout.units_row} left out: a row of units without any"
     if cells.in_cells:
         yield f"numbers with their unit in each cell: {', '.join(cells.in_cells)}"
     for name in cells.renamed:
