@@ -102,6 +102,14 @@ def test_parallel_outputs_and_a_room_are_no_settings(tmp_path):
     assert found["next"].endswith("--response V_2x --formula '1 + V'")
 
 
+def test_the_outputs_of_a_plate_reader_are_no_settings_of_each_other(tmp_path):
+    dilution = np.repeat([1, 2, 4, 8, 16, 32], 2)
+    outputs = {f"{nm}": (3 / dilution + 0.01 * RNG.standard_normal(12)).round(3) for nm in (660, 664, 666)}
+    found, roles = told(tmp_path, table(Well=[f"A{i}" for i in range(12)], Dilution=dilution, **outputs))
+    assert roles == {"Well": "text", "Dilution": "setting", **dict.fromkeys(outputs, "response")}
+    assert "--response 660 --formula '1 + Dilution" in found["next"]
+
+
 def test_powers_that_leave_no_scatter_are_not_proposed(tmp_path):
     x = np.arange(3200, 8400, 170)
     found, _ = told(

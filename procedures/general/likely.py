@@ -48,7 +48,7 @@ _RESPONSE = re.compile(
 )
 _SETTING = re.compile(
     r"set|nominal|ref|load|force|applied|true|standard|^x$|press|mass|weight|temp|flow|level|kraft|druck|soll|"
-    r"frequency|freq|wavelength|dark|_k?N$",
+    r"frequency|freq|wavelength|dark|_k?N$|dilution|conc",
     re.IGNORECASE,
 )
 
@@ -252,7 +252,8 @@ def _pairs(
         key=lambda name: (-_merit(name, table), -_distinct(table.columns[name]), -full.index(name)),
     )
     for response in responses[:4]:
-        others = [name for name in full if name != response]
+        sort = alike(response, full, table)
+        others = [name for name in full if name not in sort] or [name for name in full if name != response]
         if not others:
             break
         if abscissa:
