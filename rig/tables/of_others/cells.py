@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections import Counter
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -114,9 +115,9 @@ class Cells:
         found: dict[str, int] = {}
         for name, cells in self.columns.items():
             words = self._words[name]
-            for cell in cells:
+            for cell, count in Counter(cells).items():
                 if cell in words or is_overload(cell):
-                    found[cell] = found.get(cell, 0) + 1
+                    found[cell] = found.get(cell, 0) + count
         return found
 
     @cached_property
@@ -124,11 +125,16 @@ class Cells:
         """Words for no reading in each column: only where all other cells are numbers."""
         found = {}
         for name, cells in self.columns.items():
-            words = frozenset(cell for cell in cells if is_no_reading(cell))
+            words = frozenset(cell for cell in set(cells) if is_no_reading(cell))
             others = [cell for cell in cells if cell not in words and not is_missing(cell)] if words else []
             numbers = bool(others) and all(self.notation.number(cell) is not None for cell in others)
             found[name] = words if numbers else frozenset()
         return found
+
+    @cached_property
+    def _read(self) -> dict[str, list[float | None]]:
+        """The cells of each column as numbers, None for a cell that is none."""
+        return {name: list(map(self.notation.number, cells)) for name, cells in self.columns.items()}
 
     @cached_property
     def times(self) -> dict[str, str]:
@@ -228,18 +234,19 @@ class Cells:
         """(n,) whether a cell has no value; "-" beside "+" is a direction."""
         cells = self.columns[name]
         signs = {cell for cell in cells if cell} <= {"+", "-"} and "+" in cells
-        return np.array([cell == "" or (is_missing(cell) and not signs) or cell in self._words[name] for cell in cells])
+        gaps = {one for one in set(cells) if one == "" or (is_missing(one) and not signs) or one in self._words[name]}
+        return np.array([cell in gaps for cell in cells])
 
     def _endless(self, name: str) -> np.ndarray[Any, np.dtype[np.bool_]]:
         """(n,) whether a cell is an infinite number."""
-        return np.array([self.notation.number(cell) in (np.inf, -np.inf) for cell in self.columns[name]])
+        return np.array([value in (np.inf, -np.inf) for value in self._read[name]])
 
     def _values(
         self, name: str, kept: np.ndarray[Any, Any], missing: np.ndarray[Any, Any], *, numeric: bool = False
     ) -> np.ndarray[Any, Any]:
         """(n kept,) values of a column: numbers, with NaN for missing ones, if all are or must be; otherwise text."""
         cells = self.columns[name]
-        values = [None if gap else self.notation.number(cell) for cell, gap in zip(cells, missing, strict=True)]
+        values = [None if gap else value for value, gap in zip(self._read[name], missing.tolist(), strict=True)]
         bad = [i for i, value in enumerate(values) if value is None and not missing[i]]
         if bad and numeric:
             where = f"{self.path}, row {self.rows[bad[0]]}, column {name}"
@@ -307,11 +314,10 @@ def _notation(path: Path, layout: Layout, rows: Sequence[Sequence[str]], asked: 
 
 
 def _numbers(columns: Sequence[Sequence[str]], rows: Sequence[int]) -> Iterator[tuple[int, str]]:
-    """Row and cell of every cell in columns of numbers."""
+    """Row and cell of every different cell in columns of numbers."""
     for cells in columns:
         given = [cell for cell in cells if not is_missing(cell)]
         if not given or sum(map(looks_like_number, given)) < 0.5 * len(given) or all(map(is_time, given)):
             continue
-        for row, cell in zip(rows, cells, strict=True):
-            if not is_missing(cell):
-                yield row, cell
+        first = dict(zip(reversed(cells), reversed(rows), strict=True))
+        yield from ((first[cell], cell) for cell in dict.fromkeys(given))

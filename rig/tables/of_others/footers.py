@@ -86,7 +86,8 @@ class _Rows:
         if column not in self._known:
             cells = [_cell(row, column) for row in self.cells]
             given = np.array([bool(cell) and not is_missing(cell) for cell in cells], np.bool_)
-            values = np.array([there and is_value(cell) for cell, there in zip(cells, given, strict=True)], np.bool_)
+            known = {cell: is_value(cell) for cell in set(cells)}
+            values = np.array([there and known[cell] for cell, there in zip(cells, given, strict=True)], np.bool_)
             self._known[column] = given, values
         return self._known[column]
 
@@ -97,7 +98,11 @@ def labelled_rows(rows: Sequence[Sequence[str]]) -> dict[int, int]:
     found: dict[int, int] = {}
     for i, row in enumerate(rows):
         for column, cell in enumerate(row):
-            if cell and not (cell[0].isdigit() or cell[0] in "+-.") and known.setdefault(cell, bool(label_of(cell))):
+            if not cell or cell[0].isdigit() or cell[0] in "+-.":
+                continue
+            if cell not in known:
+                known[cell] = bool(label_of(cell))
+            if known[cell]:
                 found[i] = column
                 break
     return found

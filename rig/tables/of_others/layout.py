@@ -123,6 +123,9 @@ def _one_column(lines: Sequence[Line], name: str, asked: Asked) -> Layout | None
     head, body = plain[0].cells(NO_SEPARATOR)[0], plain[1:]
     if asked.header == 0 or looks_like_number(head):
         head, body = "", plain
+    first = body[0].cells(NO_SEPARATOR)[0]
+    if not (is_missing(first) or looks_like_number(first)):
+        return None
     cells, end = [line.cells(NO_SEPARATOR)[0] for line in body], len(body)
     after: tuple[int, ...] = ()
     while end and not (is_missing(cells[end - 1]) or looks_like_number(cells[end - 1])):

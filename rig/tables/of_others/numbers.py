@@ -13,6 +13,8 @@ from rig.tables.of_others.units import is_unit
 
 MISSING = frozenset(("", "na", "n/a", "#n/a", "#nv", "nan", "null", "-", "--", "---", "\u2013", "\u2014"))
 """Words for a missing value, in lower case."""
+_NEVER_LAST = "012345689"
+"""Digits at the end of most numbers, and of no cell that says that there is no value."""
 _NO_READING = re.compile(
     r"[+-]?(?:O\.?L\.?|OVL|OVLD|OVRG|OVF|OFL|UFL|OVER(?:[ _-]?(?:LOAD|RANGE|FLOW))?|UNDER(?:[ _-]?(?:RANGE|FLOW))?|"
     r"OUT OF RANGE|BURN[ -]?OUT|OPEN|ERR(?:OR)?|INVALID|FAULT|NO (?:DATA|READING)|BAD|\u221e)|"
@@ -26,6 +28,8 @@ _PLAIN = re.compile(rf"[+-]?(?:\d+|\d+(?P<d>[.,])\d*|(?P<b>[.,])\d+){_EXPONENT}"
 _GROUPED = re.compile(rf"[+-]?\d{{1,3}}(?:(?P<g>[.,'\u2019{_SPACES}])\d{{3}})(?:(?P=g)\d{{3}})*(?:(?P<d>[.,])\d*)?")
 _EITHER = re.compile(r"[+-]?[1-9]\d{0,2}[.,]\d{3}")
 _ENDLESS = re.compile(r"[+-]?(?:inf|infinity)", re.IGNORECASE)
+_SIMPLE = re.compile(r"[+-]?[0-9]+(?:\.[0-9]*)?")
+"""What most cells are; it is asked first, because it is quick."""
 _LONGEST, _LONG = 400, 40
 _WITH_UNIT = re.compile(r"([+\u2212-]?\s*[\d.,]*\d(?:[eE][+-]?\d+)?)(\s*)([^\s\d.,+-].*)")
 _APART = re.compile(r"^([+-])\s+(?=[\d.,])")
@@ -36,6 +40,8 @@ _OVERLOAD = re.compile(r"[+-]?9\.9(?:0*|10*)[eE]\+?37")
 
 def is_missing(cell: str) -> bool:
     """Whether a cell says that there is no value."""
+    if cell[-1:] in _NEVER_LAST:
+        return not cell
     return cell.lower() in MISSING or is_overload(cell)
 
 
@@ -46,7 +52,7 @@ def is_overload(cell: str) -> bool:
 
 def is_no_reading(cell: str) -> bool:
     """Whether a cell has a word or signs that instruments write in place of a number."""
-    return len(cell) < _LONG and _NO_READING.fullmatch(cell) is not None
+    return len(cell) < _LONG and not cell[-1:].isdigit() and _NO_READING.fullmatch(cell) is not None
 
 
 @lru_cache(maxsize=1 << 12)
@@ -60,6 +66,8 @@ def with_unit(cell: str) -> tuple[str, str]:
 
 def looks_like_number(cell: str) -> bool:
     """Whether a cell is a number in some notation."""
+    if len(cell) < _LONG and _SIMPLE.fullmatch(cell):
+        return True
     text = minus(cell)
     if len(text) > _LONGEST:
         return False
@@ -100,6 +108,8 @@ class Notation:
 
     def number(self, cell: str) -> float | None:
         """The value of a cell; None if it is not a number. May be infinite, and NaN is not a number."""
+        if self.decimal == "." and len(cell) < _LONG and _SIMPLE.fullmatch(cell):
+            return float(cell)
         text = minus(cell)
         if _ENDLESS.fullmatch(text):
             return float(text)

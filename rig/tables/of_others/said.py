@@ -154,15 +154,14 @@ def without_units(rows: Sequence[Sequence[str]], count: int) -> tuple[list[list[
     """
     found: dict[int, str] = {}
     for column in range(count):
-        given = [row[column] for row in rows if column < len(row) and not is_missing(row[column])]
-        if not given or not with_unit(given[0])[0]:
+        cells = (row[column] for row in rows if column < len(row))
+        if not with_unit(next((cell for cell in cells if not is_missing(cell)), ""))[0]:
             continue
+        given = [row[column] for row in rows if column < len(row) and not is_missing(row[column])]
         pairs = [with_unit(cell) for cell in given]
         units = {unit for _, unit in pairs if unit}
         if len(units) == 1 and sum(bool(unit) for _, unit in pairs) >= _MOSTLY * len(pairs):
             found[column] = units.pop()
-    bare = [
-        [with_unit(cell)[0] or cell if i in found else cell for i, cell in enumerate(row)] if found else list(row)
-        for row in rows
-    ]
-    return bare, found
+    if not found:
+        return list(map(list, rows)), found
+    return [[with_unit(cell)[0] or cell if i in found else cell for i, cell in enumerate(row)] for row in rows], found
