@@ -41,6 +41,7 @@ def fit_general(
     declared: Declared | None = None,
     tolerance: float | None = None,
     *,
+    between: tuple[float, float] | None = None,
     first_look: bool = False,
 ) -> dict[str, Any]:
     """Fit a declared model to a column of a CSV table; returns JSON values.
@@ -55,6 +56,7 @@ def fit_general(
         leave_out: "gross" for the rows named by the search for gross errors, or row numbers of the file.
         declared: the model and the errors of the rows, in place of `formula`.
         tolerance: largest accepted half-width of the 95 % interval of an inferred value, in units of the abscissa.
+        between: range of the abscissa for which `tolerance` holds; None for all of it.
         first_look: whether nothing but the coefficients is wanted, so that gross errors need not be searched.
 
     Raises:
@@ -107,7 +109,7 @@ def fit_general(
         **judged.figures,
         **derived_table(model.curve, calibration),
         **prediction_table(calibration),
-        **within_tolerance(calibration, tolerance, table.source),
+        **within_tolerance(calibration, tolerance, table.source, between),
         **of_series,
         "notes": [*found["notes"], *calibration.notes],
         "unused": unused_columns(table, [response, *model.names, *extra, "simulated"]).to_json(),

@@ -22,6 +22,7 @@ def infer_sensors(
     read: Reader,
     u_reading: float | None = None,
     quantity: str | None = None,
+    between: tuple[float, float] | None = None,
 ) -> Inference:
     """Infer the variable of the curve of every calibrated output in a table, each by itself.
 
@@ -30,6 +31,7 @@ def infer_sensors(
         read: the table, with a column for one or more of the outputs.
         u_reading: standard uncertainty of one reading, in place of those of the calibrations.
         quantity: the variable to infer, for calibrations with several; others have only their own.
+        between: the range in which it is known to be; None for all that was calibrated.
 
     Returns:
         With one output as for a calibration of one sensor. With several, columns begin with the sensor's name:
@@ -48,7 +50,7 @@ def infer_sensors(
     for name in present:
         own = quantity if quantity in calibrations[name].formula.names else None
         try:
-            found[name] = infer_general(calibrations[name], read, u_reading, own)
+            found[name] = infer_general(calibrations[name], read, u_reading, own, between)
         except DataError as error:
             refused[name] = error
     if not found:

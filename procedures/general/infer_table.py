@@ -17,15 +17,20 @@ from procedures.table import Reader, Table
 
 
 def infer_general(
-    calibration: CurveCalibration, data: Reader, u_reading: float | None = None, quantity: str | None = None
+    calibration: CurveCalibration,
+    data: Reader,
+    u_reading: float | None = None,
+    quantity: str | None = None,
+    between: tuple[float, float] | None = None,
 ) -> Inference:
     """Infer a variable of a calibration's curve from every row of a CSV table.
 
     Args:
-        calibration: with a curve that is monotonic in the variable over the calibrated range.
+        calibration: with a curve that is monotonic in the variable over the calibrated range, or over `between`.
         data: the table, with a column for the response, and for every other variable of the formula.
         u_reading: standard uncertainty of one reading, in place of the calibration's.
         quantity: the variable; None for the only one, or the only one that is no column of the table.
+        between: the range in which the variable is known to be, of a curve that turns; None for all of it.
 
     Raises:
         DataError: the curve cannot be inverted, or a column is missing.
@@ -42,6 +47,14 @@ def infer_general(
         raise no_column(table, response)
     variable = _variable(calibration, table, quantity)
     others = [name for name in calibration.formula.names if name != variable]
+    if between is not None:
+        calibration = calibration.within(between)
+        low, high = calibration.ranges[variable]
+        notes = (
+            *notes,
+            f"{variable} is taken to be from {between[0]:g} to {between[1]:g}, as stated by --between; it was "
+            f"calibrated from {low:g} to {high:g}, and a reading does not tell whether it is outside",
+        )
     inputs = {name: table.columns[name] for name in (response, *others)}
     if others:
         notes = (*notes, f"{' and '.join(others)} of each row {'is' if len(others) == 1 else 'are'} taken as exact")

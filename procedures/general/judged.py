@@ -144,23 +144,30 @@ def prediction_table(calibration: CurveCalibration) -> dict[str, Any]:
     }
 
 
-def within_tolerance(calibration: CurveCalibration, tolerance: float | None, source: str) -> dict[str, Any]:
+def within_tolerance(
+    calibration: CurveCalibration, tolerance: float | None, source: str, between: tuple[float, float] | None = None
+) -> dict[str, Any]:
     """The widest 95 % interval of a value inferred from one reading, over the range, against a tolerance.
 
     Args:
         calibration: of one variable.
         tolerance: largest accepted half-width, in units of the variable; None for no such test.
         source: of the table, for messages.
+        between: the range in which values are inferred; None for all that was calibrated.
 
     Raises:
-        DataError: the tolerance is no positive number, or the curve cannot be inverted.
+        DataError: there is a range without a tolerance, the tolerance is no positive number, or the curve cannot be
+            inverted.
     """
     if tolerance is None:
+        if between is not None:
+            raise DataError("--between of a fit belongs to --tolerance; for readings, rig infer has it too")
         return {}
+    calibration = calibration.within(between)
     if not 0.0 < tolerance < np.inf:
         raise DataError(f"--tolerance {tolerance:g}: it has to be a number above zero")
     try:
-        low, high = calibration.ranges[calibration.variable]
+        low, high = calibration.limits
         x = np.linspace(low, high, _PLACES)
         found = infer_curve(calibration, calibration.curve(x))
     except FitError as error:
@@ -172,6 +179,7 @@ def within_tolerance(calibration: CurveCalibration, tolerance: float | None, sou
         "tolerance": tolerance,
         "half_width95": None if open_ended else float(half[worst]),
         "at": float(x[worst]),
+        **({} if between is None else {"between": [low, high]}),
         "inside": bool(not open_ended and half[worst] <= tolerance),
     }
     return {"acceptance": told}

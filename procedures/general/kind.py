@@ -42,7 +42,10 @@ class GeneralKind(Kind):
     title = "any table"
     fit_options, trace_options, infer_options = FitOptions, TraceOptions, InferOptions
     asked_by = frozenset({"response"})
-    in_use = "the response's column; the fitted curve is inverted where it rises or falls all the way"
+    in_use = (
+        "the response's column; the fitted curve is inverted where it rises or falls all the way, or in the range "
+        "stated with --between"
+    )
     described = "any other table is fitted with --response and --formula"
 
     @property
@@ -98,7 +101,15 @@ class GeneralKind(Kind):
             series_of(options.series, options.direction, options.position),
         )
         result = fit_general(
-            read, options.response, None, plots, options.replicate, leave_out, declared, options.tolerance
+            read,
+            options.response,
+            None,
+            plots,
+            options.replicate,
+            leave_out,
+            declared,
+            options.tolerance,
+            between=options.between,
         )
         return GeneralFitted(result)
 
@@ -191,9 +202,9 @@ class GeneralKind(Kind):
         if isinstance(calibration, Mapping):
             from procedures.general.infer_runs import infer_sensors  # noqa: PLC0415
 
-            return infer_sensors(calibration, read, options.u_reading, options.quantity)
+            return infer_sensors(calibration, read, options.u_reading, options.quantity, options.between)
 
-        return infer_general(calibration, read, options.u_reading, options.quantity)
+        return infer_general(calibration, read, options.u_reading, options.quantity, options.between)
 
     def check_design(self, procedure: GeneralProcedure, run_list: RunList) -> None:
         """Check that the design can estimate the declared models."""

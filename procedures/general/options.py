@@ -43,6 +43,9 @@ class FitOptions(Options):
         description="largest accepted 95 % half-width of a value inferred from one reading, in the unit of the "
         "abscissa; exit code 3 beyond it",
     )
+    between: tuple[float, float] | None = Field(
+        None, description="with --tolerance, for a curve that turns: the range in which values are inferred"
+    )
 
 
 class BudgetOptions(Options):
@@ -89,4 +92,10 @@ class InferOptions(Options):
 
     u_reading: float | None = Field(
         None, description="standard uncertainty of one new reading, in its unit, in place of the calibration's"
+    )
+
+    between: tuple[float, float] | None = Field(
+        None,
+        description="LOW HIGH: the range in which the variable is known to be, for a curve that turns; it is inverted "
+        "there, and other readings are flagged",
     )

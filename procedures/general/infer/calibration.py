@@ -34,6 +34,7 @@ class CurveCalibration:
         notes: the fit's notes about its intervals.
         reading: known standard uncertainty of one new reading; None if `variances` has it.
         fixed: known values of the other variables of the formula, by name.
+        between: the range in which the variable is known to be; None for all that was calibrated.
     """
 
     response: str
@@ -48,6 +49,7 @@ class CurveCalibration:
     notes: tuple[str, ...] = ()
     reading: float | None = None
     fixed: Mapping[str, float] = field(default_factory=dict)
+    between: tuple[float, float] | None = None
 
     @property
     def variables(self) -> tuple[str, ...]:
@@ -72,6 +74,26 @@ class CurveCalibration:
     def at(self, fixed: Mapping[str, float]) -> CurveCalibration:
         """The same with known values of other variables."""
         return replace(self, fixed={**self.fixed, **fixed})
+
+    def within(self, between: tuple[float, float] | None) -> CurveCalibration:
+        """The same for values of the variable in a range; unchanged for None. `limits` checks the range."""
+        return replace(self, between=between)
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """The range in which the variable is inferred. Raises `FitError` if the stated one was not calibrated."""
+        name = self.variable
+        low, high = self.ranges[name]
+        if self.between is None:
+            return low, high
+        first, last = self.between
+        if not first < last:
+            raise FitError(f"--between {first:g} {last:g}: it has to be two numbers, the smaller one first")
+        if not (low <= first and last <= high):
+            raise FitError(
+                f"--between {first:g} {last:g}: {name} was calibrated from {low:g} to {high:g}; state a range in it"
+            )
+        return first, last
 
     def _columns(self, x: FloatArray) -> dict[str, FloatArray]:
         """(n,) values of all variables."""

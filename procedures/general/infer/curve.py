@@ -11,8 +11,10 @@ Satterthwaite's of the sum; those of a fit without whole plots are its own.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -32,6 +34,8 @@ REACH = 1.0
 BAD_READING = "not a finite number"
 _EXACT = 1e-6  # minimum error relative to the curve's range, if the rows scatter less
 _GRID, _SLOPES, _STEPS, _CHUNK, _FLAT = 128, 513, 100, 8192, 1e-9
+_MOST, _DIGITS, _NEARLY = 4, 2, 1e-9
+"""Most ranges that a refusal names; digits of their ends, and how near an end is taken for a round number."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +64,7 @@ def infer_curve(calibration: CurveCalibration, response: FloatArray) -> Inferred
 
     Raises:
         FitError: the formula has no variable, several or categories; the error is unknown; or the curve is not
-            monotonic over the calibrated range.
+            monotonic over the calibrated range, or the stated one.
 
     """
     band = _Band.of(calibration)
@@ -81,7 +85,7 @@ class _Band:
     @staticmethod
     def of(calibration: CurveCalibration) -> _Band:
         name = calibration.variable
-        low, high = calibration.ranges[name]
+        low, high = calibration.limits
         if not high > low:
             raise FitError(f"{name} had one value only when it was calibrated, {low:g}: there is no curve to invert")
         if few := too_few_digits(calibration, low, high):
@@ -91,21 +95,31 @@ class _Band:
             raise FitError(
                 f"{calibration.response} does not rise or fall all the way from {name} = {low:g} to {high:g}: a "
                 f"reading has several values of {name}, and which is meant cannot be told"
+                f"{_options(calibration, low, high)}"
             )
         room = BEYOND * (high - low)
         first = low - room if _direction(calibration, low - room, low) == sign else low
         last = high + room if _direction(calibration, high, high + room) == sign else high
-        return _Band(calibration, sign, (first, last), _grid(calibration, low, high))
+        grid = _grid(calibration, low, high)
+        if calibration.between is not None:  # beyond the turn a reading comes again: no end is looked for there
+            grid = grid[
+                (grid >= _turn(calibration, low, grid[0], sign)) & (grid <= _turn(calibration, high, grid[-1], sign))
+            ]
+        return _Band(calibration, sign, (first, last), grid)
 
     def infer(self, response: FloatArray) -> InferredCurve:
         name, n = self.calibration.variable, len(response)
-        low, high = self.calibration.ranges[name]
+        low, high = self.calibration.limits
         flag = np.full(n, "", dtype=object)
         flag[~np.isfinite(response)] = BAD_READING
         ends = self.curve(np.array(self.inner))
         y = self.sign * response
         outside = (flag == "") & ~((y >= ends[0]) & (y <= ends[1]))
-        flag[outside] = f"{name} is outside the calibrated {low:g} to {high:g}"
+        flag[outside] = (
+            f"{name} is outside the calibrated {low:g} to {high:g}"
+            if self.calibration.between is None
+            else f"the curve does not reach this reading from {name} = {low:g} to {high:g} (--between)"
+        )
         usable = flag == ""
         value, sd, low95, high95, df = (np.full(n, np.nan) for _ in range(5))
         found = InferredCurve(value, sd, low95, high95, flag, df)
@@ -118,7 +132,8 @@ class _Band:
         found.lo95[usable], found.hi95[usable] = self.lower(at, y), self.upper(at, y)
         for limits, side in ((found.lo95, "lower"), (found.hi95, "upper")):
             open_ = usable & np.isnan(limits)
-            words = f"the 95 % interval has no {side} end near the calibrated range"
+            where = "near the calibrated range" if self.calibration.between is None else "before the curve turns"
+            words = f"the 95 % interval has no {side} end {where}"
             flag[open_] = [f"{each}; {words}" if each else words for each in flag[open_]]
         return found
 
@@ -200,6 +215,39 @@ def _direction(calibration: CurveCalibration, low: float, high: float) -> float:
         if (sign * slope >= -_FLAT * steepest).all():
             return sign
     return 0.0
+
+
+def _turn(calibration: CurveCalibration, end: float, far: float, sign: float) -> float:
+    """The last place on the way from an end of a range to a far one where the curve keeps its direction."""
+    x = np.linspace(end, far, _SLOPES)
+    slope = sign * calibration.slope(x)
+    kept = slope >= -_FLAT * np.nanmax(np.abs(slope), initial=0.0)
+    return float(x[max(int(np.argmin(kept)) - 1, 0)] if not kept.all() else far)
+
+
+def _options(calibration: CurveCalibration, low: float, high: float) -> str:
+    """The ranges in which a curve keeps its direction, as words that name the option; "" if there are none."""
+    try:
+        x = np.linspace(low, high, _SLOPES)
+        calibration.curve(x)
+        rising = np.sign(calibration.slope(x))
+    except FitError:
+        return ""
+    edges = [0, *(np.flatnonzero(np.diff(rising)) + 1).tolist(), len(x)]
+    found = []
+    for first, last in pairwise(edges):
+        pair = _inward(x[first], x[last - 1], high - low)
+        if rising[first] != 0 and pair[0] < pair[1] and _direction(calibration, *pair) != 0.0:
+            found.append(f"--between {pair[0]:.12g} {pair[1]:.12g}")
+    if not found or len(found) > _MOST:
+        return "; state with --between LOW HIGH a range in which the curve does not turn"
+    return f"; say in which range it is: {' or '.join(found)}"
+
+
+def _inward(low: float, high: float, width: float) -> tuple[float, float]:
+    """A range with ends of few digits inside another one."""
+    step = 10.0 ** (math.floor(math.log10(width)) - _DIGITS)
+    return math.ceil(low / step - _NEARLY) * step, math.floor(high / step + _NEARLY) * step
 
 
 def too_few_digits(calibration: CurveCalibration, low: float, high: float) -> str:
