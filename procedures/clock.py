@@ -16,7 +16,7 @@ ORDERS = {"dmy": (2, 1, 0), "mdy": (2, 0, 1), "ymd": (0, 1, 2)}
 SAID = {"dmy": "day first", "mdy": "month first", "ymd": "year first"}
 _LONGEST = 60
 _LIKELY = re.compile(r"\d:\d\d|\d[-/.]\d{1,2}[-/.]\d\d|\d{8}T\d{4}|[A-Za-z]{3}.*\d|\d.*[A-Za-z]{3}")
-"""What every date or time has, so that other texts are told quickly."""
+"""Signs of a date or time, so that other texts are told quickly."""
 _CLOCK = (
     r"(?P<hour>\d{1,2}):(?P<minute>\d{2})(?::(?P<second>\d{2})(?:[.,:](?P<part>\d{1,9}))?)?"
     r"(?: ?(?P<half>[AaPp]\.?[Mm]\.?))?"

@@ -1,4 +1,4 @@
-"""What stands above the values of a table: names, units, how a logger made the values, constants."""
+"""The rows above the values of a table: names, units, how a logger made the values, constants."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _EXTRA = re.compile(r"comments?|notes?|remarks?", re.IGNORECASE)
 _PROCESSING = re.compile(
     r"smp|sample|avg|average|mean|tot|total|max|min|std|med|wvc|mmt|cov|tmx|tmn|instant|inst", re.IGNORECASE
 )
-"""What a logger did between two rows: Campbell Scientific's names of output processing, and words like them."""
+"""The processing of a logger between two rows: Campbell Scientific's names of output processing, and words like them."""
 _OF_FILE = re.compile(
     r"TOA5|TOB\d|TOACI1|source|record length|vendor|model(?: number)?|firmware(?: version)?|"
     r"serial(?: (?:no\.?|number))?|operator|instrument|software(?: version)?|file ?name|.*:",
@@ -216,7 +216,7 @@ class _Walk:
         return [*cells[: self.block.count], *[""] * (self.block.count - len(cells))]
 
     def _sort(self, cells: Sequence[str]) -> str:
-        """What a row has in the columns of values."""
+        """The content of a row in the columns of values."""
         if not self.values:
             return _WORDS
         given = [cells[i] for i in self.values if cells[i]]

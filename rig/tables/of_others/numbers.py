@@ -29,7 +29,7 @@ _GROUPED = re.compile(rf"[+-]?\d{{1,3}}(?:(?P<g>[.,'\u2019{_SPACES}])\d{{3}})(?:
 _EITHER = re.compile(r"[+-]?[1-9]\d{0,2}[.,]\d{3}")
 _ENDLESS = re.compile(r"[+-]?(?:inf|infinity)", re.IGNORECASE)
 _SIMPLE = re.compile(r"[+-]?[0-9]+(?:\.[0-9]*)?")
-"""What most cells are; it is asked first, because it is quick."""
+"""Most cells; it is asked first, because it is quick."""
 _LONGEST, _LONG = 400, 40
 _WITH_UNIT = re.compile(r"([+\u2212-]?\s*[\d.,]*\d(?:[eE][+-]?\d+)?)(\s*)([^\s\d.,+-].*)")
 _APART = re.compile(r"^([+-])\s+(?=[\d.,])")

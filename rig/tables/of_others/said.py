@@ -25,7 +25,7 @@ _FROM_S, _TO_S = 315532800.0, 4102444800.0
 
 
 def sentences(cells: Cells) -> Iterator[str]:
-    """What was recognised in a file, part by part."""
+    """The sentences about a file, part by part."""
     yield from _marks(cells)
     yield from _heads(cells)
     yield from _columns(cells)
