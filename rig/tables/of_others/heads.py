@@ -18,7 +18,7 @@ _EXTRA = re.compile(r"comments?|notes?|remarks?", re.IGNORECASE)
 _PROCESSING = re.compile(
     r"smp|sample|avg|average|mean|tot|total|max|min|std|med|wvc|mmt|cov|tmx|tmn|instant|inst", re.IGNORECASE
 )
-"""The processing of a logger between two rows: Campbell Scientific's names of output processing, and words like them."""
+"""The processing of a logger: names of Campbell Scientific for what stands between two rows, and words like them."""
 _OF_FILE = re.compile(
     r"TOA5|TOB\d|TOACI1|source|record length|vendor|model(?: number)?|firmware(?: version)?|"
     r"serial(?: (?:no\.?|number))?|operator|instrument|software(?: version)?|file ?name|.*:",
