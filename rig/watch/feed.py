@@ -246,7 +246,7 @@ class RunFeed:
 
 
 def said(name: str) -> dict[str, str]:
-    """The words for a column, and its unit, for people: only here, so that the page has no rule of its own for names."""
+    """The words for a column and its unit, for people: only here, so that the page has no rule of its own for names."""
     stem, unit = split_unit(name)
     return {"what": stem.replace("_", " "), "unit": spelled(unit)} if stem else {"what": unit, "unit": ""}
 
