@@ -107,6 +107,17 @@ class Formula:
         """Names of the coefficients of a model without categories; see `fitter.nonlinear.Curve`, which a formula is."""
         return tuple(map(str, self.terms))
 
+    def at(self, b: Sequence[Any], table: Mapping[str, Any]) -> Any:
+        """(n,) values of a model without categories; see `fitter.nonlinear.Curve`."""
+        total: Any = np.zeros(_count(self.names, table))
+        with np.errstate(all="ignore"):
+            for coefficient, term in zip(b, self.terms, strict=True):
+                part = coefficient
+                for f in term.numeric:
+                    part = part * f.expression.value(table)
+                total = total + part
+        return total
+
     def value(self, b: FloatArray, table: Table) -> FloatArray:
         """(n,) response for (k,) coefficients. Errors as for `columns`."""
         return np.asarray(self.columns(table)[1] @ b)

@@ -34,6 +34,9 @@ class Curve(Protocol):
     def has_categories(self) -> bool:
         """Whether a column is a category."""
 
+    def at(self, b: Sequence[Any], table: Mapping[str, Any]) -> Any:
+        """(n,) values, of complex numbers too; a parameter is a number or (n,). Not finite where it is undefined."""
+
     def value(self, b: FloatArray, table: Mapping[str, FloatArray]) -> FloatArray:
         """(n,) response for (k,) parameters. Raises `FitError` where it is not finite."""
 
@@ -61,7 +64,7 @@ class ByStep(ABC):
 
     @abstractmethod
     def at(self, b: Sequence[Any], table: Mapping[str, Any]) -> Any:
-        """(n,) values; of complex parameters and columns too. Not finite where the curve is undefined."""
+        """See `Curve`."""
 
     def value(self, b: FloatArray, table: Mapping[str, FloatArray]) -> FloatArray:
         """See `Curve`."""
@@ -135,6 +138,45 @@ class WrittenCurve(ByStep):
 
     def __str__(self) -> str:
         return str(self.expression)
+
+
+@dataclass(frozen=True, eq=False)
+class Each:
+    """A curve with parameters of their own at each of n rows; its results are not finite where it is undefined.
+
+    Attributes:
+        curve: of k parameters.
+        b: (n, k) parameters, or (k,) of all rows.
+        table: (n,) columns by name.
+    """
+
+    curve: Curve
+    b: FloatArray
+    table: Mapping[str, FloatArray]
+
+    def value(self) -> FloatArray:
+        """(n,) response."""
+        return np.asarray(self._all(self.curve.at(self._given(), self.table)), np.float64)
+
+    def slope(self, name: str) -> FloatArray:
+        """(n,) derivative of the response by a column."""
+        return self._derivative(self._given(), {**self.table, name: self.table[name] + 1j * _STEP})
+
+    def rows(self) -> FloatArray:
+        """(n, k) derivative of the response by the parameters."""
+        given = self._given()
+        stepped = [[*given[:j], given[j] + 1j * _STEP, *given[j + 1 :]] for j in range(len(given))]
+        return np.column_stack([self._derivative(b, self.table) for b in stepped])
+
+    def _given(self) -> list[Any]:
+        return list(np.moveaxis(self.b, -1, 0))
+
+    def _derivative(self, b: Sequence[Any], table: Mapping[str, Any]) -> FloatArray:
+        with np.errstate(all="ignore"):
+            return np.asarray(self._all(np.imag(self.curve.at(b, table)) / _STEP), np.float64)
+
+    def _all(self, found: Any) -> Any:
+        return np.broadcast_to(found, (len(next(iter(self.table.values()))),))
 
 
 def _count(names: Sequence[str], table: Mapping[str, Any]) -> int:

@@ -13,8 +13,7 @@ from scipy.linalg import solve_triangular
 from fitter.arrays import FloatArray, IntArray
 from fitter.errors import FitError
 from fitter.nonlinear.curve import Curve
-
-_STEPS, _NEAR = 100, 1e-13
+from fitter.nonlinear.nearest import Measured
 
 
 class Problem(Protocol):
@@ -83,9 +82,9 @@ class Distance:
     """Errors in the response and in one column, all independent: generalised distance regression.
 
     The sum of ((x - xi) / u_x)^2 + ((y - f(xi, b)) / u_y)^2 is minimised over the true values xi of each row and over
-    b (ISO/TS 28037:2010, clause 7, for a straight line). For given b each xi is found by itself. Each row then has
-    one residual, (y - f) (u_y^2 + f'^2 u_x^2)^0.5 / u_y^2, whose derivative is -df/db / (u_y^2 + f'^2 u_x^2)^0.5, at
-    xi: at the minimum over xi, moving xi changes nothing to first order.
+    b (ISO/TS 28037:2010, clause 7, for a straight line). For given b each xi is found by itself, on all branches of the
+    curve. Each row then has one residual, its distance from the curve with the sign of y - f, whose derivative is
+    -df/db / (u_y^2 + f'^2 u_x^2)^0.5, at xi: at the minimum over xi, moving xi changes nothing to first order.
 
     Attributes:
         curve: of k parameters.
@@ -117,9 +116,7 @@ class Distance:
 
     def residuals(self, b: FloatArray) -> FloatArray:
         """See `Problem`."""
-        at = self.true_values(b)
-        left = self.y - self.curve.value(b, at)
-        return np.asarray(left * self._effective(b, at) / self.u_y**2)
+        return self._measured(b).residuals(self.true_values(b)[self.name])
 
     def columns(self, b: FloatArray) -> FloatArray:
         """See `Problem`."""
@@ -134,23 +131,16 @@ class Distance:
         """The columns, with the estimated true values of that with errors."""
         key = b.tobytes()
         if key not in self.known:
+            last = next(iter(self.known.values()), self.table)[self.name]
+            xi, square = self._measured(b).nearest(last)
+            if not np.isfinite(square).all():
+                self.curve.value(b, self.table)  # raises the error that says where
             self.known.clear()
-            self.known[key] = self._true_values(b)
+            self.known[key] = {**self.table, self.name: xi}
         return self.known[key]
 
-    def _true_values(self, b: FloatArray) -> dict[str, FloatArray]:
-        x = self.table[self.name]
-        xi, ratio = x.copy(), (self.u_x / self.u_y) ** 2
-        tiny = _NEAR * (np.abs(x) + 10.0 * self.u_x)
-        for _ in range(_STEPS):
-            at = {**self.table, self.name: xi}
-            slope = self.curve.slope(b, at, self.name)
-            left = self.y - self.curve.value(b, at)
-            move = ((x - xi) + ratio * slope * left) / (1.0 + ratio * slope**2)
-            xi = xi + move
-            if (np.abs(move) <= tiny).all():
-                break
-        return {**self.table, self.name: xi}
+    def _measured(self, b: FloatArray) -> Measured:
+        return Measured(self.curve, b, self.table, self.name, self.y, self.u_x, self.u_y)
 
     def scale_at(self, b: FloatArray) -> FloatArray:
         """(n,) one over the standard deviation of a response less the curve."""

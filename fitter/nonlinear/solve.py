@@ -21,6 +21,7 @@ CONVERGED = 1e-5
 """Maximum relative offset of Bates and Watts (1981): how far the residuals are from orthogonal to the tangent plane, in
 standard errors."""
 _POLISH, _EVALUATIONS, _ROBUST = 30, 2000, 4
+_TOLERANCE = 1e-15
 _ROUNDING, _LOST = 1e-13, 1e-9
 _LARGEST = 1e150
 """Maximum residual of the search: its square is still a double."""
@@ -41,13 +42,17 @@ class Solved:
     residuals: FloatArray
 
 
-def solve(problem: Problem, start: Sequence[float] | FloatArray, *, robust: bool = False) -> Solved:
+def solve(
+    problem: Problem, start: Sequence[float] | FloatArray, *, robust: bool = False, tolerance: float = _TOLERANCE
+) -> Solved:
     """The parameters with the least sum of squared residuals, from a start.
 
     Args:
         problem: m residuals, k parameters.
         start: (k,) where to begin; another minimum may be nearer to another start.
         robust: with a loss that grows linearly beyond the scatter, for a few gross errors; its fit is no least squares.
+        tolerance: relative, of the search before the last Gauss-Newton steps. By default rounding; problems whose
+            residuals are expensive leave more to those steps.
 
     Raises:
         RankError: the rows do not determine every parameter.
@@ -57,17 +62,17 @@ def solve(problem: Problem, start: Sequence[float] | FloatArray, *, robust: bool
     b = np.array(start, np.float64)
     if len(problem.residuals(b)) < len(names):
         raise FitError(f"{len(problem.residuals(b))} rows cannot determine {len(names)} parameters: {', '.join(names)}")
-    b = _search(problem, b, robust=robust)
+    b = _search(problem, b, robust=robust, tolerance=tolerance)
     if robust:
-        return _at(problem, b)
-    found = _at(problem, _polished(problem, b))
+        return solved_at(problem, b)
+    found = solved_at(problem, _polished(problem, b))
     if _offset(found, problem.size) > CONVERGED:
         said = ", ".join(f"{name} = {value:.4g}" for name, value in zip(names, start, strict=True))
         raise FitError(f"no fit was found from the start {said}; give start values nearer to the solution")
     return found
 
 
-def _search(problem: Problem, b: FloatArray, *, robust: bool) -> FloatArray:
+def _search(problem: Problem, b: FloatArray, *, robust: bool, tolerance: float) -> FloatArray:
     """(k,) near the minimum."""
     from scipy.optimize import least_squares  # noqa: PLC0415 - 0.1 s, for curves alone
 
@@ -92,9 +97,9 @@ def _search(problem: Problem, b: FloatArray, *, robust: bool) -> FloatArray:
                 b,
                 slopes,
                 x_scale="jac",
-                xtol=1e-15,
-                ftol=1e-15,
-                gtol=1e-15,
+                xtol=tolerance,
+                ftol=tolerance,
+                gtol=tolerance,
                 max_nfev=_EVALUATIONS,
                 loss="soft_l1" if soft else "linear",
                 f_scale=1.5 * scale if soft else 1.0,
@@ -125,7 +130,8 @@ def _square(problem: Problem, b: FloatArray) -> float:
         return float("inf")
 
 
-def _at(problem: Problem, b: FloatArray) -> Solved:
+def solved_at(problem: Problem, b: FloatArray) -> Solved:
+    """What a linear fit says at (k,) parameters that were found. Raises `RankError` as `solve`."""
     columns, residuals = problem.columns(b), problem.residuals(b)
     fit = least_squares(columns, residuals, problem.parameters)
     return Solved(replace(fit, coefficients=b, rss=float(np.sum(residuals**2))), columns, residuals)

@@ -14,7 +14,7 @@ from fitter.arrays import FloatArray, IntArray
 from fitter.errors import FitError
 from fitter.formula import Formula
 from fitter.json_values import if_finite
-from fitter.nonlinear import Curve
+from fitter.nonlinear import Curve, Distance
 from fitter.quantiles import f_tail
 from fitter.scatter import uneven_scatter
 from fitter.split_plot import SplitPlotFit
@@ -22,6 +22,7 @@ from procedures.errors import DataError
 from procedures.general.declared import Model
 from procedures.general.infer import CurveCalibration, infer_curve
 from procedures.general.infer.calibration import student
+from procedures.general.rows import CurveRows
 from procedures.table import Table
 
 DOUBT = 0.01
@@ -49,7 +50,7 @@ def judged_fit(fit: LinearFit | SplitPlotFit, model: Model, table: Table, rows: 
     figures: dict[str, Any] = {}
     if isinstance(fit, LinearFit):
         if model.stated is not None:
-            figures["chi_squared"], told = _against_stated(fit)
+            figures["chi_squared"], told = _against_stated(fit, several=_has_several_minima(model))
             notes += told
         columns, y = model.rows.take(rows).tangent(fit)
         left = y - columns @ fit.coefficients
@@ -58,16 +59,25 @@ def judged_fit(fit: LinearFit | SplitPlotFit, model: Model, table: Table, rows: 
     return Judged((*notes, *_uneven(fit, model, table, rows)), figures)
 
 
-def _against_stated(fit: LinearFit) -> tuple[dict[str, Any], list[str]]:
+def _has_several_minima(model: Model) -> bool:
+    return isinstance(model.rows, CurveRows) and isinstance(model.rows.problem, Distance)
+
+
+def _against_stated(fit: LinearFit, *, several: bool) -> tuple[dict[str, Any], list[str]]:
     """Test of stated uncertainties by the scatter (ISO/TS 28037:2010, 6.2.2, step 9)."""
     df, p = fit.df, float(special.chdtrc(fit.df, fit.rss)) if fit.df > 0 else float("nan")
     limit = float(special.chdtri(df, 0.05)) if df > 0 else float("nan")
     figures = {"value": fit.rss, "df": df, "limit95": if_finite(limit), "p": if_finite(p)}
     if not fit.rss > limit:
         return figures, []
+    other = (
+        ". With errors in the abscissa another, lower minimum is possible, too, though several starts were tried: plot "
+        "the curve over the rows"
+    )
     return figures, [
         f"chi-squared is {fit.rss:.4g} with {df} degrees of freedom, above {limit:.4g}: the rows scatter more than "
         f"their stated uncertainties allow, or the model lacks something; intervals are then too narrow"
+        f"{other if several else ''}"
     ]
 
 

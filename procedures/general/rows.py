@@ -12,7 +12,7 @@ from fitter import LinearFit, least_squares
 from fitter.arrays import FloatArray, IntArray
 from fitter.errors import FitError
 from fitter.gross import GrossErrors
-from fitter.nonlinear import Distance, Solved, Weighted, solve
+from fitter.nonlinear import Distance, Solved, Weighted, solve, solve_lowest
 from fitter.split_plot import SplitPlotFit, fit_split_plot
 from procedures.general.gross import of_table
 
@@ -153,7 +153,7 @@ class CurveRows(Rows):
 
     def gross(self) -> GrossErrors:
         """See `Rows`. The curve is made linear at a fit that a few gross errors do not pull."""
-        solved = solve(self.problem, self.start, robust=True)
+        solved = self._solved(robust=True)
         b = solved.fit.coefficients
         scale = self.problem.scale_at(b)
         y = solved.residuals + solved.columns @ b
@@ -162,7 +162,7 @@ class CurveRows(Rows):
 
     def fitted(self) -> LinearFit | SplitPlotFit:
         """See `Rows`. With whole plots: linear fits at the last parameters, until those stay."""
-        solved = solve(self.problem, self.start)
+        solved = self._solved()
         if self.plots is None:
             return solved.fit
         b, fit = solved.fit.coefficients, self._split(solved)
@@ -174,6 +174,12 @@ class CurveRows(Rows):
             columns, residuals = self.problem.columns(b), self.problem.residuals(b)
             fit = self._split(Solved(replace(solved.fit, coefficients=b), columns, residuals))
         raise FitError("the curve was not found with whole plots; give start values nearer to the solution")
+
+    def _solved(self, *, robust: bool = False) -> Solved:
+        """With errors in the abscissa there are many minima: the lowest of those from several starts."""
+        if isinstance(self.problem, Distance):
+            return solve_lowest(self.problem, self.start, robust=robust)
+        return solve(self.problem, self.start, robust=robust)
 
     def _split(self, solved: Solved) -> SplitPlotFit:
         if self.plots is None:
