@@ -1,8 +1,11 @@
-"""Limits of the scatter of readings: which quantities have one, and which of an observation is the noisiest."""
+"""Limits of the scatter of readings: which quantities have one, and which of an observation is the noisiest.
+
+Quantities without a limit are compared with the run's own scatter, see `rig.own_scatter`.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from procedures.column_names import unit_of
@@ -46,6 +49,13 @@ def most_scatter(conduct: Conduct, config: BenchConfig) -> Mapping[str, MostScat
             found[column] = MostScatter(conduct.max_sd_V * volts, volts, VOLT)
     own = {name: conduct.max_sd[name] for name in config.references if name in conduct.max_sd}
     return {**found, **{name: MostScatter(sd, 1.0, unit_of(name)) for name, sd in own.items()}}
+
+
+def without_limit(conduct: Conduct, config: BenchConfig) -> Sequence[str]:
+    """Columns whose readings have no limit of scatter: outputs, reference standards and thermometers."""
+    limited = most_scatter(conduct, config)
+    outputs = (f"{name}_{sensor.unit}" for name, sensor in config.sensors.items())
+    return [name for name in (*outputs, *config.references, *config.temperatures) if name not in limited]
 
 
 def noisiest(sds: Mapping[str, float], limits: Mapping[str, MostScatter]) -> str | None:

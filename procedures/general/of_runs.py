@@ -27,6 +27,7 @@ _WHOLE_PLOT, _REPLICATE, _TIME, _BLOCK = "whole_plot", "replicate", "elapsed_s",
 _FLAGS = {
     "reference": "since the reference standard read something else than was set",
     "noisy": "as noisier than the procedure allows",
+    "contradictory": "since its readings contradict one another",
     "frozen": "since an output repeated itself to the last digit",
     "temperature": "since the environment had left its tolerance",
 }

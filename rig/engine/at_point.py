@@ -36,10 +36,12 @@ from rig.engine.motion import NEARLY, Leg, plan_legs, recovery_legs
 from rig.engine.queue import PointQueue
 from rig.engine.set_by_hand import SetByHand
 from rig.engine.soaking import Soaking
+from rig.own_scatter import KEPT, OwnScatter
+from rig.run_file.events.bench import Warned
 from rig.run_file.events.event import EMPTY
-from rig.run_file.events.points import ACCEPTED, REJECTED, Observed
+from rig.run_file.events.points import ACCEPTED, CONTRADICTORY, REJECTED, Observed
 from rig.run_file.events.sessions import Held
-from rig.scatter import most_scatter, noisiest
+from rig.scatter import most_scatter, noisiest, without_limit
 
 _MOVE_TIMEOUT_S = 600.0
 _STRAY_SDS = 6.0
@@ -98,6 +100,10 @@ class AtPoint:
         self._references = tuple(f for f in run_list.easy if not f.stays)
         self._standards = [f for f in run_list.factors if f.name in bench.references]
         self._most_scatter = most_scatter(conduct, bench.config)
+        self._own_scatter = OwnScatter(without_limit(conduct, bench.config))
+        for record in journal.recent(KEPT):
+            if isinstance(record.event, Observed) and record.run_index is not None:
+                self._own_scatter.recall(record.run_index, record.event)
         self._poll_s = conduct.poll_s
         read_by = (*bench.sensors.items(), *bench.references.items())
         readers = {name: reader for name, (reader, _) in read_by if not bench.config.instruments[reader].coarse}
@@ -197,12 +203,22 @@ class AtPoint:
         name = noisiest(sds, self._most_scatter)
         if name is not None and sds[name] > self._most_scatter[name].sd:
             most = self._most_scatter[name]
-            if at.repeats < settings.repeats:
-                at.repeats += 1
-                at.rejected.append({"noisy": name, **observation.as_json()})
-                return "repeat"
-            noise = f"{name} scatters by {most.told(sds[name])} at point {at.point.index}"
-            self._flag("noisy", "noisy", TooNoisy(f"{noise}, more than {most.most}"))
+            noise = f"{name} scatters by {most.told(sds[name])} at point {at.point.index}, more than {most.most}"
+            return self._again("noisy", name, noise)
+        found = self._own_scatter.contradiction(observation.every_reading)
+        if found is not None:
+            return self._again(CONTRADICTORY, found.name, f"{found.words}, at point {at.point.index}")
+        return "record"
+
+    def _again(self, flag: str, name: str, words: str) -> str:
+        """Read again, or accept with a flag if that was done often enough; a policy may say otherwise."""
+        at = self._at
+        assert at.observation is not None
+        if at.repeats < self._conduct.repeats:
+            at.repeats += 1
+            at.rejected.append({flag: name, **at.observation.as_json()})
+            return "repeat"
+        self._flag(flag, "noisy", TooNoisy(words))
         return "record"
 
     def _check_alive(self, observation: Observation) -> None:
@@ -286,9 +302,13 @@ class AtPoint:
             if why:  # one commit: after a kill between the two records the whole plot would go on
                 self._journal.write(replace(observed, verdict=REJECTED, lost=why), commit=False)
                 self._soaking.lose(why)
-        self._journal.write(observed)
+        contradictions = self._contradictions(at)
+        self._journal.write(observed, commit=not contradictions)
+        for number, warned in enumerate(contradictions, 1):  # one commit: a kill in between would lose them
+            self._journal.write(warned, commit=number == len(contradictions))
+        self._own_scatter.recall(at.point.index, observed)
         self._journal.point_observed()
-        if self._warned(at.point, observed) and self._conduct.warnings.hold:
+        if (self._warned(at.point, observed) or contradictions) and self._conduct.warnings.hold:
             self._do.stop_motion()
             self._journal.write(Held(why="a warning, and the procedure asks to hold at one"))
             self._journal.take_up(None)
@@ -298,6 +318,20 @@ class AtPoint:
             return elsewhere
         self._at.legs = self._legs(self._at.point, positions)
         return "move"
+
+    def _contradictions(self, at: PointInHand) -> list[Warned]:
+        """Warnings of readings that contradict one another, here and at the first points, now that there are others.
+
+        Of several observations lately only the first is told.
+        """
+        assert at.observation is not None
+        own, readings, told = self._own_scatter, at.observation.every_reading, []
+        if CONTRADICTORY in at.observation.flags and not own.doubted:
+            one = own.contradiction(readings)
+            told += [] if one is None else [(one, f"{one.words}, at point {at.point.index}")]
+        told += [(one, f"{one.words}, at point {one.point}, which was one of the first") for one in own.first(readings)]
+        advice = "readings that contradict one another; look at the wiring and the meter"
+        return [Warned(CONTRADICTORY, one.name, f"{words}: {advice}") for one, words in told]
 
     def _warned(self, point: Point, observed: Observed) -> bool:
         """Whether the observation caused a warning; each warning is recorded."""

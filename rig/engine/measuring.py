@@ -54,7 +54,7 @@ class Observation:
         outputs: by column name, `x_V`, in the column's unit.
         temperatures: by column name, `sensor_temperature_degC`.
         references: readbacks of the reference during the readings, by column name.
-        flags: remarks for readers of the data ("noisy").
+        flags: remarks for readers of the data ("noisy", "contradictory").
 
     """
 
@@ -76,6 +76,12 @@ class Observation:
     def readings(self) -> dict[str, list[float]]:
         """Readings of outputs and references, by column."""
         return {name: list(c.readings) for name, c in (*self.references.items(), *self.outputs.items())}
+
+    @property
+    def every_reading(self) -> dict[str, Sequence[float]]:
+        """Readings of outputs, temperatures and references, by column."""
+        every = (self.outputs, self.temperatures, self.references)
+        return {name: channel.readings for group in every for name, channel in group.items()}
 
     def as_json(self) -> dict[str, Any]:
         """Its fields for the run file. Overloads are written as null, so that nobody can average them."""

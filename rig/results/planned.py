@@ -34,6 +34,7 @@ from rig.results.frames import Frame, of_rows
 from rig.results.promised import Promised, expired, promised
 from rig.results.result import Plots, Result
 from rig.results.unit_doubts import unit_doubts
+from rig.scatter import without_limit
 
 if TYPE_CHECKING:
     from procedures.precision import Precision
@@ -109,6 +110,7 @@ class Plan(Result):
             "uncertainty": [*self.promised.lacking, *self.promised.notes],
             "reach": run_list.extremes(),
             "limits": self._limits,
+            "scatter_without_limit": self._without_limit,
             "overdue": self.overdue,
             "disk_free_bytes": self.disk[0],
             "disk_needed_bytes": self.disk[1],
@@ -122,6 +124,11 @@ class Plan(Result):
     @property
     def _limits(self) -> Mapping[str, tuple[float, float]]:
         return Guard(self.checked.bench.limits, self.checked.bench.factors).limits
+
+    @property
+    def _without_limit(self) -> Sequence[str]:
+        """Columns whose scatter has no declared limit."""
+        return without_limit(self.checked.procedure.conduct, self.checked.bench)
 
     def blocks(self) -> Iterable[Block]:
         """Lines for people."""
@@ -207,6 +214,9 @@ class Plan(Result):
             no_limit = "[yellow]no limit in the bench file[/]"
             shown = f"limits {allowed[0]:g} to {allowed[1]:g}: ok" if allowed else no_limit
             yield Line(f"  {name} from {low:g} to {high:g}, {how}; {shown}")
+        if self._without_limit:
+            unlimited = ", ".join(self._without_limit)
+            yield Line(f"  no limit for the scatter of {escape(unlimited)}: it is compared with the run's own scatter")
         environment = _environment(self.checked)
         if environment:
             yield Line(f"  environment: {escape(environment)}")

@@ -207,7 +207,8 @@ class Warned(
     """An early warning.
 
     Attributes:
-        cause: "noise", "drift", "calibration", "response" or "thermometer"; "itself" if the warnings have ended.
+        cause: "noise", "drift", "calibration", "response", "thermometer" or "contradictory"; "itself" if the warnings
+            have ended.
         output: name of the output or thermometer.
         message: a sentence with figures.
 

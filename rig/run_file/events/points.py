@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
 
 ACCEPTED, REJECTED = "accepted", "rejected"
+CONTRADICTORY = "contradictory"
+"""Flag of an observation with readings that contradict one another, see `rig.own_scatter`."""
 _LATER, _FINAL = "later", "final"
 
 
@@ -34,7 +36,7 @@ class Observed(Event, kind="observation", matters=DETAIL):
         temperatures: likewise.
         references: likewise, for the reference of the calibration.
         flags: remarks for readers of the data.
-        rejected: readings of the same attempt that were too noisy.
+        rejected: readings of the same attempt that were too noisy, or contradicted one another.
         hole_s: length of the hole in time for which it was rejected, seconds.
         lost: reason for the loss of its whole plot, if it was rejected for that.
 
@@ -55,6 +57,12 @@ class Observed(Event, kind="observation", matters=DETAIL):
     rejected: Sequence[Mapping[str, Any]] = EMPTY
     hole_s: Seconds | None = None
     lost: Text | None = None
+
+    @property
+    def every_reading(self) -> dict[str, Sequence[float]]:
+        """Readings of outputs, temperatures and references, by column; {} with an overload."""
+        every = (self.outputs, self.temperatures, self.references)
+        return {name: channel["readings"] for group in every for name, channel in group.items()}
 
     @property
     def accepted(self) -> bool:

@@ -11,7 +11,7 @@ from procedures.run_list import Factor, Settle
 from rig.run_file.chain import Record
 from rig.run_file.events.bench import AsFound, EnvironmentSettled, Fault, Prepared, Recovered, Warned
 from rig.run_file.events.event import Event
-from rig.run_file.events.points import Observed, Skipped, WholePlotBegan, WholePlotLost
+from rig.run_file.events.points import CONTRADICTORY, Observed, Skipped, WholePlotBegan, WholePlotLost
 from rig.run_file.events.sessions import SessionBegan
 from rig.run_file.sense.case import NOTED, Case
 from rig.run_file.sense.settled import Asked, unsettled
@@ -23,7 +23,13 @@ _BEYOND = 2.0
 """Number of overtravels, plus one unit, by which an axis may be found beyond its limits."""
 _SETPOINT_STANDS = 0.1
 _RE_HOME = "re-home"
-_CLASS_OF = {"noisy": "noisy", "frozen": "frozen", "temperature": "temperature_left", "reference": "reference"}
+_CLASS_OF = {
+    "noisy": "noisy",
+    CONTRADICTORY: "noisy",
+    "frozen": "frozen",
+    "temperature": "temperature_left",
+    "reference": "reference",
+}
 """Flags, and the class of fault that the procedure accepts with each."""
 _OF_THE_RUN = "temperature_left"
 _ROUNDING = 1e-9

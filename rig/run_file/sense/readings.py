@@ -7,12 +7,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
+from rig.own_scatter import OwnScatter
 from rig.run_file.chain import Record
 from rig.run_file.events.event import Event
-from rig.run_file.events.points import Observed
+from rig.run_file.events.points import CONTRADICTORY, Observed
 from rig.run_file.sense.case import Case
 from rig.run_file.state import RunState
-from rig.scatter import MostScatter, most_scatter, noisiest
+from rig.scatter import MostScatter, most_scatter, noisiest, without_limit
 
 _GROUPS = ("outputs", "temperatures", "references")
 _MEAN, _SD = 1e-12, 1e-9
@@ -36,10 +37,12 @@ class Readings:
         self._again = _Again()
         self._columns: dict[str, set[str]] = {}
         self._most: Mapping[str, MostScatter] = {}
+        self._own: OwnScatter | None = None
         self._standards: set[str] = set()
         if bench is not None:
             outputs = {f"{name}_{s.unit}" for name, s in bench.sensors.items()}
-            self._most = {} if conduct is None else most_scatter(conduct, bench)
+            if conduct is not None:
+                self._most, self._own = most_scatter(conduct, bench), OwnScatter(without_limit(conduct, bench))
             self._standards = {name for name in bench.references if name in {f.name for f in case.run_list.factors}}
             self._columns = {"outputs": outputs, "temperatures": set(bench.temperatures)}
 
@@ -52,6 +55,7 @@ class Readings:
             yield from self._evidence(one, f" of the readings rejected for noise ({number})")
         if event.accepted:
             yield from self._noise(event)
+            yield from self._contradictory(record, event)
             yield from self._again.look(record, event.outputs)
 
     def _evidence(self, readings: Mapping[str, Any], where: str) -> Iterator[str]:
@@ -82,6 +86,14 @@ class Readings:
         sd = math.sqrt(math.fsum((r - mean) ** 2 for r in readings) / (n - 1)) if n > 1 else 0.0
         if not abs(channel["sd"] - sd) <= _SD * largest:
             yield f"sd of NAME is {channel['sd']!r}, that of its {n} readings is {sd!r}"
+
+    def _contradictory(self, record: Record, event: Observed) -> Iterator[str]:
+        """Check that readings that are marked so contradict one another. Until 2026-11-27 none were marked."""
+        if self._own is None or record.run_index is None:
+            return
+        if CONTRADICTORY in event.flags and self._own.contradiction(event.every_reading) is None:
+            yield "it is marked as contradictory, and its readings do not contradict one another"
+        self._own.recall(record.run_index, event)
 
     def _noise(self, event: Observed) -> Iterator[str]:
         """Check that an observation is flagged as noisy if and only if its noisiest quantity is."""
