@@ -281,7 +281,7 @@ def roles_of_run(asked: Asked) -> dict[str, Roles]:
             formula,
             whole_plot=(_WHOLE_PLOT,) if plots else (),
             replicate=None if plots else _replicated(table),
-            time=_TIME,
+            time=_TIME if _TIME in table.columns else None,  # a certificate's table may lack it
             direction=_direction(table, used),
             ignore=tuple(name for name in table.columns if _ignored(name, table)),
         )
@@ -290,8 +290,8 @@ def roles_of_run(asked: Asked) -> dict[str, Roles]:
 
 def _replicated(table: Table) -> str | None:
     """The column of replications, if there are several."""
-    values = table.columns[_REPLICATE]
-    return _REPLICATE if len(set(values.tolist())) > 1 else None
+    values = table.columns.get(_REPLICATE)
+    return _REPLICATE if values is not None and len(set(values.tolist())) > 1 else None
 
 
 def _direction(table: Table, used: Collection[str]) -> str | None:

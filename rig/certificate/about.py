@@ -188,6 +188,8 @@ def method(of: OfRun, settings: CertificateSettings) -> Method:
     p = of.table.provenance
     ran = (
         f"Procedure of the run: {p['procedure']}; {p['points_observed']} of {p['points_planned']} planned observations."
+        if "procedure" in p
+        else f"Evaluated from the table {p['file']}: {count(p['points_observed'], 'observation')}."
     )
     return Method(own.name.strip(), (*own.sentences, ran), own.references)
 
@@ -317,11 +319,11 @@ def _observations(number: int) -> str:
 
 
 def evidence(of: OfRun, records: int, stage: Stage) -> Evidence:
-    """The run file."""
+    """The run file, or the table in its place."""
     p = of.table.provenance
     return Evidence(
         str(p["file"]),
-        str(p["run_id"]),
+        str(p.get("run_id", "")),
         str(p["head"]),
         records,
         int(p["points_observed"]),

@@ -279,8 +279,11 @@ def _measurement(parent: ET.Element, document: Document, stage: str) -> None:
         for run in evidence:
             about = _add(metadata, "metaData")
             text = f"Run {run.run_id} of {run.observations} observations: {run.file}, {run.records} records"
-            _words(about, "name", "Run file")
-            _words(about, "declaration", f"{text}, head hash {run.head}")
+            hashed = "head hash"
+            if not run.run_id:
+                text, hashed = f"Table of {run.observations} observations, without a run file: {run.file}", "SHA-256"
+            _words(about, "name", "Run file" if run.run_id else "Table")
+            _words(about, "declaration", f"{text}, {hashed} {run.head}")
 
 
 def _instrument(parent: ET.Element, one: Equipment) -> None:

@@ -325,13 +325,13 @@ class Effect:
 
 @dataclass(frozen=True)
 class Evidence:
-    """The run file that the numbers come from.
+    """The run file, or the table, that the numbers come from.
 
     Attributes:
         file: its name.
-        run_id: of the run.
-        head: hash of its last record.
-        records: their number.
+        run_id: of the run; "" for a table.
+        head: hash of its last record; SHA-256 of a table.
+        records: their number; 0 for a table.
         observations: accepted observations.
         began: date of the first record.
         ended: date of the last observation.

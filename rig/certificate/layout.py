@@ -302,9 +302,15 @@ def _evidence(document: Document) -> Iterator[Block]:
     for one in document.evidence:
         stage = f" ({one.stage})" if one.stage else ""
         run = f"{one.file}: run {one.run_id}, {count(one.observations, 'observation')}, {one.records} records"
-        rows = [(f"Run file{stage}", (run,)), ("Head hash", (one.head[:32], one.head[32:]))]
+        what, hashed = "Run file", "Head hash"
+        if not one.run_id:
+            run, what, hashed = f"{one.file}: {count(one.observations, 'observation')}", "Table", "SHA-256"
+        rows = [(f"{what}{stage}", (run,)), (hashed, (one.head[:32], one.head[32:]))]
         yield Facts((*rows, ("Written by", (f"calibration-rig {one.version}",))), mono=True)
-    yield Sentences(words.EVIDENCE, small=True)
+    if any(one.run_id for one in document.evidence):
+        yield Sentences(words.EVIDENCE, small=True)
+    if not all(one.run_id for one in document.evidence):
+        yield Sentences(words.EVIDENCE_OF_TABLE, small=True)
 
 
 def _annex(document: Document) -> Iterator[Block]:

@@ -99,6 +99,32 @@ class MethodSettings(Strict):
     references: tuple[str, ...] = Field((), description="standards and papers")
 
 
+class TableSettings(Strict):
+    """`[table]`: what a run file would say, for a certificate of a CSV table."""
+
+    began: datetime.date = Field(description="first day of the measurement")
+    ended: datetime.date | None = Field(None, description="last day; left out: the first one")
+    models: dict[str, str] = Field(
+        min_length=1,
+        description='declared model of each output, by its column: `cell_V = "1 + force_kN"`; the item is '
+        "`sensors.cell` of the register",
+    )
+    given_by: dict[str, str] = Field(
+        default_factory=dict,
+        description='equipment that reads or sets each column, by its key in the register: `force_kN = "W-10"`',
+    )
+
+    keep: tuple[int, ...] = Field(
+        (), description="rows that the search for gross errors names and that stay in the results, after you looked"
+    )
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        if self.ended is not None and self.ended < self.began:
+            raise ValueError(f"ended = {self.ended} is before began = {self.began}: correct one")
+        return self
+
+
 class CertificateSettings(Strict):
     """A whole `certificate.toml`."""
 
@@ -139,6 +165,7 @@ class CertificateSettings(Strict):
     method: MethodSettings = MethodSettings()
     decision: DecisionSettings = DecisionSettings()
     tolerance: tuple[ToleranceSettings, ...] = ()
+    table: TableSettings | None = None
 
     @model_validator(mode="after")
     def _due(self) -> Self:

@@ -47,6 +47,10 @@ EVIDENCE = (
     "Every number above comes from this run file. Its head hash is the fingerprint of all of its records: "
     "`rig verify FILE --head HASH` shows whether a copy of the file is the one that this certificate was made from.",
 )
+EVIDENCE_OF_TABLE = (
+    "The numbers above come from this table; there is no run file. Its SHA-256 shows whether a copy of the table is "
+    "the one that this certificate was made from, not that its numbers are those of the instruments.",
+)
 ANNEX = (
     "Shares are of the squared combined standard uncertainty. Type A: evaluated from the scatter of the run; "
     "type B: from certificates and other knowledge.",

@@ -162,18 +162,44 @@ def checked_run(path: Path, equipment: Path | None = None) -> Checked:
         documents = reader.documents()
         identities = [record.event for record in reader.records(Identified.kind)]
     reasons: list[str] = []
-    register, stated = Register(), None
+    register = None
     with _noted(reasons, UsageError):
         register = register_of(documents, equipment, run=str(path))
     where = str(equipment) if equipment is not None else f"{path} ({DOCUMENT})"
     if "bench.toml" not in documents:
         raise UsageError(f"{path} has no bench file, which says what reads what: no budget can be made of it")
     config = parse_bench(documents["bench.toml"], f"{path} (bench.toml)", strict=False)
+    return checked_with(table, config, register, identities, where, reasons)
+
+
+def checked_with(
+    table: Table,
+    config: BenchConfig,
+    register: Register | None,
+    identities: Iterable[Event],
+    where: str,
+    reasons: list[str],
+) -> Checked:
+    """Observations with their bench and register, and all reasons against a budget at once.
+
+    Args:
+        table: the observations, with days in its provenance.
+        config: the bench.
+        register: of the equipment; None if there is none, for reasons that are given.
+        identities: of the instruments of the run.
+        where: name of the register, for messages.
+        reasons: those known so far; further ones are added.
+
+    Raises:
+        DataError: the kind of calibration is not known.
+    """
     kind = kind_of_table(table)
     if kind is None:
-        raise DataError(f"{path}: its kind of calibration is not known")
-    known = not reasons
-    if known:
+        raise DataError(f"{table.source}: its kind of calibration is not known")
+    stated, known = None, register is not None
+    if register is None:
+        register = Register()
+    else:
         reasons += _contradictions(register, config, identities, where, simulated=table.simulated)
         first, last = (date.fromisoformat(table.provenance[key][:10]) for key in ("began_utc", "last_observation_utc"))
         with _noted(reasons):

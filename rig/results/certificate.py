@@ -1,4 +1,4 @@
-"""`rig certificate`: a certificate of one run, or of two runs before and after an adjustment."""
+"""`rig certificate`: of one run, of two runs before and after an adjustment, or of tables in their place."""
 
 from __future__ import annotations
 
@@ -14,14 +14,17 @@ from procedures.errors import DataError
 from rig.certificate import about, assembly
 from rig.certificate.document import Dates, Document, Stage
 from rig.certificate.settings import CertificateSettings, read_settings
-from rig.closed_loop.budget import OfRun, RunBudget, budget_of, checked_run
+from rig.closed_loop.budget import Checked, OfRun, RunBudget, budget_of, checked_run
+from rig.closed_loop.of_table import OfTable, Said, checked_table, gross_errors, lacks, without_size
 from rig.closed_loop.undeclared import with_undeclared
+from rig.effects import laboratory_effects
 from rig.errors import RigError, UsageError
 from rig.register import DOCUMENT
 from rig.results.data import Data
 from rig.run_file.reader import RunReader
 from rig.run_file.state import RunState, read_state
 from rig.run_file.verification import verify_file
+from rig.tables import is_run
 
 if TYPE_CHECKING:
     from fitter.trace.outcome import Outcome
@@ -49,7 +52,7 @@ class Asked:
     """The contents of a certificate, as asked for.
 
     Attributes:
-        runs: one run file, or two: as found, as left.
+        runs: one run file, or CSV table, or two: as found, as left.
         issued: date of issue.
         equipment: another register than the one kept with the runs.
         settings: certificate.toml; None for that in the working folder.
@@ -93,12 +96,12 @@ class Made:
 
 @dataclass
 class _Run:
-    """One run, as far as it could be read."""
+    """One run, as far as it could be read; a table has no state."""
 
     path: Path
     stage: Stage
-    state: RunState
-    records: int
+    state: RunState | None = None
+    records: int = 0
     dry: bool = False
     register: str | None = None
     of: OfRun | None = None
@@ -108,6 +111,7 @@ class _Run:
     heads: Mapping[Path, str] = field(default_factory=dict)
     stated: bool = False
     accepted: bool = False
+    said: tuple[str, ...] = ()
 
 
 def make(asked: Asked) -> Made:
@@ -135,6 +139,8 @@ def make(asked: Asked) -> Made:
 
 def _read(path: Path, stage: Stage, asked: Asked, settings: CertificateSettings, reasons: list[str]) -> _Run | None:
     """A run, verified, budgeted and traced; None if it cannot be read at all."""
+    if not is_run(path):
+        return _read_table(path, stage, asked, settings, reasons)
     found = verify_file(path)
     if not found.whole:
         reasons.append(f"{path} is not verified: {found.findings[0]}; see rig verify")
@@ -155,6 +161,39 @@ def _read(path: Path, stage: Stage, asked: Asked, settings: CertificateSettings,
     return run
 
 
+def _read_table(
+    path: Path, stage: Stage, asked: Asked, settings: CertificateSettings, reasons: list[str]
+) -> _Run | None:
+    """The same of a CSV table: the settings say what a run file would."""
+    given, own = asked.settings or Path(SETTINGS), settings.table
+    if own is None:
+        reasons.append(
+            f"{path} is no run file, and {given} has no [table]: it says when the table was measured, its models, and "
+            "what gives its columns (docs/certificate.md)"
+        )
+        return None
+    if path == asked.runs[-1]:
+        reasons.extend(f"{one}: --confirmed-by is for runs; {path} is a table" for one in asked.confirmed_by)
+    run = _Run(path, stage)
+    said = Said(own.began, own.ended or own.began, own.models, own.given_by, str(given))
+    with _noted(reasons):
+        _take(run, checked_table(path, said, asked.equipment, given.parent), reasons)
+    if run.of is not None:
+        with _noted(reasons):
+            kind, source = run.of.kind, OfTable(run.of.table)
+            fitted = kind.fit(source, kind.fit_options(), leave_out=(), own=(), keep=False)
+            run.outcomes = kind.trace(source, kind.trace_options(), own=laboratory_effects()).outcomes
+            gross = list(gross_errors(fitted.to_json(), run.outcomes, own.keep, str(given)))
+            run.said = tuple(told for kept, told in gross if kept)
+            reasons.extend(told for kept, told in gross if not kept)
+    unsized = list(without_size(run.outcomes, run.of.table, str(given))) if run.of else []
+    reasons.extend(unsized)
+    if not unsized:
+        with _noted(reasons):
+            _budget(run, asked, settings, reasons)
+    return run
+
+
 @contextmanager
 def _noted(reasons: list[str]) -> Iterator[None]:
     """Lines of an error become reasons."""
@@ -165,7 +204,10 @@ def _noted(reasons: list[str]) -> Iterator[None]:
 
 
 def _checked(run: _Run, asked: Asked, reasons: list[str]) -> None:
-    checked = checked_run(run.path, asked.equipment)
+    _take(run, checked_run(run.path, asked.equipment), reasons)
+
+
+def _take(run: _Run, checked: Checked, reasons: list[str]) -> None:
     reasons.extend(checked.reasons)
     run.of, run.stated = checked.of, checked.stated
     if run.of.register.example and not run.of.table.simulated:
@@ -320,7 +362,11 @@ def _document(
         deviations=tuple(
             d
             for one, b in with_budget
-            for d in about.deviations(b.of, one.state, one.stage, (one.register, asked.equipment))
+            for d in (
+                (*lacks(b.of.table, b.of.config, origin.register), *one.said)
+                if one.state is None
+                else about.deviations(b.of, one.state, one.stage, (one.register, asked.equipment))
+            )
         ),
         notes=tuple(dict.fromkeys(n for _, b in with_budget for n in assembly.notes(b))),
         next_due=settings.next_due,
@@ -349,7 +395,7 @@ def _of_two(runs: Sequence[OfRun], adjustment: str) -> Iterator[str]:
     if len(runs) < 2:
         return
     found, left = (one.table for one in runs)
-    if found.provenance["run_id"] == left.provenance["run_id"]:
+    if found.provenance["head"] == left.provenance["head"]:
         yield "both files are of the same run: name the run as found, and the run as left"
     elif found.provenance["began_utc"] > left.provenance["began_utc"]:
         yield "the first run is later than the second: name the run as found first"
