@@ -63,6 +63,9 @@ def test_settings_of_the_examples_are_complete(lab):
 
 
 def test_the_tables_of_the_document_can_be_read():
-    (shown,) = [tomllib.loads(text) for text in re.findall(r"```toml\n(.*?)```", DOCUMENT, re.DOTALL)]
+    shown, of_table = [tomllib.loads(text) for text in re.findall(r"```toml\n(.*?)```", DOCUMENT, re.DOTALL)]
     settings = CertificateSettings(**{key: tuple(v) if isinstance(v, list) else v for key, v in shown.items()})
     assert (settings.decision.rule, settings.tolerance[0].result) == ("guard-band", "offset")
+    table = CertificateSettings(**of_table).table
+    assert table is not None
+    assert table.models.keys() <= table.given_by.keys()

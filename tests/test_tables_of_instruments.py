@@ -346,6 +346,14 @@ FORMS = {
     "padding": Form(
         lines("  x   ,   y   ", "   1   ,   2.5   ", "   2   ,   3.5   "), {"x": [1, 2], "y": [2.5, 3.5]}, 1, (2, 3),
     ),
+    "padding, and a separator at the end": Form(
+        lines("  load (N) ,   reading (mV)  , ", "   0.0 ,  0.001 , ", "  10.0 ,  1.002 , ", "  20.0 ,  2.003 , "),
+        {"load (N)": [0, 10, 20], "reading (mV)": [0.001, 1.002, 2.003]}, 1, (2, 4),
+    ),
+    "days of a spreadsheet": Form(
+        lines("Excel date,y", "44927.0,1.5", "44927.25,2.5"), {"Excel date": [44927, 44927.25], "y": [1.5, 2.5]}, 1,
+        (2, 3), {}, ("Excel date counts days as a spreadsheet does: the first row is of 2023-01-01 00:00:00",),
+    ),
     "an epoch in milliseconds": Form(
         lines("timestamp_ms,T", "1583331342193,20.5", "1583331343193,20.75"), {"T": [20.5, 20.75]}, 1, (2, 3), {},
         ("timestamp_ms counts ms from 1970 on, if it is the time: the first row is of 2020-03-04 14:15:42 UTC",),

@@ -31,7 +31,7 @@ from procedures.seen import Seen, SeenColumn
 from procedures.table import Table
 
 _TIME = re.compile(
-    r"time|elapsed|timestamp|(^|[ _])(?-i:t)$|(^|[ _])t[ _(\[]+(s|sec|min|h)[)\]]?$|zeit|^date", re.IGNORECASE
+    r"time|elapsed|timestamp|(^|[ _])(?-i:t)$|(^|[ _])t[ _(\[]+(s|sec|min|h)[)\]]?$|zeit|^date|\bdate$", re.IGNORECASE
 )
 _ORDER = re.compile(r"^(seq|sequence|order|reading|scan|n|no\.?|nr\.?|number|pt|point|run_?order)$", re.IGNORECASE)
 _ROW = re.compile(r"^(row|row_?(names?|number|id)|index|id|unnamed: ?0|#)$", re.IGNORECASE)

@@ -38,7 +38,8 @@ def certificate(
         typer.Option(help="what the laboratory settles once", show_default="certificate.toml of the working folder"),
     ] = None,
     equipment: Annotated[
-        Path | None, typer.Option(help="a register of equipment", show_default="the one kept with the run; of a table, equipment.toml")
+        Path | None,
+        typer.Option(help="a register of equipment", show_default="the one kept with the run; else equipment.toml"),
     ] = None,
     number: Annotated[
         str | None, typer.Option(help="number of the certificate", show_default="the next by the settings")
@@ -104,7 +105,8 @@ def certificate(
     equipment, statements of conformity, and the effects found. It is refused, with all reasons at once and exit code 2,
     if a due date had passed, the run is not verified or not complete, an effect is doubtful, a field is missing, or an
     uncertainty is repeatability only. Of a CSV table, [table] of the settings says what a run file would, and the
-    certificate says what is not known without one. A certificate is never overwritten: --amends makes one that replaces it.
+    certificate says what is not known without one. A certificate is never overwritten: --amends makes one that
+    replaces it.
 
     Examples: `rig certificate RUN --out certificates`, `rig certificate FOUND LEFT --adjustment "zero set" --out
     certificates`, `rig certificate --read DCC.xml`
@@ -120,7 +122,9 @@ def certificate(
     if as_equipment is not None or column:
         raise UsageError("--as-equipment and --column belong to --read DCC.xml")
     if not runs or out_folder is None:
-        raise UsageError("a certificate needs a run file, or a table, and --out FOLDER: rig certificate RUN --out certificates")
+        raise UsageError(
+            "a certificate needs a run or a table, and --out FOLDER: rig certificate RUN --out certificates"
+        )
     from rig.atomic import check_files  # noqa: PLC0415
     from rig.results.certificate import Asked, make  # noqa: PLC0415
     from rig.results.issue import Issue, all_files, check_extras, issue  # noqa: PLC0415

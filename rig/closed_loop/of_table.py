@@ -34,7 +34,7 @@ _TEMPERATURE = "degC"
 
 @dataclass(frozen=True)
 class Said:
-    """What a run file would say.
+    """Contents of a run file that somebody states.
 
     Attributes:
         began: first day of the measurement.
@@ -128,7 +128,7 @@ def _table(path: Path, said: Said) -> Table:
                 "the register can say what its errors are"
             )
     with open_regular(path) as file:
-        head = hashlib.file_digest(file, "sha256").hexdigest()
+        head = hashlib.sha256(file.read()).hexdigest()
     simulated = bool(np.any(table.columns.get("simulated", np.zeros(1))))
     provenance: dict[str, Any] = {
         "file": path.name,
@@ -184,15 +184,15 @@ def _bench(table: Table, said: Said) -> BenchConfig:
 
 
 def lacks(table: Table, config: BenchConfig, register: str) -> Iterator[str]:
-    """What is not known because there is no run file, one sentence each."""
+    """Sentences on all that is not known because there is no run file."""
     p = table.provenance
     yield (
-        f"There is no run file: the record of this calibration is the table {p['file']} with {len(table)} rows, which "
-        f"somebody else wrote. Its SHA-256 is {p['head']}. Nothing shows that no row was changed or left out before."
+        f"There is no run file: the record of this calibration is the table {p['file']} with {len(table)} rows. "
+        f"Its SHA-256 is {p['head']}. Nothing shows that no row was changed or left out before."
     )
     yield (
-        f"No instrument reported its identity, its settings or its state: the equipment is that which {register} names "
-        "for the columns of the table, and the days of the measurement are those stated by the laboratory."
+        "No instrument reported its identity, its settings or its state: the equipment is the one that "
+        f"{register} names for the columns of the table, and the laboratory states the days of the measurement."
     )
     if not config.temperatures:
         yield "No environment was recorded: the table has no column of a temperature beside the model."

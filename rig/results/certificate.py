@@ -147,13 +147,14 @@ def _read(path: Path, stage: Stage, asked: Asked, settings: CertificateSettings,
         return None
     with RunReader.open(path) as reader:
         dry, register = reader.about().runs_dry, reader.documents().get(DOCUMENT)
-        run = _Run(path, stage, read_state(reader), found.records, dry, register)
-    if run.state.ended != "complete":
-        reasons.append(f"{path} is not complete: {run.state.remaining} points are missing; rig resume {path}")
+        state = read_state(reader)
+    run = _Run(path, stage, state, found.records, dry, register)
+    if state.ended != "complete":
+        reasons.append(f"{path} is not complete: {state.remaining} points are missing; rig resume {path}")
     later = asked.confirmed_by if path == asked.runs[-1] else ()
     with _noted(reasons):
         _checked(run, asked, reasons)
-    if run.state.ended == "complete":  # the effects of half a run are others in a moment
+    if state.ended == "complete":  # the effects of half a run are others in a moment
         with _noted(reasons):
             _trace(run, later, reasons)
     with _noted(reasons):

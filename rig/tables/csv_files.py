@@ -23,12 +23,21 @@ from rig.tables.of_others.asked import NOTHING, Asked
 from rig.tables.of_others.cells import Cells
 from rig.tables.of_others.footers import footers
 from rig.tables.of_others.layout import NoTable
-from rig.tables.of_others.numbers import OVERLOAD, Notation, is_missing, is_no_reading, is_overload, looks_like_number
+from rig.tables.of_others.numbers import (
+    OVERLOAD,
+    Notation,
+    gaps_of,
+    is_missing,
+    is_no_reading,
+    is_overload,
+    looks_like_number,
+    maybe_gap,
+)
 
 _MOST_COLUMNS = 2000
 _BLANK = frozenset(("\n", "\r\n", "\r"))
 _LONGEST_LINE = 1 << 20
-_FOOTER, _MANY = 3, 100_000
+_FOOTER, _MANY, _NINES_FROM = 3, 100_000, 999.0
 _MOST_NUMBERS, _MOST_CELLS = 2 << 30, 32 << 20
 """Maximum size in bytes of a table of numbers, and of one read cell by cell, which needs much more memory."""
 
@@ -247,6 +256,8 @@ def _all_numbers(path: Path) -> tuple[dict[str, FloatArray], Sequence[int]] | No
             values = np.loadtxt(_noting_blank(file, blank), np.float64, delimiter=",", comments=None, ndmin=2)
     except (ValueError, UserWarning):
         return None
+    if any(gaps_of(column) for column in values.T if np.abs(column).max() >= _NINES_FROM):
+        return None
     named = len(set(names)) == len(names) == values.shape[1] and all(name and '"' not in name for name in names)
     if not named or not np.isfinite(values).all() or (np.abs(values) >= OVERLOAD).any():
         return None
@@ -302,6 +313,14 @@ def _cells_of(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
     for number, row in body:
         if any(is_overload(cell.strip()) for cell in row):
             raise UsageError(f"{path}, row {number}: 9.9E37 is the overload of a meter, not a value; remove the row")
+    for i, name in enumerate(names):
+        cells = [row[i].strip() for _, row in body]
+        if any(map(maybe_gap, cells)):
+            gaps = gaps_of(np.array([_float(cell) if _is_number(cell) else math.nan for cell in cells]))
+            if gaps:
+                raise UsageError(
+                    f"{path}, column {name}: {gaps[0]:g} stands for no value among its numbers; leave the cell empty"
+                )
     _no_footers(path, names, body)
     return names, body
 

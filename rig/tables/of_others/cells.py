@@ -23,10 +23,12 @@ from rig.tables.of_others.layout import NO_SEPARATOR, Layout, NoTable, is_time, 
 from rig.tables.of_others.lines import lines_of, quoted_whole
 from rig.tables.of_others.numbers import (
     Notation,
+    gaps_of,
     is_missing,
     is_no_reading,
     is_overload,
     looks_like_number,
+    maybe_gap,
     notation_of,
 )
 from rig.tables.of_others.said import dates_with_dots, sentences, times_of, without_units
@@ -128,8 +130,16 @@ class Cells:
             words = frozenset(cell for cell in set(cells) if is_no_reading(cell))
             others = [cell for cell in cells if cell not in words and not is_missing(cell)] if words else []
             numbers = bool(others) and all(self.notation.number(cell) is not None for cell in others)
-            found[name] = words if numbers else frozenset()
+            found[name] = (words if numbers else frozenset()) | self._gaps(name)
         return found
+
+    def _gaps(self, name: str) -> frozenset[str]:
+        """Numbers of a column that stand for no value, as they are written."""
+        cells = self.columns[name]
+        if not (maybe := {cell for cell in set(cells) if maybe_gap(cell) and not is_missing(cell)}):
+            return frozenset()
+        gaps = gaps_of(np.array([np.nan if value is None else value for value in self._read[name]], np.float64))
+        return frozenset(cell for cell in maybe if self.notation.number(cell) in gaps)
 
     @cached_property
     def _read(self) -> dict[str, list[float | None]]:
@@ -199,11 +209,13 @@ class Cells:
         """All columns as numbers without gaps. Raises `UsageError`."""
         columns: dict[str, Any] = {}
         for name, cells in self.columns.items():
-            for row, cell in zip(self.rows, cells, strict=True):
-                if is_missing(cell):
-                    where = f"{self.path}, row {row}, column {name}"
-                    raise UsageError(f"{where}: the value is missing; fill it in or remove the row")
-            columns[name] = self._values(name, np.ones(len(self.rows), bool), self._missing(name), numeric=True)
+            missing = self._missing(name) | np.array([is_missing(cell) for cell in cells])
+            if missing.any():
+                at = int(np.flatnonzero(missing)[0])
+                where = f"{self.path}, row {self.rows[at]}, column {name}"
+                stands = f" ({cells[at]} stands for none)" if cells[at] in self._words[name] else ""
+                raise UsageError(f"{where}: the value is missing{stands}; fill it in or remove the row")
+            columns[name] = self._values(name, np.ones(len(self.rows), bool), missing, numeric=True)
         return self._table(columns, {}, self.rows, self._understood({}))
 
     def _table(

@@ -276,7 +276,9 @@ class _Walk:
         """A line as names of the block's columns; None if their numbers differ, or it holds values."""
         count = self.block.count
         tries = [trimmed(split(text, self.block.separator))]
-        tries += [[one for one in re.split(r"\s{2,}|\t", text.strip().strip('"').strip()) if one]]
+        apart = [one for one in re.split(r"\s{2,}|\t", text.strip().strip('"').strip()) if one]
+        if self.block.separator == " " or not any(self.block.separator in one for one in apart):
+            tries.append(apart)  # blanks beside separators part nothing
         for cells in tries:
             named = cells
             if len(cells) == count + 1:

@@ -7,6 +7,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
 
+import numpy as np
+
+from fitter.arrays import FloatArray
 from procedures.clock import stamp_of
 from rig.errors import UsageError
 from rig.tables.of_others.units import is_unit
@@ -33,6 +36,12 @@ _SIMPLE = re.compile(r"[+-]?[0-9]+(?:\.[0-9]*)?")
 _LONGEST, _LONG = 400, 40
 _WITH_UNIT = re.compile(r"([+\u2212-]?\s*[\d.,]*\d(?:[eE][+-]?\d+)?)(\s*)([^\s\d.,+-].*)")
 _APART = re.compile(r"^([+-])\s+(?=[\d.,])")
+_NINES = np.array(
+    [sign * v for v in (9999.0, 99999.0, 999999.0, 9999999.0, 9999.9, 9999.99, 6999.0, 7999.0) for sign in (-1.0, 1.0)]
+    + [-999.0, -999.9, -999.99]
+)
+"""Numbers that loggers write for no value: nines, and 6999 and 7999 of Campbell Scientific."""
+_DISTINCT, _AWAY, _HUGE = 3, 5.0, ("37", "38")
 OVERLOAD = 9.9e37
 """What instruments with SCPI send for a reading beyond the range; 9.91e37 for none (SCPI-99, volume 1, 7.2.1.4)."""
 _OVERLOAD = re.compile(r"[+-]?9\.9(?:0*|10*)[eE]\+?37")
@@ -48,6 +57,33 @@ def is_missing(cell: str) -> bool:
 def is_overload(cell: str) -> bool:
     """Whether a cell is what an instrument sends in place of a reading."""
     return cell.endswith("37") and _OVERLOAD.fullmatch(cell) is not None
+
+
+def maybe_gap(cell: str) -> bool:
+    """Whether a cell may be a number that loggers write for no value; the other values of its column decide."""
+    return "999" in cell or cell[-2:] in _HUGE
+
+
+def gaps_of(values: FloatArray) -> list[float]:
+    """Numbers of a column that stand for no value: 1E38 and larger ones, and one such as -9999 if it stands apart.
+
+    It does where no other value is negative, or where it is five times the range of the others away from them; and
+    where it is in less than a third of the rows, and not there with the other sign.
+
+    Args:
+        values: (n,) of a column; NaN for missing ones.
+    """
+    known = values[np.isfinite(values)]
+    huge = np.unique(known[np.abs(known) >= OVERLOAD]).tolist()
+    known = known[np.abs(known) < OVERLOAD]
+    found = np.unique(known[np.isin(known, _NINES)])
+    others = known[~np.isin(known, found)]
+    if found.size != 1 or 3 * (known.size - others.size) >= known.size or np.unique(others).size < _DISTINCT:
+        return huge
+    one, low, high = float(found[0]), float(others.min()), float(others.max())
+    away = max(low - one, one - high)
+    apart = (one < 0.0 <= low) or away > _AWAY * (high - low)
+    return [*huge, one] if apart else huge
 
 
 def is_no_reading(cell: str) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING
 
 from procedures.clock import Stamp, form_of, stamp_of
@@ -20,6 +20,8 @@ _SAID = {";": "semicolons", "\t": "tabs", "|": "pipes", " ": "blanks"}
 _MOSTLY = 0.8
 _EPOCH = re.compile(r"time|epoch|stamp|zeit|^t\b|date", re.IGNORECASE)
 _TICKS = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
+_SERIAL, _FROM_DAY, _TO_DAY = re.compile(r"excel|serial|ole|spreadsheet", re.IGNORECASE), 29221.0, 73051.0
+"""Names of dates that count days from 1899-12-30, from 1980 to 2100."""
 _FROM_S, _TO_S = 315532800.0, 4102444800.0
 """1980 and 2100, in seconds since 1970: such numbers, or 1e3, 1e6 and 1e9 times them, are times of day and year."""
 
@@ -140,6 +142,9 @@ def _epoch(name: str, ends: Sequence[float | None]) -> str:
     first, last = ends
     if first is None or last is None or not _EPOCH.search(name):
         return ""
+    if _SERIAL.search(name) and _FROM_DAY <= first <= _TO_DAY and _FROM_DAY <= last <= _TO_DAY:
+        start = (datetime(1899, 12, 30, tzinfo=UTC) + timedelta(days=first)).strftime("%Y-%m-%d %H:%M:%S")
+        return f"{name} counts days as a spreadsheet does: the first row is of {start}"
     for tick, many in _TICKS.items():
         if _FROM_S <= first / many < _TO_S and _FROM_S <= last / many < _TO_S:
             start = datetime.fromtimestamp(first / many, UTC).strftime("%Y-%m-%d %H:%M:%S")
