@@ -50,6 +50,7 @@ def test_a_number_for_no_value_is_a_gap(tmp_path, gap, sign):
         ([-9999 - i for i in range(8)], list(range(8))),
         ([9999], [1]),  # one reading alone
         ([1e3, 1e10, 1e20, 1e30], [1, 2, 3, 4]),
+        ([1e3, 1e36, 1e39, 1e38], [1, 2, 3, 4]),
         ([0, 100, 999, 0, 100, 999], list(range(6))),
     ],
 )

@@ -364,7 +364,7 @@ def _determined(block: FloatArray) -> bool:
 def _free(block: FloatArray) -> IntArray:
     """Places (m,) of rows that can be left out one after another, by (k, k) rows and columns of the residual maker.
 
-    Pivots of a Cholesky factor are what is left of a row's share in its own residual when those before it are left out.
+    A pivot of the Cholesky factor is the share of a row in its own residual when those before it are left out.
     """
     free: list[int] = []
     factor = np.zeros_like(block)

@@ -41,6 +41,8 @@ _NINES = np.array(
     + [-999.0, -999.9, -999.99]
 )
 """Numbers that loggers write for no value: nines, and 6999 and 7999 of Campbell Scientific."""
+_FULL, _NEAR, _LARGEST = np.array([9.9e37, 9.91e37, 1e38, 3.4028235e38]), 1e-6, 1e30
+"""Overloads, and the largest number of single precision; how near; and what no other value of the column reaches."""
 _DISTINCT, _AWAY, _HUGE = 3, 5.0, ("37", "38")
 OVERLOAD = 9.9e37
 """What instruments with SCPI send for a reading beyond the range; 9.91e37 for none (SCPI-99, volume 1, 7.2.1.4)."""
@@ -65,7 +67,7 @@ def maybe_gap(cell: str) -> bool:
 
 
 def gaps_of(values: FloatArray) -> list[float]:
-    """Numbers of a column that stand for no value: 1E38 and larger ones, and one such as -9999 if it stands apart.
+    """Numbers of a column that stand for no value: such as 1E38 above all others, and -9999 if it stands apart.
 
     It does where no other value is negative, or where it is five times the range of the others away from them; and
     where it is in less than a third of the rows, and not there with the other sign.
@@ -74,8 +76,10 @@ def gaps_of(values: FloatArray) -> list[float]:
         values: (n,) of a column; NaN for missing ones.
     """
     known = values[np.isfinite(values)]
-    huge = np.unique(known[np.abs(known) >= OVERLOAD]).tolist()
-    known = known[np.abs(known) < OVERLOAD]
+    size = np.abs(known)
+    full = np.any(np.abs(size[:, None] - _FULL) <= _NEAR * _FULL, axis=1) if (size >= OVERLOAD).any() else size < 0.0
+    huge: list[float] = np.unique(known[full]).tolist() if (size[~full] < _LARGEST).all() else []
+    known = known[~full]
     found = np.unique(known[np.isin(known, _NINES)])
     others = known[~np.isin(known, found)]
     if found.size != 1 or 3 * (known.size - others.size) >= known.size or np.unique(others).size < _DISTINCT:
