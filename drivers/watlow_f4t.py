@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import ClassVar, Literal
 
 from pydantic import BaseModel, Field, ValidationError, ValidationInfo, field_validator, model_validator
@@ -186,6 +186,10 @@ class WatlowF4T(MappedTemperatures):
         self._set_code("ramp_scale", "minutes")
         self._set_number("ramp_rate", ramp * 1.8 if fahrenheit else ramp)
         self._set_code("ramp_action", "setpoint")
+
+    def remarks(self) -> Sequence[str]:
+        """See `Remarking.remarks`: what its connection does."""
+        return self._line.remarks()
 
     def limits(self) -> tuple[float, float]:
         """See `Chamber.limits`."""

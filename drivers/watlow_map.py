@@ -12,7 +12,7 @@ from typing import Literal, Self
 from pydantic import BaseModel, Field, model_validator
 
 from drivers.errors import BadReply
-from drivers.wires.modbus import ModbusLine, float_of_words, words_of_float
+from drivers.wires.modbus import ModbusLine, float_of_words, in_other_order, words_of_float
 
 _READBACK = 1e-5  # relative; a setpoint is stored in single precision
 _WORDS = {"uint16": 1, "int32": 2, "float32": 2}
@@ -114,8 +114,23 @@ class MappedDevice:
         if found != value:
             raise BadReply(f"{self._line.where}: {name} was set to {value} and reads back {found}")
 
+    def _float(self, name: str, number: int = 0) -> float:
+        """A number as it stands on the wire, which may be NaN. Raises `BadReply` if its words are swapped."""
+        words = self._words(name, number)
+        value, other = (
+            float_of_words(words, low_first=self._low_first),
+            in_other_order(words, low_first=self._low_first),
+        )
+        if other is not None:
+            raise BadReply(
+                f"{self._line.where}: {name} reads {value:.3g}, and {other:.6g} with its two words in the other order; "
+                f"the word order of the controller or gateway may be swapped: set it to "
+                f"{'low' if self._low_first else 'high'} word first; nothing was set"
+            )
+        return value
+
     def _number(self, name: str, number: int = 0) -> float:
-        value = float_of_words(self._words(name, number), low_first=self._low_first)
+        value = self._float(name, number)
         if not math.isfinite(value):
             raise BadReply(f"{self._line.where}: {name} reads {value}; look at the controller's sensor")
         return value

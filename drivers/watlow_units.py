@@ -11,7 +11,7 @@ from typing import Literal
 
 from drivers.errors import BadReply, InstrumentError
 from drivers.watlow_map import MappedDevice, RegisterMap
-from drivers.wires.modbus import ModbusLine, float_of_words
+from drivers.wires.modbus import ModbusLine
 
 ILLEGAL_ADDRESS = 2
 """Modbus exception: the controller has no such register."""
@@ -117,7 +117,7 @@ class MappedTemperatures(MappedDevice):
     def _witness(self, name: str) -> float:
         """A number on the wire; NaN if the controller has none, or its sensor is broken."""
         try:
-            return float_of_words(self._words(name), low_first=self._low_first)
+            return self._float(name)
         except InstrumentError as error:
             if error.code != ILLEGAL_ADDRESS:
                 raise

@@ -11,6 +11,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import hashlib
+import ipaddress
 import os
 import re
 import socket
@@ -23,7 +24,8 @@ from typing import Protocol
 from rig.errors import BusyError
 
 _COM = re.compile(r"COM\d+", re.IGNORECASE)
-_LOOPBACK = {"localhost": "127.0.0.1", "::1": "127.0.0.1", "localhost.localdomain": "127.0.0.1"}
+_THIS = "127.0.0.1"
+_LOOPBACK = {"localhost", "localhost.localdomain"}
 
 
 class Addressed(Protocol):
@@ -81,9 +83,43 @@ def wire_of(address: str) -> str:
         return found.lock
     if found.host is None:
         return address
-    host = found.host.host.lower().rstrip(".")
     # A host and port is one instrument, for every protocol.
-    return f"tcp:{_LOOPBACK.get(host, host)}:{found.host.port}"
+    return f"tcp:{_host(found.host.host)}:{found.host.port}"
+
+
+def _host(name: str) -> str:
+    """A host by one name: this machine has several. Nothing is sent, and no name server is asked."""
+    host = name.lower().strip("[]").rstrip(".")
+    own = socket.gethostname().lower()
+    if host in _LOOPBACK or host in (own, own.partition(".")[0]) or host.endswith(".localhost"):
+        return _THIS
+    try:
+        address = ipaddress.ip_address(_hosts().get(host, host))
+    except ValueError:
+        return host
+    return _THIS if address.is_loopback or address.is_unspecified or _is_ours(address) else str(address)
+
+
+def _is_ours(address: ipaddress.IPv4Address | ipaddress.IPv6Address) -> bool:
+    """Whether an interface of this machine has this address: only then a socket can be bound to it."""
+    family = socket.AF_INET if address.version == 4 else socket.AF_INET6
+    try:
+        with socket.socket(family, socket.SOCK_DGRAM) as asking:
+            asking.bind((str(address), 0))
+    except OSError:
+        return False
+    return True
+
+
+def _hosts() -> dict[str, str]:
+    """Addresses of the names in the machine's own list."""
+    found: dict[str, str] = {}
+    with contextlib.suppress(OSError, UnicodeDecodeError):
+        for line in Path("/etc/hosts").read_text(encoding="utf-8").splitlines():
+            address, *names = line.partition("#")[0].lower().split() or [""]
+            for name in names:
+                found.setdefault(name, address)
+    return found
 
 
 def _device(path: str) -> str:

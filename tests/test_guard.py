@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import socket
 from dataclasses import replace
 
 import ideal_pressure_bench as pressure
@@ -377,6 +378,21 @@ def test_every_way_out_of_a_run_records_how_the_bench_was_made_safe(tmp_path):
 )
 def test_one_wire_is_one_lock_under_all_its_names(one, other):
     assert wire_of(one) == wire_of(other)
+
+
+def test_this_machine_is_one_host_under_all_its_names(monkeypatch):
+    monkeypatch.setattr(socket, "gethostname", lambda: "Lab-PC.example.org")
+    names = ["localhost", "lab-pc", "LAB-PC.example.org", "127.0.0.1", "127.0.1.1", "[::1]", "0.0.0.0", "a.localhost"]
+    assert {wire_of(f"socket://{name}:5025") for name in names} == {"tcp:127.0.0.1:5025"}
+    assert wire_of("socket://lab-pc2:5025") == "tcp:lab-pc2:5025"
+    assert wire_of("socket://192.0.2.7:5025") == "tcp:192.0.2.7:5025"
+
+
+def test_an_address_of_an_interface_of_this_machine_is_this_machine():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as asking:
+        asking.connect(("192.0.2.1", 9))  # sends nothing; the kernel chooses an interface
+        own = asking.getsockname()[0]
+    assert wire_of(f"socket://{own}:5025") == "tcp:127.0.0.1:5025"
 
 
 @pytest.mark.parametrize(

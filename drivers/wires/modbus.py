@@ -18,10 +18,12 @@ from drivers.errors import BadReply, InstrumentError, NoReply, Unreachable
 from drivers.wires.addresses import ModbusAddress
 from drivers.wires.modbus_rtu import OutOfStep
 from drivers.wires.modbus_transport import Transport
-from drivers.wires.modbus_wire import ModbusWire
+from drivers.wires.modbus_wire import ClosedAfterAnswer, ModbusWire
 from drivers.wires.serial_line import Tap
 
 _BUSY, _BUSY_WAIT_S, _BUSY_TRIES = 6, 0.2, 10
+_SENSIBLE, _LIKELY = (1e-20, 1e20), (1e-3, 1e5)
+"""Magnitudes that a measurement in an ordinary unit may have, and those that it is likely to have."""
 _EXCEPTIONS = {
     1: "it does not support this function",
     2: "it has no such register",
@@ -135,11 +137,17 @@ class ModbusLine:
                 return self._wire.ask(
                     request, where=self.where, seconds=self._timeout_s, log=self._log, known=self.known
                 )
-            except (NoReply, BadReply) as error:
+            except (NoReply, BadReply, ClosedAfterAnswer) as error:
                 if not repeat or isinstance(error, OutOfStep):
                     raise
             repeat = False
             self.retries += 1
+
+    def remarks(self) -> Sequence[str]:
+        """What its connection does that a person should know; () if nothing."""
+        if not self._wire.closes_after_answer:
+            return ()
+        return ("closes the connection after each answer; every request has a connection of its own",)
 
     def _log(self, direction: str, data: bytes) -> None:
         if self._tap:
@@ -157,6 +165,16 @@ def float_of_words(words: Sequence[int], *, low_first: bool = True) -> float:
     low, high = words if low_first else reversed(words)
     value: float = struct.unpack(">f", struct.pack(">HH", high, low))[0]
     return value
+
+
+def in_other_order(words: Sequence[int], *, low_first: bool = True) -> float | None:
+    """The number in the other word order, if it is the only sensible one; None otherwise.
+
+    A whole number such as 200 in the wrong order is far below the smallest measurement: 2e-41.
+    """
+    value, other = (float_of_words(words, low_first=order) for order in (low_first, not low_first))
+    odd = value != 0.0 and not _SENSIBLE[0] <= abs(value) <= _SENSIBLE[1]
+    return other if odd and _LIKELY[0] <= abs(other) <= _LIKELY[1] else None
 
 
 class ModbusWires:

@@ -59,6 +59,19 @@ class TcpTransport:
             raise ConnectionError("the device closed the connection")
         return heard
 
+    def ended(self) -> bool:
+        """Whether the other side has closed the connection and everything it sent has been read. Waits for nothing."""
+        before = self._socket.gettimeout()
+        self._socket.settimeout(0.0)
+        try:
+            return not self._socket.recv(1, socket.MSG_PEEK)
+        except BlockingIOError:
+            return False
+        except OSError:
+            return True
+        finally:
+            self._socket.settimeout(before)
+
     def close(self) -> None:
         """See `Transport.close`."""
         self._socket.close()

@@ -22,7 +22,7 @@ from drivers.clock import Clock
 from drivers.errors import BadReply, NoReply, Unreachable
 from drivers.wires.addresses import ModbusAddress
 from drivers.wires.modbus_rtu import OutOfStep, ends_with_answer, fits, questions
-from drivers.wires.modbus_transport import Transport, open_transport, silence_s
+from drivers.wires.modbus_transport import TcpTransport, Transport, open_transport, silence_s
 
 logging.getLogger("pymodbus").addHandler(logging.NullHandler())  # it prints errors that we raise
 
@@ -32,6 +32,13 @@ _TALKS_ON_S = 10.0
 _LEAST_WAIT_S = 1e-4
 _HEAD = struct.Struct(">HHHBBB")  # of an answer over TCP: number, 0, length, unit, function, bytes of words
 _MOST_NUMBERS = 65_000  # of requests over TCP, then from 1 again
+
+
+_ENDED = 2  # connections in a row that ended after one answer: then every answer ends one
+
+
+class ClosedAfterAnswer(Unreachable):
+    """The other side closed the connection after one answer, while the next request was on its way."""
 
 
 class _FramerSocket(FramerSocket):
@@ -74,6 +81,8 @@ class ModbusWire:
         self._heard = b""
         self._seconds = self._asked_s = 1.0
         self._last_number = 0
+        self._answers = 0  # on this connection
+        self._ended = 0  # connections in a row that the other side closed after one answer
         self._transport: Transport | None = self._connected(address.place)
 
     def ask(
@@ -104,8 +113,11 @@ class ModbusWire:
         self._seconds, self._asked_s = self.clock.timeout(seconds), seconds
         unit = request.dev_id
         try:
+            if self._ended_after_answer():
+                self._ended += 1
+                self.close()
             if self._transport is None:
-                self._transport = self._connected(where)
+                self._transport, self._answers = self._connected(where), 0
             if self._rtu:
                 self._refuse_unasked(unit, where)
             if self._out_of_step:
@@ -117,17 +129,55 @@ class ModbusWire:
             if self._rtu and not fits(self._heard, self._sent):
                 raise ModbusException("more or less than one reply")
             self._trusted = True
+            self._answered()
             return reply
         except ModbusException as error:
             self.doubt(unit)
             if self._heard:
                 raise BadReply(
                     f"{where} sent {self._heard[:40]!r}, which is not exactly one reply to the request; "
-                    f"check baud rate, parity, unit, echo, and whether it speaks TCP or RTU"
+                    f"{self._known_cause() or 'check baud rate, parity, unit, and whether it speaks TCP or RTU'}"
                 ) from error
             raise self._silent(where) from error
         except OSError as error:
             self._lost(where, unit, error)
+
+    @property
+    def closes_after_answer(self) -> bool:
+        """Whether the other side closes the connection after each answer. Then every request has its own connection."""
+        return self._ended >= _ENDED
+
+    def _ended_after_answer(self) -> bool:
+        """Whether the other side has closed the connection after exactly one answer.
+
+        After several answers that is no habit of a gateway: the device may have been restarted, which must be seen.
+        """
+        return self._answers == 1 and isinstance(self._transport, TcpTransport) and self._transport.ended()
+
+    def _answered(self) -> None:
+        self._answers += 1
+        if self._answers > 1:
+            self._ended = 0
+        elif self.closes_after_answer:
+            self.close()  # before the next request, so that none is sent into a connection that is being closed
+
+    def _known_cause(self) -> str:
+        """What the bytes of no valid answer show; "" if nothing."""
+        heard, sent = self._heard, self._sent
+        if heard.startswith(sent):
+            then = ", and then an answer" if len(heard) > len(sent) else ", and no answer"
+            return f"that is an echo of the request itself{then}: switch the echo of the adapter or two-wire line off"
+        if self._rtu or len(heard) < _HEAD.size or len(sent) < _HEAD.size:
+            return ""
+        number, zero, length, unit, function, _ = _HEAD.unpack_from(heard)
+        asked, _, _, to, what, _ = _HEAD.unpack_from(sent)
+        if (zero, length + 6, unit, function & 0x7F) != (0, len(heard), to, what) or number == asked:
+            return ""
+        return (
+            f"the answer has transaction number {number}, and the request had {asked}: it is a late answer, or this "
+            f"gateway gives answers numbers of its own. A late answer would pass for this one then. Let the gateway "
+            f"return the number of the request, or let it pass RTU frames on (modbus-rtu://socket://HOST:PORT/UNIT)"
+        )
 
     def doubt(self, unit: int) -> None:
         """Synchronise the line and this unit before the next request."""
@@ -234,6 +284,11 @@ class ModbusWire:
 
     def _lost(self, where: str, unit: int, error: OSError) -> NoReturn:
         self.close()
+        if isinstance(error, ConnectionError) and self._answers == 1 and not self._heard:
+            self._ended += 1
+            raise ClosedAfterAnswer(
+                f"{where} closed the connection while a request was on its way ({error})"
+            ) from error
         self.doubt(unit)  # a serial server may have kept the device's answers
         raise Unreachable(f"{where} was lost ({error}); check cable and power") from error
 
