@@ -168,6 +168,10 @@ class Evaluation(ABC):
         """Differences between models that the run cannot separate, as covariances of the results."""
         return ()
 
+    def reversibility(self) -> Iterable[TypeA]:
+        """Differences between rising and falling series, as covariances of the results, which are half-way between."""
+        return ()
+
     def notes(self) -> Iterable[str]:
         """Sentences about the scatter."""
         return ()

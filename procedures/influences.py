@@ -127,6 +127,7 @@ def influences(evaluation: Evaluation, stated: Statements, *, same_meter: bool) 
         if constant.standard and not any(did):
             notes.append(UNUSED.format(name=constant.name.replace("_", " ")))
     grouped += evaluation.model_errors()
+    grouped += evaluation.reversibility()
     return Found(tuple(single), tuple(changes), tuple(grouped), (*notes, *evaluation.notes()))
 
 

@@ -79,6 +79,19 @@ def test_without_acceptance_the_effect_is_a_line_of_each_result_that_it_moves(de
     assert line.standard_uncertainty > 0.0025  # 1.5 mV over 0.5 V/kN
 
 
+def test_type_a_is_of_three_replications_and_up_and_down_have_a_line(declared, traced):
+    """63 readings in three replications, up and down 2.5 mV apart at 5 kN: not 60 degrees of freedom, and no secret."""
+    (one,) = [one for one in declared.budgets[0].budgets if one.name == "cell output at force 5 kN"]
+    lines = {line.name: line for line in one.contributions}
+    assert lines["scatter of readings"].df == pytest.approx(2.0, abs=0.01)
+    assert lines["reversibility of cell_V"].standard_uncertainty == pytest.approx(0.0025 / 12**0.5, rel=0.05)
+    every = [line.name for one in traced.budgets[0].budgets for line in one.contributions]
+    assert "reversibility of cell_V" not in every  # without the creep they do not differ
+    notes = " ".join(declared.document.notes)
+    assert "by the results of 3 replications" in notes
+    assert "rising and falling series differ" in notes
+
+
 def test_without_acceptance_the_page_does_not_say_that_the_value_lies_within(declared):
     page = html(declared.document)
     assert "lies within it with the stated coverage probability" not in page

@@ -11,16 +11,27 @@ import numpy as np
 
 from fitter import LinearFit
 from fitter.arrays import FloatArray, IntArray
+from fitter.budget import TypeA
 from fitter.errors import FitError
 from fitter.formula import Formula
+from fitter.strata import Strata, reversed_by, strata
 from procedures.budget_by_sensor import EvaluationBySensor
-from procedures.column_names import spelled, stem_of, unit_of, with_word
+from procedures.column_names import spelled, stem_of, unit_of
 from procedures.errors import DataError
 from procedures.general.declared import Declared, Model, model_of
 from procedures.general.fit import calibration_of
 from procedures.general.infer import CurveCalibration
 from procedures.general.of_runs import declared_of, has_whole_plots, models_of
 from procedures.general.settings import SensorModel
+from procedures.general.strata_of_run import (
+    in_time,
+    points_of,
+    replication_of,
+    reversible,
+    setting_of,
+    side_of,
+    told_of,
+)
 from procedures.scatter import Scatter, scatter
 from procedures.table import Columns, Table
 
@@ -39,6 +50,8 @@ class Sensor:
         plots: columns that identify whole plots.
         at: (p,) values of every variable of the model, by name.
         expected: sum of squares that stated errors leave in the residuals; None if that is not known.
+        beside: (n, q) effects that were fitted and taken off the output.
+        by_side: (n,) the part of them that is of the direction of approach.
     """
 
     name: str
@@ -47,6 +60,8 @@ class Sensor:
     plots: tuple[str, ...]
     at: Mapping[str, FloatArray]
     expected: float | None = None
+    beside: FloatArray | None = None
+    by_side: FloatArray | None = None
 
     def _model(self, columns: Columns) -> Model:
         table = replace(self.table, columns={**self.table.columns, **columns})
@@ -85,11 +100,38 @@ class Sensor:
         even = isinstance(fit, LinearFit) and float(np.ptp(rows.scale_at(fit))) == 0.0
         if not even or len(self.plain.variances) != 1 or self.plain.reading is not None or fit.df < 1:
             return None
-        left, point = self.residuals({}), _points_of(self.table)
+        left, point = self.residuals({}), points_of(self.table)
         inside = left - (np.bincount(point, left) / np.bincount(point))[point]
         pure_df = len(left) - len(np.unique(point))
         total = float(self.plain.variances[0]) * float(np.max(fit.df))
         return scatter(total, float(np.max(fit.df)), float(inside @ inside), pure_df, self.expected or 0.0)
+
+    @cached_property
+    def strata(self) -> Strata | None:
+        """What rows have in common: series, replications, neighbours in time; None where `readings_scatter` is."""
+        found = self.readings_scatter
+        if found is None:
+            return None
+        time, pure = in_time(self.table), (found.variance, found.df) if found.explained else None
+        beside = None if self.beside is None else self.beside[time]
+        left, replicate, side = self.residuals({}), replication_of(self.table), side_of(self.table)
+        return strata(self._tangent[time], left[time], replicate[time], side[time], beside, pure)
+
+    @cached_property
+    def _tangent(self) -> FloatArray:
+        """(n, k) derivative of the rows by the coefficients."""
+        rows = self._model({}).rows
+        fit = rows.fitted()
+        return np.asarray(rows.tangent(fit)[0] / rows.scale_at(fit)[:, None])
+
+    @property
+    def reversibility(self) -> FloatArray | None:
+        """(m,) results of rising series less those of falling ones; None if they do not differ."""
+        found = None if self.strata is None else self.strata.reversed
+        if self.by_side is not None:
+            off = reversed_by(self._tangent, self.by_side, side_of(self.table))
+            found = off if found is None else found + off
+        return None if found is None else self._jacobian @ found
 
     def coefficients(self, columns: Columns) -> FloatArray:
         """(k,) coefficients with other columns."""
@@ -180,21 +222,32 @@ class Sensor:
         """(m, m) covariance of the results, that of inferred values with one reading in use; (m,) df; (m,) variances by
         the fit alone.
         """
-        one = self.calibration
-        J, p = np.eye(len(one.coefficients)), 0
-        if self.has_points:
-            J = np.vstack([J, self.rows])
-            if self.variable is not None:
-                J, p = np.vstack([J, -self.rows / self.slope[:, None]]), len(self.rows)
-        covariance = J @ one.covariance @ J.T
-        of_fit = np.diag(covariance).copy()
-        _, df = one.curve_variance(J)
-        df = np.where(df > 0, df, 1.0)
+        one, J, found = self.calibration, self._jacobian, self.strata
+        p = len(J) - len(one.coefficients) - len(self.readings)
+        if found is None:
+            covariance, df = J @ one.covariance @ J.T, one.curve_variance(J)[1]
+        else:
+            covariance, df = found.of(J)
+        of_fit, df = np.diag(covariance).copy(), np.where(df > 0, df, 1.0)
         if p:
             last = np.arange(len(J) - p, len(J))
             variance, of_reading = one.reading_variance(self.rows)
+            if found is not None:
+                curve, reading = of_fit[last] * self.slope**2, found.variance
+                variance = curve + reading
+                of_reading = variance**2 / (curve**2 / df[last] + reading**2 / found.df)
             covariance[last, last], df[last] = variance / self.slope**2, of_reading
         return covariance, df, of_fit
+
+    @cached_property
+    def _jacobian(self) -> FloatArray:
+        """(m, k) derivative of the results by the coefficients."""
+        J = np.eye(len(self.calibration.coefficients))
+        if self.has_points:
+            J = np.vstack([J, self.rows])
+            if self.variable is not None:
+                J = np.vstack([J, -self.rows / self.slope[:, None]])
+        return J
 
 
 def _plain(name: str) -> str:
@@ -205,19 +258,6 @@ def _plain(name: str) -> str:
 def _unit(term: str, unit: str) -> str:
     """Unit of a term's coefficient; that of the output for the constant."""
     return unit if term == "1" else f"{unit} per unit of {term}"
-
-
-def _points_of(table: Table) -> IntArray:
-    """(n,) number of the combination of settings of each row, from 0."""
-    number = [_setting(table, name) for name in table.factors]
-    every = np.column_stack(number) if number else np.arange(len(table))[:, None]
-    return np.asarray(np.unique(every, axis=0, return_inverse=True)[1], np.int64).ravel()
-
-
-def _setting(table: Table, name: str) -> IntArray:
-    """(n,) number of the setting of a factor, from 0."""
-    given = table.columns.get(with_word(name, "set"), table.columns[name])
-    return np.asarray(np.unique(np.round(given, 9), return_inverse=True)[1], np.int64)
 
 
 class GeneralEvaluation(EvaluationBySensor):
@@ -255,8 +295,19 @@ class GeneralEvaluation(EvaluationBySensor):
 
     def notes(self) -> Iterable[str]:
         """See `Evaluation`."""
-        every = ((one.name, one.readings_scatter) for one in self._each)
-        return (words for name, one in every if one is not None and (words := one.sentence(name)))
+        for one in self._each:
+            if one.readings_scatter is not None and (words := one.readings_scatter.sentence(one.name)):
+                yield words
+            if one.strata is not None:
+                yield from told_of(one.name, one.strata)
+
+    def reversibility(self) -> Iterable[TypeA]:
+        """See `Evaluation`."""
+        return reversible((one.name, one.reversibility, len(list(one.named()))) for one in self._each)
+
+    def not_kept(self) -> Iterable[str]:
+        """See `Evaluation`."""
+        return (f"{one.name}: intervals of rig infer do not cover it" for one in self.reversibility())
 
     def described(self, sensor: str) -> str:
         """See `Evaluation`."""
@@ -286,14 +337,13 @@ class GeneralEvaluation(EvaluationBySensor):
     @cached_property
     def settings(self) -> Mapping[str, IntArray]:
         """See `Evaluation`."""
-        number = {name: _setting(self._table, name) for name in self._table.factors}
-        return {**number, "": _points_of(self._table)}
+        number = {name: setting_of(self._table, name) for name in self._table.factors}
+        return {**number, "": points_of(self._table)}
 
     @cached_property
     def replication(self) -> IntArray:
         """See `Evaluation`."""
-        given = self._table.columns.get("replicate", np.zeros(len(self._table)))
-        return np.asarray(np.unique(given, return_inverse=True)[1], np.int64)
+        return replication_of(self._table)
 
     def coefficients(self, columns: Mapping[str, FloatArray]) -> Mapping[str, FloatArray]:
         """See `Evaluation`."""

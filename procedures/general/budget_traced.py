@@ -8,6 +8,7 @@ by the named one is a line of its own.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -30,6 +31,8 @@ class TracedEvaluation(GeneralEvaluation):
         assert asked is not None  # a run's own outputs
         self._found, self._points = with_effects(asked, (), covered=True), _with_means(table, at)
         super().__init__(self._found.asked.table, self._points, self._found.asked.models)
+        off, by_side = self._found.off, self._found.by_side
+        self._each = [replace(one, beside=off.get(one.name), by_side=by_side.get(one.name)) for one in self._each]
 
     @cached_property
     def _moved(self) -> Sequence[tuple[str, str, str, FloatArray | None]]:
@@ -65,7 +68,8 @@ class TracedEvaluation(GeneralEvaluation):
 
     def not_kept(self) -> Iterable[str]:
         """See `Evaluation`."""
-        return (f"{one.name}: intervals of rig infer do not cover it" for one in self.model_errors())
+        yield from super().not_kept()
+        yield from (f"{one.name}: intervals of rig infer do not cover it" for one in self.model_errors())
 
 
 def _with_means(table: Table, at: Sequence[Mapping[str, float]]) -> list[Mapping[str, float]]:

@@ -134,8 +134,8 @@ def _errors(found: TableTrace) -> Errors:
     return Errors([of_one], left_out, floor="" if after.sigma_pure is None else f"{after.sigma_pure:.3g}")
 
 
-def trace_general_table(read: Reader, roles: Roles) -> GeneralTraced:
-    """Find effects missing in the declared model of any CSV table.
+def trace_general_table(read: Reader, roles: Roles, *, validate: bool = True) -> GeneralTraced:
+    """Find effects missing in the declared model of any CSV table; without the left-out error, if not `validate`.
 
     Raises:
         DataError: a column is missing, the formula cannot be read, or there are too few rows for it.
@@ -143,7 +143,7 @@ def trace_general_table(read: Reader, roles: Roles) -> GeneralTraced:
     roles = with_response(read, roles)
     table, data, taken = read_roles(read, roles)
     try:
-        return GeneralTraced(table, roles, trace_general(data), taken, parts_played(data))
+        return GeneralTraced(table, roles, trace_general(data, validate=validate), taken, parts_played(data))
     except FitError as error:
         raise DataError(f"{table.source}: {error}") from error
 

@@ -18,6 +18,8 @@ from fitter.nonlinear import Curve, Distance
 from fitter.quantiles import f_tail
 from fitter.scatter import uneven_scatter
 from fitter.split_plot import SplitPlotFit
+from fitter.strata import TOO_GOOD, chance_of_less
+from fitter.sums_of_squares import FTest
 from procedures.errors import DataError
 from procedures.general.declared import Model
 from procedures.general.infer import CurveCalibration, infer_curve
@@ -68,6 +70,11 @@ def _against_stated(fit: LinearFit, *, several: bool) -> tuple[dict[str, Any], l
     df, p = fit.df, float(special.chdtrc(fit.df, fit.rss)) if fit.df > 0 else float("nan")
     limit = float(special.chdtri(df, 0.05)) if df > 0 else float("nan")
     figures = {"value": fit.rss, "df": df, "limit95": if_finite(limit), "p": if_finite(p)}
+    if df > 0 and (less := float(special.chdtr(df, fit.rss))) < TOO_GOOD:
+        return figures, [
+            f"chi-squared is {fit.rss:.4g} with {df} degrees of freedom, too good to be chance (probability "
+            f"{less:.1g}): the stated uncertainties are too large, or have parts that are common to all rows"
+        ]
     if not fit.rss > limit:
         return figures, []
     other = (
@@ -105,6 +112,12 @@ def _lack_of_fit(
     F = (lack / between) / (pure / within)
     p = f_tail(F, between, within)
     figures = {"F": F, "df": [between, within], "p": p}
+    if (less := chance_of_less(FTest(F, between, within))) < 1.0:
+        return figures, [
+            f"lack of fit: the means of repeated settings are nearer to the curve than scatter lets them be by chance "
+            f"(F = {F:.3g} with {between} and {within} degrees of freedom, probability {less:.1g}): repeats do not "
+            f"scatter at random, they differ by something else, such as direction or time; see rig trace"
+        ]
     if p >= DOUBT:
         return figures, []
     return figures, [

@@ -242,15 +242,17 @@ def _unused_by_all(every: Sequence[Mapping[str, Any]], outputs: Collection[str])
     return {**every[0], "columns": told}
 
 
-def trace_run(asked: Asked, own: Sequence[Entry] = ()) -> RunTraced:
+def trace_run(asked: Asked, own: Sequence[Entry] = (), *, validate: bool = True) -> RunTraced:
     """Find effects missing in the declared model of every sensor; `own` are the laboratory's own effects.
+
+    Without the left-out error, if not `validate`.
 
     Raises:
         DataError: there are too few rows for a model, or it cannot be read.
     """
     read = reader_of(asked.table)
     every = {column: replace(roles, own=tuple(own)) for column, roles in roles_of_run(asked).items()}
-    found = {column: trace_general_table(read, roles) for column, roles in every.items()}
+    found = {column: trace_general_table(read, roles, validate=validate) for column, roles in every.items()}
     return RunTraced(found, tuple(column for column in asked.models if column not in found))
 
 

@@ -26,6 +26,7 @@ from procedures.general.together import TIME
 from procedures.general.trace import FoundTableEffect, TableTrace
 from procedures.table import Table
 
+HALF_WAY = "half-way between both directions"
 _NAME = re.compile(r"[^\W\d]\w*")
 
 
@@ -52,11 +53,15 @@ class WithEffects:
         asked: the run: outputs without effects that are left out, models with the terms of the others.
         notes: sentences about the effects, by output.
         others: output, effect, another cause that the data cannot separate from it, and the run with that one.
+        off: (n, q) effects that were taken off, by output.
+        by_side: (n,) the part of them that is of the direction of approach, or that these data cannot separate from it.
     """
 
     asked: Asked
     notes: Mapping[str, list[str]]
     others: tuple[tuple[str, str, str, Asked], ...]
+    off: Mapping[str, FloatArray]
+    by_side: Mapping[str, FloatArray]
 
 
 def fit_traced(asked: Asked, leave_out: Sequence[str], own: Sequence[Entry]) -> RunFitted:
@@ -80,7 +85,7 @@ def with_effects(asked: Asked, own: Sequence[Entry], *, covered: bool = False) -
     Raises:
         DataError: as for a trace.
     """
-    traced = trace_run(asked, own)
+    traced = trace_run(asked, own, validate=False)
     parts: dict[str, dict[str, Part]] = {output: {} for output in asked.models}
     notes: dict[str, list[str]] = {output: [] for output in asked.models}
     replaced: list[tuple[str, str, str, Part]] = []
@@ -97,7 +102,16 @@ def with_effects(asked: Asked, own: Sequence[Entry], *, covered: bool = False) -
         (output, name, member, _run_with(asked, {**parts, output: {**parts[output], name: part}}))
         for output, name, member, part in replaced
     )
-    return WithEffects(_run_with(asked, parts), notes, tuple(others))
+    back = np.argsort(np.argsort(asked.table.columns[TIME], kind="stable"), kind="stable")
+    perhaps = {(output, name) for output, name, _, part in replaced if part.holds == HALF_WAY}
+    off, by_side = {}, {}
+    for output, by in parts.items():
+        if each := [part.off[back] for part in by.values() if part.off.any()]:
+            off[output] = np.column_stack(each)
+        sided = [part.off[back] for name, part in by.items() if part.holds == HALF_WAY or (output, name) in perhaps]
+        if sided:
+            by_side[output] = np.asarray(np.sum(sided, axis=0))
+    return WithEffects(_run_with(asked, parts), notes, tuple(others), off, by_side)
 
 
 def _run_with(asked: Asked, parts: Mapping[str, Mapping[str, Part]]) -> Asked:
@@ -181,7 +195,7 @@ def _part(asked: Asked, output: str, trace: TableTrace, candidates: Sequence[int
     elif effect.kind.name == WARM_UP.name:
         holds = "long after the start"
     elif effect.family == "direction":
-        holds = "half-way between both directions"
+        holds = HALF_WAY
     else:
         columns = columns - columns.mean(axis=0)
         holds = "for its mean over the run"

@@ -44,14 +44,20 @@ CONSTANT = 0.99
 """Share of a column between whole plots from which it counts as constant in them."""
 
 
-def trace_general(data: TableData) -> TableTrace:
-    """Find effects missing in the declared model of a table. Method: docs/trace_tables.md."""
+def trace_general(data: TableData, *, validate: bool = True) -> TableTrace:
+    """Find effects missing in the declared model of a table. Method: docs/trace_tables.md.
+
+    Args:
+        data: the table.
+        validate: whether the search is repeated without parts of the rows, for the left-out error. No name and no size
+            depends on it, and it takes most of the time.
+    """
     looked = searched(data)
     found, data = looked.found, looked.data
     names, apart = data.names, looked.apart if looked.dropped else looked.apart[:0]
     judge, chosen = found.judge, found.chosen
     before, after = estimate(judge, (), data.tails), estimate(judge, chosen, data.tails)
-    crossed = left_out(looked.problem, judge, chosen, apart)
+    crossed = left_out(looked.problem, judge, chosen, apart) if validate else None
     pure = [pure_error(data.y, data.points, _apart_from(judge, terms, apart)) for terms in ((), chosen)]
     nameless = Nameless(judge, chosen, data)
     doubts = doubts_of(nameless)
