@@ -39,7 +39,7 @@ _NOTHING = FTest(float("nan"), 0, 0)
 
 @dataclass(frozen=True, eq=False)
 class Strata:
-    """What the n rows of a fit with k coefficients have in common.
+    """Series, replications and neighbours among the n rows of a fit with k coefficients.
 
     Attributes:
         variance: of one row, without the difference between rising and falling series.

@@ -108,7 +108,7 @@ class Sensor:
 
     @cached_property
     def strata(self) -> Strata | None:
-        """What rows have in common: series, replications, neighbours in time; None where `readings_scatter` is."""
+        """Series, replications and neighbours in time among the rows; None where `readings_scatter` is."""
         found = self.readings_scatter
         if found is None:
             return None

@@ -18,7 +18,7 @@ from fitter.arrays import FloatArray
 from fitter.effects.entry import Entry
 from procedures.column_names import unit_of
 from procedures.general.confirming import usable_term
-from procedures.general.effects.columns import less, middle
+from procedures.general.effects.columns import less, middle, origin
 from procedures.general.effects.of_time import WARM_UP
 from procedures.general.effects.time_columns import lag, previous
 from procedures.general.of_runs import Asked, RunFitted, fit_run, noted_of, recorded, trace_run
@@ -197,6 +197,19 @@ def _part(asked: Asked, output: str, trace: TableTrace, candidates: Sequence[int
     elif effect.family == "direction":
         holds = HALF_WAY
     else:
-        columns = columns - columns.mean(axis=0)
+        columns = columns - _mean_over_time(columns, [trace.variables[one] for one in effect.columns if one in known])
         holds = "for its mean over the run"
     return Part(terms, np.asarray(columns @ coefficients), holds)
+
+
+def _mean_over_time(columns: FloatArray, settings: Sequence[FloatArray]) -> FloatArray:
+    """(n, q) what columns are at each row's setting, in the mean over the run.
+
+    A column that is a product of a setting and of a function of time, such as that of a drifting sensitivity, keeps the
+    setting: the mean of the product would be a change of the offset, and the sensitivity that of the first row.
+    """
+    if len(settings) != 1:
+        return np.asarray(columns.mean(axis=0))
+    v = settings[0] - origin(settings[0])
+    there = v != 0.0
+    return np.asarray(v[:, None] * np.mean(columns[there] / v[there, None], axis=0))

@@ -1,13 +1,16 @@
 """Budgets of pressure transducers with the effects that a trace finds, and the model error of causes that look alike.
 
 An effect that is a function of pressure and temperatures becomes terms of the model, in every transducer. Any other is
-in no calibration, and stays in the scatter. Where the data cannot separate an effect from others, the results by every
-one of them are as good, and their rms difference from those by the named one is a line of its own.
+in no calibration: what the trace says it adds to each reading is taken off the outputs, so that results are those at
+rest, half-way between both sides, and in the mean over the run for an effect of time. Where the data cannot separate an
+effect from others, the results by every one of them are as good, and their rms difference from those by the named one
+is a line of its own.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -38,7 +41,13 @@ class TracedEvaluation(PressureEvaluation):
             name: {s for s, one in trace.sensors.items() if any(e.effect == name for e in one.effects)}
             for name in found
         }
-        super().__init__(data, model, at, _extra(self._terms))
+        self._off = {name: _off(name, trace, data) for name, terms in self._terms.items() if not terms}
+        outputs = dict(data.outputs)
+        for by_sensor in self._off.values():
+            for sensor, mV in by_sensor.items():
+                outputs[sensor] = outputs[sensor] - mV
+        self._data = replace(data, outputs=outputs)
+        super().__init__(self._data, model, at, _extra(self._terms))
 
     @cached_property
     def _moved(self) -> Sequence[tuple[str, str, FloatArray | None]]:
@@ -77,10 +86,31 @@ class TracedEvaluation(PressureEvaluation):
             if terms:
                 yield f"with the effect {name}, as terms of the model: {', '.join(terms)}"
             else:
-                yield f"{name} is no function of pressure and temperatures: it is in the scatter, not in the model"
+                size = max(float(np.max(np.abs(mV))) for mV in self._off[name].values())
+                yield (
+                    f"{name} is no function of pressure and temperatures: it was taken off the outputs at the size "
+                    f"that the trace found, up to {size:.3g} mV; results are those at rest, for an effect of time in "
+                    f"its mean over the run"
+                )
         for named, member, moved in self._moved:
             if moved is None:
                 yield f"no number covers {member} in place of {named}: it does not determine the results"
+
+
+def _off(name: str, trace: WholePlotTrace, data: WholePlotData) -> Mapping[str, FloatArray]:
+    """(n,) what an effect adds to the readings of each transducer, mV; of one of time, off its mean at each pressure.
+
+    Every whole plot has the same pressures, so a straight line over the pressure is that mean.
+    """
+    named = next(one for one in trace.explanations[name] if one.effect == name)
+    of_time = named.terms[0].effect.against == "elapsed_s"
+    line = np.column_stack([np.ones(len(data)), data.pressure_psia])
+    found: dict[str, FloatArray] = {}
+    for sensor, one in trace.sensors.items():
+        for mV in (e.contribution_mV for e in one.effects if e.effect == name):
+            mean = line @ np.linalg.lstsq(line, mV, rcond=None)[0] if of_time else 0.0
+            found[sensor] = np.asarray(mV - mean)
+    return found
 
 
 def _terms(one: Explanation) -> Terms:

@@ -31,6 +31,7 @@ NAMES = (
     "closed_loop",
     "confirm",
     "cover",
+    "coverage_effects",
     "curves",
     "early_warnings",
     "forecasts",

@@ -1,0 +1,183 @@
+"""Stands for load cells with one thing that nobody declared, each written from the physical events.
+
+A cell is loaded in rising and falling series, or in random order. What it truly gives at rest is known: at the room's
+usual temperature, half-way through the run, half-way between both directions, long after any change. Nothing of the
+effects, models or budgets is used.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Rng = np.random.Generator
+NOISE_V, USUAL_degC, STEP_S, PUT_S = 1e-4, 21.0, 90.0, 45.0
+
+
+@dataclass(frozen=True, eq=False)
+class Night:
+    """One run at a stand.
+
+    Attributes:
+        force: (n,) weights, kN, in order of time.
+        replicate: (n,) number of the replication, from 1.
+        side: (n,) +1 where the weights went up, -1 where they went down, 0 at the start.
+        time: (n,) of the reading since the start, s; the weights were put on `PUT_S` before.
+        room: (n,) temperature, degC.
+    """
+
+    force: Array
+    replicate: Array
+    side: Array
+    time: Array
+    room: Array
+
+
+Effect = Callable[[Night, Array, Rng], tuple[Array, Array]]
+"""(n,) what is added to the readings, and (p,) what is added at rest at some forces, both up to the size."""
+
+
+def night(rng: Rng, *, series: bool) -> Night:
+    """Three replications of 0 to 10 kN, up and down or in random order, in a room that warms and cools."""
+    once = [np.concatenate([np.arange(11.0), np.arange(9.0, -1.0, -1.0)]) for _ in range(3)]
+    if not series:
+        once = [rng.permutation(one) for one in once]
+    force = np.concatenate(once)
+    moved, side = np.diff(force), np.zeros(len(force))
+    for i, move in enumerate(moved, start=1):
+        side[i] = np.sign(move) or side[i - 1]
+    time = STEP_S * (1.0 + np.arange(len(force))) + rng.uniform(0.0, 1.0, len(force))
+    period, phase = rng.uniform(2000.0, 4000.0), rng.uniform(0.0, 6.28)
+    room = USUAL_degC + np.sin(6.2832 * time / period + phase) + 0.2 * rng.standard_normal(len(force))
+    return Night(force, np.repeat([1.0, 2.0, 3.0], 21), side, time, np.round(room, 3))
+
+
+def _spring(one: Night, at: Array, _: Rng) -> tuple[Array, Array]:
+    """A spring goes on giving way for minutes after every change, second by second."""
+    still, before, now, missing = 0.0, 0.0, 0, []
+    for load, read in zip(one.force, one.time, strict=True):
+        while now < read:
+            if now >= read - PUT_S and load != before:
+                still, before = still + load - before, load
+            still -= still / 180.0
+            now += 1
+        missing.append(-still)
+    return np.array(missing), np.zeros_like(at)
+
+
+def _loop(one: Night, at: Array, _: Rng) -> tuple[Array, Array]:
+    """A bow that rises on one way and falls on the other."""
+    return one.side * (1.0 - ((one.force - 5.0) / 5.0) ** 2), np.zeros_like(at)
+
+
+def _slack(one: Night, at: Array, _: Rng) -> tuple[Array, Array]:
+    """A joint that sticks out to the side from which it came."""
+    return one.side.copy(), np.zeros_like(at)
+
+
+def _drifting(one: Night, at: Array, _: Rng) -> tuple[Array, Array]:
+    """The amplifier's zero moves all the time; the calibration is for the middle of the readings."""
+    since = one.time - one.time.mean()
+    return since, np.zeros_like(at)
+
+
+def _jump(one: Night, at: Array, rng: Rng) -> tuple[Array, Array]:
+    """A plug is touched once; the calibration is for the mean of the readings before and after."""
+    after = (np.arange(len(one.time)) >= rng.integers(18, 46)).astype(float)
+    return after, np.full_like(at, after.mean())
+
+
+def _warming(one: Night, at: Array, _: Rng) -> tuple[Array, Array]:
+    """The electronics warm up; at rest they are warm."""
+    return np.exp(-one.time / 900.0), np.zeros_like(at)
+
+
+def _gain_drifts(one: Night, at: Array, _: Rng) -> tuple[Array, Array]:
+    """The supply goes down; the calibration is for the middle of the run."""
+    return one.force * (one.time - 0.5 * (one.time[0] + one.time[-1])), np.zeros_like(at)
+
+
+def _room_offset(one: Night, at: Array, _: Rng) -> tuple[Array, Array]:
+    """The zero follows the room."""
+    return one.room - USUAL_degC, np.zeros_like(at)
+
+
+def _room_gain(one: Night, at: Array, _: Rng) -> tuple[Array, Array]:
+    """The modulus of the spring follows the room."""
+    return one.force * (one.room - USUAL_degC), np.zeros_like(at)
+
+
+def _bends(one: Night, at: Array, _: Rng) -> tuple[Array, Array]:
+    """A curve of its own: it is the cell's, at rest, too."""
+    return one.force**2, at**2
+
+
+def _cubic(one: Night, at: Array, _: Rng) -> tuple[Array, Array]:
+    return (one.force - 5.0) ** 3, (at - 5.0) ** 3
+
+
+def _stop(one: Night, at: Array, _: Rng) -> tuple[Array, Array]:
+    """From 7 kN on a stop takes a part of the force."""
+    return -np.maximum(one.force - 7.0, 0.0), -np.maximum(at - 7.0, 0.0)
+
+
+def _previous(one: Night, at: Array, _: Rng) -> tuple[Array, Array]:
+    """A part of the reading before is still there."""
+    return np.concatenate([[0.0], one.force[:-1]]) - one.force, np.zeros_like(at)
+
+
+@dataclass(frozen=True)
+class Undeclared:
+    """An effect, and whether weights go in series."""
+
+    effect: Effect
+    series: bool = True
+
+
+EFFECTS: Mapping[str, Undeclared] = {
+    "creep": Undeclared(_spring),
+    "hysteresis": Undeclared(_loop),
+    "direction": Undeclared(_slack),
+    "drift": Undeclared(_drifting),
+    "step": Undeclared(_jump),
+    "warm-up": Undeclared(_warming),
+    "sensitivity drift": Undeclared(_gain_drifts),
+    "room": Undeclared(_room_offset),
+    "room, gain": Undeclared(_room_gain),
+    "square": Undeclared(_bends),
+    "cube": Undeclared(_cubic),
+    "stop": Undeclared(_stop),
+    "carry-over": Undeclared(_previous, series=False),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Stand:
+    """One laboratory's run of a cell.
+
+    Attributes:
+        night: what happened.
+        volts: (n,) recorded outputs.
+        at_rest: (p,) true outputs at some forces.
+    """
+
+    night: Night
+    volts: Array
+    at_rest: Array
+
+
+def stand(name: str, at: Array, rng: Rng, rms: float) -> Stand:
+    """A stand with so much of an effect that a straight line leaves `rms` times the scatter of readings."""
+    one = EFFECTS[name]
+    happened = night(rng, series=one.series)
+    added, rests = one.effect(happened, at, rng)
+    line = np.column_stack([np.ones_like(happened.force), happened.force])
+    left = added - line @ np.linalg.lstsq(line, added, rcond=None)[0]
+    size = rms * NOISE_V / float(np.sqrt(np.mean(left**2))) * rng.choice([-1.0, 1.0])
+    start, slope = rng.normal(0.0, 0.01), rng.uniform(0.45, 0.55)
+    volts = start + slope * happened.force + size * added + rng.normal(0.0, NOISE_V, len(added))
+    return Stand(happened, volts, start + slope * at + size * rests)

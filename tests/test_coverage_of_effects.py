@@ -1,0 +1,52 @@
+"""Results where nobody declared an effect, beside what the world gives at rest: a share of the campaign.
+
+In full: `python -m proving.statistics coverage_effects general`; figures in proving/notes/coverage_effects.md.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from proving.statistics.coverage_effects import _general, _whole_plot, shares
+
+
+@pytest.mark.parametrize("name", ["creep", "sensitivity drift", "hysteresis", "step"])
+def test_results_of_stands_hold_at_rest(name):
+    """A drifting sensitivity was 20 expanded uncertainties off: its mean was taken off as an offset."""
+    found = _general(0, name)
+    assert len(found["traced"]) == 4
+    assert np.abs(found["traced"]).max() < 1.3
+    assert np.abs(found["declared"]).max() < 1.3
+
+
+@pytest.mark.parametrize("name", ["drift of whole plots", "gain drifts", "hysteresis"])
+def test_results_in_whole_plots_hold_at_rest(name):
+    found = _whole_plot(0, name)
+    assert len(found["traced"]) == 3
+    assert np.abs(found["traced"]).max() < 1.3
+    assert np.abs(found["declared"]).max() < 1.3
+
+
+def test_an_effect_of_time_in_whole_plots_moves_results(monkeypatch):
+    """It had no line, since it stayed in the scatter."""
+    seen = []
+    module = __import__("proving.statistics.coverage_effects", fromlist=["with_undeclared"])
+    ask = module.with_undeclared
+
+    def kept(*args, **options):
+        seen.append(ask(*args, **options))
+        return seen[-1]
+
+    monkeypatch.setattr(module, "with_undeclared", kept)
+    _whole_plot(0, "gain drifts")
+    assert any("output" in name for name in seen[0].undeclared)
+
+
+def test_shares_are_of_errors_and_of_statements():
+    one = {f"{word}{more}": value for word in ("traced", "declared") for more, value in (("", [0.5, -2.0]),)}
+    one |= {f"{word}, stated": [(0.9, True), (0.97, False)] for word in ("traced", "declared")}
+    found = shares([one])
+    assert found["traced"]["held"] == 50.0
+    assert found["traced"]["conform at 0.8 to 0.95"] == [0.9, 1.0, 1]
+    assert found["traced"]["conform at 0.95 to 1"] == [0.97, 0.0, 1]
