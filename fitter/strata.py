@@ -33,6 +33,7 @@ WANDERS = 1e-3
 """The same for neighbours in time, whose distribution is taken as normal."""
 TOO_GOOD = 1e-3
 """Probability of so small a ratio of mean squares by chance, below which it is said."""
+_NEARLY = 0.95
 _LARGEST, _STEPS = 0.995, 40
 _NOTHING = FTest(float("nan"), 0, 0)
 
@@ -97,6 +98,9 @@ class Strata:
         scale = np.sqrt(np.where(known, whole / np.where(known, trace, 1.0), 1.0))
         df = np.where(known, trace**2 / np.maximum(np.einsum("mrs,mrs->m", inner, inner), 1e-300), 1.0)
         shifts = scale[:, None] * shifts
+        full = self.replications - 1.0
+        # a design that is not quite balanced has 1.99 of 2, which a certificate would cut to 1
+        df = np.where(df > _NEARLY * full, full, df)
         return np.asarray(shifts @ shifts.T), np.maximum(df, 1.0)
 
 

@@ -58,8 +58,8 @@ def told_of(name: str, found: Strata) -> Iterator[str]:
     if found.differ:
         yield (
             f"{name}: replications differ by more than the scatter inside them ({against}): type A is by the results "
-            f"of {found.replications} replications, with {found.replications - 1} degrees of freedom or a little less "
-            f"(JCGM 100, 4.2.3)"
+            f"of {found.replications} replications, with at most {found.replications - 1} degrees of freedom (JCGM "
+            f"100, 4.2.3)"
         )
     elif found.replications > 1:
         yield (

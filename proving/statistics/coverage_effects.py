@@ -19,6 +19,8 @@ import numpy as np
 from fitter.arrays import FloatArray
 from fitter.budget import Budgeted, budgets
 from fitter.decision import SimpleAcceptance, Tolerance, decide
+from procedures.attitude.budget import AttitudeEvaluation
+from procedures.attitude.budget_traced import TracedEvaluation as TracedAttitude
 from procedures.budgeting import Evaluation
 from procedures.errors import DataError
 from procedures.general.budget import general_evaluation
@@ -30,6 +32,8 @@ from procedures.stated import Statements
 from procedures.table import Table
 from proving.ledger import Result
 from proving.statistics.frame import Figures, Part, Results, Study, pooled
+from proving.truth.attitude import D1, simulate, volts
+from proving.truth.attitude_hidden import HIDDEN, sized
 from proving.truth.stands import EFFECTS, USUAL_degC, stand
 from proving.truth.whole_plot_hidden import hide
 from rig.closed_loop.budget import RunBudget
@@ -41,6 +45,9 @@ BINS = (0.0, 0.05, 0.2, 0.5, 0.8, 0.95, 1.0)
 OF_RESPONSE = ("cubic", "bend, sensor")
 OF_TIME = ("drift of whole plots", "drift within", "gain drifts", "unrecorded step")
 IN_WHOLE_PLOTS = (*OF_RESPONSE, *OF_TIME, "hysteresis", "creep", "carry-over")
+OF_ATTITUDE = ("pads", "square", "cube", "offset drift", "sensitivity drift", "backlash, pitch", "hysteresis, pitch")
+GRID = D1(90.0, 7, 9, replications=4)
+ANGLES = np.array([[0.0, 0.0], [30.0, 90.0], [-60.0, -45.0]])
 _WIDE = 4.0
 
 
@@ -87,7 +94,9 @@ def _whole_plot(seed: int, name: str) -> Result:
     at_rest = hidden.truth[sensor] - (0.0 if name in OF_RESPONSE else added)
     rows = np.array([int(np.argmin(np.abs(data.pressure_psia - p))) for p in (0.5, 2.5, 5.0)])
     conditions = (data.pressure_psia, data.sensor_temperature_degC, data.sse_temperature_degC)
-    points = [tuple(float(one[row]) for one in conditions) for row in rows]
+    points = [
+        (float(p), float(sensor_degC), float(sse_degC)) for p, sensor_degC, sse_degC in np.transpose(conditions)[rows]
+    ]
     true = {}
     for row, point in zip(rows.tolist(), points, strict=True):
         # an effect of time is in its mean over the run; each whole plot has the same pressures
@@ -101,6 +110,30 @@ def _whole_plot(seed: int, name: str) -> Result:
         if traced:
             return TracedEvaluation(data, hidden.model, points, trace)
         return PressureEvaluation(data, hidden.model, points)
+
+    return held(evaluate, true, rng)
+
+
+def attitude() -> Study:
+    """Packages of three sensors, with effects of proving/truth/attitude_hidden.py at 1 to 5 sd rms."""
+    return Study({name: partial(_attitude, name=name) for name in OF_ATTITUDE}, shares, pooled(shares))
+
+
+def _attitude(seed: int, name: str) -> Result:
+    rng = np.random.default_rng([412, seed, OF_ATTITUDE.index(name)])
+    bench = sized(name, float(rng.uniform(1.0, 5.0)), GRID)
+    data, _ = simulate(bench, GRID, int(rng.integers(1 << 31)), **HIDDEN[name].options)
+    exact = volts(bench, ANGLES[:, 0], ANGLES[:, 1])
+    true = {
+        f"{sensor} output at pitch {pitch:g} deg, roll {roll:g} deg": float(exact[i, j])
+        for i, (pitch, roll) in enumerate(ANGLES.tolist())
+        for j, sensor in enumerate(("x_V", "y_V", "z_V"))
+    }
+    at = [(pitch, roll) for pitch, roll in ANGLES.tolist()]
+
+    def evaluate(*, traced: bool) -> Evaluation:
+        made = TracedAttitude if traced else AttitudeEvaluation
+        return made(data, at, temperature=False, gravity=None)
 
     return held(evaluate, true, rng)
 
@@ -165,5 +198,5 @@ def shares(results: Results) -> Figures:
     return {**found, "laboratories": len(results)}
 
 
-PARTS = {"general": Part(general, 150), "whole-plots": Part(whole_plots, 200)}
+PARTS = {"general": Part(general, 150), "whole-plots": Part(whole_plots, 200), "attitude": Part(attitude, 100)}
 """`python -m proving.statistics coverage_effects general`; proving/notes/coverage_effects.md."""

@@ -346,7 +346,7 @@ def models(run: RunBudget, stage: Stage, outcomes: Sequence[Outcome], *, accepte
         return
     yield (
         f"{of} are {words.LACKS} that were found ({found}). A budget has a line for each result that they move, and "
-        f"conformity counts it: the difference from the model with these effects. `rig certificate RUN --traced` "
+        f"conformity counts it: the difference from the model with these effects. rig certificate RUN --traced "
         f"states the results of that model."
     )
     if moved := [one for one in run.undeclared if not {"output", "inferred"} & set(one.split())]:
