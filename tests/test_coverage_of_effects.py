@@ -11,7 +11,7 @@ import pytest
 from proving.statistics.coverage_effects import _general, _whole_plot, shares
 
 
-@pytest.mark.parametrize("name", ["creep", "sensitivity drift", "hysteresis", "step"])
+@pytest.mark.parametrize("name", ["creep", "sensitivity drift", "hysteresis", "room"])
 def test_results_of_stands_hold_at_rest(name):
     """A drifting sensitivity was 20 expanded uncertainties off: its mean was taken off as an offset."""
     found = _general(0, name)

@@ -40,6 +40,10 @@ def with_undeclared(declared: RunBudget, traced: RunBudget, effects: Sequence[st
     """
     mine, other = declared.evaluation.results, traced.evaluation.results
     where = _partners(mine, other)
+    through = _through_outputs(mine, where)
+    place = np.arange(len(where))
+    for inferred, output in through.items():
+        where[inferred], place[inferred] = where[output], output
     lost = [name for name, at in zip(mine.names, where, strict=True) if at is None]
     if lost:
         raise DataError(
@@ -47,7 +51,9 @@ def with_undeclared(declared: RunBudget, traced: RunBudget, effects: Sequence[st
             f"no such result; use --traced"
         )
     chosen = np.array(where, np.int64)
-    moved = _same_readings(traced, mine, chosen)[chosen] - mine.values
+    moved = _same_readings(traced, mine, chosen)[chosen] - mine.values[place]
+    times = _per_output(declared, through, moved)
+    moved = times * moved
     turns = np.array([unit == "deg" for unit in mine.units])
     moved[turns] = within_half_turn(moved[turns], 360.0)
     if not np.isfinite(moved).all():
@@ -56,8 +62,8 @@ def with_undeclared(declared: RunBudget, traced: RunBudget, effects: Sequence[st
     square = np.ix_(chosen, chosen)
     covariance = np.outer(moved, moved)
     for one in traced.evaluation.model_errors():
-        covariance = covariance + one.covariance[square]
-    covariance += np.diag(np.maximum(other.of_fit[chosen] - mine.of_fit, 0.0))
+        covariance = covariance + np.outer(times, times) * one.covariance[square]
+    covariance += np.diag(np.maximum(times**2 * other.of_fit[chosen] - mine.of_fit, 0.0))
     line = TypeA(covariance, np.inf, LINE.format(", ".join(effects)), SOURCE, "B")
     type_a = (*declared.type_a, line)
     made = budgets(
@@ -91,6 +97,49 @@ def _same_readings(traced: RunBudget, mine: Results, chosen: IntArray) -> FloatA
         return found
 
     return np.asarray(traced.evaluation.evaluate(Shift(in_use=in_use)))
+
+
+def _through_outputs(mine: Results, where: Sequence[int | None]) -> dict[int, int]:
+    """Output at the point of each inferred value that the other model does not have, both by their place.
+
+    A model with a further quantity, such as a temperature, infers nothing from a reading alone.
+    """
+    place = {name: n for n, name in enumerate(mine.names)}
+    every = _by_sort(mine)
+    found = {}
+    for (sensor, sort), names in every.items():
+        outputs = every.get((sensor, "output"), []) if sort == "inferred" else []
+        if len(outputs) == len(names):
+            pairs = ((place[name], place[output]) for name, output in zip(names, outputs, strict=True))
+            found.update({n: o for n, o in pairs if where[n] is None and where[o] is not None})
+    return found
+
+
+def _per_output(declared: RunBudget, through: Mapping[int, int], moved: FloatArray) -> FloatArray:
+    """(m,) change of each inferred value per change of the true output at its point; 1 for all other results.
+
+    A reading of the true output is inferred by the declared model.
+    """
+    found = np.ones(len(moved))
+    if not through:
+        return found
+    mine = declared.evaluation.results
+    least = 1e-9 * float(np.max(np.abs(mine.values[list(through.values())])))
+    steps = {n: moved[n] if abs(moved[n]) > least else least for n in through}
+    by_sensor = {
+        sensor: np.array([steps.get(n, 0.0) for n in (mine.names.index(name) for name in names)])
+        for (sensor, sort), names in _by_sort(mine).items()
+        if sort == "inferred"
+    }
+
+    def in_use(column: str, readings: FloatArray) -> FloatArray:
+        added: FloatArray = by_sensor.get(column, np.zeros_like(readings))
+        return added
+
+    values = declared.evaluation.evaluate(Shift(in_use=in_use))
+    for n, step in steps.items():
+        found[n] = (values[n] - mine.values[n]) / step
+    return found
 
 
 def _moved(line: TypeA, made: Sequence[Budgeted]) -> tuple[str, ...]:
