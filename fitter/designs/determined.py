@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import qr
 from scipy.sparse import block_array, coo_array
 from scipy.sparse.csgraph import connected_components
 
@@ -54,16 +53,25 @@ def freedom(rows: FloatArray, points: FloatArray, whole_plot: IntArray | None) -
 def points_that_would(rows: FloatArray, candidates: FloatArray) -> IntArray:
     """Indices of the fewest (C, p) candidate rows that determine what (n, p) rows do not; empty if nothing is missing.
 
-    Each is, in turn, the one with the largest part in the directions still missing (QR with pivoting).
+    Each is, in turn, the one with the largest part in the directions still missing, the first of equal ones.
     """
     lost = lost_directions(rows)
     if not lost.shape[1]:
         return np.empty(0, np.int64)
     length = np.linalg.norm(rows, axis=0)
     seen = (candidates / np.where(length > 0.0, length, 1.0)) @ lost
-    _, r, order = qr(seen.T, mode="economic", pivoting=True)
-    size = np.abs(np.diag(r))
-    return np.asarray(order[: int(np.sum(size > DEPENDENT * max(size.max(), 1.0)))], np.int64)
+    chosen: list[int] = []
+    least = 0.0
+    while len(chosen) < lost.shape[1]:
+        size = np.linalg.norm(seen, axis=1)
+        least = least or DEPENDENT * max(float(size.max()), 1.0)
+        best = int(np.argmax(np.round(size, 10)))  # rounding, which differs by processor, decides nothing
+        if size[best] <= least:
+            break
+        chosen.append(best)
+        along = seen[best] / size[best]
+        seen = seen - np.outer(seen @ along, along)
+    return np.array(chosen, np.int64)
 
 
 def _rank(columns: FloatArray, length: FloatArray | None = None) -> int:

@@ -76,7 +76,7 @@ class Polish:
         parts = self._of_plots(self.region.rows(flat).reshape(*trial.shape[:2], -1))
         value = self._value(self._total - self._parts[plot] + parts)
         value[~self.region.may(flat).reshape(trial.shape[:2]).all(axis=1)] = -np.inf
-        best = int(np.argmax(value))
+        best = int(np.argmax(np.round(value, 10)))  # the first of equal ones, whatever the processor rounds
         if value[best] <= value[0] + GAIN * max(1.0, abs(value[0])):
             return False
         self.points[moved, factor] = settings[best]

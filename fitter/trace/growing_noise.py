@@ -169,11 +169,13 @@ def growth_of(
     if not every or least * count > ALPHA:
         return None
     found: Growth | OfLevels
-    if least in of_groups.values():
-        name = min(of_groups, key=of_groups.__getitem__)
+    # The first of equal ones: a setting and the output fitted over it alone differ by rounding.
+    equal = least * (1.0 + 1e-9)
+    name = next((one for one, chance in of_groups.items() if chance <= equal), "")
+    if name:
         found = OfLevels(name, _of_levels(squares, among[name]), least * count)
     else:
-        name, middle = best = min(chances, key=chances.__getitem__)
+        name, middle = best = next(one for one, chance in chances.items() if chance <= equal)
         found = Growth(name, spans[name], noise_of(left, kept, over[best], middle), least * count)
     return found if found.ends.max() > FACTOR * found.ends.min() else None
 

@@ -225,7 +225,7 @@ def _drivers(data: TableData, fitted: FloatArray, rows: IntArray | None) -> dict
     every = {**scene.settings, **scene.covariates, **time}
     both_signs = {FITTED: fitted} if fitted.min() < 0.0 < fitted.max() else {}
     size = {SIZE_OF_FITTED: np.abs(fitted)}
-    return {**(every if rows is None else {name: v[rows] for name, v in every.items()}), **both_signs, **size}
+    return {**both_signs, **size, **(every if rows is None else {name: v[rows] for name, v in every.items()})}
 
 
 def _groups(data: TableData, rows: IntArray | None) -> dict[str, IntArray]:
