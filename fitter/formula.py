@@ -43,6 +43,8 @@ Levels = Mapping[str, Sequence[Any]]
 
 _STEP = 1e-30
 """Imaginary step of a derivative, in the unit of the variable; the derivative's relative error is its square."""
+_LARGEST = 1e120
+"""Of a column that is fitted: sums of its squares are doubles."""
 
 
 _NUMBER = re.compile(r"[-+]?\d[\d.,']*(?:[eE][-+]?\d+)?")
@@ -268,6 +270,16 @@ def _given(name: str, table: Table) -> NDArray[Any]:
 
 def _count(names: Sequence[str], table: Table) -> int:
     return len(_given(names[0] if names else next(iter(table)), table))
+
+
+def check_sizes(names: Sequence[str], columns: FloatArray) -> None:
+    """Refuse columns (n, k) with numbers whose squares overflow. Raises `RowError`: the row and what to do."""
+    if not columns.size:
+        return
+    i, j = (int(at) for at in np.unravel_index(np.argmax(np.abs(columns)), columns.shape))
+    if np.abs(columns[i, j]) > _LARGEST:
+        said = f"{names[j]} is {columns[i, j]:g}, too large to compute with (more than {_LARGEST:g}), in"
+        raise RowError(said, i, "; correct the cell or give the column in a larger unit")
 
 
 def check_numbers(name: str, column: NDArray[Any]) -> None:

@@ -13,7 +13,7 @@ from fitter.arithmetic_text import column_name
 from fitter.arrays import FloatArray, IntArray
 from fitter.effects.entry import Entry
 from fitter.errors import FitError
-from fitter.formula import Formula
+from fitter.formula import Formula, check_sizes
 from fitter.linear import orthonormal
 from procedures.catalogue import with_own
 from procedures.column_names import since_of, with_word
@@ -148,6 +148,7 @@ def _roles(table: Table, roles: Roles, formula: Formula, response: Formula) -> t
     with rows_of_file(table, order):
         y = response.columns(columns)[1][:, 0]
         names, exact = formula.exact_columns(columns)
+        check_sizes(names, exact.hi)
     if roles.wrap is not None:
         y = (y + 0.5 * roles.wrap) % roles.wrap - 0.5 * roles.wrap
     if not names:

@@ -14,7 +14,7 @@ import numpy as np
 from fitter.arithmetic_text import column_name
 from fitter.arrays import FloatArray
 from fitter.errors import FitError
-from fitter.formula import Formula, RowError
+from fitter.formula import Formula, RowError, check_sizes
 from fitter.nonlinear import Curve, Distance, Weighted, WrittenCurve
 from procedures.errors import DataError
 from procedures.general.order import identities
@@ -173,6 +173,7 @@ def model_of(declared: Declared, table: Table, response: str, plots: Sequence[st
         names, exact = curve.exact_columns(every)
         if not names:
             raise FitError(f"the formula {declared.formula!r} has no terms: there is nothing to fit")
+        check_sizes(names, exact.hi)
         rows: Rows = LinearRows(names, exact.hi, exact.lo, y, identity, blocks, scale)
         return Model(rows, curve, u_y, weight, used, tuple(notes))
     if isinstance(curve, Formula):

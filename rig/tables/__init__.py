@@ -11,6 +11,7 @@ from rig.errors import UsageError
 from rig.regular import open_regular
 from rig.tables.csv_files import read_any_csv, read_csv, read_gappy_csv, read_seen_csv, write_csv
 from rig.tables.of_others.asked import NOTHING, Asked
+from rig.tables.sizes import usable
 from rig.tables.table_of_run import run_table
 
 __all__ = [
@@ -73,11 +74,11 @@ class FileSource:
     @cached_property
     def table(self) -> Table:
         """The whole table. Raises `UsageError` or `RunFileError`."""
-        return self._kept(read_table(self.path, self.asked))
+        return self._kept(usable(read_table(self.path, self.asked)))
 
     def read(self, needed: Collection[str]) -> Table:
         """Any CSV table. Raises `UsageError`."""
-        return self._kept(read_any_csv(self.path, needed, self.asked))
+        return self._kept(usable(read_any_csv(self.path, needed, self.asked), needed))
 
     def all_columns(self) -> Table:
         """All columns and rows of any CSV table; NaN and "" for missing values. Raises `UsageError`."""
