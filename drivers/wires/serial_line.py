@@ -17,11 +17,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal, NoReturn, cast
 
-import serial
-
 from drivers.clock import Clock
 from drivers.errors import BadReply, NoReply, Unreachable
 from drivers.wires.addresses import text_address
+from drivers.wires.parity import WRONG_PARITY, opener
 from drivers.wires.port import Port
 from drivers.wires.serial_options import Flow, flow_arguments, flow_refused
 
@@ -106,6 +105,7 @@ class SerialLine:
         self._tap = tap
         self._out_of_step = False
         self._owed = False  # number of an answer that may still come
+        self._wrong_parity = False  # a character of the last answer came with a wrong parity
         self._doubtful = False  # something was removed from the last answer that may have been a changed digit
         self._port: Port | None = self._open()
 
@@ -160,10 +160,14 @@ class SerialLine:
         except NoReply:
             if not repeat:
                 raise
-        if lines and not (self._doubtful and repeat):
+        if lines and not self._wrong_parity and not (self._doubtful and repeat):
             return lines
+        if lines and not repeat:
+            raise self._misread(text, lines)
         self.retries += 1
         again = self._ask(text, count, timeout)
+        if self._wrong_parity:
+            raise self._misread(text, again)
         if self._doubtful and again != lines:
             raise self.bad_reply(
                 text,
@@ -235,6 +239,11 @@ class SerialLine:
         self._out_of_step = True
         return BadReply(f"{self.where} answered {reply!r} to {text!r}; expected {expected}")
 
+    def _misread(self, text: str, lines: list[str]) -> BadReply:
+        return self.bad_reply(
+            text, "; ".join(lines), "characters with the right parity; check the frame, the cable and what is near it"
+        )
+
     def takes_s(self, characters: int) -> float:
         """Maximum bench seconds for this many characters on the line; unknown over TCP."""
         return characters * _BITS_PER_CHARACTER / (self.settings.baud if self._place.timed else _SLOWEST_BAUD)
@@ -253,8 +262,9 @@ class SerialLine:
         terminal = os.path.realpath(self._place.place).startswith("/dev/pts/")
         self._has_dtr = self._place.timed and not terminal
         frame = "8N1" if terminal else settings.frame
+        self._parity = frame[1] != "N"
         try:
-            port = serial.serial_for_url(
+            port = opener(self._place.place, frame)(
                 self._place.place,
                 baudrate=settings.baud,
                 bytesize=int(frame[0]),
@@ -361,6 +371,7 @@ class SerialLine:
                     break
         finally:
             self._tell_tap(raw)
+        self._wrong_parity = self._parity and WRONG_PARITY in received
         self._doubtful = False
         if len(raw) > len(received) and self.settings.flow != "xonxoff":
             answer = raw[: raw.rfind(self.settings.reply_end)]
