@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import csv
+
 import ideal_pressure_bench as pressure
 import numpy as np
 import pytest
 from few_points import Killed, accepted, attitude, kill_where, records, run, session_of_whole_plots, whole_plot
-from general_lab import PROCEDURE, run_dry, written
+from general_lab import BENCH, PROCEDURE, REFERENCE, WORLD_WITH_STANDARD, run_dry, written
 from ideal_bench import new_run, run_session
+from typer.testing import CliRunner
 
+from rig.cli import app
 from rig.engine.actions import BenchActions
 from rig.engine.measuring import Channel
 from rig.engine.session import Outcome
@@ -16,6 +20,8 @@ from rig.own_scatter import ALARM, FEWEST, LOOK_BACK, Contradiction, OwnScatter
 from rig.results.planned import plan
 from rig.run_file.reader import RunReader
 from rig.run_file.sense import judged
+from rig.tables import Asked, read_any_csv, run_table
+from rig.tables.csv_files import read_csv
 
 CASES = {
     "another sign": [10.0, -10.0, -10.0, -10.0, -10.0],
@@ -278,3 +284,27 @@ def test_the_plan_says_what_has_no_limit(tmp_path):
     limited = PROCEDURE.replace("readings = 3", "readings = 3\nmax_sd_V = 0.001")
     procedure, bench, _ = written(tmp_path, limited)
     assert plan(procedure, bench).to_json()["scatter_without_limit"] == []
+
+
+# --- in an exported table -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("asked", [False, True])
+def test_an_exported_table_has_scatter_number_and_flags_and_is_read_as_the_run(tmp_path, monkeypatch, asked):
+    spoilt = {number: [2.1, 2.1001, 0.0021] for number in (3, 4, 5)}
+    measured(monkeypatch, spoilt.get)
+    run_file, _ = run_dry(tmp_path, bench=BENCH + REFERENCE, world=WORLD_WITH_STANDARD)
+    out = tmp_path / "out.csv"
+    assert CliRunner().invoke(app, ["export", str(run_file), "--out", str(out)]).exit_code == 0
+    with out.open() as file:
+        rows = list(csv.DictReader(file))
+    seen = [r.data for r in accepted(run_file)]
+    assert [float(row["cell_sd_V"]) for row in rows] == [one["outputs"]["cell_V"]["sd"] for one in seen]
+    assert [float(row["force_sd_kN"]) for row in rows] == [one["references"]["force_kN"]["sd"] for one in seen]
+    assert {row["readings"] for row in rows} == {"3"}
+    assert [row["flag_contradictory"] for row in rows] == ["1" if i == 3 else "0" for i in range(len(rows))]
+    run_columns = run_table(run_file).columns
+    read = read_csv(out, Asked(separator=",") if asked else Asked()).columns
+    assert list(read) == list(run_columns)
+    assert list(read_any_csv(out, ["cell_V"]).columns) == list(run_columns)
+    assert "cell_sd_V" in read_any_csv(out, ["cell_sd_V"]).columns

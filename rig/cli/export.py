@@ -32,6 +32,9 @@ def export(
 ) -> int:
     """Write a run's observations as CSV, units in the column names.
 
+    Columns x_sd_V, readings and flag_noisy, for example, say how the readings of each point scatter, how many there
+    are, and which flags it has.
+
     Example: `rig export runs/20260115T180000-night-1a2b.sqlite --out night.csv`
     """
     from rig.tables.csv_files import write_csv  # noqa: PLC0415
@@ -43,7 +46,7 @@ def export(
     check_ending(out_file, ".csv")
     if beside is not None:
         check_replaceable(beside)
-    table = run_table(run_file, everything=everything, salvage=salvage)
+    table = run_table(run_file, everything=everything, salvage=salvage, evidence=True)
     rows = [] if beside is None else faults(run_file)
     if salvage:
         err.print("[bold yellow]NOT VERIFIED:[/] the hash chain does not prove these values; see `rig verify`")

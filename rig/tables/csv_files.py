@@ -19,6 +19,7 @@ from procedures.table import Table
 from rig.atomic import write_whole
 from rig.errors import UsageError
 from rig.regular import open_regular
+from rig.tables.evidence import without_evidence
 from rig.tables.of_others.asked import NOTHING, Asked
 from rig.tables.of_others.cells import Cells
 from rig.tables.of_others.footers import footers
@@ -61,14 +62,14 @@ def _regular(path: Path, most: int) -> BinaryIO:
 def read_csv(path: Path, asked: Asked = NOTHING) -> Table:
     """A CSV table of numbers; of others as they come, without gaps. Raises `UsageError`."""
     if asked:
-        return cells_of_others(path, asked).strict()
+        return without_evidence(cells_of_others(path, asked).strict())
     try:
-        return _read_csv(path)
+        return without_evidence(_read_csv(path))
     except UsageError as refusal:
         found = _of_others_alone(path, refusal)
         if found.plain:
             raise
-        return found.strict()
+        return without_evidence(found.strict())
 
 
 def _of_others_alone(path: Path, refusal: UsageError) -> Cells:
@@ -128,16 +129,16 @@ def read_any_csv(path: Path, needed: Collection[str], asked: Asked = NOTHING) ->
         UsageError: a required column is missing, or the file can be read in several ways.
     """
     if asked:
-        return cells_of_others(path, asked).any(needed)
+        return without_evidence(cells_of_others(path, asked).any(needed), needed)
     try:
-        table = _read_any_csv(path, needed)
+        table = without_evidence(_read_any_csv(path, needed), needed)
     except UsageError as refusal:
-        return _of_others(path, refusal).any(needed)
+        return without_evidence(_of_others(path, refusal).any(needed), needed)
     numbers = [name for name in needed if name in table.text]
     if table.columns and not any(_of_numbers(table.text[name]) for name in numbers):
         return table
     try:
-        return cells_of_others(path, asked).any(needed)
+        return without_evidence(cells_of_others(path, asked).any(needed), needed)
     except NoTable:
         return table
 
@@ -223,11 +224,11 @@ def _read_gappy_csv(path: Path, numbers: Collection[str]) -> Table:
 def read_seen_csv(path: Path, asked: Asked = NOTHING) -> Table:
     """All columns and rows of any table, NaN and "" for missing values, by its look alone. Raises `UsageError`."""
     try:
-        return cells_of_others(path, asked).gappy()
+        return without_evidence(cells_of_others(path, asked).gappy())
     except NoTable:
         if asked:
             raise
-        return _read_gappy_csv(path, ())
+        return without_evidence(_read_gappy_csv(path, ()))
 
 
 def _of_numbers(cells: Iterable[str]) -> bool:

@@ -29,18 +29,20 @@ from rig.run_file.events.points import Observed, Skipped, WholePlotLost
 from rig.run_file.events.sessions import Ended, Identified, SessionBegan
 from rig.run_file.reader import RunReader
 from rig.run_file.state import read_state
+from rig.tables.evidence import evidence_of, fill_flags
 
 _MOUNTING = ("mounting_x_deg", "mounting_y_deg", "mounting_z_deg")
 """Columns for the orientation of a turned package: about x, then y, then z."""
 
 
-def run_table(path: Path, *, everything: bool = False, salvage: bool = False) -> Table:
+def run_table(path: Path, *, everything: bool = False, salvage: bool = False, evidence: bool = False) -> Table:
     """Observations of a run file, in the order they were made.
 
     Args:
         path: the run file.
         everything: include rejected and doubtful observations (missing values are NaN), with a column `accepted`.
         salvage: use readable parts of a file that fails verification.
+        evidence: add columns with the scatter and number of readings, and flags (`rig.tables.evidence`).
 
     Raises:
         RunFileError: the file was damaged or edited (unless salvaged), or holds no observations.
@@ -68,7 +70,7 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False) ->
                 rejected += not record.accepted and not everything
                 if not (accepted or everything):
                     continue
-                row = _row(record, run_list, len(rows) + 1, factors)
+                row = _row(record, run_list, len(rows) + 1, factors, evidence=evidence)
                 flags.update(_flags(record))
                 row["block"] += sum(one.elapsed_s <= record.elapsed_s for one in made)
             except ContentsError:
@@ -253,7 +255,9 @@ def _utc(seconds: float) -> str:
     return datetime.fromtimestamp(seconds, UTC).isoformat(timespec="minutes")
 
 
-def _row(record: Record, run_list: RunList, order: int, factors: Mapping[str, str]) -> dict[str, float]:
+def _row(
+    record: Record, run_list: RunList, order: int, factors: Mapping[str, str], *, evidence: bool
+) -> dict[str, float]:
     """One observation as a row: place, time, approach, readings.
 
     A measured factor has a column with its value, and one with its setpoint (`Factor.set_name`).
@@ -263,6 +267,7 @@ def _row(record: Record, run_list: RunList, order: int, factors: Mapping[str, st
         run_list: has its point.
         order: executed position, from 1.
         factors: instrument of each factor.
+        evidence: whether its scatter, number of readings and flags are added.
     """
     point, seen = run_list.points[int(record.run_index or 0)], record.event
     assert isinstance(seen, Observed)
@@ -284,7 +289,8 @@ def _row(record: Record, run_list: RunList, order: int, factors: Mapping[str, st
     by_hand = {f.name for f in run_list.easy if f.axis not in seen.settling}  # their readback is what was asked for
     readback = {name: value for name, value in seen.readback.items() if name not in measured and name not in by_hand}
     row |= {_readback_name(name): float(value) for name, value in readback.items()}
-    return row | {"block": record.session, "run_index": point.index}
+    row |= {"block": record.session, "run_index": point.index}
+    return row | evidence_of(seen) if evidence else row
 
 
 def _fill(
@@ -302,6 +308,7 @@ def _fill(
                     row[factor.set_name] = run_list.setting(run_list.points[int(row["run_index"])])[factor.name]
     _fill_stated(rows, made, bench)
     _fill_since(rows, settings)
+    fill_flags(rows)
 
 
 def _readback_name(quantity: str) -> str:

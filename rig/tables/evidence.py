@@ -1,0 +1,66 @@
+"""Columns of `rig export` about the readings behind each row: scatter, number, and flags.
+
+They are for people and for other programs. They are left out when an exported table is read: it is fitted and traced
+like the run itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import replace
+from typing import Any
+
+from procedures.column_names import stem_of, with_word
+from procedures.table import Table
+from rig.run_file.events.points import Observed
+
+_READINGS, _FLAG, _SD = "readings", "flag_", "sd"
+_OF_A_RUN = {"run_index", "block"}
+"""Columns by which an exported run is recognised."""
+
+
+def evidence_of(seen: Observed) -> dict[str, float]:
+    """Scatter and number of the readings of an observation, and its flags.
+
+    Returns:
+        By column: `x_sd_V`, the standard deviation of one reading of `x_V`; `readings`, the number of readings of the
+        outputs; `pressure_readings`, that of a reference with another number; `flag_contradictory`, 1.
+    """
+    found = {with_word(name, _SD): channel["sd"] for name, channel in _channels(seen).items() if stem_of(name)}
+    counts = {name: float(len(channel["readings"])) for name, channel in _channels(seen).items()}
+    usual = max((counts[name] for name in seen.outputs), default=0.0)
+    found |= {f"{stem_of(name)}_{_READINGS}": n for name, n in counts.items() if n != usual and stem_of(name)}
+    return {**found, _READINGS: usual, **{f"{_FLAG}{flag}": 1.0 for flag in seen.flags}}
+
+
+def _channels(seen: Observed) -> Mapping[str, Mapping[str, Any]]:
+    return {**seen.references, **seen.temperatures, **seen.outputs}
+
+
+def fill_flags(rows: Iterable[dict[str, float]]) -> None:
+    """Give every row a flag that any of them has: 0 where it has none."""
+    every = list(rows)
+    for name in {name for row in every for name in row if name.startswith(_FLAG)}:
+        for row in every:
+            row.setdefault(name, 0.0)
+
+
+def without_evidence(table: Table, needed: Collection[str] = ()) -> Table:
+    """An exported table as the run has it; another table as it is.
+
+    Args:
+        table: as read.
+        needed: columns that somebody asks for: they stay.
+    """
+    names = set(table.names)
+    if not names >= _OF_A_RUN or _READINGS not in names:
+        return table
+    sds = {with_word(name, _SD) for name in names if stem_of(name)}
+    counts = {f"{stem_of(name)}_{_READINGS}" for name in names if stem_of(name)}
+    left = {n for n in names if n in sds or n in counts or n == _READINGS or n.startswith(_FLAG)} - set(needed)
+    return replace(
+        table,
+        columns={name: values for name, values in table.columns.items() if name not in left},
+        text={name: values for name, values in table.text.items() if name not in left},
+        gaps={name: row for name, row in table.gaps.items() if name not in left},
+    )
