@@ -9,14 +9,14 @@ A pseudo-terminal has no parity, and a serial server (socket://, rfc2217://) che
 
 from __future__ import annotations
 
+import contextlib
+import sys
 from typing import Any
 
 import serial
 
-try:
+with contextlib.suppress(ImportError):  # Windows has no termios: there pyserial switches the check on
     import termios
-except ImportError:  # Windows: pyserial switches the check on there
-    termios = None  # type: ignore[assignment]
 
 WRONG_PARITY = b"\0"
 """A character that came with a wrong parity."""
@@ -28,13 +28,11 @@ class CheckedPort(serial.Serial):
 
     def _reconfigure_port(self, *args: Any, **kwargs: Any) -> None:
         """Called by pyserial for every change of a setting, also of a timeout."""
-        super()._reconfigure_port(*args, **kwargs)
-        if termios is None:
-            return
-        attributes = termios.tcgetattr(self.fd)
-        checked = attributes[_IFLAG] & ~(termios.IGNPAR | termios.PARMRK) | termios.INPCK
-        if checked != attributes[_IFLAG]:
-            attributes[_IFLAG] = checked
+        super()._reconfigure_port(*args, **kwargs)  # type: ignore[misc]  # its stubs have no private methods
+        if sys.platform != "win32":
+            assert self.fd is not None  # pyserial calls this while it opens, when `fileno` still refuses
+            attributes = termios.tcgetattr(self.fd)
+            attributes[_IFLAG] = attributes[_IFLAG] & ~(termios.IGNPAR | termios.PARMRK) | termios.INPCK
             termios.tcsetattr(self.fd, termios.TCSANOW, attributes)
 
 

@@ -24,7 +24,7 @@ def evidence_of(seen: Observed) -> dict[str, float]:
 
     Returns:
         By column: `x_sd_V`, the standard deviation of one reading of `x_V`; `readings`, the number of readings of the
-        outputs; `pressure_readings`, that of a reference with another number; `flag_contradictory`, 1.
+        outputs; `force_readings`, that of a reference with another number; `flag_contradictory`, 1.
     """
     found = {with_word(name, _SD): channel["sd"] for name, channel in _channels(seen).items() if stem_of(name)}
     counts = {name: float(len(channel["readings"])) for name, channel in _channels(seen).items()}
