@@ -20,7 +20,7 @@ def test_results_of_stands_hold_at_rest(name):
     assert np.abs(found["declared"]).max() < 1.3
 
 
-@pytest.mark.parametrize("name", ["drift of whole plots", "gain drifts", "hysteresis"])
+@pytest.mark.parametrize("name", ["drift of whole plots", "gain drifts", "hysteresis", "drift within", "stop is near"])
 def test_results_in_whole_plots_hold_at_rest(name):
     found = _whole_plot(0, name)
     assert len(found["traced"]) == 3

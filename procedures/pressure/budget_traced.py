@@ -1,10 +1,11 @@
 """Budgets of pressure transducers with the effects that a trace finds, and the model error of causes that look alike.
 
-An effect that is a function of pressure and temperatures becomes terms of the model, in every transducer. Any other is
-in no calibration: what the trace says it adds to each reading is taken off the outputs, so that results are those at
-rest, half-way between both sides, and in the mean over the run for an effect of time. Where the data cannot separate an
-effect from others, the results by every one of them are as good, and their rms difference from those by the named one
-is a line of its own.
+An effect that is a function of pressure and temperatures becomes terms of the model, in every transducer. One of time,
+direction or memory is in no calibration: what the trace says it adds to each reading is taken off the outputs, so that
+results are those at rest, half-way between both sides, and in the mean over the run for an effect of time. A function
+of pressure and temperatures that has no formula, such as a stop that is near, stays in the outputs, and what the model
+leaves of it is a line of each output. Where the data cannot separate an effect from others, the results by every one of
+them are as good, and their rms difference from those by the named one is a line of its own.
 """
 
 from __future__ import annotations
@@ -22,9 +23,16 @@ from fitter.trace.found import Explanation
 from procedures.budgeting import alike
 from procedures.pressure.budget import Point, PressureEvaluation, Transducer
 from procedures.pressure.data import WholePlotData
+from procedures.pressure.effects.scene import PressureEffect
 from procedures.pressure.trace import WholePlotTrace
 
 Terms = tuple[str, ...]
+_PASSING = ("elapsed_s", "since_s", "pressure_side", "previous_pressure_psia")
+"""What effects are drawn against that are not there at rest."""
+_SAME = 0.01
+"""Share of the range in which pressures are the same."""
+_ENDS = ("warm-up", "outlying-whole-plot")
+"""Effects in time that are over, or not there, in most of the run: at rest is without them, not in their mean."""
 
 
 class TracedEvaluation(PressureEvaluation):
@@ -41,7 +49,10 @@ class TracedEvaluation(PressureEvaluation):
             name: {s for s, one in trace.sensors.items() if any(e.effect == name for e in one.effects)}
             for name in found
         }
-        self._off = {name: _off(name, trace, data) for name, terms in self._terms.items() if not terms}
+        without = {name for name, terms in self._terms.items() if not terms}
+        passing = {name for name in without if _named(trace, name).against in _PASSING}
+        self._off = {name: _off(name, trace, data) for name in passing}
+        self._stays = {name: _added(name, trace) for name in without - passing}
         outputs = dict(data.outputs)
         for by_sensor in self._off.values():
             for sensor, mV in by_sensor.items():
@@ -78,6 +89,9 @@ class TracedEvaluation(PressureEvaluation):
             if moved is not None:
                 by_named.setdefault(named, []).append((member, moved))
         yield from (alike(named, members) for named, members in by_named.items())
+        for name, added in self._stays.items():
+            left = [_left(one, added.get(one.name), self._data) for one in self.each]
+            yield TypeA(np.diag(np.concatenate(left) ** 2), np.inf, f"model: {name}", "trace of the run", "B")
 
     def notes(self) -> Iterable[str]:
         """See `Evaluation`."""
@@ -85,6 +99,8 @@ class TracedEvaluation(PressureEvaluation):
         for name, terms in self._terms.items():
             if terms:
                 yield f"with the effect {name}, as terms of the model: {', '.join(terms)}"
+            elif name in self._stays:
+                yield f"{name} has no formula: it is no term of the model, and outputs have a line for what that leaves"
             else:
                 size = max(float(np.max(np.abs(mV))) for mV in self._off[name].values())
                 yield (
@@ -97,19 +113,43 @@ class TracedEvaluation(PressureEvaluation):
                 yield f"no number covers {member} in place of {named}: it does not determine the results"
 
 
+def _named(trace: WholePlotTrace, name: str) -> PressureEffect:
+    """The effect of the catalogue."""
+    found: PressureEffect = next(one for one in trace.explanations[name] if one.effect == name).terms[0].effect
+    return found
+
+
+def _added(name: str, trace: WholePlotTrace) -> Mapping[str, FloatArray]:
+    """(n,) what an effect adds to the readings of each transducer, mV."""
+    pairs = ((sensor, e) for sensor, one in trace.sensors.items() for e in one.effects if e.effect == name)
+    return {sensor: e.contribution_mV for sensor, e in pairs}
+
+
 def _off(name: str, trace: WholePlotTrace, data: WholePlotData) -> Mapping[str, FloatArray]:
-    """(n,) what an effect adds to the readings of each transducer, mV; of one of time, off its mean at each pressure.
+    """(n,) the part of it that is not there at rest; of an effect of time, off its mean at each pressure.
 
     Every whole plot has the same pressures, so a straight line over the pressure is that mean.
     """
-    named = next(one for one in trace.explanations[name] if one.effect == name)
-    of_time = named.terms[0].effect.against == "elapsed_s"
+    one, found = _named(trace, name), _added(name, trace)
+    if name in _ENDS or not (one.against == "elapsed_s" or one.source == "time"):
+        return found
     line = np.column_stack([np.ones(len(data)), data.pressure_psia])
-    found: dict[str, FloatArray] = {}
-    for sensor, one in trace.sensors.items():
-        for mV in (e.contribution_mV for e in one.effects if e.effect == name):
-            mean = line @ np.linalg.lstsq(line, mV, rcond=None)[0] if of_time else 0.0
-            found[sensor] = np.asarray(mV - mean)
+    return {sensor: mV - line @ np.linalg.lstsq(line, mV, rcond=None)[0] for sensor, mV in found.items()}
+
+
+def _left(one: Transducer, added: FloatArray | None, data: WholePlotData) -> FloatArray:
+    """(m,) size in each result of what the model leaves of an effect: rms over readings at the nearest pressure."""
+    k, p = len(one.fitted), len(one.at)
+    found = np.zeros(k + 2 * p)
+    if added is None:
+        return found
+    columns = one.fit.problem.formula.columns(one.fit.problem.data.table)[1]
+    left = added - columns @ np.linalg.lstsq(columns, added, rcond=None)[0]
+    for i, pressure in enumerate(one.at[:, 0].tolist()):
+        away = np.abs(data.pressure_psia - pressure)
+        near = away <= away.min() + _SAME * float(np.ptp(data.pressure_psia))
+        found[k + i] = np.sqrt(np.mean(left[near] ** 2))
+        found[k + p + i] = found[k + i] / abs(float(one.slope[i]))
     return found
 
 

@@ -42,7 +42,7 @@ from rig.closed_loop.undeclared import with_undeclared
 FORCES = np.array([0.0, 2.0, 5.0, 10.0])
 BINS = (0.0, 0.05, 0.2, 0.5, 0.8, 0.95, 1.0)
 """Ends of the bins of stated probabilities of conformity."""
-OF_RESPONSE = ("cubic", "bend, sensor")
+OF_RESPONSE = ("cubic", "bend, sensor", "stop is near")
 OF_TIME = ("drift of whole plots", "drift within", "gain drifts", "unrecorded step")
 IN_WHOLE_PLOTS = (*OF_RESPONSE, *OF_TIME, "hysteresis", "creep", "carry-over")
 OF_ATTITUDE = ("pads", "square", "cube", "offset drift", "sensitivity drift", "backlash, pitch", "hysteresis, pitch")
