@@ -40,6 +40,7 @@ NAMES = (
     "inference",
     "intervals",
     "laboratories",
+    "laws",
     "pressure",
     "registers",
     "split_plots",

@@ -34,7 +34,7 @@ COARSE = 0.5
 
 
 def noise_findings(
-    judge: TableJudge, chosen: tuple[int, ...], growth: Growth | OfLevels | None, looked: Searched
+    judge: TableJudge, chosen: tuple[int, ...], growth: Growth | OfLevels | None, looked: Searched, *, shape: bool
 ) -> tuple[FoundTableEffect, ...]:
     """Findings about noise with the `chosen` effects, and its influence on intervals.
 
@@ -43,6 +43,7 @@ def noise_findings(
         chosen: candidates in the model.
         growth: of the noise, as used for weights.
         looked: the table, and its gross errors beside the declared model.
+        shape: whether the residual follows one: rows that are far from the model are a part of it.
     """
     data = looked.data
     every = (
@@ -50,7 +51,7 @@ def noise_findings(
         _growing(judge, chosen, growth, data),
         _found_by_fit(judge, looked)
         if looked.dropped
-        else _alone(judge, chosen, data) or (None if chosen else _found_by_fit(judge, looked)),
+        else _alone(judge, chosen, data) or (None if chosen or shape else _found_by_fit(judge, looked)),
         _rounded(judge, chosen, data),
         _by_hand(judge, chosen, data),
     )

@@ -79,6 +79,7 @@ def in_words(names: Sequence[str], factor: FloatArray | None) -> str:
     """The result of `understated`, as part of a sentence; "" without a result."""
     if factor is None or not len(factor):
         return ""
+    factor = factor[: len(names)]  # columns of rows that are apart have no name
     far = np.flatnonzero(np.abs(factor - 1.0) > NOTABLE)
     if not len(far):
         return "least squares of independent rows of one scatter states standard errors right to 5 %"

@@ -37,6 +37,7 @@ from procedures.general.trace.likelihood import Grid
 from procedures.general.trace.noise import Noise, Wandering
 from procedures.general.trace.places import Place, places_of
 from procedures.general.trace.run import TableData, times_of
+from procedures.general.trace.together import together
 
 ASKED_AGAIN = 0.05
 """Probability above which a shape is not tested against slower noise too."""
@@ -62,12 +63,14 @@ class Left:
         place: its place.
         remainder: its part of the residual.
         p: over all places and orders.
+        detail: more about it, in words behind its place.
 
     """
 
     place: Place
     remainder: Remainder
     p: float
+    detail: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +127,19 @@ class Nameless:
                     again = self._remainders(place.block, slow)
                     p = max([p, *(other.p for other in again)])
                 found.append(Left(place, one, min(p * count, 1.0)))
-        return tuple(sorted(found, key=lambda one: one.p))
+        return tuple(sorted((*found, *self._together()), key=lambda one: (one.p, -one.remainder.share)))
+
+    def _together(self) -> Iterator[Left]:
+        """A shape of all recorded quantities jointly, if the residual follows one."""
+        one = together(self.judge, self.chosen, self.data)
+        if one is not None:
+            place, n = one.place.block.place, self.judge.problem.n
+            yield Left(
+                one.place,
+                Remainder(place, one.p, 0.0, 0, one.share, np.zeros(n), np.empty((n, 0))),
+                one.p,
+                one.detail,
+            )
 
     def p_of(self, block: Block, at: int) -> float | None:
         """P by chance of a block beside the model, under covariance `at`; None if nothing is left of it."""

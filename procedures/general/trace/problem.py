@@ -12,6 +12,7 @@ import numpy as np
 
 from fitter.arrays import FloatArray, IntArray
 from fitter.resolution import resolution
+from fitter.trace.jointly import nearest, ranks
 from fitter.trace.not_kept import NotKept, overflows
 from procedures.general.effects import TableEffect, effects_of
 from procedures.general.effects.of_settings import FIRST_ORDER
@@ -25,6 +26,8 @@ SCATTER = 0.05
 """Share of a term's variation within settings from which it is one of their scatter."""
 NOTHING_LEFT = 1e-3
 """Share of a column beside the declared model, below which it is declared."""
+NEAR, FEWEST_FOR_NEAR = 6, 30
+"""Rows that are near each one, and the fewest rows of a table in which these are near."""
 SPARED = 2
 """Minimum degrees of freedom beside a candidate."""
 
@@ -52,6 +55,7 @@ class Problem:
         presumed: whether that order is only assumed.
         left_out: candidates that cannot be used in computation.
         sensors: of the run, each of which is searched: findings by chance are counted over all.
+        quantities: (n, d) recorded numbers, none of them constant.
     """
 
     y: FloatArray
@@ -63,6 +67,7 @@ class Problem:
     presumed: bool = False
     left_out: tuple[NotKept, ...] = ()
     sensors: int = 1
+    quantities: FloatArray | None = None
 
     @property
     def n(self) -> int:
@@ -73,6 +78,13 @@ class Problem:
     def step(self) -> FloatArray:
         """(n,) rounding step of the response, over each row's `sd`; zero if none is detected."""
         return np.asarray(resolution(self.y) / self.sd)
+
+    @cached_property
+    def near(self) -> IntArray | None:
+        """(n, NEAR) rows with about the same quantities as each; None where there are too few rows, or none."""
+        if self.quantities is None or self.n < FEWEST_FOR_NEAR:
+            return None
+        return nearest(ranks(self.quantities), NEAR)
 
     @cached_property
     def columns(self) -> FloatArray:
@@ -105,6 +117,7 @@ class Problem:
             candidates=candidates,
             noise=self.noise.rows(kept),
             sd=self.sd[kept],
+            quantities=None if self.quantities is None else self.quantities[kept],
         )
 
     def with_terms(self, terms: dict[int, TableTerm]) -> Problem:

@@ -81,7 +81,7 @@ def _at(nameless: Nameless, left: Left, variables: Mapping[str, FloatArray]) -> 
     """The remainder at a place, with an available curve if it is over one variable."""
     place, share, name = left.place, left.remainder.share, left.place.curve
     if name is None or not curve(variables[name]).shape[1]:
-        return Unnamed(place.block.place, share, shape=drawn(nameless, left))
+        return Unnamed(f"{place.block.place}{left.detail}", share, shape=drawn(nameless, left))
     residual = nameless.left_under(0)
     where = f"{place.block.place}{_most(variables[name], residual)}"
     smooth = _told(offered(nameless.judge, nameless.chosen, name, variables[name], share, where=where))

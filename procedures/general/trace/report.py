@@ -66,7 +66,8 @@ def trace_general(data: TableData, *, validate: bool = True) -> TableTrace:
         left += in_place_of(found.not_kept)
     shown = [_effect(judge, after, name, data) for name in names_of(judge.candidates, chosen)]
     divided = _shares(judge, chosen, shown, unnamed_part(left))
-    noise = noise_findings(judge, chosen, found.growth, looked)
+    shape = any(one.stratum != "noise" for one in left)
+    noise = noise_findings(judge, chosen, found.growth, looked, shape=shape)
     wanders = any(finding.effect == AUTOCORRELATION for finding in noise)
     slow = {c.effect.name for c in judge.candidates if c.effect.source == "time" or ORDER in c.effect.columns}
     wandering = slow if wanders else set()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fitter.arrays import FloatArray
+from fitter.arrays import FloatArray, IntArray
 from fitter.resolution import robust_sd
 
 ALONE = 4.5
@@ -41,6 +41,14 @@ def scale(left: FloatArray, step: FloatArray | float = 0.0) -> float:
     return float(max(robust_sd(left, step), 0.2 * np.sqrt(np.mean(left**2))))
 
 
+def apart_from(left: FloatArray, off: FloatArray, near: IntArray, step: FloatArray | float = 0.0) -> FloatArray:
+    """(n,) `off`, the reduction of isolated residuals (n,), where these are as far from rows (n, k) `near` to them.
+
+    Those have about the same settings: readings that deviate together with them are a shape, such as a peak.
+    """
+    return np.where(np.abs(left - np.median(left[near], axis=1)) > _limit(left, step), off, 0.0)
+
+
 def running_median(values: FloatArray) -> FloatArray:
     """(n,) median of each value and its neighbours."""
     padded = np.pad(values, NEIGHBOURS, mode="reflect")
@@ -51,6 +59,10 @@ def running_median(values: FloatArray) -> FloatArray:
 def _beyond(deviation: FloatArray, step: FloatArray | float) -> FloatArray:
     """Part of each deviation beyond `HELD`, for those beyond `ALONE`."""
     sd = scale(deviation, step)
-    limit = ALONE * (1.0 + FEW / len(deviation)) * sd
     held = np.clip(deviation, -HELD * sd, HELD * sd)
-    return np.where(np.abs(deviation) > limit, deviation - held, 0.0)
+    return np.where(np.abs(deviation) > _limit(deviation, step), deviation - held, 0.0)
+
+
+def _limit(deviation: FloatArray, step: FloatArray | float) -> float:
+    """Size from which on a deviation is isolated."""
+    return ALONE * (1.0 + FEW / len(deviation)) * scale(deviation, step)

@@ -105,6 +105,7 @@ def problem_of(data: TableData) -> Problem:
         presumed=time is not None and time.presumed,
         left_out=large,
         sensors=data.sensors,
+        quantities=np.column_stack(list(data.scene.quantities.values())) if data.scene.quantities else None,
     )
 
 
