@@ -1,5 +1,7 @@
 """A name that one or two rows make: gross errors are found before names, and a name that rests on a row says so."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -46,6 +48,18 @@ def test_a_name_that_rests_on_both_end_rows_is_doubtful_and_says_which():
     for effect in found.added:
         assert effect.doubtful == "it rests on rows 2 and 10: the other rows do not show it"
     assert found.verdict != "explained"
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_dead_zone_and_a_limit_are_a_clip_and_no_power(seed):
+    rng = np.random.default_rng([21, seed])
+    x = rng.permutation(np.linspace(0.0, 100.0, 21))
+    low, high = rng.uniform(3.0, 25.0), rng.uniform(75.0, 97.0)
+    found = _traced(x, 0.05 * np.clip(x, low, high) + 0.01 * rng.standard_normal(21))
+    assert [(effect.effect, effect.doubtful) for effect in found.added] == [("clip:x", None)]
+    term = found.added[0].terms[0]
+    corners = [float(text) for text in re.fullmatch(r"min\(max\(x, (.*)\), (.*)\)", term).groups()]
+    assert corners == pytest.approx([low, high], abs=2.5)
 
 
 @pytest.mark.parametrize("bad", [0, 20])

@@ -32,6 +32,7 @@ from procedures.general.effects.of_others import (
     SENSITIVITY,
 )
 from procedures.general.effects.of_settings import (
+    CLIP,
     DEAD_ZONE,
     FIFTH_ORDER,
     FIRST_ORDER,
@@ -102,6 +103,7 @@ TABLE_CATALOGUE: tuple[TableKind, ...] = (
     SETTING_LAG,
     KINK,
     DEAD_ZONE,
+    CLIP,
     SATURATION,
     HARMONIC,
     HARMONIC_OF_COVARIATE,

@@ -24,7 +24,9 @@ MOVES_WITH = 0.9
 """Limit of the correlation with the given velocity above which a setting's rate is the same."""
 RESOLVED = 1000
 """Parts of a range: settings that were read back scatter by less than one."""
-FEWEST_FOR_KNOT, FEWEST_FOR_WAVE = 10, 24
+FEWEST_FOR_KNOT, FEWEST_FOR_WAVE, FEWEST_FOR_CLIP = 10, 24, 7
+CORNERS = 6
+"""Tried corners of a clip at each end."""
 NO_SIDE, NO_SIZE = " == 0)", 1e-9
 """Condition of a row without a side, and the size below which a factor of it is rounding."""
 _ONE_WORD = re.compile(r"[\w.]+(\([^()]*\))?")
@@ -163,6 +165,47 @@ def dead_zone(scene: TableScene, name: str) -> Terms:
         return TableTerm((f"min(max({whole(name)}/{w:.15g}, -1), 1)",), np.clip(v / w, -1.0, 1.0)[:, None])
 
     return searched(widths[widths < beyond], at, log=True)
+
+
+def clip(scene: TableScene, name: str) -> Terms:
+    """v held between two corners, one in the lowest and one in the highest third of its range, with a row beyond each.
+
+    Beside a slope that is what is missing where the response does not follow at either end: a dead zone below, a limit
+    above. The corners are refined in turn.
+    """
+    v = scene.of(name)
+    distinct = np.unique(v)
+    if len(distinct) < FEWEST_FOR_CLIP:
+        return ()
+    third, span = float(np.ptp(v)) / 3.0, float(np.ptp(v))
+    below = distinct[distinct <= distinct[0] + third]
+    above = distinct[distinct >= distinct[-1] - third]
+    lows, highs = (_between(some, CORNERS) for some in (below, above))
+    ends = {False: (float(below[0]), float(below[-1])), True: (float(above[0]), float(above[-1]))}
+
+    def at(low: float, high: float, upper: bool) -> TableTerm:
+        """The profile of a term is that of one corner; of what this gives, that of the other."""
+        low, high = rounded(low, span), rounded(high, span)
+        text = f"min(max({name}, {low:.15g}), {high:.15g})"
+        other = Profile(
+            high if upper else low,
+            *ends[upper],
+            (lambda value: at(low, value, False)) if upper else (lambda value: at(value, high, True)),
+            constants=2,
+        )
+        return TableTerm((text,), np.clip(v, low, high)[:, None], other)
+
+    return [at(float(low), float(high), True) for low in lows for high in highs]
+
+
+def _between(values: FloatArray, most: int) -> FloatArray:
+    """Middles between neighbours among ascending values (n,), at most so many."""
+    middles = 0.5 * (values[1:] + values[:-1])
+    return (
+        middles[np.unique(np.linspace(0, len(middles) - 1, min(most, len(middles))).astype(int))]
+        if len(middles)
+        else middles
+    )
 
 
 def _different(v: FloatArray) -> int:

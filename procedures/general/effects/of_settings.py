@@ -151,6 +151,18 @@ DEAD_ZONE = TableKind(
     columns.dead_zone,
 )
 
+CLIP = TableKind(
+    "clip",
+    "nonlinearity",
+    "setting",
+    "the response does not follow {0} at either end: a dead zone at the low one, a limit at the high one",
+    "between-point",
+    "{y} per unit of {0}",
+    "add points close to both corners, on both sides of each",
+    "a few per cent of range at each end",
+    columns.clip,
+)
+
 SATURATION = TableKind(
     "saturation",
     "nonlinearity",

@@ -178,16 +178,18 @@ class Profile:
         low: and
         high: limits beyond which the neighbouring terms of the search are used.
         at: the term for another value.
+        constants: number of constants that are searched in this way, one after the other.
     """
 
     value: float
     low: float
     high: float
     at: Callable[[float], TableTerm]
+    constants: int = 1
 
     def rows(self, kept: IntArray) -> Profile:
         """The same for some of the rows."""
-        return Profile(self.value, self.low, self.high, lambda value: self.at(value).rows(kept))
+        return replace(self, at=lambda value: self.at(value).rows(kept))
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,4 +231,4 @@ class TableTerm:
             own = max(n / (width + 1), 2.0)
             return max(ceil(width * log(own) / log(n)), 1)
         of_one_row = int(np.sum(np.count_nonzero(self.columns, axis=0) == 1))
-        return max(width - of_one_row, min(width, 1)) + (self.profile is not None)
+        return max(width - of_one_row, min(width, 1)) + (0 if self.profile is None else self.profile.constants)

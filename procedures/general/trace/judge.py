@@ -34,7 +34,7 @@ beside the other, one of them by this factor more, because of the number of tria
 """
 ALIKE = 4.0
 """Difference of twice the log-likelihood up to which the order of the catalogue decides."""
-SHAPES = ("kink", "square-root")
+SHAPES = ("kink", "clip", "square-root")
 """Kinds of curves that are not named after a power where they are more probable than it."""
 MOST_TERMS = 3
 """Maximum number of terms of one effect with a searched constant: more knots or harmonics are not a description."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from fitter.trace.doubts import another_law
 from fitter.trace.search import names_of
-from procedures.general.effects.of_settings import KINK
+from procedures.general.effects.of_settings import CLIP, KINK
 from procedures.general.trace.judge import ALIKE
 from procedures.general.trace.nameless import Nameless
 
@@ -35,5 +35,5 @@ def other_laws(nameless: Nameless) -> dict[str, str]:
         ]
         if near:
             first = min(near, key=lambda one: one[0])[1]
-            out[name] = another_law(first.name, corner=first.kind is KINK)
+            out[name] = another_law(first.name, corner=first.kind in (KINK, CLIP))
     return out

@@ -126,6 +126,7 @@ def look(judge: TableJudge, data: TableData, rows: IntArray | None = None) -> Fo
     """
     growth: Growth | OfLevels | None = None
     _, chosen = search_and_name(judge, lead=judge.lead)
+    judge, chosen = _corners_first(judge, chosen)
     if data.order_unknown and any(judge.candidates[j].effect.source == "setting" for j in chosen):
         judge = TableJudge(replace(judge.problem, noise=Independent(judge.problem.n)))
         chosen = search_and_name(judge, prune(judge, chosen), judge.lead)[1]
@@ -150,6 +151,19 @@ def look(judge: TableJudge, data: TableData, rows: IntArray | None = None) -> Fo
     shared = data.shared if data.shared is None or rows is None else data.shared[rows]
     chosen, above = never_above(judge, _simplest_orders(judge, chosen), partial(stated, judge, shared=shared), (None,))
     return Found(judge, chosen, growth, (*not_kept, *above))
+
+
+def _corners_first(judge: TableJudge, chosen: tuple[int, ...]) -> tuple[TableJudge, tuple[int, ...]]:
+    """The search repeated beside effects of several searched constants, refined, if it found others besides.
+
+    Between the values of a coarse grid a corner is off by so much that what is left of it looks like another effect.
+    """
+    coarse = tuple(j for j in chosen if (own := judge.candidates[j].term.profile) is not None and own.constants > 1)
+    if not coarse or coarse == chosen:
+        return judge, chosen
+    for _ in range(ROUNDS):
+        judge = TableJudge(refined(judge, coarse), judge.families)
+    return judge, search_and_name(judge, coarse, judge.lead)[1]
 
 
 def _with_fewer_constants(judge: TableJudge, chosen: tuple[int, ...]) -> tuple[TableJudge, tuple[int, ...]]:
