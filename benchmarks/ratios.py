@@ -211,6 +211,43 @@ def _inference(_: Path) -> Pair:
 
 
 @ratio(
+    "inference-curve",
+    "from CSV to CSV 50,000 values of a curve in two variables, each row with another temperature, with intervals / "
+    "reading and writing the same cells with Python's csv",
+    rounds=5,
+)
+def _inference_of_a_curve(folder: Path) -> Pair:
+    import csv
+
+    from rig.results.inferred import infer
+    from rig.tables.csv_files import write_csv
+
+    calibration, readings, out = (folder / name for name in ("calibration.json", "readings.csv", "inferred.csv"))
+    rng = np.random.default_rng(5)
+
+    def bridge(p: Any, t: Any) -> Any:
+        return 0.1 + 0.02 * p + 1e-5 * p**2 + 0.003 * t + 2e-5 * p * t + rng.normal(0, 0.002, p.size)
+
+    p, t = (axis.ravel() for axis in np.meshgrid(np.linspace(0, 100, 21), np.linspace(10, 40, 5)))
+    write_csv({"p_kPa": p, "t_degC": t, "y_V": bridge(p, t)}, readings)
+    rig = str(Path(sys.executable).with_name("rig"))
+    model = ("--response", "y_V", "--formula", "1 + p_kPa*t_degC + p_kPa^2", "--out", str(calibration))
+    subprocess.run([rig, "fit", str(readings), *model], check=True, capture_output=True)
+    p, t = rng.uniform(1, 99, 50_000), rng.uniform(10, 40, 50_000)
+    write_csv({"t_degC": t, "y_V": bridge(p, t)}, readings)
+    infer(calibration, readings, out=out)
+
+    def plain() -> None:
+        with out.open(newline="") as file:
+            head, *rows = csv.reader(file)
+        cells = [[float(cell) for cell in row[:-1]] for row in rows]
+        with (folder / "again.csv").open("w", newline="") as file:
+            csv.writer(file).writerows([head, *cells])
+
+    return Pair(lambda: infer(calibration, readings, out=out), plain)
+
+
+@ratio(
     "trace-attitude", "trace of 2,886 points of three sensors with two effects / numpy.linalg.lstsq of 24 columns", 3
 )
 def _trace(_: Path) -> Pair:

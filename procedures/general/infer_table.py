@@ -11,7 +11,7 @@ from fitter.arrays import FloatArray
 from fitter.errors import FitError
 from procedures.errors import DataError
 from procedures.general.infer import CurveCalibration, InferredCurve, infer_curve
-from procedures.general.infer.curve import BEYOND
+from procedures.general.infer.frames import BEYOND
 from procedures.inference import Inference, empty_rows, free_name, no_column, unused_beside
 from procedures.table import Reader, Table
 
@@ -111,31 +111,15 @@ def _variable(calibration: CurveCalibration, table: Table, quantity: str | None)
 
 def _inferred(calibration: CurveCalibration, y: FloatArray, others: Mapping[str, FloatArray]) -> InferredCurve:
     """The variable of (n,) readings with known values (n,) of the other variables; flags where these are not usable."""
-    at = np.column_stack([*others.values()]) if others else np.zeros((len(y), 0))
-    values, group = np.unique(at, axis=0, return_inverse=True)
-    out = [np.full(len(y), np.nan) for _ in range(5)]
-    flag, failed = np.full(len(y), "", dtype=object), ""
-    for number, fixed in enumerate(values.tolist()):
-        rows = np.flatnonzero(group.reshape(-1) == number)
-        known = dict(zip(others, fixed, strict=True))
-        try:
-            found = infer_curve(calibration.at(known), y[rows])
-        except FitError as error:
-            failed = f"this calibration of {calibration.response} cannot be inverted: {error}"
-            flag[rows] = failed
-            continue
-        for whole, part in zip(out, (found.value, found.sd, found.lo95, found.hi95, found.df), strict=True):
-            whole[rows] = part
-        outside = [words for name, value in known.items() if (words := _outside(calibration, name, value))]
-        flag[rows] = ["; ".join(filter(None, (*outside, own))) for own in found.flag]
-    if failed and np.all(flag == failed):
-        raise DataError(failed)
-    value, sd, low, high, df = out
-    return InferredCurve(value, sd, low, high, flag, df)
-
-
-def _outside(calibration: CurveCalibration, name: str, value: float) -> str:
-    """That a known value is outside the calibrated range, in words; "" if it is inside."""
-    low, high = calibration.ranges[name]
-    room = BEYOND * (high - low)
-    return "" if low - room <= value <= high + room else f"{name} is outside the calibrated {low:g} to {high:g}"
+    try:
+        found = infer_curve(calibration.at(others), y)
+    except FitError as error:
+        raise DataError(f"this calibration of {calibration.response} cannot be inverted: {error}") from error
+    flag = found.flag
+    for name, values in reversed([*others.items()]):
+        low, high = calibration.ranges[name]
+        room = BEYOND * (high - low)
+        words = f"{name} is outside the calibrated {low:g} to {high:g}"
+        for i in np.flatnonzero((values < low - room) | (values > high + room)):
+            flag[i] = f"{words}; {flag[i]}" if flag[i] else words
+    return found

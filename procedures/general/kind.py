@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -186,8 +185,8 @@ class GeneralKind(Kind):
     ) -> CurveCalibration | Mapping[str, CurveCalibration]:
         """See `Kind`."""
         if isinstance(calibration, Mapping):
-            return {name: replace(one, coefficients=coefficients[name]) for name, one in calibration.items()}
-        return replace(calibration, coefficients=coefficients[calibration.response])
+            return {name: one.moved(coefficients[name]) for name, one in calibration.items()}
+        return calibration.moved(coefficients[calibration.response])
 
     def infer(
         self,

@@ -11,31 +11,21 @@ Satterthwaite's of the sum; those of a fit without whole plots are its own.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fitter.arrays import FloatArray
+from fitter.arrays import FloatArray, IntArray
 from fitter.errors import FitError
 from procedures.general.infer.calibration import CurveCalibration
-from procedures.general.infer.factored import EPS, LEAST_DIGITS
-
-BEYOND = 0.02
-"""Permitted distance of a value from the calibrated range, relative to its width: settings have errors."""
-
-REACH = 1.0
-"""Maximum distance of the end of an interval from the calibrated range, relative to its width."""
+from procedures.general.infer.frames import FLAT, Frames, frames, turns
 
 BAD_READING = "not a finite number"
-_EXACT = 1e-6  # minimum error relative to the curve's range, if the rows scatter less
-_GRID, _SLOPES, _STEPS, _CHUNK, _FLAT = 128, 513, 100, 8192, 1e-9
-_MOST, _DIGITS, _NEARLY = 4, 2, 1e-9
-"""Most ranges that a refusal names; digits of their ends, and how near an end is taken for a round number."""
+_UNDEFINED = "the curve is undefined between the calibrated range and this value"
+_STEP, _LAST = 127, 381  # steps of each part of the grid; number of its last place
+_CHUNK, _STEPS, _SECANTS, _EPS = 32768, 200, 6, float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,234 +50,253 @@ class InferredCurve:
 
 
 def infer_curve(calibration: CurveCalibration, response: FloatArray) -> InferredCurve:
-    """The variable of (n,) new readings of the response.
+    """The variable of (n,) new readings of the response, where `calibration.fixed` has the values of all others.
+
+    Each of these is one number, or (n,), one for each reading. Readings with values for which the curve cannot be
+    inverted have the reason in their flag.
 
     Raises:
         FitError: the formula has no variable, several or categories; the error is unknown; or the curve is not
-            monotonic over the calibrated range, or the stated one.
+            monotonic over the calibrated range, or the stated one, for any of the known values.
 
     """
-    band = _Band.of(calibration)
-    parts = [band.infer(response[i : i + _CHUNK]) for i in range(0, max(len(response), 1), _CHUNK)]
-    names = ("value", "sd", "lo95", "hi95", "flag", "df")
-    return InferredCurve(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
+    n = len(response)
+    of = frames(calibration, n)
+    refused = of.refused != ""
+    if n and refused.all():
+        same = (of.refused == of.refused[0]).all()
+        raise FitError(str(of.refused[0]) if same else turns(calibration))
+    value, sd, lo95, hi95, df = (np.full(n, np.nan) for _ in range(5))
+    found = InferredCurve(value, sd, lo95, hi95, of.refused, df)
+    words = f"this calibration of {calibration.response} cannot be inverted: "
+    found.flag[refused] = words + found.flag[refused]
+    bad = ~refused & ~np.isfinite(response)
+    found.flag[bad] = BAD_READING
+    usable = np.flatnonzero(~refused & ~bad)
+    fixed = {name: np.broadcast_to(values, n) for name, values in calibration.fixed.items()}
+    every = _Rows(calibration.at(fixed), of.sign, of.sign * response)
+    for start in range(0, len(usable), _CHUNK):
+        rows = usable[start : start + _CHUNK]
+        _infer(every.take(rows), of.take(rows), rows, found)
+    return found
+
+
+def _infer(rows: _Rows, of: Frames, place: IntArray, found: InferredCurve) -> None:
+    """Put what is inferred from rows into `found`, where `place` says."""
+    below, above = rows.curve(of.low) - rows.y, rows.curve(of.high) - rows.y
+    inside = (below <= 0.0) & (above >= 0.0)
+    name, (low, high), between = rows.calibration.variable, rows.calibration.limits, rows.calibration.between
+    found.flag[place[~inside]] = (
+        f"{name} is outside the calibrated {low:g} to {high:g}"
+        if between is None
+        else f"the curve does not reach this reading from {name} = {low:g} to {high:g} (--between)"
+    )
+    if not inside.any():
+        return
+    rows, of, place, below, above = rows.take(inside), of.take(inside), place[inside], below[inside], above[inside]
+    at = _root(rows, 0.0, of.low, of.high, (of.low, below), _between(of.low, of.high, below, above))
+    defined = np.isfinite(at)
+    if not defined.all():
+        found.flag[place[~defined]] = _UNDEFINED
+        rows, of, place, at = rows.take(defined), of.take(defined), place[defined], at[defined]
+    found.value[place] = at
+    if rows.calibration.value_only:
+        return
+    derivatives = rows.calibration.rows(at)
+    variance, found.df[place] = rows.calibration.reading_variance(derivatives)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        near = 1.0 / np.abs(rows.calibration.slope(at))
+        sd = np.sqrt(variance) * near
+    found.sd[place] = np.where(np.isfinite(sd), sd, np.nan)
+    half = rows.calibration.half_width(derivatives)
+    for side, ends, word in ((-1.0, found.lo95, "lower"), (1.0, found.hi95, "upper")):
+        ends[place] = end = _end(rows, of, at, half, near, side)
+        open_ = place[np.isnan(end)]
+        where = "near the calibrated range" if between is None else "before the curve turns"
+        words = f"the 95 % interval has no {word} end {where}"
+        found.flag[open_] = [f"{each}; {words}" if each else words for each in found.flag[open_]]
 
 
 @dataclass(frozen=True, eq=False)
-class _Band:
-    """The curve with positive slope: `sign` times it, with the half-width of its prediction interval."""
+class _Rows:
+    """Curves with positive slope, `sign` times the calibration's, of rows of known values of the other variables.
+
+    Attributes:
+        calibration: with (n,) known values.
+        sign: (n,).
+        y: (n,) readings, times the sign.
+    """
 
     calibration: CurveCalibration
-    sign: float
-    inner: tuple[float, float]
-    grid: FloatArray
+    sign: FloatArray
+    y: FloatArray
 
-    @staticmethod
-    def of(calibration: CurveCalibration) -> _Band:
-        name = calibration.variable
-        low, high = calibration.limits
-        if not high > low:
-            raise FitError(f"{name} had one value only when it was calibrated, {low:g}: there is no curve to invert")
-        if few := too_few_digits(calibration, low, high):
-            raise FitError(few)
-        sign = _direction(calibration, low, high)
-        if sign == 0.0:
-            raise FitError(
-                f"{calibration.response} does not rise or fall all the way from {name} = {low:g} to {high:g}: a "
-                f"reading has several values of {name}, and which is meant cannot be told"
-                f"{_options(calibration, low, high)}"
-            )
-        room = BEYOND * (high - low)
-        first = low - room if _direction(calibration, low - room, low) == sign else low
-        last = high + room if _direction(calibration, high, high + room) == sign else high
-        grid = _grid(calibration, low, high)
-        if calibration.between is not None:  # beyond the turn a reading comes again: no end is looked for there
-            grid = grid[
-                (grid >= _turn(calibration, low, grid[0], sign)) & (grid <= _turn(calibration, high, grid[-1], sign))
-            ]
-        return _Band(calibration, sign, (first, last), grid)
-
-    def infer(self, response: FloatArray) -> InferredCurve:
-        name, n = self.calibration.variable, len(response)
-        low, high = self.calibration.limits
-        flag = np.full(n, "", dtype=object)
-        flag[~np.isfinite(response)] = BAD_READING
-        ends = self.curve(np.array(self.inner))
-        y = self.sign * response
-        outside = (flag == "") & ~((y >= ends[0]) & (y <= ends[1]))
-        flag[outside] = (
-            f"{name} is outside the calibrated {low:g} to {high:g}"
-            if self.calibration.between is None
-            else f"the curve does not reach this reading from {name} = {low:g} to {high:g} (--between)"
-        )
-        usable = flag == ""
-        value, sd, low95, high95, df = (np.full(n, np.nan) for _ in range(5))
-        found = InferredCurve(value, sd, low95, high95, flag, df)
-        if not usable.any():
-            return found
-        y = y[usable]
-        at = _root(np.full(len(y), self.inner[0]), np.full(len(y), self.inner[1]), lambda x: self.curve(x) - y)
-        found.value[usable], found.sd[usable] = at, self.sd(at)
-        found.df[usable] = self.calibration.reading_variance(self.calibration.rows(at))[1]
-        found.lo95[usable], found.hi95[usable] = self.lower(at, y), self.upper(at, y)
-        for limits, side in ((found.lo95, "lower"), (found.hi95, "upper")):
-            open_ = usable & np.isnan(limits)
-            where = "near the calibrated range" if self.calibration.between is None else "before the curve turns"
-            words = f"the 95 % interval has no {side} end {where}"
-            flag[open_] = [f"{each}; {words}" if each else words for each in flag[open_]]
-        return found
+    def take(self, rows: NDArray[Any] | slice) -> _Rows:
+        """Some of the rows."""
+        fixed = {name: np.asarray(values)[rows] for name, values in self.calibration.fixed.items()}
+        return _Rows(self.calibration.at(fixed), self.sign[rows], self.y[rows])
 
     def curve(self, x: FloatArray) -> FloatArray:
-        """(n,) rising curve."""
+        """(n,) rising curve. Raises `FitError` where it is undefined."""
         return np.asarray(self.sign * self.calibration.curve(x))
 
-    def edge(self, x: FloatArray, side: float) -> FloatArray:
-        """(n,) upper (`side` 1) or lower (-1) end of the 95 % prediction interval of one new reading."""
-        half = self.calibration.half_width(self.calibration.rows(x))
-        return np.asarray(self.curve(x) + side * half)
+    def turned(self, x: FloatArray, slope: FloatArray) -> NDArray[np.bool_]:
+        """(n,) whether the curve has another direction, or none, at n places, beside a (n,) slope."""
+        return ~(self.sign * self.calibration.slope(x) >= -FLAT * slope)
 
-    def sd(self, x: FloatArray) -> FloatArray:
-        """(n,) standard deviation of x, to first order; NaN where the curve is horizontal."""
-        slope = np.abs(self.calibration.slope(x))
-        with np.errstate(divide="ignore", invalid="ignore"):
-            sd = np.sqrt(self.calibration.reading_variance(self.calibration.rows(x))[0]) / slope
-        return np.where(np.isfinite(sd), sd, np.nan)
-
-    def lower(self, at: FloatArray, y: FloatArray) -> FloatArray:
-        """(n,) nearest x below `at` at which the reading leaves the prediction interval; NaN for none."""
-        past = self.edge(self.grid, 1.0)[None, :] < y[:, None]
-        past &= self.grid[None, :] < at[:, None]
-        last = past.shape[1] - 1 - np.argmax(past[:, ::-1], axis=1)
-        start, stop = self.grid[last], np.minimum(self.grid[np.minimum(last + 1, len(self.grid) - 1)], at)
-        return self._end(np.asarray(past.any(axis=1)), at, start, stop, lambda x: self.edge(x, 1.0) - y)
-
-    def upper(self, at: FloatArray, y: FloatArray) -> FloatArray:
-        """As `lower`, above."""
-        past = self.edge(self.grid, -1.0)[None, :] > y[:, None]
-        past &= self.grid[None, :] > at[:, None]
-        first = np.argmax(past, axis=1)
-        start, stop = np.maximum(self.grid[np.maximum(first - 1, 0)], at), self.grid[first]
-        return self._end(np.asarray(past.any(axis=1)), at, start, stop, lambda x: self.edge(x, -1.0) - y)
-
-    @staticmethod
-    def _end(closed: NDArray[np.bool_], at: FloatArray, start: FloatArray, stop: FloatArray, rise: _Rise) -> FloatArray:
-        found = _root(np.where(closed, start, at), np.where(closed, stop, at), rise)
-        return np.where(closed, found, np.nan)
+    def above(self, x: FloatArray, side: float) -> FloatArray:
+        """(n,) upper (`side` 1) or lower (-1) end of the 95 % prediction interval of a new reading, or the curve (0),
+        minus the reading; NaN where the curve is undefined.
+        """
+        try:
+            curve = self.curve(x) - self.y
+            return curve + side * self.calibration.half_width(self.calibration.rows(x)) if side else curve
+        except FitError:
+            if len(x) == 1:
+                return np.full(1, np.nan)
+            half = len(x) // 2
+            parts = (slice(None, half), slice(half, None))
+            return np.concatenate([self.take(part).above(x[part], side) for part in parts])
 
 
-_Rise = Callable[[FloatArray], FloatArray]
+def _root(
+    rows: _Rows, side: float, low: FloatArray, high: FloatArray, known: tuple[FloatArray, FloatArray], x: FloatArray
+) -> FloatArray:
+    """(n,) where `rows.above` of a side, below 0 at `low` and above it at `high`, is 0; NaN where it is undefined.
 
+    The secant method, within bounds that close in; where a step leaves them, and in every third after the first ones,
+    the interval is halved.
 
-def _root(low: FloatArray, high: FloatArray, rise: _Rise) -> FloatArray:
-    """(n,) where `rise`, not above 0 at `low` and not below it at `high`, is 0: by the Illinois method.
-
-    Regula falsi in which the value at an end that stays is halved, so that both ends close in.
+    Args:
+        rows: of n.
+        side: of the interval.
+        low: (n,) bounds.
+        high: (n,)
+        known: (n,) a place, and the value there.
+        x: (n,) places to begin with.
     """
-    at_low, at_high = rise(low), rise(high)
-    x, kept = low, np.zeros(len(low))
-    for _ in range(_STEPS):
-        apart = at_high - at_low
-        before, x = x, np.clip(high - at_high * (high - low) / np.where(apart > 0.0, apart, 1.0), low, high)
-        value = rise(x)
+    root, which, (before, of_before) = np.full(len(x), np.nan), np.arange(len(x)), known
+    least = 4.0 * _EPS * (high - low)
+    for step in range(_STEPS):
+        value = rows.above(x, side)
         under = value < 0.0
-        at_high = np.where(under & (kept > 0), 0.5 * at_high, at_high)
-        at_low = np.where(~under & (kept < 0), 0.5 * at_low, at_low)
-        low, at_low = np.where(under, x, low), np.where(under, value, at_low)
-        high, at_high = np.where(under, high, x), np.where(under, at_high, value)
-        kept = np.where(under, 1.0, -1.0)
-        if np.all(np.abs(x - before) <= 4.0 * np.finfo(float).eps * np.maximum(np.abs(low), np.abs(high))):
+        low, high = np.where(under, x, low), np.where(under, high, x)
+        middle = 0.5 * low + 0.5 * high
+        if step > _SECANTS and step % 3 == 0:
+            then = middle
+        else:
+            with np.errstate(divide="ignore", invalid="ignore"):
+                then = x - value * (x - before) / (value - of_before)
+            then = np.where((then >= low) & (then <= high), then, middle)  # one that is not a number is replaced, too
+        there = np.abs(value) <= 4.0 * _EPS * np.abs(rows.y)  # the rest is rounding
+        then = np.where(there, x, then)
+        root[which] = np.where(np.isnan(value), np.nan, then)
+        more = np.abs(then - x) > least + 4.0 * _EPS * np.maximum(np.abs(low), np.abs(high))
+        more &= np.isfinite(value)
+        before, of_before, x = x, value, then
+        if more.all():
+            continue
+        if not more.any():
             break
-    return np.asarray(x)
+        rows, which, low, high, least = rows.take(more), which[more], low[more], high[more], least[more]
+        before, of_before, x = before[more], of_before[more], x[more]
+    return root
 
 
-def _direction(calibration: CurveCalibration, low: float, high: float) -> float:
-    """1 if the curve is increasing everywhere, -1 if decreasing, 0 if neither or undefined."""
-    try:
-        x = np.linspace(low, high, _SLOPES)
-        calibration.curve(x)  # it alone refuses values outside the formula's domain
-        slope = calibration.slope(x)
-    except FitError:
-        return 0.0
-    steepest = np.abs(slope).max()
-    if steepest == 0.0 or not np.isfinite(steepest):
-        return 0.0
-    for sign in (1.0, -1.0):
-        if (sign * slope >= -_FLAT * steepest).all():
-            return sign
-    return 0.0
+def _end(rows: _Rows, of: Frames, at: FloatArray, half: FloatArray, near: FloatArray, side: float) -> FloatArray:
+    """(n,) nearest x below (`side` -1) or above (1) `at` at which the reading leaves its prediction interval.
 
+    It is looked for up to the next place of a grid, and where it is farther, from place to place. NaN for none.
 
-def _turn(calibration: CurveCalibration, end: float, far: float, sign: float) -> float:
-    """The last place on the way from an end of a range to a far one where the curve keeps its direction."""
-    x = np.linspace(end, far, _SLOPES)
-    slope = sign * calibration.slope(x)
-    kept = slope >= -_FLAT * np.nanmax(np.abs(slope), initial=0.0)
-    return float(x[max(int(np.argmin(kept)) - 1, 0)] if not kept.all() else far)
-
-
-def _options(calibration: CurveCalibration, low: float, high: float) -> str:
-    """The ranges in which a curve keeps its direction, as words that name the option; "" if there are none."""
-    try:
-        x = np.linspace(low, high, _SLOPES)
-        calibration.curve(x)
-        rising = np.sign(calibration.slope(x))
-    except FitError:
-        return ""
-    edges = [0, *(np.flatnonzero(np.diff(rising)) + 1).tolist(), len(x)]
-    found = []
-    for first, last in pairwise(edges):
-        pair = _inward(x[first], x[last - 1], high - low)
-        if rising[first] != 0 and pair[0] < pair[1] and _direction(calibration, *pair) != 0.0:
-            found.append(f"--between {pair[0]:.12g} {pair[1]:.12g}")
-    if not found or len(found) > _MOST:
-        return "; state with --between LOW HIGH a range in which the curve does not turn"
-    return f"; say in which range it is: {' or '.join(found)}"
-
-
-def _inward(low: float, high: float, width: float) -> tuple[float, float]:
-    """A range with ends of few digits inside another one."""
-    step = 10.0 ** (math.floor(math.log10(width)) - _DIGITS)
-    return math.ceil(low / step - _NEARLY) * step, math.floor(high / step + _NEARLY) * step
-
-
-def too_few_digits(calibration: CurveCalibration, low: float, high: float) -> str:
-    """Reason why rounding leaves too few digits of the interval or of the curve from `low` to `high`; "" if it does
-    not.
+    Args:
+        rows: of n.
+        of: their frames.
+        at: (n,) inferred values.
+        half: (n,) half-width of the prediction interval there.
+        near: (n,) change of x for a change of the response.
+        side: of the interval.
     """
-    try:
-        x = np.linspace(low, high, _SLOPES)
-        h, curve = calibration.rows(x), calibration.curve(x)
-    except FitError:
-        return ""  # reported elsewhere
-    factor = calibration.factored
-    variance = factor.variance(h) + calibration.variances.sum()
-    off = EPS * (np.abs(h) @ np.abs(calibration.coefficients))
-    least = np.maximum(np.sqrt(np.maximum(variance, 0.0)), _EXACT * np.ptp(curve))
-    if (factor.rounding(h) <= LEAST_DIGITS * variance).all() and (off <= LEAST_DIGITS * least).all():
-        return ""
-    name, middle = calibration.variable, 0.5 * (low + high)
-    without = " and the file has no covariance_factor" if calibration.factor is None else ""
-    return (
-        f"{name} runs from {low:.9g} to {high:.9g}, and in the terms {calibration.formula}{without} rounding leaves "
-        f"too few digits of its interval; subtract about {middle:.7g} from {name} and fit again"
-        f"{', or fit again as it is' if calibration.factor is None else ''}"
-    )
+    n, grid = len(at), _Grid(rows.calibration.limits, of.first, of.last)
+    number = grid.beside(at, side)
+    outer = grid.places(number, slice(None))
+    found, inner, of_inner, of_outer = np.full(n, np.nan), at.copy(), -side * half, np.full(n, np.nan)
+
+    def usable(which: IntArray) -> IntArray:
+        """Those of the rows that have a next place before the curve turns."""
+        which = which[(number[which] >= 0) & (number[which] <= _LAST)]
+        beyond = (number[which] < _STEP) | (number[which] > 2 * _STEP)
+        if rows.calibration.between is not None and beyond.any():
+            with np.errstate(divide="ignore"):
+                which = which[~(beyond & rows.take(which).turned(outer[which], 1.0 / near[which]))]
+        return which
+
+    far = usable(np.arange(n))
+    with np.errstate(invalid="ignore"):
+        guess = at + side * half * near
+        close = far[side * (outer[far] - guess[far]) > 0.0]
+    if close.size:
+        low, high = (at, outer) if side > 0.0 else (outer, at)
+        known = inner[close], of_inner[close]
+        found[close] = _root(rows.take(close), -side, low[close], high[close], known, guess[close])
+    # A search that ends at the next place has not seen the other side of the end.
+    far = far[~(np.abs(found - outer) > 1e-9 * np.abs(at - outer))[far]]
+    found[far] = np.nan
+    ended: list[IntArray] = []
+    while far.size:
+        of_outer[far] = rows.take(far).above(outer[far], -side)
+        out = side * of_outer[far] > 0.0
+        ended.append(far[out])
+        far = far[~out & np.isfinite(of_outer[far])]
+        inner[far], of_inner[far] = outer[far], of_outer[far]
+        number[far] += int(side)
+        outer[far] = grid.places(number[far], far)
+        far = usable(far)
+    if ended and (rest := np.concatenate(ended)).size:
+        pairs = (inner, of_inner), (outer, of_outer)
+        (low, of_low), (high, of_high) = ((x[rest], y[rest]) for x, y in (pairs if side > 0.0 else pairs[::-1]))
+        start = _between(low, high, of_low, of_high)
+        found[rest] = _root(rows.take(rest), -side, low, high, (low, of_low), start)
+    return found
 
 
-def _grid(calibration: CurveCalibration, low: float, high: float) -> FloatArray:
-    """Places for the search of interval ends: beyond the range as far as the formula is defined."""
-    first, last, step = low, high, REACH * (high - low)
-    for _ in range(30):
-        first = low - step if first == low and _defined(calibration, low - step) else first
-        last = high + step if last == high and _defined(calibration, high + step) else last
-        step *= 0.5
-    return np.unique(np.concatenate([np.linspace(*pair, _GRID) for pair in ((first, low), (low, high), (high, last))]))
+def _between(low: FloatArray, high: FloatArray, of_low: FloatArray, of_high: FloatArray) -> FloatArray:
+    """(n,) where a straight line from a value not above 0 at `low` to one not below it at `high` is 0."""
+    rise = of_high - of_low
+    return np.clip(low - of_low * (high - low) / np.where(rise > 0.0, rise, 1.0), low, high)
 
 
-def _defined(calibration: CurveCalibration, x: float) -> bool:
-    try:
-        return bool(
-            np.isfinite(calibration.rows(np.array([x]))).all() and np.isfinite(calibration.curve(np.array([x]))).all()
-        )
-    except FitError:
-        return False
+@dataclass(frozen=True, eq=False)
+class _Grid:
+    """Places at which ends of intervals are looked for: in the calibrated range, below and above it, evenly in each.
+
+    Attributes:
+        range: lowest and highest calibrated value.
+        first: (n,) first place.
+        last: (n,) last place.
+    """
+
+    range: tuple[float, float]
+    first: FloatArray
+    last: FloatArray
+
+    def places(self, number: IntArray, rows: IntArray | slice) -> FloatArray:
+        """(m,) places with numbers from 0 to `_LAST`, of m rows; outside, any."""
+        part = np.clip(number // _STEP, 0, 2)
+        low, high = self.range
+        start = np.where(part == 0, self.first[rows], np.where(part == 1, low, high))
+        stop = np.where(part == 0, low, np.where(part == 1, high, self.last[rows]))
+        return np.where(number == _LAST, stop, start + (number - _STEP * part) * ((stop - start) / _STEP))
+
+    def beside(self, at: FloatArray, side: float) -> IntArray:
+        """(n,) number of the next place below (`side` -1) or above (1); -1 or `_LAST` + 1 for none."""
+        low, high = self.range
+        part = (at >= low) + (at >= high) * 1 if side > 0.0 else (at > low) + (at > high) * 1
+        start = np.where(part == 0, self.first, np.where(part == 1, low, high))
+        width = np.where(part == 0, low - self.first, np.where(part == 1, high - low, self.last - high))
+        number = _STEP * part + np.floor(_STEP * (at - start) / np.where(width > 0.0, width, 1.0)).astype(np.int64)
+        number += side < 0.0
+        for _ in range(3):  # the place with this number may lie on either side of `at`, by rounding
+            beyond = side * (self.places(number, slice(None)) - at) > 0.0
+            number = np.where(beyond, number, number + int(side))
+        beyond = side * (self.places(number, slice(None)) - at) > 0.0
+        return np.where(beyond & (number <= _LAST), number, -1)

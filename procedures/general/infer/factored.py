@@ -68,17 +68,21 @@ class Factored:
         """JSON values."""
         return {name: getattr(self, name).tolist() for name in ("root", "covariance", "derivatives")}
 
+    def moments(self, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(n,) variance of the curve at (n, k) rows of the model, and (n, c) its derivatives by the variances."""
+        seen = rows @ self.root
+        variance, *gradient = (np.einsum("nl,nl->n", seen @ one, seen) for one in (self.covariance, *self.derivatives))
+        return variance, np.array(gradient).reshape(-1, len(rows)).T
+
     def variance(self, rows: FloatArray) -> FloatArray:
         """(n,) variance of the curve at (n, k) rows of the model."""
-        seen = rows @ self.root
-        return np.asarray(np.einsum("nk,kl,nl->n", seen, self.covariance, seen))
+        return self.moments(rows)[0]
 
     def gradient(self, rows: FloatArray) -> FloatArray:
         """(n, c) its derivatives by the variances."""
-        seen = rows @ self.root
-        return np.asarray(np.einsum("nk,ckl,nl->nc", seen, self.derivatives, seen, optimize=True))
+        return self.moments(rows)[1]
 
     def rounding(self, rows: FloatArray) -> FloatArray:
         """(n,) rounding error of `variance`."""
         seen, every = np.abs(rows @ self.root), np.abs(rows) @ np.abs(self.root)
-        return np.asarray(EPS * np.einsum("nk,kl,nl->n", every, np.abs(self.covariance), 2.0 * seen + EPS * every))
+        return np.asarray(EPS * np.einsum("nl,nl->n", every @ np.abs(self.covariance), 2.0 * seen + EPS * every))
