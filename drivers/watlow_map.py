@@ -125,7 +125,8 @@ class MappedDevice:
             raise BadReply(
                 f"{self._line.where}: {name} reads {value:.3g}, and {other:.6g} with its two words in the other order; "
                 f"the word order of the controller or gateway may be swapped: set it to "
-                f"{'low' if self._low_first else 'high'} word first; nothing was set"
+                f"{'low' if self._low_first else 'high'} word first, or change word_order of the register map; "
+                f"nothing was set"
             )
         return value
 

@@ -278,9 +278,16 @@ def test_a_mark_that_the_readings_do_not_bear_out_is_found(tmp_path, monkeypatch
     assert "marked as contradictory, and its readings do not contradict one another" in found
 
 
+def told(result):
+    return "\n".join(str(getattr(block, "text", "")) for block in result.blocks())
+
+
 def test_the_plan_says_what_has_no_limit(tmp_path):
     procedure, bench, _ = written(tmp_path)
     assert plan(procedure, bench).to_json()["scatter_without_limit"] == ["cell_V"]
+    assert "cell_V: it is compared with the run's own scatter" in told(plan(procedure, bench))
+    procedure, bench, _ = written(tmp_path, PROCEDURE.replace("readings = 3", "readings = 1"))
+    assert "cell_V: one reading a point has none" in told(plan(procedure, bench))
     limited = PROCEDURE.replace("readings = 3", "readings = 3\nmax_sd_V = 0.001")
     procedure, bench, _ = written(tmp_path, limited)
     assert plan(procedure, bench).to_json()["scatter_without_limit"] == []

@@ -216,7 +216,9 @@ class Plan(Result):
             yield Line(f"  {name} from {low:g} to {high:g}, {how}; {shown}")
         if self._without_limit:
             unlimited = ", ".join(self._without_limit)
-            yield Line(f"  no limit for the scatter of {escape(unlimited)}: it is compared with the run's own scatter")
+            alone = self.checked.procedure.conduct.readings == 1
+            how = "one reading a point has none" if alone else "it is compared with the run's own scatter"
+            yield Line(f"  no limit for the scatter of {escape(unlimited)}: {how}")
         environment = _environment(self.checked)
         if environment:
             yield Line(f"  environment: {escape(environment)}")
