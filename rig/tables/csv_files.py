@@ -33,13 +33,14 @@ from rig.tables.of_others.numbers import (
     is_no_reading,
     is_overload,
     looks_like_number,
+    may_have_gaps,
     maybe_gap,
 )
 
 _MOST_COLUMNS = 2000
 _BLANK = frozenset(("\n", "\r\n", "\r"))
 _LONGEST_LINE = 1 << 20
-_FOOTER, _MANY, _NINES_FROM = 3, 100_000, 999.0
+_FOOTER, _MANY = 3, 100_000
 _BLOCK = 65536
 """Rows of a table that are written together."""
 _MOST_NUMBERS, _MOST_CELLS = 2 << 30, 32 << 20
@@ -260,8 +261,6 @@ def _all_numbers(path: Path) -> tuple[dict[str, FloatArray], Sequence[int]] | No
             values = np.loadtxt(_noting_blank(file, blank), np.float64, delimiter=",", comments=None, ndmin=2)
     except (ValueError, UserWarning):
         return None
-    if any(gaps_of(column) for column in values.T if np.abs(column).max() >= _NINES_FROM):
-        return None
     named = len(set(names)) == len(names) == values.shape[1] and all(name and '"' not in name for name in names)
     if not named or not np.isfinite(values).all() or (np.abs(values) >= OVERLOAD).any():
         return None
@@ -270,6 +269,8 @@ def _all_numbers(path: Path) -> tuple[dict[str, FloatArray], Sequence[int]] | No
         return None  # there may be a row of means or sums after the blank line
     rows = np.setdiff1d(np.arange(len(values) + len(blank)) + 2, blank).tolist() if blank else ()
     columns = np.ascontiguousarray(values.T)
+    if may_have_gaps(columns.min(axis=1), columns.max(axis=1)) and any(map(gaps_of, columns)):
+        return None
     columns.flags.writeable = False  # so that the data of a kind need no copy
     return dict(zip(names, columns, strict=True)), rows
 

@@ -36,7 +36,7 @@ _SIMPLE = re.compile(r"[+-]?[0-9]+(?:\.[0-9]*)?")
 _LONGEST, _LONG = 400, 40
 _WITH_UNIT = re.compile(r"([+\u2212-]?\s*[\d.,]*\d(?:[eE][+-]?\d+)?)(\s*)([^\s\d.,+-].*)")
 _APART = re.compile(r"^([+-])\s+(?=[\d.,])")
-_NINES = np.array(
+_NINES = frozenset(
     [sign * v for v in (9999.0, 99999.0, 999999.0, 9999999.0, 9999.9, 9999.99, 6999.0, 7999.0) for sign in (-1.0, 1.0)]
     + [-999.0, -999.9, -999.99]
 )
@@ -66,6 +66,11 @@ def maybe_gap(cell: str) -> bool:
     return "999" in cell or cell[-2:] in _HUGE
 
 
+def may_have_gaps(low: FloatArray, high: FloatArray) -> bool:
+    """Whether the smallest or the largest values of columns may stand for none; no other one stands apart."""
+    return any(one in _NINES or abs(one) >= OVERLOAD for one in (*low.tolist(), *high.tolist()))
+
+
 def gaps_of(values: FloatArray) -> list[float]:
     """Numbers of a column that stand for no value: such as 1E38 above all others, and -9999 if it stands apart.
 
@@ -76,11 +81,13 @@ def gaps_of(values: FloatArray) -> list[float]:
         values: (n,) of a column; NaN for missing ones.
     """
     known = values[np.isfinite(values)]
+    if not known.size or not may_have_gaps(known.min(keepdims=True), known.max(keepdims=True)):
+        return []
     size = np.abs(known)
     full = np.any(np.abs(size[:, None] - _FULL) <= _NEAR * _FULL, axis=1) if (size >= OVERLOAD).any() else size < 0.0
     huge: list[float] = np.unique(known[full]).tolist() if (size[~full] < _LARGEST).all() else []
     known = known[~full]
-    found = np.unique(known[np.isin(known, _NINES)])
+    found = np.unique(known[np.isin(known, list(_NINES))])
     others = known[~np.isin(known, found)]
     if found.size != 1 or 3 * (known.size - others.size) >= known.size or np.unique(others).size < _DISTINCT:
         return huge
