@@ -346,6 +346,17 @@ FORMS = {
     "padding": Form(
         lines("  x   ,   y   ", "   1   ,   2.5   ", "   2   ,   3.5   "), {"x": [1, 2], "y": [2.5, 3.5]}, 1, (2, 3),
     ),
+    "names twice, in groups": Form(
+        lines("Reference,,Device,", "p,T,p,T", "[kPa],[degC],[mV],[degC]", "0,20.1,0.02,21.5", "50,20.2,25.5,21.6"),
+        {"Reference p": [0, 50], "Reference T": [20.1, 20.2], "Device p": [0.02, 25.5], "Device T": [21.5, 21.6]}, 2,
+        (4, 5), {"Reference p": "kPa", "Device p": "mV", "Device T": "degC", "Reference T": "degC"},
+        ("names in row 2, with those of their groups in row 1 where they occur twice",),
+    ),
+    "names twice, each with its group": Form(
+        lines("Bench 4", "", "Time;Left;Right", "t;F;F", "s;N;N", "0,5;1,5;2,5", "1,5;3,5;4,5"),
+        {"t": [0.5, 1.5], "Left F": [1.5, 3.5], "Right F": [2.5, 4.5]}, 4, (6, 7),
+        {"t": "s", "Left F": "N", "Right F": "N"}, ("names in row 4, with those of their groups in row 3",),
+    ),
     "padding, and a separator at the end": Form(
         lines("  load (N) ,   reading (mV)  , ", "   0.0 ,  0.001 , ", "  10.0 ,  1.002 , ", "  20.0 ,  2.003 , "),
         {"load (N)": [0, 10, 20], "reading (mV)": [0.001, 1.002, 2.003]}, 1, (2, 4),
@@ -381,8 +392,8 @@ FORMS = {
     ),
     "names of groups above names": Form(
         lines("Sensor A,,Sensor B,", "T,RH,T,RH", "20.5,45,20.6,46", "21.5,46,21.6,47"),
-        {"T (column 1)": [20.5, 21.5], "RH (column 4)": [46, 47]}, 2, (3, 4), {},
-        ("1 line above the names not read", "T names several columns"),
+        {"Sensor A T": [20.5, 21.5], "Sensor B RH": [46, 47]}, 2, (3, 4), {},
+        ("names in row 2, with those of their groups in row 1",),
     ),
     "key: value with units": Form(
         lines("# log", "T: 20.5 C, U: 0.125 V", "T: 21.5 C, U: 0.25 V"),

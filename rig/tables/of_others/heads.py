@@ -41,6 +41,7 @@ class Heads:
         processing: rows that say how the logger made the values.
         units_row: row of the units in the file; 0 without.
         constants: numbers in the row of units, by the name above them, where no column follows.
+        groups: row of names of groups, which are a part of the names; 0 without.
     """
 
     names: tuple[str, ...]
@@ -51,6 +52,7 @@ class Heads:
     processing: tuple[int, ...] = ()
     units_row: int = 0
     constants: Mapping[str, str] = field(default_factory=dict)
+    groups: int = 0
 
 
 def heads_of(lines: Sequence[Line], block: Block, name: str, asked: Asked) -> Heads:
@@ -204,7 +206,24 @@ class _Walk:
         processing = tuple(self.lines[i].row for i, mark in marked if mark == "processing")[::-1]
         of_units = next((self.lines[i].row for i, mark in marked if mark == "units"), 0)
         units = units[: len(names)]
-        return Heads(tuple(names), self.lines[at].row, at, start, units, processing, of_units, constants)
+        names, groups = self._grouped(at, names)
+        top = at - 1 if groups else at
+        return Heads(tuple(names), self.lines[at].row, top, start, units, processing, of_units, constants, groups)
+
+    def _grouped(self, at: int, names: list[str]) -> tuple[list[str], int]:
+        """Names with those of their groups, from the row above, where they occur twice; and that row, 0 without."""
+        twice = {name for name in names if name and names.count(name) > 1}
+        if not twice or not at or self.lines[at].apart or self.lines[at - 1].remark:
+            return names, 0
+        cells = trimmed(self._plain(self.lines[at - 1]))
+        given = [cell for cell in cells if cell]
+        if len(given) < 2 or len(cells) > len(names) or any(map(is_value, given)) or _says_of_itself(cells):
+            return names, 0
+        found, group = [], ""
+        for i, name in enumerate(names):
+            group = cells[i] if i < len(cells) and cells[i] else group
+            found.append(f"{group} {name}".strip() if name in twice else name)
+        return (found, self.lines[at - 1].row) if len(set(found)) == len(found) else (names, 0)
 
     def _plain(self, line: Line) -> list[str]:
         return line.cells(self.block.separator)

@@ -41,6 +41,7 @@ class Layout:
         processing: rows that say how a logger made the values.
         units_row: row of the units in the file; 0 without.
         constants: numbers above the table, by name.
+        groups: row of names of groups, which are a part of the names; 0 without.
         pairs: whether each value stands beside its name, and `after` are all lines that have none.
         again: rows above which the file begins anew: its heads once more.
     """
@@ -58,6 +59,7 @@ class Layout:
     constants: Mapping[str, str] = field(default_factory=dict)
     again: tuple[int, ...] = ()
     pairs: bool = False
+    groups: int = 0
 
 
 def layout_of(lines: Sequence[Line], name: str, asked: Asked) -> Layout:
@@ -108,6 +110,7 @@ def layout_of(lines: Sequence[Line], name: str, asked: Asked) -> Layout:
     return Layout(
         best.separator, heads.names or ("",) * best.count, heads.row, heads.units, best.lines[heads.start :], before,
         best.after, _earlier(lines[:top], best.separator), heads.processing, heads.units_row, heads.constants, again,
+        groups=heads.groups,
     )  # fmt: skip
 
 

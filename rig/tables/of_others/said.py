@@ -68,6 +68,8 @@ def _heads(cells: Cells) -> Iterator[str]:
     if not layout.header and not layout.pairs:
         more = ", ..." if len(cells.columns) > _FEW else ""
         yield f"no names: the columns are {', '.join(list(cells.columns)[:_FEW])}{more}"
+    elif layout.groups:
+        yield f"names in row {layout.header}, with those of their groups in row {layout.groups} where they occur twice"
     elif layout.header > 1 or layout.before or (cells.empty and not layout.pairs):
         yield f"names in row {layout.header}"
     if layout.processing:
