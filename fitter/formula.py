@@ -44,7 +44,7 @@ Levels = Mapping[str, Sequence[Any]]
 _STEP = 1e-30
 """Imaginary step of a derivative, in the unit of the variable; the derivative's relative error is its square."""
 _LARGEST = 1e120
-"""Of a column that is fitted: sums of its squares are doubles."""
+"""Largest size of a value of a fitted column: sums of squares of such values are doubles."""
 
 
 _NUMBER = re.compile(r"[-+]?\d[\d.,']*(?:[eE][-+]?\d+)?")

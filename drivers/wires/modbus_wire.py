@@ -162,7 +162,7 @@ class ModbusWire:
             self.close()  # before the next request, so that none is sent into a connection that is being closed
 
     def _known_cause(self) -> str:
-        """What the bytes of no valid answer show; "" if nothing."""
+        """Words for what the bytes of no valid answer show; "" if nothing."""
         heard, sent = self._heard, self._sent
         if heard.startswith(sent):
             then = ", and then an answer" if len(heard) > len(sent) else ", and no answer"

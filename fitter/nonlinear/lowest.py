@@ -28,7 +28,7 @@ _SOME, _LOOKED_AT = 200, 40
 _DESCENT, _ENOUGH, _STUCK = 25, 1e-4, 1e6
 _SOLVED, _PROMISE, _ALIKE, _APART = 4, 1e-6, 1e-2, 0.3
 _TOLERANCE = 1e-9
-"""Of the search from a start that is already near a minimum; Gauss-Newton steps end it."""
+"""Limits of the search from a start that is already near a minimum; Gauss-Newton steps end it."""
 _ORDINARY = 1e-3
 """Probability that chi-squared of the right curve is larger. Below that limit there are no kicks."""
 _SAME = 1e-9

@@ -131,7 +131,7 @@ def _square(problem: Problem, b: FloatArray) -> float:
 
 
 def solved_at(problem: Problem, b: FloatArray) -> Solved:
-    """What a linear fit says at (k,) parameters that were found. Raises `RankError` as `solve`."""
+    """Result of a linear fit at (k,) parameters that were found. Raises `RankError` as `solve`."""
     columns, residuals = problem.columns(b), problem.residuals(b)
     fit = least_squares(columns, residuals, problem.parameters)
     return Solved(replace(fit, coefficients=b, rss=float(np.sum(residuals**2))), columns, residuals)

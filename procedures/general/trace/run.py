@@ -156,7 +156,7 @@ def look(judge: TableJudge, data: TableData, rows: IntArray | None = None) -> Fo
 def _corners_first(judge: TableJudge, chosen: tuple[int, ...]) -> tuple[TableJudge, tuple[int, ...]]:
     """The search repeated beside effects of several searched constants, refined, if it found others besides.
 
-    Between the values of a coarse grid a corner is off by so much that what is left of it looks like another effect.
+    Between the values of a coarse grid a corner is off by so much that its remainder looks like another effect.
     """
     coarse = tuple(j for j in chosen if (own := judge.candidates[j].term.profile) is not None and own.constants > 1)
     if not coarse or coarse == chosen:
