@@ -44,7 +44,8 @@ def computed(label, columns):
         return np.array(out)
 
     known = {
-        "exp": np.exp, "log": np.log, "sqrt": np.sqrt, "max": np.maximum, "lag": lag, "sign": np.sign,
+        "exp": np.exp, "log": np.log, "sqrt": np.sqrt, "max": np.maximum, "min": np.minimum, "lag": lag,
+        "sign": np.sign,
         "previous": lambda v: np.concatenate([v[:1], v[:-1]]), "sin": np.sin, "cos": np.cos, "pi": np.pi, **columns,
     }  # fmt: skip
     text = re.sub(r"C\((\w+)\)\[(\w+)\]", r"1.0*(\1 == '\2')", label).replace("]:", "]*")
