@@ -96,7 +96,7 @@ def test_without_acceptance_the_page_does_not_say_that_the_value_lies_within(dec
     page = html(declared.document)
     assert "lies within it with the stated coverage probability" not in page
     assert "rig certificate RUN --traced" in page
-    assert "coefficients of the declared model over the range of this run" in page
+    assert "force_kN²: coefficients of the declared model over the range of this run" in page
     assert "no properties of the item" in page
 
 

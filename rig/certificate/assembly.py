@@ -14,6 +14,7 @@ from fitter.decision import decide
 from fitter.trace.outcome import Finding, Outcome
 from rig.certificate import words
 from rig.certificate.document import Budget, Condition, Contribution, Effect, Result, ResultTable, Stage, Statement
+from rig.certificate.numbers import raised
 from rig.certificate.settings import CertificateSettings, ToleranceSettings
 from rig.closed_loop.budget import RunBudget
 from rig.closed_loop.confirm import Confirmed
@@ -351,6 +352,6 @@ def models(run: RunBudget, stage: Stage, outcomes: Sequence[Outcome], *, accepte
     )
     if moved := [one for one in run.undeclared if not {"output", "inferred"} & set(one.split())]:
         yield (
-            f"{', '.join(moved)}: coefficients of the declared model over the range of this run. They absorb the "
-            f"effects, and are no properties of the item."
+            f"{', '.join(map(raised, moved))}: coefficients of the declared model over the range of this run. They "
+            f"absorb the effects, and are no properties of the item."
         )
