@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -23,7 +24,7 @@ def show_effect(effect: Mapping[str, Any]) -> Iterator[Block]:
     yield Paragraph(f"{escape(effect['size'])}{interval}", 4)
     yield from _show_coefficients(effect)
     if formulas := effect.get("formulas"):
-        options = " ".join(f"--add '{text}'" for text in formulas)
+        options = " ".join(f"--add {shlex.quote(text)}" for text in formulas)
         yield Paragraph(f"to calibrate with it: rig fit ... {escape(options)}", 4)
     if effect["doubtful"]:
         yield Paragraph(f"doubtful: {escape(effect['doubtful'])}", 4)

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from drivers.clock import Clock, RealClock, ScaledClock, boot_id
 from drivers.errors import DriverError
+from procedures.shell import shell_word
 from rig.bench import Bench, identities, open_bench
 from rig.bench_file import check_options
 from rig.disk_space import check_may_write, check_room
@@ -223,7 +224,9 @@ def resume_run(
             return Result(path, Outcome.COMPLETE, said, state, plan.procedure, head[1].hex())
         other = goes_on_in(reader, state)
         if other is not None:
-            raise UsageError(f"{path} was moved or replaced during the run, which continues: rig resume {other}")
+            raise UsageError(
+                f"{path} was moved or replaced during the run, which continues: rig resume {shell_word(other)}"
+            )
         if state.rescued:
             warn(f"{path} continues in {state.rescued}, which does not exist: it continues here now; never resume both")
     check_may_write(path)
@@ -261,9 +264,13 @@ def _moved(plan: Plan, path: Path) -> str:
         return ""
     if plan.bench.live is not None:
         return (
-            f"\nThe run began on a bench of `rig sim`; if that was started again: rig resume {path} --bench LIVE.toml"
+            f"\nThe run began on a bench of `rig sim`; if that was started again: rig resume "
+            f"{shell_word(path)} --bench LIVE.toml"
         )
-    return f"\nIf it has another address now, correct it in the bench file; then: rig resume {path} --bench BENCH"
+    return (
+        f"\nIf it has another address now, correct it in the bench file; then: rig resume "
+        f"{shell_word(path)} --bench BENCH"
+    )
 
 
 def _losses(run: RunWriter, state: RunState, told: int) -> Iterator[str]:

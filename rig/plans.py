@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from fitter.errors import FitError
 from procedures.kind import Completed, Procedure
 from procedures.kinds import kind_of
+from procedures.shell import shell_word
 from rig.bench_file import check_options
 from rig.config import BenchConfig, InstrumentConfig, parse_bench, parse_procedure, parse_toml, read_text
 from rig.contract_files import files_beside, read_bench, with_contracts, with_files
@@ -178,7 +179,9 @@ def _begun_with(run: RunReader, path: Path) -> RunList:
     """The run list in the file, for a run of another version of rig that would generate a different list."""
     stored = run.run_list()
     if stored.sha256() != run.about().run_list:
-        raise ConfigurationError(f"{path}: its run list is not the one it began with; `rig verify {path}` says more")
+        raise ConfigurationError(
+            f"{path}: its run list is not the one it began with; `rig verify {shell_word(path)}` says more"
+        )
     return stored
 
 

@@ -20,6 +20,7 @@ from fitter.quantiles import t_limit
 from procedures.charting import Calibrations, Charting, Shown, View
 from procedures.errors import DataError
 from procedures.general.infer import CurveCalibration, too_few_digits
+from procedures.shell import shell_word
 from procedures.table import Table
 from procedures.unused import unit_of
 
@@ -157,7 +158,8 @@ class GeneralCharting(Charting):
             found = self.of_file(fit_run(asked).to_json(), table.source)
             return replace(found, simulated=table.simulated, provenance=table.provenance)
         raise DataError(
-            f"Make a calibration of any other table first, rig fit {table.source} --response Y --formula '1 + X' --out "
+            f"Make a calibration of any other table first, rig fit {shell_word(table.source)} "
+            f"--response Y --formula '1 + X' --out "
             f"C.json, and chart C.json@DATE"
         )
 

@@ -12,6 +12,7 @@ from rich.markup import escape
 
 from procedures.kind import Kind
 from procedures.results import Options
+from procedures.shell import shell_word
 from rig.atomic import check_files, write_whole
 from rig.cli import app
 from rig.cli.confirm_show import listed, show, show_open, show_proposals
@@ -133,8 +134,8 @@ def confirm(
         path, ended = _run(plan, out_dir, asked.world_s + asked.later_s if dry else 0.0, dry=dry, as_json=as_json)
         made.append(path)
         if ended is not None:
-            words = f"rig confirm {run_file} {' '.join(f'--by {path}' for path in made)}"
-            err.print(f"when it is complete (rig resume {escape(str(path))}): {escape(words)}", soft_wrap=True)
+            words = f"rig confirm {shell_word(run_file)} {' '.join(f'--by {shell_word(path)}' for path in made)}"
+            err.print(f"when it is complete (rig resume {escape(shell_word(path))}): {escape(words)}", soft_wrap=True)
             return ended
         told = judge(first, *made)
         now = following(told)
@@ -226,7 +227,7 @@ def _chosen(
     if not proposals:
         err.print(
             "no run of this bench is proposed: none would separate the open pairs. Sizes alone are confirmed by the "
-            f"same procedure again: rig run, then rig confirm {escape(str(first.path))} --by LATER_RUN",
+            f"same procedure again: rig run, then rig confirm {escape(shell_word(first.path))} --by LATER_RUN",
             soft_wrap=True,
         )
     elif take > len(proposals):
@@ -245,10 +246,11 @@ def _end(told: Confirmed, about: Mapping[str, Any], report: Path | None, *, dry:
 
     code = show(told, about, report, as_json=as_json)
     if following(told) is not None:
-        words = " ".join(f"--after {path}" for path in told.paths) + (" --dry" if dry else "")
+        words = " ".join(f"--after {shell_word(path)}" for path in told.paths) + (" --dry" if dry else "")
         few = f"{escape(why)}; its further runs are unlikely to decide it" if (why := about.get("unlikely")) else ""
         err.print(
-            f"{few or 'a further run may decide more'}: rig confirm {escape(str(told.first.path))} {escape(words)}",
+            f"{few or 'a further run may decide more'}: rig confirm "
+            f"{escape(shell_word(told.first.path))} {escape(words)}",
             soft_wrap=True,
         )
     return code

@@ -10,6 +10,7 @@ from rich.markup import escape
 
 from procedures.kind import Kind
 from procedures.results import Traced
+from procedures.shell import shell_word
 from rig.atomic import check_files
 from rig.cli import app
 from rig.cli.budget_options import EquipmentOption
@@ -142,6 +143,7 @@ def _show_trace(kind: Kind, traced: Traced) -> None:
     found = any(finding.kind == "effect" for outcome in traced.outcomes for finding in outcome.findings)
     if found and "run_id" in traced.table.provenance and kind.confirming(traced) is not None:
         out.print(
-            f"\nto confirm these effects by a further run: rig confirm {escape(traced.table.source)} --list",
+            f"\nto confirm these effects by a further run: rig confirm "
+            f"{escape(shell_word(traced.table.source))} --list",
             soft_wrap=True,
         )

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 from rich.markup import escape
 
+from procedures.shell import shell_word
 from rig.cli import app
 from rig.cli.options import OperatorOption, RunArgument
 from rig.cli.show import err
@@ -32,7 +33,7 @@ def _ask(run_file: Path, verb: str, **more: Any) -> int:
             with contextlib.suppress(FileExistsError):
                 posted = send_request(run_file, verb, **more)
                 if posted is None and not controller_alive(run_file):
-                    status = f"`rig status {run_file}` shows its state"
+                    status = f"`rig status {shell_word(run_file)}` shows its state"
                     raise UsageError(f"no controller is running on {run_file}; {status}")
                 request_id = posted or ""  # it runs, and its session is not known yet or unreadable
         live = read_json(live_path(run_file))
@@ -45,7 +46,7 @@ def _ask(run_file: Path, verb: str, **more: Any) -> int:
         stands = f"it will {verb} at its next check" if request_id else f"it was not asked to {verb}"
         raise RigError(
             f"the controller of {run_file} did not acknowledge within 30 s ({stands}): an instrument keeps it "
-            f"waiting, its disk is full, or it hangs; `rig status {run_file}`"
+            f"waiting, its disk is full, or it hangs; `rig status {shell_word(run_file)}`"
         )
     refused = (live or {}).get("refused")
     if isinstance(refused, str) and refused:
@@ -62,7 +63,9 @@ def _ended(run_file: Path, verb: str) -> int:
     if verb == "stop" and how in ("stopped", "complete"):
         err.print(f"{verb}: the run is {how}")
         return ExitCode.DONE
-    raise RigError(f"the controller ended before it could {verb}: the run is {how}; `rig status {run_file}` says more")
+    raise RigError(
+        f"the controller ended before it could {verb}: the run is {how}; `rig status {shell_word(run_file)}` says more"
+    )
 
 
 @app.command()

@@ -16,6 +16,7 @@ import typer
 from rich.markup import escape
 
 from procedures.durations import duration
+from procedures.shell import shell_word
 from rig.accepted import Acceptance
 from rig.atomic import check_added_to
 from rig.cli import app
@@ -122,7 +123,8 @@ def run(
             )
         if create_only:
             err.print(
-                f"{mark(simulated)}created; nothing has moved; rig resume {escape(str(result.path))}", soft_wrap=True
+                f"{mark(simulated)}created; nothing has moved; rig resume {escape(shell_word(result.path))}",
+                soft_wrap=True,
             )
             return ExitCode.DONE
         code = conclude(result)
@@ -174,7 +176,9 @@ def resume(
     if state.rested == "stopped" and state.ended is None:
         ServiceManager().ended("stopped by rig stop")
         name = escape(str(run_file))
-        err.print(f"{name} was stopped by a person; rig resume {name} continues it", soft_wrap=True)
+        err.print(
+            f"{name} was stopped by a person; rig resume {escape(shell_word(run_file))} continues it", soft_wrap=True
+        )
         return ExitCode.STOPPED
     asked = Listening(log, log_format, notify, notify_file, dry=dry, strict=False)
     with listening(facts_of(run_file), asked, _warn) as listeners:
@@ -235,7 +239,7 @@ def conclude(result: Result) -> int:
                 highlight=False,
             )
         if result.outcome in (Outcome.INTERRUPTED, Outcome.STOPPED):
-            err.print(f"continue with: rig resume {escape(str(result.path))}", soft_wrap=True, highlight=False)
+            err.print(f"continue with: rig resume {escape(shell_word(result.path))}", soft_wrap=True, highlight=False)
         if result.outcome is Outcome.COMPLETE and (not state.accepted or _outside_acceptance(result)):
             return ExitCode.OUTSIDE_ACCEPTANCE
     return _EXIT[result.outcome]

@@ -11,6 +11,7 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
+from procedures.shell import shell_word
 from rig.atomic import write_whole
 from rig.cli import app
 from rig.cli.options import RunArgument
@@ -117,13 +118,18 @@ def _refused(run_file: Path) -> ExitCode | None:
     if state.ended is not None:
         raise UsageError(f"{run_file} is {state.ended} ({stands}): there is nothing to continue")
     if other is not None:
-        raise UsageError(f"{run_file} was moved or replaced during the run, which continues: rig service {other}")
+        raise UsageError(
+            f"{run_file} was moved or replaced during the run, which continues: rig service {shell_word(other)}"
+        )
     if controller_alive(run_file):
         what = f"a controller is running on it ({stands}); the service can begin when that has ended"
         err.print(f"{name}: {what}", soft_wrap=True)
     elif state.rested == "stopped":
         why = "a service does not resume it"
-        err.print(f"{name} was stopped by a person ({stands}): {why}; rig resume {name} continues it", soft_wrap=True)
+        err.print(
+            f"{name} was stopped by a person ({stands}): {why}; rig resume {escape(shell_word(run_file))} continues it",
+            soft_wrap=True,
+        )
         return ExitCode.STOPPED
     else:
         why = f": {state.last_fault}" if state.rested == "faulted" else ""

@@ -11,6 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from procedures.durations import duration
+from procedures.shell import shell_word
 from rig.cli import app
 from rig.cli.options import JsonOption
 from rig.cli.show import err, out, print_json
@@ -98,7 +99,9 @@ def _row(path: Path) -> tuple[dict[str, Any], int]:
         with reader:
             about = reader.about()
         if wrong is not None and wrong.where not in CUT_SHORT:
-            message = f"{path} was edited or damaged: {wrong}; rig verify {path} lists everything that is wrong"
+            message = (
+                f"{path} was edited or damaged: {wrong}; rig verify {shell_word(path)} lists everything that is wrong"
+            )
             return {"run_file": str(path), "state": "not whole", "message": message}, int(ExitCode.FAULT)
         with sensible(path):
             return _known(path, state, about)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.markup import escape
 
+from procedures.shell import shell_word
 from rig.cli import app
 from rig.cli.options import JsonOption, RunArgument
 from rig.cli.show import mark, out, print_json
@@ -142,9 +143,12 @@ def _next(new: Path, state: RunState, other: Path | None) -> str:
     if state.ended is not None:
         return ""
     if other is None:
-        return f"measure again what is missing: rig resume {new}"
+        return f"measure again what is missing: rig resume {shell_word(new)}"
     if other.is_file():
-        return f"the run goes on in {other}, which has the missing records: rig resume {other}; never resume both"
+        return (
+            f"the run goes on in {other}, which has the missing records: rig resume "
+            f"{shell_word(other)}; never resume both"
+        )
     return f"the run goes on in {other}, which does not exist: look for it before you resume {new}; never resume both"
 
 
@@ -155,7 +159,7 @@ def _not_restored(damaged: Path, one: Other) -> str:
         if one.same_until
         else f"another run, {one.run or 'without a name'}"
     )
-    way = f"rig verify {damaged} --restore OTHER.sqlite --head {one.head[:16]}"
+    way = f"rig verify {shell_word(damaged)} --restore OTHER.sqlite --head {one.head[:16]}"
     return f"not restored: {what}, {one.records} records{ended}: {way}"
 
 
@@ -170,8 +174,9 @@ def _way_forward(path: Path, found: Verification) -> str:
     return (
         f"{path} was edited or damaged: {found.findings[0]}{more}. Keep it as it is. "
         f"A copy from before the damage can be fitted and resumed; "
-        f"`rig verify {path} --restore NEW.sqlite` saves the provable beginning, which can be fitted and resumed; "
-        f"`rig export {path} --salvage --out DATA.csv` saves the observations that can still be read, "
+        f"`rig verify {shell_word(path)} --restore NEW.sqlite` saves the provable beginning, which "
+        f"can be fitted and resumed; "
+        f"`rig export {shell_word(path)} --salvage --out DATA.csv` saves the observations that can still be read, "
         f"which are not verified"
     )
 

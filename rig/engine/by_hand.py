@@ -6,7 +6,6 @@ again, in any session.
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -14,6 +13,7 @@ from typing import Any
 from drivers.clock import Clock
 from procedures.by_hand import HandStep, next_step
 from procedures.run_list import Point, RunList
+from procedures.shell import shell_word
 from rig.engine.journal import Journal
 from rig.engine.set_by_hand import SetByHand as Settings
 from rig.engine.set_by_hand import ToSet
@@ -209,7 +209,7 @@ class ByHand:
         if self._journal.elapsed() - self._asked_s <= limit_s:
             return ""
         waited = f"nobody said within {limit_s / 3600.0:g} h that this was done: {self.asked.instruction}"
-        return f"{waited}; parked. `rig resume {shlex.quote(str(self._path))}` asks again"
+        return f"{waited}; parked. `rig resume {shell_word(self._path)}` asks again"
 
     def wait(self) -> None:
         """Let some time pass: bench time for a simulated person, real time for others."""

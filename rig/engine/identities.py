@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from procedures.shell import shell_word
 from rig.engine.journal import Journal
 from rig.errors import BenchFault
 from rig.run_file.events.sessions import Identified
@@ -35,7 +36,8 @@ def compare_identities(
         if before is not None and name not in accept:
             raise BenchFault(
                 f"{name} is another instrument than before (was {_who(before)}; is {_who(now)}). Connect the first "
-                f"one, or accept the new one as a new block of the data: rig resume {path} --accept {name}"
+                f"one, or accept the new one as a new block of the data: rig resume "
+                f"{shell_word(path)} --accept {shell_word(name)}"
             )
         journal.write(Identified(instrument=name, **now, replaces=before))
 

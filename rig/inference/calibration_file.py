@@ -10,6 +10,7 @@ from typing import Any
 
 from procedures.kind import Kind
 from procedures.kinds import kinds
+from procedures.shell import shell_word
 from procedures.words import incomplete
 from rig.errors import UsageError
 from rig.inference.total import KeptBudget
@@ -41,12 +42,13 @@ def read_calibration(path: Path) -> CalibrationFile:
     """Read a calibration file of `rig fit --out`. Raises `UsageError`."""
     if path.suffix == ".sqlite":
         raise UsageError(
-            f"{path} is a run file; make a calibration from it first: rig fit {path} --out calibration.json"
+            f"{path} is a run file; make a calibration from it first: rig fit {shell_word(path)} --out calibration.json"
         )
     if path.suffix == ".xml":
         raise UsageError(
             f"{path} is no calibration file of `rig fit --out`. Of the values of a digital calibration "
-            f"certificate make one: rig certificate --read {path} --column bath_degC=NAME --column prt_ohm=NAME > "
+            f"certificate make one: rig certificate --read {shell_word(path)} --column "
+            f"bath_degC=NAME --column prt_ohm=NAME > "
             f"t.csv, then rig fit t.csv --out c.json; numbers for the register: --as-equipment ASSET"
         )
     try:

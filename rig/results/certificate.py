@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from fitter.errors import FitError
 from procedures.errors import DataError
+from procedures.shell import shell_word
 from rig.certificate import about, assembly
 from rig.certificate.document import Dates, Document, Stage
 from rig.certificate.settings import CertificateSettings, read_settings
@@ -150,7 +151,7 @@ def _read(path: Path, stage: Stage, asked: Asked, settings: CertificateSettings,
         state = read_state(reader)
     run = _Run(path, stage, state, found.records, dry, register)
     if state.ended != "complete":
-        reasons.append(f"{path} is not complete: {state.remaining} points are missing; rig resume {path}")
+        reasons.append(f"{path} is not complete: {state.remaining} points are missing; rig resume {shell_word(path)}")
     later = asked.confirmed_by if path == asked.runs[-1] else ()
     with _noted(reasons):
         _checked(run, asked, reasons)
@@ -284,21 +285,22 @@ def _doubts(run: _Run) -> Iterator[str]:
 
 def _next_run(run: _Run, verdict: str) -> str:
     """What to run next for a doubtful name, by the verdict of the further runs that were given; "" without any."""
-    dry = " --dry" if run.dry else ""
+    dry, confirm = " --dry" if run.dry else "", f"rig confirm {shell_word(run.path)}"
     if run.confirmed is None or not verdict:
-        return f"confirm it by a further run (rig confirm {run.path}{dry}), then --confirmed-by"
+        return f"confirm it by a further run ({confirm}{dry}), then --confirmed-by"
     paths = run.confirmed.paths
     files = " and ".join(path.name for path in paths)
+    by, after, given = (
+        " ".join(f"--{o} {shell_word(path)}" for path in paths) for o in ("by", "after", "confirmed-by")
+    )
     if verdict == "none holds":
-        by = " ".join(f"--by {path}" for path in paths)
         return (
             f"by {files} it is none of the causes that were looked for, or it changed between the runs: no certificate "
-            f"is made of this run. rig confirm {run.path} {by} shows why; find the cause, then calibrate again"
+            f"is made of this run. {confirm} {by} shows why; find the cause, then calibrate again"
         )
-    after, by = (" ".join(f"{option} {path}" for path in paths) for option in ("--after", "--confirmed-by"))
     return (
-        f"{files} did not confirm it (verdict: {verdict}): make the next run (rig confirm {run.path} {after}{dry}), "
-        f"then {by} --confirmed-by NEXT_RUN"
+        f"{files} did not confirm it (verdict: {verdict}): make the next run ({confirm} {after}{dry}), "
+        f"then {given} --confirmed-by NEXT_RUN"
     )
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from procedures.errors import DataError
+from procedures.shell import shell_word
 from procedures.unused import sentences, unit_of
 from procedures.words import units
 from rig.atomic import write_whole
@@ -117,7 +118,7 @@ class Calibration(Evaluated):
     def _page(self) -> Page:
         page = self.fitted.page()
         if page is None:
-            trace = f"rig trace {self.source} --report writes one"
+            trace = f"rig trace {shell_word(self.source)} --report writes one"
             raise UsageError(f"--report: a fit of {self.kind.title} has none; {trace}")
         return page
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from procedures.errors import DataError
+from procedures.shell import shell_word
 from rig.closed_loop.budget import OfRun, run_with_register
 from rig.closed_loop.kept import REPEATABILITY, budget_section
 from rig.errors import ConfigurationError, UsageError
@@ -90,7 +91,7 @@ class Registered:
         if beyond:
             return Uncertainty(f"{REPEATABILITY}: influences are those of a fit without {', '.join(beyond)}")
         if not keep:
-            return Uncertainty(f"{REPEATABILITY}: rig budget {self.run.table.source} gives uncertainties")
+            return Uncertainty(f"{REPEATABILITY}: rig budget {shell_word(self.run.table.source)} gives uncertainties")
         try:
             section = budget_section(self.run, {name: given[name] for name in known if name in given})
         except DataError as error:

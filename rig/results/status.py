@@ -16,6 +16,7 @@ from rich.markup import escape
 from drivers.clock import RealClock
 from procedures.blocks import Block, Line, simulated_mark
 from procedures.durations import duration
+from procedures.shell import shell_word
 from rig.accepted import Acceptance
 from rig.engine.early_warning import warnings_in
 from rig.engine.time_left import left_when_resumed_s
@@ -107,10 +108,13 @@ class Status:
             again = "rig resume measures again what is gone"
             yield Line(f"  [bold yellow]cut short:[/] {escape(str(self.wrong))}; {again}")
         elif self.wrong is not None:
-            trust = f"Do not trust these figures; rig verify {name} lists all defects"
+            trust = f"Do not trust these figures; rig verify {escape(shell_word(self.path))} lists all defects"
             yield Line(f"  [bold red]NOT WHOLE:[/] edited or damaged: {escape(str(self.wrong))}. {trust}")
         elif self.told["whole"] is None:
-            yield Line(f"  not verified, {self.told['records']} records need some time: rig verify {name}")
+            yield Line(
+                f"  not verified, {self.told['records']} records need some time: rig verify "
+                f"{escape(shell_word(self.path))}"
+            )
 
     def _faults(self) -> Iterator[Block]:
         """Faults so far, decisions about them, and persistent problems."""
@@ -141,7 +145,7 @@ class Status:
             lost = f"continues in {escape(state.rescued)}, which does not exist: look for it before you resume here"
             yield Line(f"  [bold yellow]{lost}[/]")
         if not running and state.ended is None and not self.broken:
-            yield Line(f"  continue with: rig resume {name if self.other is None else escape(str(self.other))}")
+            yield Line(f"  continue with: rig resume {escape(shell_word(self.other or self.path))}")
 
 
 def status_of(run_file: Path) -> Status:

@@ -19,6 +19,7 @@ from typing import Any
 
 import apsw
 
+from procedures.shell import shell_word
 from rig.errors import RunFileError
 from rig.regular import check_regular, open_regular
 from rig.run_file.chain import followed
@@ -182,7 +183,7 @@ def _must_be_a_file(path: Path, suffix: str) -> None:
 def _move(path: Path, suffix: str) -> str:
     return (
         f"{saved_words(path)}Move {path}-{suffix} to another folder and keep it (it may belong to another copy of the "
-        f"run); then `rig verify {path}` says what the file holds"
+        f"run); then `rig verify {shell_word(path)}` says what the file holds"
     )
 
 

@@ -13,13 +13,13 @@ import fcntl
 import json
 import os
 import secrets
-import shlex
 import stat
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from procedures.shell import shell_word
 from rig.regular import real_path
 from rig.run_file.bodies import COUNT, NUMBER
 from rig.temporary import sweep, temporary_in
@@ -121,7 +121,7 @@ def done_command(run: Path | str, value: str) -> str:
 
     It can be typed as it is, but for V.
     """
-    return f"rig done {shlex.quote(str(run))}{' --value V' if value else ''}"
+    return f"rig done {shell_word(run)}{' --value V' if value else ''}"
 
 
 class LiveState:

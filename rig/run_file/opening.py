@@ -11,6 +11,7 @@ from pathlib import Path
 import apsw
 
 from drivers.clock import RealClock
+from procedures.shell import shell_word
 from rig.errors import RunFileError, UsageError
 from rig.regular import open_regular
 from rig.run_file.beside import Alone, alone, check_journal, has_log
@@ -168,7 +169,7 @@ def checked(path: Path, db: apsw.Connection) -> apsw.Connection:
 def edited(path: Path, what: str) -> RunFileError:
     """The error for a file that was changed by a person or another program."""
     return RunFileError(
-        f"{path} was edited or damaged: {what}. `rig verify {path}` lists everything that is wrong. "
+        f"{path} was edited or damaged: {what}. `rig verify {shell_word(path)}` lists everything that is wrong. "
         f"{_way_forward(path)}"
     )
 

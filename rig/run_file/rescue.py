@@ -10,6 +10,7 @@ from pathlib import Path
 
 import apsw
 
+from procedures.shell import shell_word
 from rig.errors import RigError, StorageError
 from rig.run_file.audit import findings
 from rig.run_file.chain import Record, encode, link
@@ -49,10 +50,12 @@ def rescue(
                 with contextlib.suppress(apsw.Error):
                     own.config(apsw.SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 0)
                     _hand_over(own, copy)
-            return StorageError(f"{what}. Everything up to the last observation is in {copy}; then: rig resume {copy}")
+            return StorageError(
+                f"{what}. Everything up to the last observation is in {copy}; then: rig resume {shell_word(copy)}"
+            )
     return StorageError(
         f"{what}, and no copy could be made ({why}): look for the file that was moved, or see what "
-        f"`rig verify {path} --restore NEW.sqlite` finds"
+        f"`rig verify {shell_word(path)} --restore NEW.sqlite` finds"
     )
 
 

@@ -18,6 +18,7 @@ from typing import Any
 import apsw
 
 from procedures.run_list import Factor, Point, RunList
+from procedures.shell import shell_word
 from rig.errors import RunFileError, StorageError, UsageError
 from rig.run_file.audit import findings
 from rig.run_file.bodies import ContentsError
@@ -195,7 +196,7 @@ def _documents(path: Path, declared: RunCreated, chains: Chains, pages: Pages) -
         if text is None:
             raise RunFileError(
                 f"{path}: the document {name} that the run began with cannot be read: nothing can be restored; "
-                f"`rig export {path} --salvage --out DATA.csv` may still save observations"
+                f"`rig export {shell_word(path)} --salvage --out DATA.csv` may still save observations"
             )
         intact[name] = text
     return intact

@@ -5,10 +5,14 @@ from __future__ import annotations
 import contextlib
 from pathlib import Path
 
+from procedures.shell import shell_word
+
 
 def saved_in(path: Path) -> tuple[str, ...]:
     """A sentence without its full stop that names the rescued copy of a damaged file; "" if there is none."""
-    return tuple(f"what its controller saved of it is in {copy}: rig resume {copy}" for copy in _copies(path)[:1])
+    return tuple(
+        f"what its controller saved of it is in {copy}: rig resume {shell_word(copy)}" for copy in _copies(path)[:1]
+    )
 
 
 def saved_words(path: Path) -> str:

@@ -16,6 +16,7 @@ from typing import Self
 
 import apsw
 
+from procedures.shell import shell_word
 from rig.errors import BusyError, RunFileError, StorageError
 from rig.regular import real_path
 from rig.run_file import wal
@@ -57,7 +58,7 @@ class RunWriter(RunReader):
         lock = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
         try:
             if not locked(lock):
-                raise BusyError(f"{path} is in use by another controller; `rig status {path}` shows it")
+                raise BusyError(f"{path} is in use by another controller; `rig status {shell_word(path)}` shows it")
             check_name(path)
             check_journal(path)
             alone = by_itself(path)
@@ -267,5 +268,5 @@ def _renew_log(path: Path, vfs: str) -> None:
 def _not_durable(path: Path, error: Exception) -> StorageError:
     return StorageError(
         f"cannot write to {path}: {error}. Everything up to the last observation is safe. "
-        f"Free space or mend the disk, then: rig resume {path}"
+        f"Free space or mend the disk, then: rig resume {shell_word(path)}"
     )

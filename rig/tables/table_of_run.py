@@ -19,6 +19,7 @@ import numpy as np
 from procedures.by_hand import Made
 from procedures.column_names import since_of, spelled, split_unit, with_word
 from procedures.run_list import RunList
+from procedures.shell import shell_word
 from procedures.table import SENSOR_TEMPERATURE, Columns, Table
 from rig.errors import RunFileError
 from rig.run_file.bodies import ContentsError
@@ -91,7 +92,7 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False, ev
         ended = not salvage and any(True for _ in reader.records(Ended.kind))
         skipped = [] if salvage else _skipped(reader, run_list)
     if not rows:
-        raise RunFileError(f"{path} holds no observations yet; `rig resume {path}` measures some")
+        raise RunFileError(f"{path} holds no observations yet; `rig resume {shell_word(path)}` measures some")
     _fill(rows, run_list, made, bench, settings)
     columns = {name: np.array([row.get(name, math.nan) for row in rows], float) for name in _all_names(rows)}
     provenance = {

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from procedures.column_names import spelled, unit_of
 from procedures.run_list import Factor
+from procedures.shell import shell_word
 from rig.run_file.bodies import NUMBER
 from rig.run_file.live import asked_by_hand, done_command
 from rig.run_file.state import RunState
@@ -44,7 +44,7 @@ def state_now(fold: RunState, live: Mapping[str, Any], running: bool, path: Path
         running: whether a controller is running.
         path: the run file, for commands to type.
     """
-    file = shlex.quote(str(path))
+    file = shell_word(path)
     if running:
         state = str(live.get("state", ""))
         said = " ".join(str(live.get(key) or "") for key in ("message", "detail")).strip()

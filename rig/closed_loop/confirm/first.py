@@ -14,6 +14,7 @@ from fitter.effects.hands import Done
 from procedures.confirming import Confirming
 from procedures.kind import Procedure
 from procedures.kinds import kind_of
+from procedures.shell import shell_word
 from procedures.table import Table
 from rig.closed_loop import Traced, known, trace_table
 from rig.config import BenchConfig
@@ -151,15 +152,15 @@ def read_later(first: First, path: Path) -> Later:
     if kind != of_first:
         raise UsageError(
             f"{path} is a {kind} run and {first.path} a {of_first} run: name a run of the same kind on the same bench; "
-            f"rig confirm {first.path} --list shows those that would confirm it"
+            f"rig confirm {shell_word(first.path)} --list shows those that would confirm it"
         )
     if not table.provenance["complete"]:
-        raise UsageError(f"{path} is not complete: rig resume {path}, then repeat this command")
+        raise UsageError(f"{path} is not complete: rig resume {shell_word(path)}, then repeat this command")
     if table.provenance["bench"] != first.traced.table.provenance["bench"]:
         raise UsageError(
             f"{path} was made on bench {table.provenance['bench']}, {first.path} on "
             f"{first.traced.table.provenance['bench']}: effects of a head or a line are confirmed on the same bench; "
-            f"rig confirm {first.path} --list shows the runs that would confirm them"
+            f"rig confirm {shell_word(first.path)} --list shows the runs that would confirm them"
         )
     with RunReader.open(path) as reader:
         simulated, began_utc_s = reader.about().simulated, reader.genesis().utc_s
@@ -174,7 +175,7 @@ def read_later(first: First, path: Path) -> Later:
         )
     after_s = began_utc_s - first.began_utc_s
     if path.resolve() == first.path.resolve():
-        raise UsageError(f"{path} is the traced run itself: name a later one, made by rig confirm {path}")
+        raise UsageError(f"{path} is the traced run itself: name a later one, made by rig confirm {shell_word(path)}")
     if after_s <= 0:
         dry = "; a dry run begins at its world's epoch: give the world of the later one a later `epoch`"
         raise UsageError(

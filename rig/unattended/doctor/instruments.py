@@ -13,6 +13,7 @@ from drivers.clock import Clock, RealClock, ScaledClock
 from drivers.errors import DriverError
 from drivers.roles import Identity, Instrument, Remarking
 from drivers.wires import Wires
+from procedures.shell import shell_word
 from rig.bench_file import check_options
 from rig.config import BenchConfig, InstrumentConfig, due_dates
 from rig.errors import BusyError
@@ -103,7 +104,7 @@ def _identity(
     if before is not None and any(before[key] != now[key] for key in now):
         was = f"{before['maker']} {before['model']}, serial number {before['serial'] or 'unknown'}"
         was += f", asset {before['asset']}" if before["asset"] else ""
-        advice = f"connect the first one, or: rig resume {run_file or 'RUN'} --accept {name}"
+        advice = f"connect the first one, or: rig resume {shell_word(run_file or 'RUN')} --accept {shell_word(name)}"
         return problem(name, f"{text}; the run began with another one ({was})", advice)
     if not found.confirmed and not declared.asset:
         advice = "give it an asset number in the bench file: nothing else distinguishes it from another one"

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 
 from procedures.durations import duration
+from procedures.shell import shell_word
 from rig.engine.session import Progress
 from rig.run_file.events.by_hand import AskedByHand, AskedToSet
 from rig.run_file.live import done_command
@@ -133,20 +134,20 @@ def _progress(news: Progress, happening: Happening) -> str:
 def _by_hand(asked: AskedByHand, run: str) -> str:
     """The next step of a person, and the consequence if nobody does it."""
     value = f", where V is {asked.value}" if asked.value else ""
-    late = f"After {duration(asked.timeout_s)} it parks; rig resume {run} then asks again."
+    late = f"After {duration(asked.timeout_s)} it parks; rig resume {shell_word(run)} then asks again."
     return f"Do it, then: {done_command(run, asked.value)}{value}. rig release does not count as done. {late}"
 
 
 def _to_set(asked: AskedToSet, run: str) -> str:
     """The next step of a person who sets a factor, and the consequence if nobody does it."""
-    late = f"After {duration(asked.timeout_s)} it parks; rig resume {run} then asks again."
+    late = f"After {duration(asked.timeout_s)} it parks; rig resume {shell_word(run)} then asks again."
     return f"Do it, then: {done_command(run, '')}, with --value V if {asked.factor} is known exactly as V. {late}"
 
 
 def _next(happening: Happening, facts: RunFacts) -> str:
     run = "RUN" if facts.path is None else one_line(str(facts.path.absolute()))
     if happening.unsafe:
-        return f"Go and look at the bench now: not everything is in its safe state. Then: rig resume {run}"
+        return f"Go and look at the bench now: not everything is in its safe state. Then: rig resume {shell_word(run)}"
     again = _AGAIN if facts.served else ""
     if isinstance(happening.event, AskedToSet):
         return _to_set(happening.event, run)
@@ -154,17 +155,26 @@ def _next(happening: Happening, facts: RunFacts) -> str:
         return _by_hand(happening.event, run)
     match happening.kind:
         case Kind.HOLD:
-            return f"Look at the bench, then: rig release {run} (or rig stop {run} to park it). It waits."
+            return (
+                f"Look at the bench, then: rig release {shell_word(run)} (or rig stop "
+                f"{shell_word(run)} to park it). It waits."
+            )
         case Kind.ENDED_BY_FAULT:
-            where = f"then: rig resume {run}" if facts.path else "then start again"
+            where = f"then: rig resume {shell_word(run)}" if facts.path else "then start again"
             return f"Remove the cause, {where}.{again}"
         case Kind.STOP | Kind.INTERRUPT:
-            return f"When ready: rig resume {run}"
+            return f"When ready: rig resume {shell_word(run)}"
         case Kind.FINISH:
-            return f"rig fit {run}; rig trace {run} --report night.html"
+            return f"rig fit {shell_word(run)}; rig trace {shell_word(run)} --report night.html"
         case Kind.FAULT | Kind.WARNING:
-            return f"Nothing has to be done now. rig status {run} shows more; rig hold {run} makes it wait."
+            return (
+                f"Nothing has to be done now. rig status {shell_word(run)} shows more; rig hold "
+                f"{shell_word(run)} makes it wait."
+            )
         case Kind.CRASH:
-            return f"Nothing has to be done; find out why the machine or the program went down. rig status {run}"
+            return (
+                f"Nothing has to be done; find out why the machine or the program went down. rig "
+                f"status {shell_word(run)}"
+            )
         case _:
             return "Nothing has to be done."
