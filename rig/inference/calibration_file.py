@@ -13,8 +13,11 @@ from procedures.kinds import kinds
 from procedures.shell import shell_word
 from procedures.words import incomplete
 from rig.errors import UsageError
+from rig.inference.content_hash import KEY, NOT_CHECKED, changed
 from rig.inference.total import KeptBudget
 from rig.regular import read_regular_text
+
+_LARGEST = 1e150
 
 
 @dataclass(frozen=True)
@@ -69,8 +72,13 @@ def calibration_in(text: str, source: str) -> CalibrationFile:
     """The calibration in the text of such a file; `source` is its name in messages. Raises `UsageError`."""
     try:
         given = json.loads(text)
+        _check_unchanged(given, source)
+        if (large := _too_large(given)) is not None:
+            raise ValueError(f"its {large} is too large to compute with")
         about, kind = given["data"], _kind(given)
         words = kind.notes_of(given)
+        if KEY not in given:
+            words = (NOT_CHECKED, *words)
         budget = KeptBudget.of(given["budget"]) if "budget" in given else None
         calibration = kind.calibration_of(given)
         return CalibrationFile(kind, calibration, bool(about.get("simulated")), incomplete(about), words, budget)
@@ -80,8 +88,31 @@ def calibration_in(text: str, source: str) -> CalibrationFile:
         raise _no_calibration(source, error) from error
 
 
+def _check_unchanged(given: Any, source: str) -> None:
+    """Refuse a file of which a key is not what was written: the block for readers and the one that is used agree."""
+    keys = changed(given) if isinstance(given, Mapping) else []
+    if keys:
+        verb = "is" if len(keys) == 1 else "are"
+        raise UsageError(
+            f"{source} was changed after `rig fit --out` wrote it: {', '.join(keys)[:200]} {verb} not what {KEY} in it "
+            f"says. Write it again with `rig fit DATA --out {source}`, or take a copy"
+        )
+
+
+def _too_large(given: Any, key: str = "") -> str | None:
+    """Key, with points between its parts, of the first number whose square is no double; None if there is none."""
+    if isinstance(given, int | float):
+        return key if not abs(given) <= _LARGEST else None
+    parts = given.items() if isinstance(given, dict) else enumerate(given) if isinstance(given, list) else ()
+    found = (_too_large(value, f"{key}.{name}".lstrip(".")) for name, value in parts)
+    return next((one for one in found if one is not None), None)
+
+
 def _no_calibration(source: str, error: Exception) -> UsageError:
-    return UsageError(f"{source} is not a calibration file of `rig fit --out`: {error}")
+    what = f"it has no key {error}" if isinstance(error, KeyError) else str(error)
+    return UsageError(
+        f"{source} is not a calibration file of `rig fit --out`: {what}. Write it again with `rig fit DATA --out FILE`"
+    )
 
 
 def _kind(given: Mapping[str, Any]) -> Kind:

@@ -18,6 +18,7 @@ from rig.closed_loop.kept import REPEATABILITY
 from rig.effects import laboratory_effects
 from rig.errors import UsageError
 from rig.inference import calibration_in
+from rig.inference.content_hash import with_hashes
 from rig.options import chosen
 from rig.results.frames import Frame, of_rows
 from rig.results.inferred import Inferred, check_readings, infer_from
@@ -150,12 +151,12 @@ class Calibration(Evaluated):
                 else f"{self.source}: {key} is too large for a double, and no calibration file can hold it; "
                 "correct the column that is so large, or give it in a larger unit"
             )
-        write_whole(Path(path), lambda file: json.dump(self._told, file, indent=2, allow_nan=False))
+        write_whole(Path(path), lambda file: json.dump(with_hashes(self._told), file, indent=2, allow_nan=False))
 
     def infer(self, readings: Readings, *, out: str | Path | None = None, **options: Any) -> Inferred:
         """Infer the measured quantities; arguments and errors as for `rig.infer`."""
         check_readings(readings, out, [Path(self.source)], options)
-        file = calibration_in(json.dumps(self._told), f"the fit of {self.source}")
+        file = calibration_in(json.dumps(with_hashes(self._told)), f"the fit of {self.source}")
         return infer_from(file, readings, out, options)
 
     def __repr__(self) -> str:

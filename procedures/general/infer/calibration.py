@@ -148,6 +148,10 @@ class CurveCalibration:
                 raise FitError(f"a calibration of a general table garbles {name}")
         if factor is not None and c and not factor.fits(k, c):
             raise FitError("a calibration of a general table garbles covariance_factor")
+        if not {*formula.names} <= {*ranges}:
+            raise FitError("a calibration of a general table lacks ranges of its variables")
+        if not formula.has_categories and k != len(formula.parameters):
+            raise FitError("a calibration of a general table garbles coefficients")
         if reading is not None and not 0.0 <= reading < np.inf:
             raise FitError("a calibration of a general table garbles reading")
         return CurveCalibration(

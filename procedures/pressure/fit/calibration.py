@@ -101,6 +101,8 @@ class PressureCalibration:
         shapes = calibration.coefficients.shape, calibration.covariance.shape, calibration.derivatives.shape[1:]
         if shapes != ((k,), (k, k), (k, k)):
             raise FitError(f"a calibration of {k} terms has numbers for {shapes[0]}, {shapes[1]} and {shapes[2]}")
+        if calibration.errors.spread.shape != (len(calibration.derivatives),) * 2:
+            raise FitError("a calibration of pressure has derivatives by other parameters than its errors")
         return calibration
 
 
