@@ -17,6 +17,8 @@ from rig.inference.content_hash import KEY, NOT_CHECKED
 
 TABLE = "x,y\n" + "".join(f"{i},{2 + 3 * i + 0.1 * (i * 7 % 5 - 2):.3f}\n" for i in range(14))
 READINGS = "y\n5\n20\n"
+WHY = ("damaged.json", "r.csv: there is no column", "this calibration of y cannot be inverted")
+"""Where numbers still fit together, the reason is that of a calibration with such numbers."""
 
 
 @pytest.fixture(scope="module")
@@ -112,6 +114,6 @@ def test_a_damaged_file_without_a_hash_is_used_or_refused_and_never_a_fault(fold
         done = rig("infer", "damaged.json", "r.csv", "--out", "o.csv", cwd=folder)
         assert done.returncode in (0, 2), (at, done.stderr)
         if done.returncode == 2:
-            assert "damaged.json" in done.stderr or "r.csv: there is no column" in done.stderr, at
+            assert any(words in done.stderr for words in WHY), (at, done.stderr)
             refused += 1
     assert refused > 100

@@ -146,6 +146,8 @@ class CurveCalibration:
         for name, values in numbers.items():
             if (c and values.shape != wanted[name]) or not np.isfinite(values).all():
                 raise FitError(f"a calibration of a general table garbles {name}")
+        if len(numbers["derivatives"]) != c or len(numbers["spread"]) != c:
+            raise FitError("a calibration of a general table garbles variances")
         if factor is not None and c and not factor.fits(k, c):
             raise FitError("a calibration of a general table garbles covariance_factor")
         if not {*formula.names} <= {*ranges}:
