@@ -197,7 +197,9 @@ def _apart(values: Sequence[float], now: Scattered, before: Sequence[Scattered],
     others = [v for i, v in enumerate(values) if i != far]
     mean = math.fsum(others) / (n - 1)
     about = math.fsum([(v - mean) ** 2 for v in others]) / (n - 2) + _ROUNDED * _digit(now, before) ** 2
-    t = abs(values[far] - mean) / math.sqrt(about * n / (n - 1)) if about else math.inf
+    if not about:  # zero, and of unknown resolution
+        return ""
+    t = abs(values[far] - mean) / math.sqrt(about * n / (n - 1))
     if t <= _SURELY_FEW_SDS or (2.0 * n * _chance_t(n - 2, -t) >= p and not _other_sign(values[far], others, before)):
         return ""
     low, high = min(others), max(others)
@@ -243,13 +245,19 @@ def _usual(now: Scattered, before: Sequence[Scattered]) -> float:
     They are that of the quiet quarter of the points, each grown with the value to this one; that of all points but the
     noisiest tenth; and the middle one of the last few.
     """
-    grown = sorted(one.variance * _growth(one, now) for one in before)
+    grown = sorted(_grown(one, now) for one in before)
     plain = sorted(one.variance for one in before)
     last = sorted(one.variance for one in list(before)[-_RECENT:])
     quiet, n = int(_QUIET * (len(grown) - 1)), len(grown)
     # of equally noisy points the quiet quarter is quiet by chance; the other two are not corrected, to be safe
     by_chance = _chi2(now.df, (quiet + 0.7) / (n + 0.4))
     return max(grown[quiet] / by_chance, plain[int(_ALL_BUT_ODD * (n - 1))], last[len(last) // 2])
+
+
+def _grown(one: Scattered, to: Scattered) -> float:
+    """Variance that a point may have at another point's value; infinite if a point at zero does not scatter at all."""
+    growth = _growth(one, to)
+    return one.variance * growth if growth < math.inf else growth  # not NaN, which no comparison sorts
 
 
 def _growth(one: Scattered, to: Scattered) -> float:
