@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from procedures.before_after import compared
 from procedures.effects_report import effects_part
-from procedures.numbers import number
+from procedures.numbers import to_error
 from procedures.pictures import BEFORE_AFTER, dress, side_by_side
 from procedures.results import Page
 
@@ -103,7 +103,13 @@ def _sensor(traced: GeneralTraced) -> dict[str, Any]:
         "s": effects_part(found, {}),
         "plots": _plots(traced),
         "coefficients": [
-            {"name": term, "estimate": number(value["estimate"], 6), "stderr": number(value["stderr"], 3)}
+            dict(
+                zip(
+                    ("name", "estimate", "stderr"),
+                    (term, *to_error(value["estimate"], value["stderr"], 6)),
+                    strict=True,
+                )
+            )
             for term, value in found["fitted"]["coefficients"].items()
         ],
     }

@@ -12,7 +12,7 @@ from procedures.blocks import Block, Grid, Line, Paragraph
 from procedures.effects_shown import show_certificate, show_effect, show_unnamed
 from procedures.general.evaluate import GeneralTraced
 from procedures.gross_shown import show_gross, show_left_out
-from procedures.numbers import number
+from procedures.numbers import number, to_error
 from procedures.words import verdict_of
 
 
@@ -43,14 +43,15 @@ def show_general_fit(file: str, result: Mapping[str, Any]) -> Iterator[Block]:
     yield Line(f"[bold]{escape(file)}[/]: {result['data']['points']} rows")
     table = Grid(("term", "estimate", "standard error", "df"), title=title)
     for name, value in result["coefficients"].items():
-        table.add_row(escape(name), number(value["estimate"], 8), number(value["stderr"], 3), number(value["df"], 4))
+        table.add_row(escape(name), *to_error(value["estimate"], value["stderr"]), number(value["df"], 4))
     yield table
     if "model" in result:
         yield Line(f"  {escape(result['model']['title'])}; {escape(result['model']['source'])}", wrapped=True)
     for name, value in result.get("derived", {}).items():
         unit, meaning = f" {value['unit']}" if value["unit"] else "", value["meaning"]
-        error = f" +- {number(value['stderr'], 3)}" if value["stderr"] is not None else ""
-        yield Line(f"  {escape(name):<16} {number(value['estimate'], 8)}{error}{escape(unit)}  {escape(meaning)}")
+        estimate, stderr = to_error(value["estimate"], value["stderr"])
+        error = f" +- {stderr}" if value["stderr"] is not None else ""
+        yield Line(f"  {escape(name):<16} {estimate}{error}{escape(unit)}  {escape(meaning)}")
     for key, what in (
         ("sigma_E", "standard error of one row"),
         ("sigma_subplot", "of one row within its whole plot"),
@@ -99,7 +100,7 @@ def _predictions(result: Mapping[str, Any]) -> Iterator[Block]:
     for row in rows:
         table.add_row(
             number(row[name], 6),
-            number(row["value"], 8),
+            to_error(row["value"], row["confidence95"])[0],
             f"+-{number(row['confidence95'], 3)}",
             f"+-{number(row['prediction95'], 3)}",
         )
