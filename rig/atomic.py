@@ -6,6 +6,7 @@ import contextlib
 import errno
 import io
 import os
+import re
 import stat
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -86,6 +87,23 @@ def check_ending(path: Path, ending: str) -> None:
             f"{path} would have {ending[1:].upper()} under a name that says {path.suffix}: only this is "
             f"written; name it {path.with_suffix(ending)}"
         )
+
+
+_FORMATS = re.compile(r"\.(csv|tsv|json|html?|pdf|xml|toml|sqlite|xlsx?|ods|docx?|parquet|feather|h5|hdf5|png|zip)")
+"""Endings that say in which format a file is."""
+
+
+def check_format(path: Path | None, *own: str) -> Path | None:
+    """The path; a name with the ending of a known format other than the `own` ones is refused.
+
+    Other names, such as `cell.2026`, say nothing of the format. Raises `UsageError`.
+    """
+    if path is None or (ending := path.suffix.lower()) in own or not _FORMATS.fullmatch(ending):
+        return path
+    raise UsageError(
+        f"{path} would have {own[0][1:].upper()} under a name that says {ending}: only this is written; name it "
+        f"{path.with_suffix(own[0])}"
+    )
 
 
 def check_added_to(path: Path | None, apart_from: Sequence[Path | None]) -> None:

@@ -219,3 +219,21 @@ def test_csv_is_not_written_under_the_name_of_another_format(tmp_path, ending):
     done = rig("export", tmp_path / "run.sqlite", "--out", tmp_path / f"x{ending}")
     assert (done.returncode, list(tmp_path.iterdir())) == (2, [])
     assert f"a name that says {ending}: only this is written; name it" in " ".join(done.stderr.split())
+
+
+@pytest.mark.parametrize(
+    ("command", "says"),
+    [
+        ("infer c.json t.csv --out x.xlsx", "CSV under a name that says .xlsx: only this is written; name it x.csv"),
+        ("infer c.json t.csv --out x.parquet", "CSV under a name that says .parquet"),
+        ("fit t.csv --response y --formula x --out x.csv", "JSON under a name that says .csv"),
+        ("trace t.csv --response y --formula x --report x.pdf", "HTML under a name that says .pdf"),
+        ("chart a.json@2026-01-01 b.json@2026-02-01 --report x.xlsx", "HTML under a name that says .xlsx"),
+        ("budget run.sqlite --report x.json", "HTML under a name that says .json"),
+        ("confirm run.sqlite --report x.pdf", "HTML under a name that says .pdf"),
+    ],
+)
+def test_no_command_writes_its_format_under_the_name_of_another(tmp_path, command, says):
+    done = rig(*command.split(), cwd=tmp_path)
+    assert (done.returncode, list(tmp_path.iterdir())) == (2, [])
+    assert says in " ".join(done.stderr.split())

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from rig.atomic import check_files
+from rig.atomic import check_files, check_format
 from rig.cli import app
 from rig.cli.budget_options import EquipmentOption, SameMeterOption
 from rig.cli.kind_options import with_options_of_kinds
@@ -78,6 +78,7 @@ def budget(
     from rig.results.budget import points  # noqa: PLC0415
 
     check_files([report], [run_file, *filter(None, (equipment,))])
+    check_format(report, ".html", ".htm")
     asked: dict[str, Any] = {"equipment": equipment, "same_meter": same_meter, "probability": probability, **given}
     asked["after_days"] = after_days
     with counting("simulated evaluations", monte_carlo) if monte_carlo is not None else nullcontext() as one_more:

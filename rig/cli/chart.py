@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from rig.atomic import check_files
+from rig.atomic import check_files, check_format
 from rig.cli import app
 from rig.cli.options import JsonOption
 from rig.cli.show import show_result, write_report
@@ -71,6 +71,7 @@ def chart(
     from rig.results.charts import chart as chart_files  # noqa: PLC0415
 
     check_files([report], [path_of(source) for source in calibrations])
+    check_format(report, ".html", ".htm")
     charted = chart_files(
         calibrations, tolerance=tolerance, usage=usage, sensors=sensor or (), formula=formula, today=today
     )

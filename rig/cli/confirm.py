@@ -13,7 +13,7 @@ from rich.markup import escape
 from procedures.kind import Kind
 from procedures.results import Options
 from procedures.shell import shell_word
-from rig.atomic import check_files, write_whole
+from rig.atomic import check_files, check_format, write_whole
 from rig.cli import app
 from rig.cli.confirm_show import listed, show, show_open, show_proposals
 from rig.cli.kind_options import with_options_of_kinds
@@ -96,7 +96,10 @@ def confirm(
     from rig.closed_loop.confirm.plans import plan_for  # noqa: PLC0415
 
     made = list(by or after or ())
-    check_files([write, report], [run_file, *filter(None, (bench, world)), *(by or ()), *(after or ())])
+    check_files(
+        [write, check_format(report, ".html", ".htm")],
+        [run_file, *filter(None, (bench, world)), *(by or ()), *(after or ())],
+    )
     if world is not None and not dry:
         raise UsageError("--world describes a simulated bench; it requires --dry")
     _check_options(by, after, write, report, out_dir, only_list=only_list, take=take, runs=runs)

@@ -11,7 +11,7 @@ from rich.markup import escape
 from procedures.kind import Kind
 from procedures.results import Traced
 from procedures.shell import shell_word
-from rig.atomic import check_files
+from rig.atomic import check_files, check_format
 from rig.cli import app
 from rig.cli.budget_options import EquipmentOption
 from rig.cli.kind_options import with_options_of_kinds
@@ -72,6 +72,8 @@ def fit(
     from rig.tables import Asked, FileSource  # noqa: PLC0415
 
     check_files([out_file, report], [data, *(confirmed_by or ()), *filter(None, (equipment,))])
+    check_format(out_file, ".json")
+    check_format(report, ".html", ".htm")
     source = FileSource(data, Asked.of(separator, decimal, encoding, header))
     if not leave_out and not confirmed_by and _seen(source, "fit", given, as_json=as_json):
         return ExitCode.USAGE
@@ -108,6 +110,7 @@ def trace(
     from rig.tables import Asked, FileSource  # noqa: PLC0415
 
     check_files([report], [data])
+    check_format(report, ".html", ".htm")
     source = FileSource(data, Asked.of(separator, decimal, encoding, header))
     if _seen(source, "trace", given, as_json=as_json):
         return ExitCode.USAGE

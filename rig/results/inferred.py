@@ -12,7 +12,7 @@ from rich.markup import escape
 from procedures.blocks import Block, Line, simulated_mark
 from procedures.unused import sentences
 from rig import inference
-from rig.atomic import check_files
+from rig.atomic import check_files, check_format
 from rig.inference import CalibrationFile, CsvReader, read_calibration
 from rig.options import options_of
 from rig.results.frames import Frame, of_columns
@@ -168,6 +168,7 @@ def check_readings(
     files = [readings] if isinstance(readings, (str, Path)) else []
     named = [value for value in options.values() if isinstance(value, Path)]
     check_files([None if out is None else Path(out)], [*read, *map(Path, files), *named])
+    check_format(None if out is None else Path(out), ".csv")
 
 
 def _reader(readings: Readings, asked: Asked) -> Reader:
