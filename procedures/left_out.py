@@ -176,6 +176,8 @@ class Searched:
             "with": None,
             "without": None,
             "moved_stderr": None,
+            "doubtful": found.doubtful,
+            "together": self.numbers[self.searched[found.together]].tolist(),
             "not_checked": self.numbers[self.searched[found.alone]].tolist(),
             "not_looked": found.not_looked or None,
         }
@@ -228,8 +230,9 @@ def _sentence(
         if alone
         else ""
     )
+    doubt = _doubt(result["doubtful"], result["together"], bool(rows))
     if not rows:
-        return f"{name}: no gross errors found{unchecked}"
+        return f"{name}: no gross errors found{doubt}{unchecked}"
     told = [
         f"row {row}{f' ({where})' if where else ''} is {abs(d):.3g} sd off ({f'{off:+.3g} {unit}'.strip()})"
         for row, where, d, off in zip(rows, result["where"], result["distance_sd"], result["off"], strict=True)
@@ -245,7 +248,23 @@ def _sentence(
         text += f". {_compared(fits, result['moved_stderr'])}"
     if not many and result["kept"]:
         text += ". Look in the log, measure again, or fit without them: --leave-out gross"
-    return text + unchecked
+    return text + doubt + unchecked
+
+
+def _doubt(count: int, together: Sequence[int], named: bool) -> str:
+    """What is no gross error, or cannot be told from one."""
+    text = ""
+    if together:
+        text = (
+            f"; rows {_listed(together)} deviate together, as all readings of a setting or along a smooth curve: the "
+            f"model lacks something there, or the setting was another. They stay: see rig trace"
+        )
+    if count:
+        text += (
+            f"; the scatter is not that of normal errors: up to {count} {'more ' * named}rows may be wrong, but none "
+            f"is far enough off by itself"
+        )
+    return text
 
 
 def _compared(fits: tuple[FitSummary, FitSummary | str], moved: Mapping[str, float | None] | None) -> str:

@@ -2,5 +2,6 @@
 
 from fitter.gross.repeats import with_repeats
 from fitter.gross.search import LEVEL, GrossErrors, gross_errors
+from fitter.gross.together import without_smooth
 
-__all__ = ["LEVEL", "GrossErrors", "gross_errors", "with_repeats"]
+__all__ = ["LEVEL", "GrossErrors", "gross_errors", "with_repeats", "without_smooth"]

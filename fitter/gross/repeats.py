@@ -9,7 +9,7 @@ Regression Analysis, 3rd ed. 1998, section 2.1).
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -44,7 +44,7 @@ def with_repeats(declared: Rows, levels: Rows, setting: IntArray, **asked: Any) 
     found = gross_errors(declared.y, declared.columns, rows=declared, **asked)
     if not np.any(setting >= 0):
         return found
-    first = found.rows[:0]
+    first = together = found.rows[:0]
     if found.rows.size:
         kept = np.setdiff1d(np.arange(len(declared.y)), found.rows)
         mostly = list(_mostly_named(declared, setting, found, kept))
@@ -54,11 +54,15 @@ def with_repeats(declared: Rows, levels: Rows, setting: IntArray, **asked: Any) 
         # place. Where all of a setting is far from the declared model, repeats say nothing against its rows.
         doubtful = [one.setting for one in mostly if not one.near]
         first = found.rows[~np.isin(setting[found.rows], doubtful)]
+        whole = [one.setting for one in mostly if one.whole and not one.apart]
+        together = found.rows[np.isin(setting[found.rows], whole)]
     within = gross_errors(levels.y, levels.columns, rows=levels, first=first, **asked)
     if within.not_looked:
         return within if found.not_looked or found.rows.size else found
     # Levels take all that the declared model lacks. A fit with them that scatters much more has kept bad rows.
-    return found if np.median(found.sd) < CLEARLY * np.median(within.sd) else within
+    if np.median(found.sd) < CLEARLY * np.median(within.sd):
+        return found
+    return replace(within, together=np.setdiff1d(together, within.rows))
 
 
 @dataclass(frozen=True)
@@ -69,11 +73,13 @@ class _MostlyNamed:
         setting: its number.
         apart: whether the named readings are no part of one level with the others, or with one another if all are.
         near: whether the others are near the declared model.
+        whole: whether there are no others.
     """
 
     setting: int
     apart: bool
     near: bool
+    whole: bool
 
 
 def _mostly_named(declared: Rows, setting: IntArray, found: GrossErrors, kept: IntArray) -> Iterator[_MostlyNamed]:
@@ -89,13 +95,15 @@ def _mostly_named(declared: Rows, setting: IntArray, found: GrossErrors, kept: I
         sd = found.sd[found.rows[rows]]
         far = np.abs(found.off[rows] - level) / (sd * np.sqrt(1.0 + 1.0 / max(others.size, 1)))
         near = bool(others.size) and abs(level) < NEAR * float(np.median(sd))
-        yield _MostlyNamed(int(one), bool(np.median(far) > APART), near)
+        yield _MostlyNamed(int(one), bool(np.median(far) > APART), near, not others.size)
 
 
 def _fits(declared: Rows, levels: Rows, found: GrossErrors, kept: IntArray) -> bool:
     """Whether the declared model has no lack of fit for the rows that it does not name."""
-    weight = float(np.median(found.sd)) / found.sd
-    small, large = (one.some(kept).weighted(weight[kept]) for one in (declared, levels))
+    weight = float(np.median(found.sd)) / found.sd[kept]
+    small, large = (one.some(kept) for one in (declared, levels))
+    if np.ptp(weight) > 0.0:
+        small, large = small.weighted(weight), large.weighted(weight)
     more = small.df - large.df
     if more < 1 or large.df < 1:
         return more < 1

@@ -7,8 +7,8 @@ does not begin with the fit of all rows.
 and Van Driessen, Data Min. Knowl. Disc. 12 (2006) 29), found from several starts by concentration steps.
 2. The rows left out are taken back one by one, the nearest to the fit of those inside first (forward search; Atkinson
 and Riani, Robust Diagnostic Regression Analysis, 2000). Each is judged by its deletion residual.
-3. Of the limits that are passed the one with the most rows outside counts, as in the generalised extreme Studentized
-deviate test (Rosner, Technometrics 25 (1983) 165), so that a row hidden by another is found with it.
+3. Of the sets of rows outside the one counts that chance explains least, by an F test of the whole set. Its rows are
+named that are too far from the fit of those inside by themselves: they are not hidden by another that is just too near.
 
 The limit holds for all rows and all responses of a table together: a clean table has a gross error with a probability
 of about `LEVEL` (measured: docs/gross_errors.md).
@@ -17,14 +17,14 @@ of about `LEVEL` (measured: docs/gross_errors.md).
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import special
-from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
 from fitter.arrays import FloatArray, IntArray
+from fitter.gross.judged import LONE, Found, judged, without
 from fitter.gross.rows import Rows
 from fitter.own_span import NO_GROUP
 from fitter.resolution import least_sd, robust_sd
@@ -38,8 +38,6 @@ OF_GROUP = 0.5
 """Maximum share of a group's rows: if most of a group deviates, its level does."""
 FEWEST_DF = 8
 """Minimum degrees of freedom for error without the left-out rows."""
-LONE = 1e-6
-"""A row with no larger share in its residual cannot be checked."""
 CLEAR = 0.85
 """Share of the limit: if no row of a design is so far from a robust fit, no subset is searched."""
 SUBSETS, STEPS, FINAL = 100, 2, 30
@@ -50,8 +48,6 @@ AFFORDABLE = 4_000_000
 ALONE, AS_GOOD, AGAIN = 0.05, 2.0, 5
 """Share of a row's share in its residual below which it has become alone; ratio of standard deviations up to which
 another start is as good; number of such starts."""
-GIANT = 1e4
-"""Standard deviations beyond which a row's deviation is taken out of sums of squares. It is named in any case."""
 SEED = 20260115
 ROUNDING = 1e3
 """Minimum standard deviation as a multiple of the response's rounding errors."""
@@ -70,6 +66,9 @@ class GrossErrors:
         sd: (n,) standard deviation of a reading by the fit without these rows, in units of the response.
         alone: indices of rows that cannot be checked.
         not_looked: reason for no search; empty if there was one.
+        doubtful: number of further rows that may be wrong: their deviations together are no chance of normal errors.
+        together: (q,) rows that deviate together, all of a setting or along a smooth curve: no gross errors, but
+            something that the model lacks.
     """
 
     rows: IntArray
@@ -79,6 +78,8 @@ class GrossErrors:
     sd: FloatArray
     alone: IntArray
     not_looked: str = ""
+    doubtful: int = 0
+    together: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
 
 
 def gross_errors(
@@ -168,16 +169,16 @@ def _search(asked: _Asked, spread: FloatArray | None) -> GrossErrors:
     found = _looked(rows, _Limits(most, _allowed(rows), first), floor, asked)
     out = found.out
     sd = np.broadcast_to(found.sigma, weight.shape) if spread is None else found.sigma / weight
-    return GrossErrors(out, found.distance, found.off / weight[out], found.p, sd, alone)
+    return GrossErrors(out, found.distance, found.off / weight[out], found.p, sd, alone, doubtful=found.doubtful)
 
 
-def _looked(rows: Rows, limits: _Limits, floor: float, asked: _Asked) -> _Found:
+def _looked(rows: Rows, limits: _Limits, floor: float, asked: _Asked) -> Found:
     """The deviating rows of a start, and of others if one of the rows kept may be off.
 
     A fit goes through a row, however far it is off, if every other row that determines one of its coefficients is
     named instead. Rows that have become alone so are left out of a new start, which counts if it names fewer rows.
     """
-    found = last = _judged(rows, _trimmed(rows, limits, designed=asked.designed), floor, asked)
+    found = last = judged(rows, _trimmed(rows, limits, designed=asked.designed), floor, asked.level, asked.responses)
     for _ in range(AGAIN):
         inside = np.setdiff1d(np.arange(len(rows.y)), last.out)
         alone = inside[rows.some(inside).kept < ALONE * rows.kept[inside]] if last.out.size else last.out
@@ -186,65 +187,10 @@ def _looked(rows: Rows, limits: _Limits, floor: float, asked: _Asked) -> _Found:
         if not alone.size or np.sum(first) > limits.most:
             break
         limits = replace(limits, first=first)
-        last = _judged(rows, _trimmed(rows, limits, designed=asked.designed), floor, asked)
+        last = judged(rows, _trimmed(rows, limits, designed=asked.designed), floor, asked.level, asked.responses)
         if 0 < last.out.size < found.out.size and last.sigma <= AS_GOOD * found.sigma:
             found = last
     return found
-
-
-@dataclass(frozen=True, eq=False)
-class _Found:
-    out: IntArray
-    distance: FloatArray
-    off: FloatArray
-    p: float
-    sigma: float
-
-
-def _judged(rows: Rows, out: IntArray, floor: float, asked: _Asked) -> _Found:
-    """The deviating rows, among those outside a robust fit."""
-    n, left = len(rows.y), rows.df
-    rows, taken = _without_giants(rows, out, floor)
-    rss = float(rows.residual @ rows.residual)
-    none = np.zeros(0)
-    sigma = max(np.sqrt(rss / left), floor)
-    best = _Found(out[:0], none, none, 1.0, sigma)
-    inverse = np.linalg.inv(rows.block(out)) if out.size else np.zeros((0, 0))
-    inside = np.arange(out.size)
-    lowest = 1.0
-    while inside.size:
-        mine, e = inverse[np.ix_(inside, inside)], rows.residual[out[inside]]
-        off = mine @ e
-        sigma = max(np.sqrt(max(rss - float(e @ off), 0.0) / (left - inside.size)), floor)
-        off = off + taken[out[inside]]
-        distance = off / (sigma * np.sqrt(np.diag(mine)))
-        back = int(np.argmin(np.abs(distance)))
-        tail = 2.0 * float(special.stdtr(left - inside.size, -abs(distance[back])))
-        p = min(tail * (n - inside.size + 1) * asked.responses, 1.0)
-        lowest = min(lowest, p)
-        if p < asked.level and not best.out.size:
-            ahead = np.argsort(-np.abs(distance))
-            best = _Found(out[inside][ahead], distance[ahead], off[ahead], p, sigma)
-        # adding a row: the inverse of the smaller block, by the matrix inversion lemma
-        row = inverse[inside[back]]
-        inverse = inverse - np.outer(row, row) / row[inside[back]]
-        inside = np.delete(inside, back)
-    return replace(best, p=lowest) if best.out.size else best
-
-
-def _without_giants(rows: Rows, out: IntArray, floor: float) -> tuple[Rows, FloatArray]:
-    """The rows, of those far off a fit without `out` only what is not their deviation; and (n,) these deviations.
-
-    What a row that is left out reads does not change the fit of the others, but in sums of squares of all rows
-    the others are lost beside it by rounding.
-    """
-    taken = np.zeros(len(rows.y))
-    if not out.size:
-        return rows, taken
-    _, left, rss = _without(rows, out)
-    far = out[np.abs(left[out]) > GIANT * max(np.sqrt(rss / max(rows.df - out.size, 1)), floor)]
-    taken[far] = left[far]
-    return (rows.of(rows.y - taken) if far.size else rows), taken
 
 
 @dataclass(frozen=True, eq=False)
@@ -274,7 +220,7 @@ def _trimmed(rows: Rows, limits: _Limits, *, designed: bool) -> IntArray:
     found: tuple[float, IntArray] = (np.inf, np.zeros(0, np.int64))
     for rss, out in best:
         if np.isfinite(rss):
-            again, less = _concentrated(rows, _without(rows, out)[1], limits, FINAL)
+            again, less = _concentrated(rows, without(rows, out)[1], limits, FINAL)
             found = min(found, (less, again), (rss, out), key=lambda one: one[0])
     return found[1]
 
@@ -331,58 +277,11 @@ def _outside(rows: Rows, left: FloatArray, limits: _Limits) -> IntArray:
     return np.array(ahead[(group < 0) | (place < limits.allowed[ahead]) | limits.first[ahead]][: limits.most])
 
 
-def _without(rows: Rows, out: IntArray) -> tuple[IntArray, FloatArray, float]:
-    """Rows left out of the fit: `out`, but for those that the fit of the others needs; (n,) residuals of all rows, and
-    their sum of squares.
-    """
-    e = rows.residual
-    if not out.size:
-        return out, e, float(e @ e)
-    if not _determined(block := rows.block(out)):
-        out = out[_free(block)]
-        block = rows.block(out)
-    off = cho_solve(cho_factor(block, lower=True), e[out])
-    left = e - rows.spread(out, off)
-    # Summed, not the difference of two sums: beside a row at 1e9 standard deviations nothing would remain of it.
-    left[out] = 0.0
-    rss = float(left @ left)
-    left[out] = off
-    return out, left, rss
-
-
-def _determined(block: FloatArray) -> bool:
-    """Whether each row keeps some of its share in its residual when those before it are left out, by their (k, k)
-    rows and columns of the residual maker.
-    """
-    try:
-        pivots = np.diag(np.linalg.cholesky(block)) ** 2
-    except np.linalg.LinAlgError:
-        return False
-    return bool(np.min(pivots) > LONE)
-
-
-def _free(block: FloatArray) -> IntArray:
-    """Places (m,) of rows that can be left out one after another, by (k, k) rows and columns of the residual maker.
-
-    A pivot of the Cholesky factor is the share of a row in its own residual when those before it are left out.
-    """
-    free: list[int] = []
-    factor = np.zeros_like(block)
-    for i in range(len(block)):
-        m = len(free)
-        row = solve_triangular(factor[:m, :m], block[free, i], lower=True, check_finite=False) if m else np.zeros(0)
-        pivot = float(block[i, i] - row @ row)
-        if pivot > LONE:
-            factor[m, :m], factor[m, m] = row, np.sqrt(pivot)
-            free.append(i)
-    return np.array(free, np.int64)
-
-
 def _concentrated(rows: Rows, left: FloatArray, limits: _Limits, steps: int) -> tuple[IntArray, float]:
     """Rows outside and residual sum of squares after this many concentration steps from these residuals."""
     best: tuple[IntArray, float] = np.zeros(0, np.int64), float("inf")
     for _ in range(steps):
-        out, left, rss = _without(rows, _outside(rows, left, limits))
+        out, left, rss = without(rows, _outside(rows, left, limits))
         if not rss < best[1]:
             break
         best = out, rss

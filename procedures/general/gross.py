@@ -10,15 +10,12 @@ from dataclasses import replace
 import numpy as np
 
 from fitter.arrays import FloatArray, IntArray
-from fitter.gross import GrossErrors, gross_errors
-from fitter.linear import orthonormal
+from fitter.gross import GrossErrors, gross_errors, with_repeats, without_smooth
+from fitter.gross.rows import Rows
+from fitter.own_span import NO_GROUP
 from fitter.resolution import resolution
 from procedures.general.read_settings import settings_of
 
-CLEARLY = 0.5
-"""Ratio of standard deviations below which one set of rows explains the scatter clearly better than another."""
-AS_MANY = 1.5
-"""Maximum ratio of the number of rows in these two sets."""
 SETTINGS, OFTEN = 50, 4
 """Maximum number of settings with a level of their own, and minimum number of repeats of each."""
 
@@ -41,34 +38,23 @@ def of_table(
         scale: (n,) by which `y` and `columns` are multiplied for rows of unequal standard deviations; the result is in
             units of the measured response.
     """
+    n = len(y)
     step = resolution(y if measured is None else measured)
-    if scale is not None:
-        found = gross_errors(y, columns, group=whole_plot, step=step * float(np.median(scale)))
-        return replace(found, off=found.off / scale[found.rows], sd=found.sd / scale)
-    drivers = {str(i): np.abs(column) for i, column in enumerate(columns.T)}
-    settings = settings_of(columns)
+    weight = np.ones(n) if scale is None else scale
+    plain = columns if scale is None else columns / scale[:, None]
+    drivers = {str(i): np.abs(column) for i, column in enumerate(columns.T)} if scale is None else None
+    step *= float(np.median(weight))
+    declared = Rows(columns, y, weight, np.full(n, NO_GROUP, np.int64) if whole_plot is None else whole_plot)
+    settings = settings_of(plain)
     visits = np.bincount(settings)
     if visits.size > SETTINGS or visits.min() < OFTEN:
-        return gross_errors(y, columns, group=whole_plot, step=step, drivers=drivers)
-    if whole_plot is not None:
-        columns = np.column_stack([columns, np.eye(visits.size)[settings]])
-        return gross_errors(y, columns, group=whole_plot, step=step, drivers=drivers)
-    # As groups, of which at most half can be left out: as columns, one bad row could stand for a setting alone, with a
-    # residual of zero, and its good repeats were named in its place.
-    found = gross_errors(y, columns, group=settings, step=step, drivers=drivers)
-    if not found.rows.size:
-        return found
-    # If most rows of a setting are bad, its good ones differ from the others. The declared model shows which are which,
-    # unless it names many more: then it lacks something, and whole settings are far from it.
-    declared = gross_errors(y, columns, step=step, drivers=drivers)
-    as_many = declared.rows.size <= AS_MANY * found.rows.size + 1
-    better = as_many and _sigma(y, columns, declared) < CLEARLY * _sigma(y, columns, found)
-    return declared if better else found
-
-
-def _sigma(y: FloatArray, columns: FloatArray, found: GrossErrors) -> float:
-    """Standard deviation of the residuals of the declared model without the named rows."""
-    kept = np.delete(np.arange(len(y)), found.rows)
-    basis = orthonormal(columns[kept])
-    left = y[kept] - basis @ (basis.T @ y[kept])
-    return float(np.sqrt(left @ left / max(kept.size - basis.shape[1], 1)))
+        found = gross_errors(y, columns, rows=declared, step=step, drivers=drivers)
+    elif whole_plot is None:
+        levels = Rows(columns, y, weight, settings)
+        found = with_repeats(declared, levels, settings, step=step, drivers=drivers)
+    else:
+        own = weight[:, None] * np.eye(visits.size)[settings]
+        levels = Rows(np.column_stack([columns, own]), y, weight, whole_plot)
+        found = with_repeats(declared, levels, settings, step=step, drivers=drivers)
+    found = without_smooth(found, declared, plain)
+    return found if scale is None else replace(found, off=found.off / scale[found.rows], sd=found.sd / scale)

@@ -17,6 +17,8 @@ from fitter.split_plot import SplitPlotFit, fit_split_plot
 from procedures.general.gross import of_table
 
 _ROUNDS, _SAME = 50, 1e-10
+CLEARLY = 0.5
+"""Ratio of standard deviations below which one set of rows explains the scatter clearly better than another."""
 
 
 class Rows(ABC):
@@ -152,13 +154,32 @@ class CurveRows(Rows):
         return CurveRows(self.problem.take(rows), self.start, *self._taken(rows))
 
     def gross(self) -> GrossErrors:
-        """See `Rows`. The curve is made linear at a fit that a few gross errors do not pull."""
-        solved = self._solved(robust=True)
-        b = solved.fit.coefficients
+        """See `Rows`. The curve is made linear at a fit that a few gross errors do not pull.
+
+        Very large ones pull that, too: so it is made again without the rows that are off from the curve at its start,
+        and counts if the others scatter clearly less.
+        """
+        found = self._off_at(self._solved(robust=True).fit.coefficients)
+        first = self._off_at(self.start)
+        if np.setdiff1d(first.rows, found.rows).size:
+            others = np.setdiff1d(np.arange(len(self.y)), first.rows)
+            try:
+                again = self._off_at(self.take(others)._solved(robust=True).fit.coefficients)
+            except FitError:
+                return found
+            if np.median(again.sd) < CLEARLY * np.median(found.sd):
+                return again
+        return found
+
+    def _off_at(self, b: FloatArray) -> GrossErrors:
+        # Columns at abscissae as measured: the point of the curve nearest to a very bad row is far beyond all others,
+        # and its row would determine the slope.
         scale = self.problem.scale_at(b)
-        y = solved.residuals + solved.columns @ b
-        even = scale if np.ptp(scale) > 0.0 else None
-        return of_table(y, solved.columns, self._numbered_plots(), measured=self.y, scale=even)
+        columns = scale[:, None] * self.problem.curve.rows(b, self.problem.table)
+        y = self.problem.residuals(b) + columns @ b
+        if np.ptp(scale) > 0.0:
+            return of_table(y, columns, self._numbered_plots(), measured=self.y, scale=scale)
+        return of_table(y / scale, columns / scale[:, None], self._numbered_plots(), measured=self.y)  # in its units
 
     def fitted(self) -> LinearFit | SplitPlotFit:
         """See `Rows`. With whole plots: linear fits at the last parameters, until those stay."""

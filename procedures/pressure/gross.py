@@ -1,6 +1,7 @@
 """Gross errors of a whole-plot calibration.
 
-Readings of one whole plot, and of one pressure, are compared. The common part of a whole plot is its whole-plot error.
+Readings are compared with the declared model where that holds, otherwise with those of the same pressure, in each case
+beside a level of their whole plot. The common part of a whole plot is its whole-plot error.
 """
 
 from __future__ import annotations
@@ -10,7 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fitter.gross import GrossErrors, gross_errors
+from fitter.gross import GrossErrors, gross_errors, with_repeats
+from fitter.gross.rows import Rows
 from fitter.resolution import resolution
 from procedures.pressure.fit.models import of_whole_plot
 
@@ -27,16 +29,18 @@ def of_whole_plots(data: WholePlotData, formula: Formula) -> Mapping[str, GrossE
     _, every = formula.columns(data.table)
     alone = np.array([of_whole_plot(term) for term in formula.terms])
     columns, level = every[:, ~alone], data.pressure_levels[1]
-    if np.bincount(level).min() >= REPEATS:  # otherwise a wrong pressure value would be a level of its own, and fit
-        columns = np.column_stack([columns, np.eye(level.max() + 1)[level]])
-    return {
-        name: gross_errors(
-            y,
-            columns,
-            group=data.whole_plot_index,
-            step=resolution(y),
-            responses=len(data.outputs),
-            drivers={"P": data.pressure_psia},
-        )
-        for name, y in data.outputs.items()
-    }
+    n, plots = len(level), data.whole_plot_index
+    zero, one = np.zeros(n), np.ones(n)
+    declared, found = Rows(columns, zero, one, plots), {}
+    own = np.column_stack([columns, np.eye(level.max() + 1)[level]])
+    repeated = np.bincount(level).min() >= REPEATS  # otherwise a wrong pressure would be a level of its own, and fit
+    levels = Rows(own, zero, one, plots) if repeated else declared
+    for name, y in data.outputs.items():
+        model, step, drivers = declared.of(y), resolution(y), {"P": data.pressure_psia}
+        if repeated:
+            found[name] = with_repeats(
+                model, levels.of(y), level, step=step, responses=len(data.outputs), drivers=drivers
+            )
+        else:
+            found[name] = gross_errors(y, columns, rows=model, step=step, responses=len(data.outputs), drivers=drivers)
+    return found

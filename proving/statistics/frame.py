@@ -41,6 +41,7 @@ NAMES = (
     "intervals",
     "laboratories",
     "laws",
+    "planted_errors",
     "pressure",
     "registers",
     "split_plots",
