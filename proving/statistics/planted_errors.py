@@ -159,11 +159,11 @@ def plots(rng: np.random.Generator, size: float, share: float) -> Planted:
 
 
 def _sixty(rng: np.random.Generator) -> FloatArray:
-    return np.sort(rng.uniform(0.0, 10.0, 60))
+    return np.asarray(np.sort(rng.uniform(0.0, 10.0, 60)))
 
 
 def _far(rng: np.random.Generator) -> FloatArray:
-    return np.r_[_sixty(rng)[1:], 100.0]
+    return np.asarray(np.r_[_sixty(rng)[1:], 100.0])
 
 
 def _repeats(settings: int, repeats: int) -> Callable[[np.random.Generator], FloatArray]:
