@@ -95,7 +95,7 @@ def _check_unchanged(given: Any, source: str) -> None:
         verb = "is" if len(keys) == 1 else "are"
         raise UsageError(
             f"{source} was changed after `rig fit --out` wrote it: {', '.join(keys)[:200]} {verb} not what {KEY} in it "
-            f"says. Write it again with `rig fit DATA --out {source}`, or take a copy"
+            f"says. Write it again with `rig fit DATA --out {shell_word(source)}`, or take a copy"
         )
 
 
