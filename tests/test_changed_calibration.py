@@ -77,7 +77,9 @@ def test_any_change_of_the_file_is_named_with_its_key(folder):
         made[KEY] = content[KEY]
         with pytest.raises(UsageError) as refused:
             calibration_in(json.dumps(made), "c.json")
-        assert str(refused.value).startswith("c.json was changed after `rig fit --out` wrote it: ")
+        assert str(refused.value).startswith(
+            "c.json is not a calibration file of `rig fit --out`, or was changed since: "
+        )
         assert str(at[0]) in str(refused.value)
         count += 1
     assert count > 300
@@ -90,8 +92,8 @@ def test_the_block_for_readers_cannot_differ_from_that_which_is_used(folder):
     done = rig("infer", "edited.json", "r.csv", "--out", "o.csv", cwd=folder)
     assert done.returncode == 2
     assert (
-        "edited.json was changed after `rig fit --out` wrote it: coefficients is not what sha256 in it says"
-        in done.stderr
+        "edited.json is not a calibration file of `rig fit --out`, or was changed since: "
+        "coefficients is not what sha256 in it says" in done.stderr
     )
     assert "rig fit DATA --out edited.json" in done.stderr
 

@@ -94,8 +94,9 @@ def _check_unchanged(given: Any, source: str) -> None:
     if keys:
         verb = "is" if len(keys) == 1 else "are"
         raise UsageError(
-            f"{source} was changed after `rig fit --out` wrote it: {', '.join(keys)[:200]} {verb} not what {KEY} in it "
-            f"says. Write it again with `rig fit DATA --out {shell_word(source)}`, or take a copy"
+            f"{source} is not a calibration file of `rig fit --out`, or was changed since: {', '.join(keys)[:200]} "
+            f"{verb} not what {KEY} in it says. Write it again with `rig fit DATA --out {shell_word(source)}`, or take "
+            f"a copy"
         )
 
 
