@@ -229,6 +229,12 @@ def test_one_that_stands_on_its_way_to_its_setpoint_hangs():
     assert "hangs" in found.lost_now(POINT, states(found, steps[-1], unchanged_s=61.0), {})
 
 
+def test_one_that_stands_farther_from_its_setpoint_than_ever_hangs():
+    """Its last readings before came nearer and nearer, as of one that settles."""
+    found = rules([-0.05, -0.03, -0.018, -0.011, -0.007, -0.005, -0.004, 0.2, 0.2])
+    assert "hangs" in found.lost_now(POINT, states(found, 0.2, unchanged_s=61.0), {})
+
+
 def test_one_that_flickers_by_its_last_digit_may_stand():
     found = rules([0.0, 0.01, 0.0, 0.01, 0.0, 0.01, 0.0, 0.01])
     assert found.lost_now(POINT, states(found, 0.01, unchanged_s=600.0), {}) == ""

@@ -27,7 +27,7 @@ def test_json_is_json_and_nothing_else():
 def test_a_planted_bug_is_told_with_the_command_that_replays_its_night():
     done = rig("night", "--lab", "attitude", "--first", 0, "--seeds", 3, "--bug", "double-write", "--jobs", 1)
     assert done.returncode == 0
-    assert "foreseen" in done.stderr
+    assert "verifies" in done.stderr
     assert "replay: rig night --lab attitude --seed 0 --bug double-write" in done.stderr
 
 

@@ -36,7 +36,7 @@ FOUND_BY = {
 BREAKS = {
     "accept-late-reply": {"truthful"},
     "skip-re-approach": {"approached"},
-    "double-write": {"foreseen"},
+    "double-write": {"foreseen", "verifies"},  # a point that is accepted twice, or rejected twice
     "ignore-alarm": {"heeded"},
     "vent-on-resume": {"left alone"},
     "stale-reading": {"truthful"},

@@ -1,7 +1,8 @@
 """Whether a chamber that repeats its reading stands, as it may, or hangs: by how its reading changed before.
 
 A chamber that has settled stands, and its display shows one number for hours. A reading that repeats is doubted only
-where it should move: it went up and down by more than its resolution before, or it was on its way.
+where it should move: it went up and down by more than its resolution before, it was on its way, or it stands farther
+from its setpoint than it ever was at a point.
 """
 
 from __future__ import annotations
@@ -25,6 +26,8 @@ _STEPS = 2.0
 _DIGITS = 10.0
 """Units of its last digit by which the next change is expected, to say that it is on its way: less may not show within
 a minute."""
+_FARTHER = 2.0
+"""Factor by which it is farther from its setpoint than ever before."""
 _FLOAT32 = 2.0**-23
 """Resolution of readings that arrive as binary numbers of 32 bits, relative."""
 _KEPT = 40
@@ -40,16 +43,21 @@ class Readback:
         self._sizes: deque[float] = deque(maxlen=_KEPT)
         self._changes: list[float] = []  # the last two of this whole plot
         self._last: float | None = None
+        self._off = self._farthest = 0.0
 
-    def note(self, degC: float, stood_s: float, *, new_whole_plot: bool) -> None:
+    def note(self, degC: float, setpoint_degC: float, stood_s: float, *, new_whole_plot: bool) -> None:
         """Take the reading at an accepted point.
 
         Args:
             degC: the reading.
+            setpoint_degC: the setpoint then.
             stood_s: how long an earlier one was repeated that ended lately; 0 if none was.
             new_whole_plot: whether the point before is of another whole plot, so that they do not compare.
 
         """
+        if degC != self._last:
+            self._farthest = max(self._farthest, self._off)
+        self._off = abs(degC - setpoint_degC)
         before, self._last = None if new_whole_plot else self._last, degC
         if before is None:
             self._waiting, self._changes = False, []
@@ -77,7 +85,8 @@ class Readback:
     @property
     def should_move(self) -> bool:
         """Whether a minute of equal readings means that it hangs."""
-        return self._never_the_same and (self._goes_up_and_down or self._was_on_its_way)
+        far = self._off > _FARTHER * self._farthest
+        return self._never_the_same and (far or self._goes_up_and_down or self._was_on_its_way)
 
     @property
     def _never_the_same(self) -> bool:

@@ -94,8 +94,8 @@ class WholePlots:
         """Learn, from an accepted observation of a whole plot, how the chambers' readings change."""
         for name in self._readbacks.keys() & chambers.keys():
             state = chambers[name]
-            new = identity != self._whole_plot
-            self._readbacks[name].note(state["temperature_degC"], state.get("stood_s", 0.0), new_whole_plot=new)
+            at, target, stood_s = state["temperature_degC"], state["setpoint_degC"], state.get("stood_s", 0.0)
+            self._readbacks[name].note(at, target, stood_s, new_whole_plot=identity != self._whole_plot)
         self._whole_plot = identity
 
     @property
