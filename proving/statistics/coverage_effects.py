@@ -199,4 +199,4 @@ def shares(results: Results) -> Figures:
 
 
 PARTS = {"general": Part(general, 150), "whole-plots": Part(whole_plots, 200), "attitude": Part(attitude, 100)}
-"""`python -m proving.statistics coverage_effects general`; proving/notes/coverage_effects.md."""
+"""`python -m proving.statistics coverage-effects general`; proving/notes/coverage_effects.md."""
