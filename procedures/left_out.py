@@ -252,7 +252,7 @@ def _sentence(
 
 
 def _doubt(count: int, together: Sequence[int], named: bool) -> str:
-    """What is no gross error, or cannot be told from one."""
+    """Words for rows that are no gross errors, or cannot be told from them."""
     text = ""
     if together:
         text = (
