@@ -105,6 +105,7 @@ class SerialLine:
         self._tap = tap
         self._out_of_step = False
         self._owed = False  # number of an answer that may still come
+        self._parity = False  # whether the frame of the open port has one; of a VISA instrument none
         self._wrong_parity = False  # a character of the last answer came with a wrong parity
         self._doubtful = False  # something was removed from the last answer that may have been a changed digit
         self._port: Port | None = self._open()
