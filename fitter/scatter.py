@@ -49,13 +49,14 @@ def rank_correlation(x: FloatArray, y: FloatArray) -> tuple[float, float]:
 
     As `scipy.stats.spearmanr`, which takes 0.3 s to import. Equal values have their mean rank.
     """
-    r = float(np.corrcoef(_ranks(x), _ranks(y))[0, 1])
+    r = float(np.corrcoef(mean_ranks(x), mean_ranks(y))[0, 1])
     df = len(x) - 2
     if abs(r) >= 1.0:
         return r, 0.0
     return r, t_tail(r * float(np.sqrt(df / ((1.0 + r) * (1.0 - r)))), df)
 
 
-def _ranks(values: FloatArray) -> FloatArray:
+def mean_ranks(values: FloatArray) -> FloatArray:
+    """(n,) rank of each value, from 1; equal values have the mean of theirs."""
     _, which, counts = np.unique(values, return_inverse=True, return_counts=True)
     return np.asarray((np.cumsum(counts) - 0.5 * (counts - 1.0))[which], np.float64)

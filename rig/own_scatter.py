@@ -26,6 +26,7 @@ from statistics import NormalDist
 from typing import NamedTuple
 
 from procedures.column_names import unit_of
+from rig.chances import chance_f, chance_t
 from rig.run_file.events.points import CONTRADICTORY, Observed
 
 KEPT = 200
@@ -82,7 +83,7 @@ class Scattered(NamedTuple):
         ordered = sorted(readings)
         steps = [b - a for a, b in pairwise(ordered) if b > a]
         n, least = len(ordered), min(steps, default=0.0)
-        digits = [_last_digit(r) for r in set(readings) if r]
+        digits = [last_digit(r) for r in set(readings) if r]
         digit = 0.0 if math.inf in digits else min(digits, default=0.0)
         return cls(
             _variance(readings),
@@ -200,7 +201,7 @@ def _apart(values: Sequence[float], now: Scattered, before: Sequence[Scattered],
     if not about:  # zero, and of unknown resolution
         return ""
     t = abs(values[far] - mean) / math.sqrt(about * n / (n - 1))
-    if t <= _SURELY_FEW_SDS or (2.0 * n * _chance_t(n - 2, -t) >= p and not _other_sign(values[far], others, before)):
+    if t <= _SURELY_FEW_SDS or (2.0 * n * chance_t(n - 2, -t) >= p and not _other_sign(values[far], others, before)):
         return ""
     low, high = min(others), max(others)
     rest = f"{low:.6g}" if low == high else f"from {low:.6g} to {high:.6g}"
@@ -213,7 +214,7 @@ def _other_sign(value: float, others: Sequence[float], before: Sequence[Scattere
     Only whole numbers from 10 on, whose last digit is not to be seen: small readings may be noise about zero.
     """
     known = len(before) >= FEWEST or {-value} != set(others)
-    return not known and abs(value) >= _ALIKE and _last_digit(value) >= 1.0
+    return not known and abs(value) >= _ALIKE and last_digit(value) >= 1.0
 
 
 def _scatters(now: Scattered, before: Sequence[Scattered], p: float, unit: str) -> str:
@@ -222,7 +223,7 @@ def _scatters(now: Scattered, before: Sequence[Scattered], p: float, unit: str) 
         return ""
     usual, digit = _usual(now, before), _ALTERNATING * _digit(now, before) ** 2
     ratio = (now.variance + digit) / (usual + digit) if usual + digit else math.inf
-    if ratio <= _SURELY_NO_MORE or _chance_f(now.df, _DF * now.df * len(before), ratio / _SDS**2) >= p:
+    if ratio <= _SURELY_NO_MORE or chance_f(now.df, _DF * now.df * len(before), ratio / _SDS**2) >= p:
         return ""
     return f"scatters by {math.sqrt(now.variance):.2g} {unit} (sd), and usually by {math.sqrt(usual):.2g} {unit}"
 
@@ -290,22 +291,8 @@ def _digit(now: Scattered, before: Sequence[Scattered]) -> float:
     return min([*([own] if own else []), *known], default=0.0)
 
 
-def _last_digit(value: float) -> float:
+def last_digit(value: float) -> float:
     """One step of the last digit of a reading; infinite if it has too many digits for a reading."""
     digits, _, power = f"{value:.11e}".partition("e")
     digits = digits.rstrip("0").replace(".", "").lstrip("-")
     return math.inf if len(digits) > _DIGITS else 10.0 ** (int(power) - len(digits) + 1)
-
-
-def _chance_f(of: float, to: float, ratio: float) -> float:
-    """Probability of a ratio of variances at least this large."""
-    from scipy.special import fdtrc  # noqa: PLC0415 - the import takes half a second, and few points need it
-
-    return float(fdtrc(of, to, ratio))
-
-
-def _chance_t(df: float, t: float) -> float:
-    """Probability of a t below this value."""
-    from scipy.special import stdtr  # noqa: PLC0415 - as above
-
-    return float(stdtr(df, t))

@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import os
 import pty
+import select
 import socket
 import struct
 import threading
@@ -32,8 +33,11 @@ RESET = struct.pack("ii", 1, 0)
 
 
 @contextlib.contextmanager
-def gateway(answer: Answer, most: int, *, reset: bool = False) -> Iterator[tuple[str, list[int]]]:
-    """A gateway that closes a connection after `most` requests; its address, and the requests on each connection."""
+def gateway(answer: Answer, most: int, *, close: str = "") -> Iterator[tuple[str, list[int]]]:
+    """A gateway that closes a connection after `most` requests; its address, and the requests on each connection.
+
+    `close`: "reset"; or "late", a reset when the next request is there, which is lost.
+    """
     requests: list[int] = []
     listener = socket.create_server(("127.0.0.1", 0))
 
@@ -48,7 +52,9 @@ def gateway(answer: Answer, most: int, *, reset: bool = False) -> Iterator[tuple
                 while requests[-1] < most and (data := connection.recv(4096)):
                     requests[-1] += 1
                     connection.sendall(answer(data))
-                if reset:
+                if close == "late":
+                    select.select([connection], [], [], 5.0)
+                if close:
                     connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, RESET)
 
     thread = threading.Thread(target=serve, daemon=True)
@@ -64,15 +70,15 @@ def line_to(place: str, *, rtu: bool = False, timeout_s: float = 0.2) -> ModbusL
     return ModbusWires(RealClock()).line(f"{scheme}://{place}/1", "oven", timeout_s=timeout_s)
 
 
-@pytest.mark.parametrize("reset", [False, True])
+@pytest.mark.parametrize("close", ["", "reset", "late"])
 @pytest.mark.parametrize("rtu", [False, True])
-def test_a_gateway_that_closes_after_each_answer_loses_no_reading_and_is_told_once(rtu: bool, reset: bool) -> None:
+def test_a_gateway_that_closes_after_each_answer_loses_no_reading_and_is_told_once(rtu: bool, close: str) -> None:
     registers = Words()
 
     def answer(data: bytes) -> bytes:
         return b"".join((RtuSlave if rtu else TcpSlave)({1: registers}).feed(data))
 
-    with gateway(answer, 1, reset=reset) as (place, requests):
+    with gateway(answer, 1, close=close) as (place, requests):
         line = line_to(place, rtu=rtu, timeout_s=5.0)
         assert line.read(3) == [0]
         assert line.remarks() == ()

@@ -32,8 +32,7 @@ _TALKS_ON_S = 10.0
 _LEAST_WAIT_S = 1e-4
 _HEAD = struct.Struct(">HHHBBB")  # of an answer over TCP: number, 0, length, unit, function, bytes of words
 _MOST_NUMBERS = 65_000  # of requests over TCP, then from 1 again
-
-
+_WRITES = frozenset({6, 16})
 _ENDED = 2  # connections in a row that ended after one answer: then every answer ends one
 
 
@@ -116,6 +115,8 @@ class ModbusWire:
             if self._ended_after_answer():
                 self._ended += 1
                 self.close()
+            elif self._ended and self._answers == 1 and request.function_code in _WRITES:
+                self.close()  # it may be about to be closed as the one before was, and a write cannot be repeated
             if self._transport is None:
                 self._transport, self._answers = self._connected(where), 0
             if self._rtu:

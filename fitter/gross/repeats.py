@@ -24,8 +24,6 @@ HOLDS = 0.05
 APART = 3.0
 """Minimum distance, in standard deviations, between the named and the other readings of a setting that is mostly named:
 nearer ones are one level, which the model lacks."""
-
-
 CLEARLY = 0.5
 """Ratio of standard deviations below which one set of rows explains the scatter clearly better than another."""
 NEAR = 2.0

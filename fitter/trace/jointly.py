@@ -19,6 +19,7 @@ import numpy as np
 from scipy import special
 
 from fitter.arrays import FloatArray, IntArray
+from fitter.scatter import mean_ranks
 from fitter.trace.flexible import LEAST_DF, NOTHING_LEFT
 
 PER_COLUMN, MOST_COLUMNS, MOST_DEGREE = 4, 60, 12
@@ -252,8 +253,5 @@ def _needed(every: Some, seen: Callable[[Some], float]) -> Some:
 
 def ranks(values: FloatArray) -> FloatArray:
     """(n, d) mean rank of each value in its column, in -1 to 1."""
-    out = np.empty_like(values, np.float64)
-    for k, v in enumerate(values.T):
-        _, index, count = np.unique(v, return_inverse=True, return_counts=True)
-        out[:, k] = 2.0 * (np.cumsum(count) - 0.5 * (count + 1))[index] / max(len(v) - 1, 1) - 1.0
-    return out
+    every = np.column_stack([mean_ranks(v) for v in values.T])
+    return np.asarray(2.0 * (every - 1.0) / max(len(values) - 1, 1) - 1.0)

@@ -18,9 +18,12 @@ _CLEAR, _HIGHEST, _SPARE, _LEAVES = 1e-4, 3, 3, 0.02
 _REPEATS, _LEVELS, _ALONG = 10, 10, 2.5
 """Degrees of freedom of repeats, or levels, from which a polynomial is judged; limit of a correlation, in its sd."""
 _NUMBER = re.compile(r"\d+|(?<![A-Za-z])[A-Za-z](?![A-Za-z])|(?<=[a-z])[A-Z](?![A-Za-z])")
-
-
 _NAMELESS = re.compile(r"column_\d+")
+
+
+def nameless(table: Table) -> bool:
+    """Whether the columns of a table have no names of their own."""
+    return all(_NAMELESS.fullmatch(name) for name in table.names)
 
 
 def curved(
@@ -114,6 +117,6 @@ def alike(response: str, names: Collection[str], table: Table) -> tuple[str, ...
     def sort(name: str) -> tuple[str, str]:
         return _NUMBER.sub("#", name), table.units.get(name, "")
 
-    if not _NUMBER.search(response) or all(_NAMELESS.fullmatch(name) for name in table.names):
+    if not _NUMBER.search(response) or nameless(table):
         return (response,)
     return tuple(name for name in table.names if name in {response, *names} and sort(name) == sort(response))

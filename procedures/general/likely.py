@@ -22,7 +22,7 @@ from procedures.general.directions import (
     named_direction,
     read_direction,
 )
-from procedures.general.first_model import alike, curved
+from procedures.general.first_model import alike, curved, nameless
 from procedures.general.fit import fit_general
 from procedures.general.models.units import unit_in
 from procedures.general.uncertain import option, uncertainties, weights
@@ -137,7 +137,7 @@ def _with_uncertainties(
 
 def _doubts(table: Table, response: str, settings: Sequence[str], times: Sequence[str]) -> Iterator[str]:
     """What to check, where neither names nor values show which column was set."""
-    if all(re.fullmatch(r"column_\d+", name) for name in table.names):
+    if nameless(table):
         yield "The columns have no names: please check which one was set and which one was read"
     elif any(name in times for name in settings):
         yield f"{response} was recorded over time and nothing else varies: this is no calibration, but shows a drift"
@@ -277,7 +277,7 @@ def _pairs(
 def _abscissa(table: Table, full: Sequence[str]) -> str:
     """The first column, of a table without names, if it rises or falls throughout; "" for any other table."""
     first = table.names[0]
-    if first not in full or len(full) < 2 or not all(re.fullmatch(r"column_\d+", name) for name in table.names):
+    if first not in full or len(full) < 2 or not nameless(table):
         return ""
     steps = np.diff(table.columns[first])
     return first if bool((steps > 0).all() or (steps < 0).all()) else ""

@@ -113,7 +113,6 @@ class TableSettings(Strict):
         default_factory=dict,
         description='equipment that reads or sets each column, by its key in the register: `force_kN = "W-10"`',
     )
-
     keep: tuple[int, ...] = Field(
         (), description="rows that the search for gross errors names and that stay in the results, after you looked"
     )

@@ -26,8 +26,8 @@ def with_undeclared(declared: RunBudget, traced: RunBudget, effects: Sequence[st
     The line is how far each result is from that by the traced model. It is a known deviation that is not corrected, so
     its whole size d is taken as a standard uncertainty, together with the model errors of the traced one, and with the
     scatter by which the traced result is less certain than the declared one. If the traced result is right within its
-    standard uncertainty u, the value is within k sqrt(d^2 + u^2) of the declared result with at least 95 % for
-    k = 1.96, whatever d is (least, 95.2 %, at d = u / sqrt(k^2 - 1)); with nearly 100 % where d is large beside u.
+    standard uncertainty u, the value is within k sqrt(d^2 + u^2) of the declared result with 95 % for k = 1.96 where
+    d is zero, with 95.2 % where it is 0.6 u, and with nearly 100 % where it is large beside u.
 
     Args:
         declared: of the run, by the declared model.

@@ -8,10 +8,11 @@ from its setpoint than it ever was at a point.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable
 from itertools import pairwise
-from math import inf
+from math import inf, isfinite
 from statistics import median
+
+from rig.own_scatter import last_digit
 
 HANGS_S = 60.0
 """Seconds of equal readings from which a chamber that should move hangs."""
@@ -106,10 +107,5 @@ class Readback:
             return False
         first, second = self._changes
         following = abs(second) * min(1.0, second / first)  # below zero if it has turned
-        digit = max(10.0 ** -_decimals(self._values), _FLOAT32 * max(map(abs, self._values)))
-        return following >= _DIGITS * digit
-
-
-def _decimals(values: Iterable[float]) -> int:
-    """Digits after the point of the value that has most of them, at most nine."""
-    return max(len(f"{one:.9f}".rstrip("0").partition(".")[2]) for one in values)
+        digit, largest = min(map(last_digit, self._values)), max(map(abs, self._values))
+        return following >= _DIGITS * (digit if isfinite(digit) else _FLOAT32 * largest)

@@ -18,6 +18,8 @@ from collections.abc import Callable, Hashable, Sequence
 from statistics import NormalDist
 from typing import NamedTuple
 
+from rig.chances import chance_f, chance_t
+
 ALARM = 0.01
 """Probability of a false alarm in a run, for all outputs and tests together."""
 _SHARE, _THERMOMETERS = 0.3, 0.1
@@ -91,7 +93,7 @@ class NoiseTest:
             ratio = now / before
             if ratio < self.LEAST**2:
                 continue
-            if _chance_f(size * self._df, len(self._first) * self._df, ratio) < self._p:
+            if chance_f(size * self._df, len(self._first) * self._df, ratio) < self._p:
                 return (
                     f"has become {math.sqrt(ratio):.2g} times as noisy as at the first {self.FIRST} points: the sd of "
                     f"a reading is {self._say(math.sqrt(now))} at the last {size} points, it was "
@@ -156,7 +158,7 @@ class RepeatTest:
             if variance <= 0.0:
                 continue
             t = abs(shift) / math.sqrt(variance / size)
-            if abs(shift) > math.sqrt(variance) and 2.0 * _chance_t(size * 2.0 / 3.0, -t) < self._p:
+            if abs(shift) > math.sqrt(variance) and 2.0 * chance_t(size * 2.0 / 3.0, -t) < self._p:
                 return (
                     f"has drifted by {self._say(shift)}: the mean over the last {size} repeated settings against the "
                     f"first readings there, of which one differs by {self._say(math.sqrt(variance))} (sd) by chance"
@@ -256,17 +258,3 @@ class StillTest:
             f"hangs: it has read {self._last:g} degC {self._run + 1} times in a row, and neighbouring readings were "
             f"the same in {self._same} of {self._pairs} cases before. Temperatures recorded since are not to be trusted"
         )
-
-
-def _chance_f(of: float, to: float, ratio: float) -> float:
-    """Probability of a ratio of variances at least this large."""
-    from scipy.special import fdtrc  # noqa: PLC0415 - the import takes half a second; here nobody waits for a prompt
-
-    return float(fdtrc(of, to, ratio))
-
-
-def _chance_t(df: float, t: float) -> float:
-    """Probability of a t below this value."""
-    from scipy.special import stdtr  # noqa: PLC0415
-
-    return float(stdtr(df, t))

@@ -65,15 +65,19 @@ def _regular(path: Path, most: int) -> BinaryIO:
 
 def read_csv(path: Path, asked: Asked = NOTHING) -> Table:
     """A CSV table of numbers; of others as they come, without gaps. Raises `UsageError`."""
+    return without_evidence(_of_numbers_alone(path, asked))
+
+
+def _of_numbers_alone(path: Path, asked: Asked) -> Table:
     if asked:
-        return without_evidence(cells_of_others(path, asked).strict())
+        return cells_of_others(path, asked).strict()
     try:
-        return without_evidence(_read_csv(path))
+        return _read_csv(path)
     except UsageError as refusal:
         found = _of_others_alone(path, refusal)
         if found.plain:
             raise
-        return without_evidence(found.strict())
+        return found.strict()
 
 
 def _of_others_alone(path: Path, refusal: UsageError) -> Cells:
@@ -132,17 +136,21 @@ def read_any_csv(path: Path, needed: Collection[str], asked: Asked = NOTHING) ->
     Raises:
         UsageError: a required column is missing, or the file can be read in several ways.
     """
+    return without_evidence(_of_any_kind(path, needed, asked), needed)
+
+
+def _of_any_kind(path: Path, needed: Collection[str], asked: Asked) -> Table:
     if asked:
-        return without_evidence(cells_of_others(path, asked).any(needed), needed)
+        return cells_of_others(path, asked).any(needed)
     try:
-        table = without_evidence(_read_any_csv(path, needed), needed)
+        table = _read_any_csv(path, needed)
     except UsageError as refusal:
-        return without_evidence(_of_others(path, refusal).any(needed), needed)
+        return _of_others(path, refusal).any(needed)
     numbers = [name for name in needed if name in table.text]
     if table.columns and not any(_of_numbers(table.text[name]) for name in numbers):
         return table
     try:
-        return without_evidence(cells_of_others(path, asked).any(needed), needed)
+        return cells_of_others(path, asked).any(needed)
     except NoTable:
         return table
 
@@ -228,11 +236,12 @@ def _read_gappy_csv(path: Path, numbers: Collection[str]) -> Table:
 def read_seen_csv(path: Path, asked: Asked = NOTHING) -> Table:
     """All columns and rows of any table, NaN and "" for missing values, by its look alone. Raises `UsageError`."""
     try:
-        return without_evidence(cells_of_others(path, asked).gappy())
+        seen = cells_of_others(path, asked).gappy()
     except NoTable:
         if asked:
             raise
-        return without_evidence(_read_gappy_csv(path, ()))
+        seen = _read_gappy_csv(path, ())
+    return without_evidence(seen)
 
 
 def _of_numbers(cells: Iterable[str]) -> bool:
