@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from procedures.words import capitalised, chance, instead, percent, share, size_of, units, unnamed, with_error
+from fitter.rounding import with_error
+from procedures.numbers import interval_text
+from procedures.words import capitalised, chance, instead, percent, share, size_of, units, unnamed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -53,7 +55,7 @@ def effect_rows(effect: dict[str, Any], plot: Figure | None = None) -> dict[str,
             dict(
                 zip(
                     ("term", "value", "stderr", "interval", "unit"),
-                    (term, *with_error(value, error), _interval(pair), unit),
+                    (term, *with_error(value, error), interval_text(pair, error), unit),
                     strict=True,
                 )
             )
@@ -85,7 +87,3 @@ def _shape_of(rest: Mapping[str, Any]) -> dict[str, Any] | None:
         "measure": shape["measure"],
         "plot": draw_shape(shape),
     }
-
-
-def _interval(pair: tuple[float, float] | None) -> str:
-    return "-" if pair is None else f"{pair[0]:.4g} to {pair[1]:.4g}"

@@ -8,9 +8,11 @@ from typing import Any
 
 from rich.markup import escape
 
+from fitter.rounding import with_error
 from procedures.blocks import Block, Line, Paragraph
+from procedures.numbers import interval_text
 from procedures.text_picture import picture
-from procedures.words import chance, instead, share, units, unnamed, with_error
+from procedures.words import chance, instead, share, units, unnamed
 
 _SHOWN = 6
 """Maximum number of displayed coefficients of an effect; the others are in the JSON and the report."""
@@ -63,7 +65,7 @@ def _show_coefficients(effect: Mapping[str, Any]) -> Iterator[Block]:
     rows: Sequence[tuple[Any, ...]] = list(zip(*columns, strict=True))
     for term, value, error, interval, unit in rows[:_SHOWN]:
         shown = " +- ".join(with_error(value, error)).removesuffix(" +- -")
-        ends = "" if interval is None else f"  ({interval[0]:.4g} to {interval[1]:.4g})"
+        ends = "" if interval is None else f"  ({interval_text(interval, error)})"
         yield Paragraph(f"{shown} {escape(unit)}  {escape(term)}{ends}", 4)
     if len(rows) > _SHOWN:
         yield Paragraph(f"and {len(rows) - _SHOWN} more coefficients (--json)", 4)

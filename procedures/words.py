@@ -154,11 +154,6 @@ def size_of(shape: Mapping[str, Any]) -> str:
     return f"{shape['rms']:.3g} {shape['unit']}".rstrip()
 
 
-def with_error(value: float, error: float | None) -> tuple[str, str]:
-    """A coefficient and its standard error as text; a dash without an error."""
-    return f"{value:.4g}", "-" if error is None else f"{error:.2g}"
-
-
 def capitalised(text: str) -> str:
     """A sentence with a capital first letter; unchanged if it begins with a column's name."""
     first = text.partition(" ")[0]

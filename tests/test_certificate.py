@@ -57,17 +57,20 @@ def paragraph(*effects, unnamed=(), left_out=HELPS, hides=""):
 
 
 def test_a_size_has_the_interval_of_its_coefficients():
-    assert size_95(each("deg/g"), {"y": 1.5e-3}, {"y": 1e-5}, 5.0) == "1.49e-3 to 1.51e-3 deg/g"
-    assert size_95(each("deg/g"), {"y": -1.5e-3}, {"y": 1e-5}, 5.0) == "-1.51e-3 to -1.49e-3 deg/g"
-    assert size_95(each(""), {"y": 1e-5}, {"y": 3e-5}, 5.0) == "-2.00e-5 to 4.00e-5"
-    assert size_95(relative("ppm"), {"y": 1e-4, "z": 2e-4}, {"y": 1e-5, "z": 2e-5}, 5.0) == "18 to 22 ppm, 36 to 44 ppm"
+    assert size_95(each("deg/g"), {"y": 1.5e-3}, {"y": 1e-5}, 5.0) == "0.001490 to 0.001510 deg/g"
+    assert size_95(each("deg/g"), {"y": -1.5e-3}, {"y": 1e-5}, 5.0) == "-0.001510 to -0.001490 deg/g"
+    assert size_95(each(""), {"y": 1e-5}, {"y": 3e-5}, 5.0) == "-0.000020 to 0.000040"
+    assert (
+        size_95(relative("ppm"), {"y": 1e-4, "z": 2e-4}, {"y": 1e-5, "z": 2e-5}, 5.0)
+        == "18.0 to 22.0 ppm, 36.0 to 44.0 ppm"
+    )
 
 
 def test_an_amplitude_has_the_interval_of_both_phases_together():
     """3 and 4 make 5; with an error of 0.5 in each the amplitude's is 0.5 too, whichever way it points."""
     values, halves = {"sin": 3 / 3600, "cos": 4 / 3600}, {"sin": 0.5 / 3600, "cos": 0.5 / 3600}
-    assert size_95(amplitude, values, halves, 5.0) == "4.5 to 5.5 arcsec"
-    assert size_95(amplitude, {"sin": 0.1 / 3600, "cos": 0.0}, halves, 5.0) == "0 to 0.6 arcsec"
+    assert size_95(amplitude, values, halves, 5.0) == "4.50 to 5.50 arcsec"
+    assert size_95(amplitude, {"sin": 0.1 / 3600, "cos": 0.0}, halves, 5.0) == "0.00 to 0.60 arcsec"
 
 
 def test_an_effects_sentence_stands_alone():
@@ -216,7 +219,7 @@ def test_an_effect_of_a_transducer_has_interval_sentence_and_figure():
     assert effect["effect"] == "hysteresis"
     low, high = effect["interval_95"][0]
     assert low < 5e-3 < high
-    assert effect["size_95"] == f"{low * 1e3:.2f}e-3 to {high * 1e3:.2f}e-3 mV to each side"
+    assert effect["size_95"] == f"{low:.4f} to {high:.4f} mV to each side"
     assert effect["sentence"].removeprefix("bridge_1_mV: the declared model ")[:30] in found["certificate"]
     assert "the whole plots' own errors included, which effects within them do not change" in found["certificate"]
     before, after = (found[side]["cv_rms"] for side in ("before", "after"))

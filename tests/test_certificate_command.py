@@ -18,7 +18,7 @@ from command import rig
 from dry import SHORT, dry
 from general_lab import BENCH, CHAMBER, PROCEDURE, WORLD, run_dry
 
-from fitter.budget.rounding import rounded
+from fitter.rounding import rounded
 from fitter.trace.outcome import Finding
 from procedures import by_hand
 from rig.certificate.about import equipment, steps_by_hand

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import pytest
 from command import rig
 
-from fitter.budget.rounding import rounded_df
+from fitter.rounding import rounded_df
 from rig.certificate.html import html
 from rig.closed_loop.budget import budget_run
 from rig.results.certificate import Asked, Made, make

@@ -7,8 +7,9 @@ from types import SimpleNamespace
 import pytest
 
 from fitter.confirm import NOTHING, Member
+from fitter.effects.sizes import Size
 from procedures.general.confirming import OWN_UNITS, GeneralConfirming
-from procedures.general.effects import OF_CONSTANT, _said
+from procedures.general.effects import OF_CONSTANT, _of_term
 from rig.cli import confirm_show
 from rig.closed_loop.confirm.answers import Confirmed
 from rig.closed_loop.confirm.proposals import unlikely
@@ -97,7 +98,7 @@ def test_an_error_of_a_searched_constant_may_be_zero_and_is_told_in_percent():
     others = dict.fromkeys(Member.__dataclass_fields__, None)
     assert Member(**{**others, **known}).zero == ()
     assert Member(**{**others, **known, "shifts": frozenset()}).zero == (shift,)
-    assert _said(shift, 0.0285) == "+2.85 % in its constant"
+    assert Size(_of_term, named=False)({shift: 0.0285}, 1.0) == "2.85 % in its constant"
 
 
 def test_errors_of_outputs_in_different_units_have_their_own():

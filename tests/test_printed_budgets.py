@@ -15,8 +15,8 @@ import pytest
 
 from fitter.budget import Correlation, Influence, TypeA, budgets, covariance
 from fitter.budget.coverage import coverage_factor
-from fitter.budget.rounding import rounded, rounded_df, rounded_uncertainty
 from fitter.linear import least_squares
+from fitter.rounding import rounded, rounded_df, rounded_uncertainty
 
 Model = Callable[[np.ndarray], list[float]]
 

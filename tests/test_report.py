@@ -12,12 +12,12 @@ from dry import LAB, SHORT, dry, write_short
 from few_sensors import with_sensors
 from markupsafe import escape
 
+from fitter.rounding import with_error
 from fitter.trace.outcome import Parameter
 from procedures.attitude.evaluate import AttitudeTraced
 from procedures.attitude.trace import trace
 from procedures.attitude.words import little_help
 from procedures.effects_shown import show_effect
-from procedures.numbers import with_error
 from procedures.table import Table
 from procedures.words import chance, incomplete, unnamed
 from rig.closed_loop import fit_table, trace_table
@@ -82,8 +82,10 @@ def test_every_effect_has_interval_and_figure(traced, html):
     for effect in effects:
         if effect["size_95"]:
             assert f"<td>{effect['size_95']} (conditional on the selection)</td>" in html
-        for low, high in filter(None, effect["interval_95"]):
-            assert f">{low:.4g} to {high:.4g}</td>" in html
+        for ends, error in zip(effect["interval_95"], effect["stderr"], strict=True):
+            if ends is not None:
+                low, high = (with_error(end, error)[0] for end in ends)
+                assert f">{low} to {high}</td>" in html
 
 
 def test_a_doubtful_name_is_said_to_be_so_wherever_it_stands(traced):

@@ -5,7 +5,7 @@ from fitter.budget.coverage import EXCESS, NEAR_95, coverage_factor, shape_facto
 from fitter.budget.influence import Correlation, Influence, TypeA
 from fitter.budget.mass import Combined, combine
 from fitter.budget.monte_carlo import Check, Interval, Simulated, check, monte_carlo, simulate
-from fitter.budget.rounding import Rounded, rounded, rounded_df, rounded_factor, rounded_uncertainty
+from fitter.rounding import Rounded, rounded, rounded_df, rounded_factor, rounded_uncertainty
 
 __all__ = [
     "EXCESS",

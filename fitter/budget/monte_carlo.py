@@ -11,8 +11,8 @@ from fitter.arrays import FloatArray
 from fitter.budget.budget import Budgeted
 from fitter.budget.draws import Evaluate, Trials, trials
 from fitter.budget.influence import Correlation, Influence, TypeA, checked
-from fitter.budget.rounding import rounded_uncertainty
 from fitter.errors import FitError
+from fitter.rounding import rounded_uncertainty
 
 BLOCK = 10_000
 FINER = 5.0

@@ -17,7 +17,7 @@ from fitter.confirm.prediction import SensorError, prediction_errors
 from fitter.confirm.question import Hypothesis, Question
 from fitter.confirm.structure import p_structured
 from fitter.confirm.together import Candidates, Together, left, solve
-from fitter.effects.sizes import amplitude, arcsec, size_95
+from fitter.effects.sizes import arcsec, size_95
 from fitter.linear import orthonormal
 from fitter.quantiles import DISTINGUISHED, f_tail, t_limit
 
@@ -344,12 +344,12 @@ def _sizes(
         if not mine or not np.all(np.isfinite(alone[mine])):
             continue
         effect = member.terms[mine[0]].effect
-        size = arcsec if len(mine) == 1 and effect.size is amplitude else effect.size  # a single phase has a sign
+        size = arcsec if len(mine) == 1 and effect.size.phases else effect.size  # a single phase has a sign
         names = [member.terms[k].term.name for k in mine]
         values = dict(zip(names, alone[mine].tolist(), strict=True))
         halves = {name: 0.5 * (intervals[k][1] - intervals[k][0]) for name, k in zip(names, mine, strict=True)}
         known = np.isfinite([*halves.values()]).all()
-        text = size(values, slope) + (f" ({size_95(size, values, halves, slope)})" if known else "")
+        text = size(values, slope, halves) + (f" ({size_95(size, values, halves, slope)})" if known else "")
         out.setdefault(sensor, []).append(f"{cause} {text}" if len(causes) > 1 else text)
     return {sensor: "; ".join(texts) for sensor, texts in out.items()}
 

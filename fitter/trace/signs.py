@@ -116,14 +116,15 @@ def refused(
     """
     signed, name = term.effect.signed, term.term.name
     sign = signed.of(name)
-    value, error = (term.effect.size({name: v}, slopes[concerned[0]]) for v in (sign * found.value, found.stderr))
+    value = sign * found.value
+    size = term.effect.size({name: value}, slopes[concerned[0]], {name: found.stderr}, both=True)
     return Refused(
         effect=term.effect.name,
         instead_of=instead_of,
         sensors=concerned,
         quantity=signed.quantity,
-        value=sign * found.value,
+        value=value,
         stderr=found.stderr,
-        size=f"{value} +- {error}",
+        size=size,
         otherwise=signed.otherwise,
     )

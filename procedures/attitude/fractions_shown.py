@@ -7,6 +7,7 @@ from typing import Any
 
 from rich.markup import escape
 
+from fitter.rounding import with_error
 from procedures.attitude.fractions_compared import FAMILY
 from procedures.attitude.parameters import LABELS, shown
 from procedures.blocks import Block, Grid, Line, headline
@@ -98,9 +99,7 @@ def _parameters(sensor: str, full: Mapping[str, Any], part: Mapping[str, Any]) -
     table = _table("parameter", *headings)
     sides = [entry["sensors"][sensor]["parameters"] for entry in (full, part)]
     for name in shown(sides[0]):
-        cells = [
-            text for side in sides for text in (number(side[name]["estimate"], 8), number(side[name]["stderr"], 2))
-        ]
+        cells = [text for side in sides for text in with_error(side[name]["estimate"], side[name]["stderr"])]
         table.add_row(LABELS[name], *cells)
     return table
 

@@ -9,13 +9,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from fitter.rounding import with_error
 from fitter.trace.outcome import Outcome, WithError
 from procedures.attitude.parameters import NO_DIRECTION, SCALE, UNIT
 from procedures.attitude.words import little_help
 from procedures.before_after import compared
 from procedures.effect_plots import drawn
 from procedures.effects_report import effects_part
-from procedures.numbers import with_error
 from procedures.pictures import BEFORE_AFTER, colour_scale, dress, legend_below, side_by_side
 from procedures.results import Page
 

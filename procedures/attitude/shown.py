@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 from rich.markup import escape
 
+from fitter.rounding import with_error
 from procedures.attitude.parameters import LABELS, NO_DIRECTION, shown
 from procedures.attitude.words import little_help, misfit_in_words
 from procedures.before_after import compared
 from procedures.blocks import Block, Grid, Line, Paragraph, headline
 from procedures.effects_shown import show_certificate, show_effect, show_unnamed
 from procedures.gross_shown import show_gross, show_left_out
-from procedures.numbers import with_error, with_interval
+from procedures.numbers import with_interval
 from procedures.words import TESTS, significant, verdict_of
 
 if TYPE_CHECKING:

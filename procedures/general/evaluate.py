@@ -18,6 +18,7 @@ from procedures.certificate import Change, Errors, certified, with_words
 from procedures.errors import DataError
 from procedures.general.column_roles import Roles, parts_played, read_roles, used_columns, with_response
 from procedures.general.trace import FoundTableEffect, TableTrace, trace_general
+from procedures.numbers import interval_text
 from procedures.results import Page
 from procedures.table import Reader, Table
 from procedures.unused import TEXT, unused_columns
@@ -122,7 +123,8 @@ def _worded(found: TableTrace, effect: FoundTableEffect, df: float) -> Finding:
     if known and effect.stratum != "noise":  # for several columns as if they were orthogonal
         part, rms = t / float(np.sqrt(sum((c / e) ** 2 for c, e in known))), effect.rms
         about = "about " if len(known) > 1 else ""
-        size = f"{about}{rms * max(1.0 - part, 0.0):.3g} to {rms * (1.0 + part):.3g} rms"
+        ends = rms * max(1.0 - part, 0.0), rms * (1.0 + part)
+        size = f"{about}{interval_text(ends, rms * part)} rms"
     return with_words(found.response, effect.finding(), halves, size)
 
 

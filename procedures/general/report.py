@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from fitter.rounding import with_error
 from procedures.before_after import compared
 from procedures.effects_report import effects_part
-from procedures.numbers import to_error
 from procedures.pictures import BEFORE_AFTER, dress, side_by_side
 from procedures.results import Page
 
@@ -103,13 +103,7 @@ def _sensor(traced: GeneralTraced) -> dict[str, Any]:
         "s": effects_part(found, {}),
         "plots": _plots(traced),
         "coefficients": [
-            dict(
-                zip(
-                    ("name", "estimate", "stderr"),
-                    (term, *to_error(value["estimate"], value["stderr"], 6)),
-                    strict=True,
-                )
-            )
+            {"name": term, "both": with_error(value["estimate"], value["stderr"], least=6)}
             for term, value in found["fitted"]["coefficients"].items()
         ],
     }

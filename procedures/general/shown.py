@@ -7,12 +7,13 @@ from typing import Any
 
 from rich.markup import escape
 
+from fitter.rounding import with_error
 from procedures.before_after import compared
 from procedures.blocks import Block, Grid, Line, Paragraph
 from procedures.effects_shown import show_certificate, show_effect, show_unnamed
 from procedures.general.evaluate import GeneralTraced
 from procedures.gross_shown import show_gross, show_left_out
-from procedures.numbers import number, to_error
+from procedures.numbers import number
 from procedures.words import verdict_of
 
 
@@ -43,13 +44,13 @@ def show_general_fit(file: str, result: Mapping[str, Any]) -> Iterator[Block]:
     yield Line(f"[bold]{escape(file)}[/]: {result['data']['points']} rows")
     table = Grid(("term", "estimate", "standard error", "df"), title=title)
     for name, value in result["coefficients"].items():
-        table.add_row(escape(name), *to_error(value["estimate"], value["stderr"]), number(value["df"], 4))
+        table.add_row(escape(name), *with_error(value["estimate"], value["stderr"], least=8), number(value["df"], 4))
     yield table
     if "model" in result:
         yield Line(f"  {escape(result['model']['title'])}; {escape(result['model']['source'])}", wrapped=True)
     for name, value in result.get("derived", {}).items():
         unit, meaning = f" {value['unit']}" if value["unit"] else "", value["meaning"]
-        estimate, stderr = to_error(value["estimate"], value["stderr"])
+        estimate, stderr = with_error(value["estimate"], value["stderr"], least=8)
         error = f" +- {stderr}" if value["stderr"] is not None else ""
         yield Line(f"  {escape(name):<16} {estimate}{error}{escape(unit)}  {escape(meaning)}")
     for key, what in (
@@ -96,13 +97,12 @@ def _predictions(result: Mapping[str, Any]) -> Iterator[Block]:
     if not rows:
         return
     name = next(iter(rows[0]))
-    table = Grid((escape(name), escape(result["response"]), "95 %: curve", "one reading"))
+    table = Grid((escape(name), escape(result["response"]), "95 %: curve +-", "one reading +-"))
     for row in rows:
         table.add_row(
             number(row[name], 6),
-            to_error(row["value"], row["confidence95"])[0],
-            f"+-{number(row['confidence95'], 3)}",
-            f"+-{number(row['prediction95'], 3)}",
+            *with_error(row["value"], row["confidence95"]),
+            with_error(row["value"], row["prediction95"])[1],
         )
     yield table
 

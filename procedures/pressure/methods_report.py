@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from fitter.rounding import with_error
 from procedures.numbers import number
 from procedures.pictures import grid
 from procedures.pressure.fit import METHODS, PressureFit
@@ -85,8 +86,7 @@ def _transducer(name: str, result: dict[str, Any], fitted: WholePlotFitted) -> d
         "rows": [
             {
                 "term": term,
-                "estimate": number(value["estimate"], 6),
-                "stderr": number(value["stderr"]),
+                "both": with_error(value["estimate"], value["stderr"], least=6),
                 "df": number(value["df"]),
                 "vif": number(result["variance_inflation"].get(term)),
                 "unit": value["unit"],

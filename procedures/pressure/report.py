@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from fitter.rounding import with_error
 from fitter.trace.outcome import Outcome
 from procedures.before_after import compared
 from procedures.effect_plots import drawn
@@ -121,8 +122,7 @@ def _transducer(outcome: Outcome, result: dict[str, Any], traced: WholePlotTrace
         "coefficients": [
             {
                 "name": term,
-                "estimate": number(value["estimate"], 6),
-                "stderr": number(value["stderr"]),
+                "both": with_error(value["estimate"], value["stderr"], least=6),
                 "df": number(value["df"]),
             }
             for term, value in result["fitted"]["coefficients"].items()

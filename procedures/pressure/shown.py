@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from rich.markup import escape
 
+from fitter.rounding import with_error
 from procedures.before_after import compared
 from procedures.blocks import Block, Grid, Line, headline
 from procedures.effects_shown import show_certificate, show_effect, show_unnamed
@@ -106,8 +107,8 @@ def _kept(sensor: Mapping[str, Any]) -> Grid:
     table = Grid(("term", "estimate", "standard error", "df", "VIF", "unit"), title=title)
     for term, value in sensor["methods"][method]["coefficients"].items():
         inflation = sensor["variance_inflation"].get(term)
-        keys = (("estimate", 6), ("stderr", 3), ("df", 3))
-        numbers = (*(number(value[key], digits) for key, digits in keys), number(inflation, 3))
+        both = with_error(value["estimate"], value["stderr"], least=6)
+        numbers = (*both, number(value["df"]), number(inflation))
         table.add_row(escape(term), *numbers, value["unit"])
     return table
 

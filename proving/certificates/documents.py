@@ -7,7 +7,7 @@ import random
 from collections.abc import Sequence
 from typing import Literal
 
-from fitter.budget.rounding import rounded, rounded_df, rounded_factor
+from fitter.rounding import rounded, rounded_df, rounded_factor
 from rig.certificate.document import (
     Amendment,
     Budget,

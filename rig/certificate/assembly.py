@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from fitter.budget import NEAR_95, Budgeted, Shapes
-from fitter.budget.rounding import rounded, rounded_df, rounded_factor, rounded_to, rounded_uncertainty
 from fitter.decision import decide
+from fitter.rounding import rounded, rounded_df, rounded_factor, rounded_to, rounded_uncertainty
 from fitter.trace.outcome import Finding, Outcome
 from rig.certificate import words
 from rig.certificate.document import Budget, Condition, Contribution, Effect, Result, ResultTable, Stage, Statement

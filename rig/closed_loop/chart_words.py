@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from fitter.history import Chart, QuantityChart
+from fitter.rounding import with_error
 from procedures.charting import Shown
 
 
@@ -79,13 +80,13 @@ def _change(q: QuantityChart, dates: Sequence[str], shown: Shown, span_days: flo
     label, scale, unit = shown.label, shown.scale, shown.unit
     if q.stepped and q.step is not None:
         between = f"between {dates[q.step.before - 1]} and {dates[q.step.before]}"
-        size = with_error(scale * q.step.size, scale * q.step.stderr, sign=True)
+        size = " +- ".join(with_error(scale * q.step.size, scale * q.step.stderr, sign=True))
         p = _chance(q.adjusted["step"])
         advice = "if its cause is known and over, chart the calibrations after it alone"
         return f"{label} stepped by {size} {unit} {between} (+- one standard error, {p}); {advice}"
     if q.trend is not None and q.significant("trend"):
         times, end = (scale, "/year") if span_days is None else (scale * span_days / 365.25, f" {_within(span_days)}")
-        rate = f"{with_error(times * abs(q.trend.per_year), times * q.trend.stderr)} {unit}{end}"
+        rate = f"{' +- '.join(with_error(times * abs(q.trend.per_year), times * q.trend.stderr))} {unit}{end}"
         falls = q.trend.per_year < 0
         p = _chance(q.adjusted["trend"])
         if q.steady:
@@ -106,9 +107,3 @@ def _change(q: QuantityChart, dates: Sequence[str], shown: Shown, span_days: flo
             f"({_chance(q.adjusted['homogeneity'])}), without a clear trend"
         )
     return ""
-
-
-def with_error(value: float, error: float, *, sign: bool = False) -> str:
-    """12.3 +- 1.4, one standard error: it to two digits, the value to the same decimal place."""
-    places = max(0, 1 - int(f"{error:.1e}".partition("e")[2])) if error > 0 else 6
-    return f"{value:{'+' if sign else ''}.{places}f} +- {error:.{places}f}"

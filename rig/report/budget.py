@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from fitter.budget import Budgeted
-from procedures.numbers import with_error
+from fitter.rounding import with_error
 from procedures.pictures import grid
 from procedures.results import Page
 from rig.closed_loop import known

@@ -14,14 +14,14 @@ from matplotlib.ticker import FuncFormatter, LinearLocator
 from fitter.history import Between, QuantityChart
 from fitter.history.forecast import predict
 from fitter.quantiles import t_limit
-from procedures.numbers import with_error as estimate_and_error
+from fitter.rounding import with_error
 from procedures.pictures import grid, legend_below
 from procedures.results import Page
 from procedures.unused import Unused
 from procedures.words import capitalised
 from rig.closed_loop.chart import DAYS, SHORT_DAYS, ControlCharts, SensorChart
 from rig.closed_loop.chart_inputs import as_table
-from rig.closed_loop.chart_words import due_date, probability, with_error
+from rig.closed_loop.chart_words import due_date, probability
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -192,7 +192,7 @@ def _row(sensor: SensorChart, row: Mapping[str, Any]) -> dict[str, Any]:
     degC = row["sensor_temperature_degC"]
     return {
         "date": row["date"],
-        "values": [" ± ".join(estimate_and_error(v["estimate"], v["stderr"])) for v in row["parameters"].values()],
+        "values": [" ± ".join(with_error(v["estimate"], v["stderr"])) for v in row["parameters"].values()],
         "degC": "-" if degC is None else f"{degC:.2f}",
         "outside": ", ".join(f"{sensor.view.shown[name].label} {limit}" for name, limit in row["outside"].items()),
     }
@@ -204,7 +204,9 @@ def _tests(sensor: SensorChart, name: str, q: Mapping[str, Any]) -> dict[str, An
     trend, step, spread = q["trend"], q["step"], q["homogeneity"]
     found = next(each for each in sensor.chart.quantities if each.name == name)
     short = sensor.span_days < SHORT_DAYS  # a rate per year does not follow from a few days
-    rate = "-" if trend is None or short else f"{with_error(scale * trend['per_year'], scale * trend['stderr'])} {unit}"
+    rate = "-"
+    if trend is not None and not short:
+        rate = f"{' +- '.join(with_error(scale * trend['per_year'], scale * trend['stderr']))} {unit}"
     return {
         "name": shown.label,
         "rate": rate,

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from rich.markup import escape
 
+from fitter.rounding import with_error
 from procedures.blocks import Block, Grid, Line, headline
-from procedures.numbers import with_error
 from rig.closed_loop.budget import RunBudget, budget_of, run_with_register
 from rig.errors import UsageError
 from rig.options import options_of

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 from rich.markup import escape
 
 from drivers.clock import RealClock
+from fitter.rounding import with_error
 from procedures.blocks import Block, Grid, Line, simulated_mark
-from procedures.numbers import with_error
 from rig.closed_loop.chart import ControlCharts, chart_calibrations
 from rig.closed_loop.chart_together import read_together
 from rig.closed_loop.chart_words import due_date

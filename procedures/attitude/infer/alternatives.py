@@ -14,6 +14,7 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from procedures.attitude.infer.answer import InferredAttitude
+from procedures.numbers import interval_text
 
 MATTERS = 0.1
 """Minimum change relative to the half-width for a remark that an interval depends on the cause."""
@@ -85,10 +86,8 @@ def depends(parameter: str, wide: Covering) -> str:
     """Sentence that a parameter depends on the cause, with its possible range."""
     which = " and on ".join(f"which of {_listed(members)} holds" for members in wide.depends_on)
     name, _, unit = parameter.partition("_")
-    span = wide.high - wide.low
-    places = max(0, 2 - int(np.floor(np.log10(span)))) if span > 0 else 6
-    ends = f"from {wide.low:.{places}f} to {wide.high:.{places}f}"
-    return f"{name} depends on {which}: {ends} {unit.replace('_per_', '/')} (95 %, whichever holds)"
+    ends = interval_text((wide.low, wide.high), (wide.high - wide.low) / 2.0)
+    return f"{name} depends on {which}: from {ends} {unit.replace('_per_', '/')} (95 %, whichever holds)"
 
 
 def widened(

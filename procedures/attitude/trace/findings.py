@@ -170,7 +170,7 @@ def _found(
     contribution = raw_columns(problem.scene, [problem.candidates[picked[k]] for k in mine])[i] @ after.gamma[mine]
     formulas = [problem.candidates[picked[k]].term.as_formula(problem.scene, sensor) for k in shown]
     parts = {k: problem.candidates[picked[k]] for k in mine}
-    own = {part.term.name: float(after.gamma[k]) for k, part in parts.items() if part.sensor in (None, sensor)}
+    own = {part.term.name: k for k, part in parts.items() if part.sensor in (None, sensor)}
     stratum = judge.stratum_of(after.chosen, picked[shown[0]])
     stderr = np.sqrt(np.diag(after.covariance))
     shape = [problem.candidates[picked[k]] for k in mine]
@@ -187,7 +187,11 @@ def _found(
         coefficients=tuple(float(after.gamma[k] * f) for k, (_, f) in zip(shown, formulas, strict=True)),
         stderr=tuple(float(stderr[k] * abs(f)) for k, (_, f) in zip(shown, formulas, strict=True)),
         unit=effect.unit,
-        size=effect.size(own, problem.fits[sensor].parameters.S_V),
+        size=effect.size(
+            {term: float(after.gamma[k]) for term, k in own.items()},
+            problem.fits[sensor].parameters.S_V,
+            {term: float(stderr[k]) for term, k in own.items()},
+        ),
         p_adjusted=p,
         p_adjusted_is_bound=p == judge.family.least,
         share=0.0,  # together for all effects: `_shares`

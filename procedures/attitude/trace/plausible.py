@@ -37,18 +37,16 @@ def _worst(problem: Problem, chosen: tuple[int, ...]) -> Refused | None:
     term = problem.candidates[chosen[k]]
     concerned = tuple(problem.sensors) if term.sensor is None else (term.sensor,)
     slope = problem.fits[concerned[0]].parameters.S_V
-    value, error = (
-        term.effect.size({term.term.name: number}, slope) for number in (float(fitted.gamma[k]), float(stderr[k]))
-    )
+    name, value, error = term.term.name, float(fitted.gamma[k]), float(stderr[k])
     assert term.effect.largest is not None
     return Refused(
         effect=term.effect.name,
         instead_of="",
         sensors=concerned,
         quantity="size",
-        value=float(fitted.gamma[k]),
-        stderr=float(stderr[k]),
-        size=f"{value} +- {error}",
+        value=value,
+        stderr=error,
+        size=term.effect.size({name: value}, slope, {name: error}, both=True),
         otherwise="",
         largest=term.effect.largest.text,
     )

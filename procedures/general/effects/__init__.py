@@ -7,6 +7,7 @@ from itertools import combinations
 from typing import Any
 
 from fitter.effects.entry import Source
+from fitter.effects.sizes import Size
 from procedures.general.effects.catalogue import TABLE_CATALOGUE
 from procedures.general.effects.hands import HANDS
 from procedures.general.effects.kind import Of, TableEffect, TableKind
@@ -36,7 +37,7 @@ def _effect(kind: TableKind, names: tuple[str, ...], response: str) -> TableEffe
         scope="sensor",
         stratum=kind.stratum,
         unit=kind.unit.format(*names, **words),
-        size=lambda values, _scale: ", ".join(_said(name, value) for name, value in values.items()),
+        size=Size(_of_term, named=False),
         against=names[-1] if kind.of in ("direction of setting", "direction by covariate") else names[0],
         separate_by=kind.separate_by.format(*names, **words),
         usual_size=kind.usual_size,
@@ -47,9 +48,9 @@ def _effect(kind: TableKind, names: tuple[str, ...], response: str) -> TableEffe
     )
 
 
-def _said(name: str, value: float) -> str:
-    """A coefficient in words; the error of a searched constant as a share of it."""
-    return f"{100.0 * value:+.3g} % in its constant" if name.startswith(OF_CONSTANT) else f"{value:.4g}"
+def _of_term(name: str) -> tuple[float, str]:
+    """Factor and unit of a coefficient; the error of a searched constant is a share of it."""
+    return (100.0, "% in its constant") if name.startswith(OF_CONSTANT) else (1.0, "")
 
 
 def _columns_for(of: Of, scene: TableScene) -> Iterator[tuple[str, ...]]:

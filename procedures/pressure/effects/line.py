@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 
 from fitter.arrays import FloatArray
 from fitter.effects.entry import Alias, Signed
 from fitter.effects.hands import resized_by
-from fitter.effects.sizes import each, micro
+from fitter.effects.sizes import by_term, each, micro
 from procedures.pressure.effects.hands import OTHER_GAUGE
 from procedures.pressure.effects.scene import (
     AT_EASE,
@@ -34,10 +34,8 @@ def _transpiration(bore_mm: float) -> tuple[str, Callable[[PressureScene], Float
     return f"transpiration(P, T_sensor, {bore_mm:g} mm)", lambda scene: scene.transpiration(bore_mm)
 
 
-def _bend(values: Mapping[str, float], per_psi: float) -> str:
-    """Every coefficient in psi for its power of the pressure."""
-    return ", ".join(each(f"psi/{name.replace('P', 'psi')}")({name: value}, per_psi) for name, value in values.items())
-
+_BEND = by_term(lambda name: each(f"psi/{name.replace('P', 'psi')}"))
+"""Every coefficient in psi for its power of the pressure."""
 
 _OF_LINE = partial(PressureEffect, source="line", scope="line", stratum="subplot")
 """All transducers on the line err within whole plots."""
@@ -135,7 +133,7 @@ REFERENCE_NONLINEARITY = _OF_LINE(
     name="reference-nonlinearity",
     cause="the pressure reference itself is not straight: all transducers show the same bend, in psi",
     unit="psi/psi^2, psi/psi^3",
-    size=_bend,
+    size=_BEND,
     against="pressure_psia",
     separate_by=SECOND_GAUGE,
     usual_size="1e-4 of the range",

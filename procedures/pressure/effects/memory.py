@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.effects.entry import Alias
-from fitter.effects.sizes import each, micro
+from fitter.effects.sizes import by_term, each, micro
 from procedures.pressure.effects.scene import (
     AT_EASE,
     SOAK,
@@ -51,13 +51,8 @@ def _lag(name: str, step: Callable[[PressureScene], FloatArray]) -> Callable[...
     return lambda _data: terms
 
 
-def _lagging(values: Mapping[str, float], per_psi: float) -> str:
-    """Every coefficient in nanovolts per degree of the step, and per psi if the sensitivity lags."""
-    return ", ".join(
-        micro(f"nV{'/psi' if name.startswith('P*') else ''} per degC of the step")({name: value}, per_psi)
-        for name, value in values.items()
-    )
-
+_LAGGING = by_term(lambda name: micro(f"nV{'/psi' if name.startswith('P*') else ''} per degC of the step"))
+"""Every coefficient in nanovolts per degree of the step, and per psi if the sensitivity lags."""
 
 _WITHIN = partial(PressureEffect, scope="sensor", stratum="subplot")
 """A transducer errs within whole plots."""
@@ -113,7 +108,7 @@ SENSOR_LAG = _WITHIN(
     "begins",
     source="chamber",
     unit="mV/degC; with P mV/psi/degC",
-    size=_lagging,
+    size=_LAGGING,
     against="since_s",
     separate_by=SOAK,
     usual_size="1e-4 mV/degC",
@@ -126,7 +121,7 @@ SSE_LAG = _WITHIN(
     "plot begins",
     source="chamber",
     unit="mV/degC; with P mV/psi/degC",
-    size=_lagging,
+    size=_LAGGING,
     against="since_s",
     separate_by=SOAK,
     usual_size="1e-4 mV/degC",

@@ -5,14 +5,14 @@ Sizes that are usual are those of piezoresistive transducers of about 2 mV/psi, 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.effects.entry import Alias
-from fitter.effects.sizes import Size, each, micro
+from fitter.effects.sizes import Size, by_term, each, micro
 from procedures.pressure.data import WholePlotData
 from procedures.pressure.effects.scene import TIMES_WARM, PressureEffect, PressureScene, PressureTerm
 
@@ -178,13 +178,8 @@ def _each_of(
     return terms
 
 
-def _bending(values: Mapping[str, float], per_psi: float) -> str:
-    """Every coefficient in millivolts, or for a degree in nanovolts."""
-    return ", ".join(
-        (micro("nV per degC") if name.endswith("T_sensor") else each("mV"))({name: value}, per_psi)
-        for name, value in values.items()
-    )
-
+_BENDING = by_term(lambda name: micro("nV per degC") if name.endswith("T_sensor") else each("mV"))
+"""Every coefficient in millivolts, or for a degree in nanovolts."""
 
 TOUCH_DOWN = PressureEffect(
     name="touch-down",
@@ -193,7 +188,7 @@ TOUCH_DOWN = PressureEffect(
     scope="sensor",
     stratum="subplot",
     unit="mV, mV/degC",
-    size=_bending,
+    size=_BENDING,
     against="pressure_psia",
     separate_by=_LOW,
     usual_size="5e-4 of the range",

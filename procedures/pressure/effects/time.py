@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.effects.entry import Alias
-from fitter.effects.sizes import each, micro
+from fitter.effects.sizes import by_term, each, micro
 from procedures.pressure.data import WholePlotData
 from procedures.pressure.effects.scene import SOAK, PressureEffect, PressureScene, PressureTerm, fixed
 
@@ -25,11 +25,8 @@ _REPEAT_FIRST = "repeat the first whole plots at the end of the run"
 _EARLIER = "repeat a few whole plots of the earlier block"
 
 
-def _supply(values: Mapping[str, float], volts: float) -> str:
-    """Every coefficient in ppm per unit of its variable."""
-    return ", ".join(
-        micro("ppm/h" if name == "V*time" else "ppm/degC")({name: value}, volts) for name, value in values.items()
-    )
+_SUPPLY = by_term(lambda name: micro("ppm/h" if name == "V*time" else "ppm/degC"))
+"""Every coefficient in ppm per unit of its variable."""
 
 
 def _recorded(
@@ -211,7 +208,7 @@ EXCITATION = PressureEffect(
     scope="voltmeter",
     stratum="subplot",
     unit="1/h, 1/degC",
-    size=_supply,
+    size=_SUPPLY,
     against="elapsed_s",
     separate_by="record the supply's voltage, and read a fixed bridge with the transducers",
     usual_size="1e-5 of itself per h, 1e-5 per degC",

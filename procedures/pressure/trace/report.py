@@ -259,7 +259,11 @@ def _found(finding: Finding, name: str, i: int) -> FoundPressureEffect | None:
         coefficients=tuple(c.value for c in coefficients.values()),
         stderr=tuple(c.stderr for c in coefficients.values()),
         unit=_unit(effect, [problem.candidates[j].term for j in mine]),
-        size=effect.size({term: c.value for term, c in coefficients.items()}, finding.scene.sensitivity[sensor]),
+        size=effect.size(
+            {term: c.value for term, c in coefficients.items()},
+            finding.scene.sensitivity[sensor],
+            {term: c.stderr for term, c in coefficients.items()},
+        ),
         p_adjusted=p,
         p_adjusted_is_bound=p <= min(map(finding.judge.family.least, mine)),
         share=0.0,  # together for all effects: `_shares`

@@ -1,4 +1,4 @@
-"""Numbers of a certificate: an uncertainty to two significant digits, a value to the same decimal place.
+"""Values with their errors, as they are printed: an uncertainty to two significant digits, a value to its last place.
 
 All arithmetic is decimal, on the shortest decimal number that stands for a float: what a person reads is what is
 rounded, and 2.675 is a tie, as it looks.
@@ -20,6 +20,8 @@ MOST_LOSS = Decimal("0.05")
 _LEAST_PLACE, _LEAST_POSITION, _LARGEST_POSITION = -9, -3, 7
 _EXACT = Context(prec=700)
 """Digits enough for any sum of a place and a float."""
+_OF_A_DOUBLE, _UNKNOWN, _LONGEST = 17, 8, 12
+"""Digits of a double; of a value whose error is unknown; in front of the point of a number without a power of ten."""
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -108,6 +110,48 @@ def rounded_to(value: float, place: int) -> Decimal:
     """
     near = shortest(value).quantize(_unit(place), ROUND_HALF_EVEN, _EXACT)
     return abs(near) if near == 0 else near
+
+
+def with_error(value: float | None, error: float | None, *, least: int = 0, sign: bool = False) -> tuple[str, str]:
+    """A value and its standard error, or half an interval, as text: the error says how many digits the value has.
+
+    The error has two significant digits and the value the same last decimal place; both are printed to the unit where
+    that place is left of the point, and with a power of ten each if they are very small or large. An error of 0 leaves
+    15 digits of the value, one that is unknown or infinite 8. A dash stands for what is unknown.
+
+    Args:
+        value: of anything.
+        error: of it, in its unit.
+        least: significant digits of the value at least. Coefficients of one fit are correlated: those that a person
+            copies must not move the curve by their rounding (JCGM 100, 7.2.6).
+        sign: whether a positive value has a plus sign.
+    """
+    if value is None or math.isnan(value):
+        return "-", "-"
+    if error is None or not 0.0 < error < math.inf or math.isinf(value):
+        digits = _OF_A_DOUBLE - 2 if error == 0.0 else _UNKNOWN
+        return _signed(f"{value:.{digits}g}", sign), "0" if error == 0.0 else "inf" if error == math.inf else "-"
+    exact, shown = shortest(value), rounded_uncertainty(error)
+    plain = _place(shown) >= _LEAST_PLACE and max(exact.adjusted(), shown.adjusted()) < _LONGEST
+    if plain and _place(shown) > 0:
+        shown = rounded_to(error, 0)
+    place, first = _place(shown), exact.adjusted() + 1
+    last = max(min(place, first - least) if least else place, first - _OF_A_DOUBLE)
+    near = rounded_to(value, last)
+    while last < place and near == (shorter := near.quantize(_unit(last + 1), ROUND_DOWN, _EXACT)):
+        near, last = shorter, last + 1
+    return _signed(_printed(near, plain), sign), _printed(shown, plain)
+
+
+def _printed(number: Decimal, plain: bool) -> str:
+    """All digits of a number, with or without a power of ten."""
+    if plain:
+        return f"{number:f}"
+    return "0" if not number else f"{number:.{number.adjusted() - _place(number)}e}"
+
+
+def _signed(text: str, sign: bool) -> str:
+    return f"+{text}" if sign and not text.startswith("-") else text
 
 
 def rounded_factor(factor: float) -> str:
