@@ -80,12 +80,13 @@ def check_files(written: Sequence[Path | None], read: Sequence[Path | None]) -> 
         seen[target] = path
 
 
-def check_ending(path: Path, ending: str) -> None:
-    """Refuse a name that says another format than is written. Raises `UsageError`."""
-    if path.suffix.lower() not in (ending, ".txt", ""):
+def check_ending(path: Path, ending: str, *others: str) -> None:
+    """Refuse a name that says another format than `ending`, which is written by default. Raises `UsageError`."""
+    if path.suffix.lower() not in (ending, *others, ".txt", ""):
+        also = "".join(f", or {path.with_suffix(other)}" for other in others)
         raise UsageError(
             f"{path} would have {ending[1:].upper()} under a name that says {path.suffix}: only this is "
-            f"written; name it {path.with_suffix(ending)}"
+            f"written; name it {path.with_suffix(ending)}{also}"
         )
 
 

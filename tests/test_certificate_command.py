@@ -679,7 +679,7 @@ def test_a_refusal_ends_with_two_and_writes_nothing(run, tmp_path):
 
 @pytest.mark.parametrize(("missing", "extra"), [("typst", "certificate"), ("signxml", "dcc")])
 def test_a_missing_extra_is_told_before_the_work(run, tmp_path, monkeypatch, missing, extra):
-    from rig.dcc import extras  # noqa: PLC0415
+    from rig import extras  # noqa: PLC0415
 
     real = extras.import_module
 

@@ -214,7 +214,7 @@ def test_a_folder_on_a_file_system_without_locks_on_folders_is_locked_by_a_file(
     assert temporary_in(tmp_path).parent == tmp_path
 
 
-@pytest.mark.parametrize("ending", [".parquet", ".h5", ".xlsx", ".feather", ".json"])
+@pytest.mark.parametrize("ending", [".h5", ".xlsx", ".feather", ".json"])
 def test_csv_is_not_written_under_the_name_of_another_format(tmp_path, ending):
     done = rig("export", tmp_path / "run.sqlite", "--out", tmp_path / f"x{ending}")
     assert (done.returncode, list(tmp_path.iterdir())) == (2, [])

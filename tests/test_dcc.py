@@ -290,7 +290,7 @@ def test_a_key_of_another_certificate_is_refused(keys):
 
 
 def test_a_missing_extra_is_named(monkeypatch):
-    from rig.dcc import extras  # noqa: PLC0415
+    from rig import extras  # noqa: PLC0415
 
     monkeypatch.setattr(extras, "import_module", lambda name: (_ for _ in ()).throw(ImportError(name)))
     with pytest.raises(UsageError, match=r"pip install 'calibration-rig\[dcc\]'"):

@@ -15,11 +15,11 @@ from typing import Any
 from proving.certificates.documents import ALPHABETS, IN_FONTS, Random
 from rig.certificate.as_dcc import dcc
 from rig.certificate.document import Document
-from rig.dcc.extras import needed
 from rig.dcc.reader import parsed
 from rig.dcc.schema import schema_errors
 from rig.dcc.si_units import si_unit
 from rig.errors import UsageError
+from rig.extras import needed
 
 Check = Callable[[bytes], list[str]]
 

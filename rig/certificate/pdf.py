@@ -16,8 +16,8 @@ from pathlib import Path
 
 from rig.certificate.document import Document
 from rig.certificate.layout import contents
-from rig.dcc.extras import needed
 from rig.errors import ConfigurationError
+from rig.extras import needed
 
 _TEMPLATE = Path(__file__).parent / "templates" / "certificate.typ"
 _FONTS = (

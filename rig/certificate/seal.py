@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import Any
 
 from rig.atomic import write_whole
-from rig.dcc.extras import needed
 from rig.errors import RunFileError, UsageError
+from rig.extras import needed
 from rig.regular import open_regular
 from rig.temporary import locked
 

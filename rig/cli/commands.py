@@ -76,7 +76,9 @@ COMMANDS = {
         "rig.cli.infer",
         "Infer the measured quantity from outputs by a calibration, with 95 % intervals.",
     ),
-    "export": Entry(_DATA, "rig.cli.export", "Write a run's observations as CSV, units in the column names."),
+    "export": Entry(
+        _DATA, "rig.cli.export", "Write a run's observations as CSV or Parquet, units in the column names."
+    ),
     "chart": Entry(
         _DATA,
         "rig.cli.chart",

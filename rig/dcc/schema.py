@@ -8,8 +8,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from rig.dcc.extras import needed
 from rig.errors import UsageError
+from rig.extras import needed
 
 _MOST = 20
 

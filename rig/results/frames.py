@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
-from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from procedures.unused import unit_of
-from rig.errors import UsageError
+from rig.extras import needed
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -40,7 +39,7 @@ class Frame:
         """As a pandas data frame; `attrs["units"]` has the units by column. Raises `UsageError` if pandas is not
         installed.
         """
-        frame: DataFrame = _library("pandas").DataFrame(dict(self.columns))
+        frame: DataFrame = needed("pandas", "pandas").DataFrame(dict(self.columns))
         frame.attrs["units"] = dict(self.units)
         for name, value in self.about.items():
             frame.attrs[name] = value
@@ -52,7 +51,7 @@ class Frame:
             name: (ROW, values, {"units": self.units[name]} if name in self.units else {})
             for name, values in self.columns.items()
         }
-        found: Dataset = _library("xarray").Dataset(variables, attrs=dict(self.about))
+        found: Dataset = needed("xarray", "xarray").Dataset(variables, attrs=dict(self.about))
         return found
 
 
@@ -94,10 +93,3 @@ def _unit(name: str) -> str:
     for end in _ENDS:
         name = name.removesuffix(end)
     return unit_of(name)
-
-
-def _library(name: str) -> Any:
-    try:
-        return import_module(name)
-    except ImportError as error:
-        raise UsageError(f"{name} is not installed: pip install 'calibration-rig[{name}]'") from error

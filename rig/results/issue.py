@@ -19,8 +19,8 @@ from rig.certificate.files import (
     number_of_amendment,
     write_once,
 )
-from rig.dcc.extras import needed
 from rig.errors import RunFileError, UsageError
+from rig.extras import needed
 
 if TYPE_CHECKING:
     from rig.certificate.document import Document

@@ -14,9 +14,20 @@ from procedures.column_names import stem_of, with_word
 from procedures.table import Table
 from rig.run_file.events.points import Observed
 
+COUNT, FLAG = "count", "flag"
+"""Columns of an export that are no measured values, by their meaning."""
 _READINGS, _FLAG, _SD = "readings", "flag_", "sd"
+_COUNTS = frozenset({"replicate", "whole_plot", "order", "block", "run_index", _READINGS})
+_FLAGS = frozenset({"accepted", "simulated"})
 _OF_A_RUN = {"run_index", "block"}
 """Columns by which an exported run is recognised."""
+
+
+def meaning_of(name: str) -> str:
+    """`COUNT` for a number of readings or a place in the run, `FLAG` for what is or is not; "" for other columns."""
+    if name in _FLAGS or name.startswith(_FLAG):
+        return FLAG
+    return COUNT if name in _COUNTS or name.endswith(f"_{_READINGS}") else ""
 
 
 def evidence_of(seen: Observed) -> dict[str, float]:

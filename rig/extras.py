@@ -1,4 +1,4 @@
-"""Libraries that only some certificates need, imported at their first use."""
+"""Libraries of the extras of pyproject.toml, imported at their first use."""
 
 from __future__ import annotations
 
