@@ -39,6 +39,7 @@ class Inference:
         df: (n,) degrees of freedom of the standard deviation of each quantity; NaN where it has none.
         alike: quantities that are one and the same by several sensors, such as `prt_1_bath_degC`: the sensor of each.
         turns: a full turn, in the unit of the quantity, of those that begin again after it, such as angles: 360.
+        flags: the column of flags of each quantity, where there are several such columns.
     """
 
     columns: Mapping[str, Any]
@@ -51,6 +52,12 @@ class Inference:
     df: Mapping[str, FloatArray] = field(default_factory=dict)
     alike: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     turns: Mapping[str, float] = field(default_factory=dict)
+    flags: Mapping[str, str] = field(default_factory=dict)
+
+    def flag_of(self, quantity: str) -> str | None:
+        """The column of reasons why a quantity's values have none or are doubtful; None if it has no such column."""
+        alone = [name for name in self.added if name.endswith("flag")]
+        return self.flags.get(quantity, alone[0] if len(alone) == 1 else None)
 
     def to_json(self) -> dict[str, Any]:
         """JSON values for `rig infer --json`; the numbers are in the CSV."""

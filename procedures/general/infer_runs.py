@@ -62,25 +62,33 @@ def infer_sensors(
     columns: dict[str, Any] = {**table.columns, **table.text}
     quantities, flagged = [], np.zeros(len(table), np.bool_)
     alike: dict[str, dict[str, str]] = {}
+    flags: dict[str, str] = {}
     for output, one in found.items():
         stem, (variable,) = stem_of(output), one.quantities
         named = f"{stem}_{variable.removeprefix(INFERRED)}"
-        columns |= {
-            f"{named}{name.removeprefix(variable)}" if name.startswith(variable) else f"{stem}_{name}": one.columns[
-                name
-            ]
-            for name in one.added
-        }
+        flag = one.added[-1]
+        flags[named] = f"{stem}_{flag}"
+        columns |= {f"{named}{name.removeprefix(variable)}": one.columns[name] for name in one.added if name != flag}
+        columns[flags[named]] = one.columns[flag]
         quantities.append(named)
         alike.setdefault(variable.removeprefix(INFERRED), {})[named] = stem
-        flagged |= np.asarray(one.columns[one.added[-1]]) != ""
+        flagged |= np.asarray(one.columns[flag]) != ""
     added = tuple(name for name in columns if name not in table.columns and name not in table.text)
     notes = tuple(dict.fromkeys(f"{name}: {note}" for name, one in found.items() for note in one.notes))
     df = {name: one.df[one.quantities[0]] for name, one in zip(quantities, found.values(), strict=True)}
     several = {name: sensors for name, sensors in alike.items() if len(sensors) > 1}
-    flags = int(flagged.sum())
     spare = {name: why for name, why in next(iter(found.values())).unused.columns.items() if name not in calibrations}
     spare = {name: why for name, why in spare.items() if all(name in one.unused.columns for one in found.values())}
     lacking = tuple(dict.fromkeys(row for one in found.values() for row in one.unused.rows))
     unused = Unused(spare, lacking)
-    return Inference(columns, added, (*notes, *told), flags, tuple(quantities), unused, df=df, alike=several)
+    return Inference(
+        columns,
+        added,
+        (*notes, *told),
+        int(flagged.sum()),
+        tuple(quantities),
+        unused,
+        df=df,
+        alike=several,
+        flags=flags,
+    )

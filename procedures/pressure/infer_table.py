@@ -56,6 +56,7 @@ def infer_pressures(
     given, flags = set(columns), np.zeros(len(table), bool)
     quantities, notes, without = [], [], []
     df: dict[str, FloatArray] = {}
+    flag_of: dict[str, str] = {}
     zeros: dict[str, Any] = {}
     gaps: dict[str, list[tuple[int, str]]] = {}
     for output in outputs:
@@ -65,7 +66,7 @@ def infer_pressures(
         name = free_name(name, table)
         flag = "flag" if alone and "flag" not in given else f"{name}_flag"
         columns |= {f"{name}{end}": values for end, values in found.values.items()} | {flag: found.flag}
-        df[name] = found.df
+        df[name], flag_of[name] = found.df, flag
         flags |= found.flag != ""
         quantities.append(name)
         notes += [*(f"{output}: {note}" for note in calibrations[output].notes), *found.notes]
@@ -93,6 +94,7 @@ def infer_pressures(
         unused=_unused(calibrations, table, of_zero, gaps),
         zeros=zeros,
         df=df,
+        flags=flag_of,
     )
 
 

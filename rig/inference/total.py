@@ -183,16 +183,17 @@ def _flags(
     moved: Mapping[str, Sequence[FloatArray]],
     groups: Mapping[str, Sequence[tuple[FloatArray, float]]],
 ) -> tuple[dict[str, Any], int]:
-    """The column of flags with what total uncertainty adds to it, and the number of rows that have one.
+    """The columns of flags with what total uncertainty adds to it, and the number of rows that have one.
 
     An influence is carried to first order: of an angle this holds while it moves the angle by far less than half a
     turn. A row without total uncertainty has no uncertainty at all.
     """
-    flag_names = [name for name in found.added if name.endswith("flag")]
-    if len(flag_names) != 1:
-        return {}, found.flagged
-    flag = np.array(found.columns[flag_names[0]], dtype=object)
+    flags: dict[str, Any] = {}
     for q in found.quantities:
+        name = found.flag_of(q)
+        if name is None:
+            continue
+        flag = flags.setdefault(name, np.array(found.columns[name], dtype=object))
         sd, own = (np.asarray(one[f"{q}_sd"], np.float64) for one in (columns, found.columns))
         reasons = [(np.isfinite(own) & np.isnan(sd), f"{q}: an influence leaves no value, so no uncertainty is known")]
         if q in found.turns:
@@ -204,7 +205,7 @@ def _flags(
             reasons.append(((far > most) | (sd > most), words))
         for rows, words in reasons:
             flag[rows] = [f"{old}; {words}" if old else words for old in flag[rows]]
-    return {flag_names[0]: flag}, int(np.sum(flag != ""))
+    return flags, int(np.sum(np.any([flag != "" for flag in flags.values()], axis=0))) if flags else found.flagged
 
 
 def _shifted(read: Reader, error: Mapping[str, tuple[float, float]], sign: float) -> Reader:
@@ -236,10 +237,9 @@ def _combined(
     )
     own_df = np.array(found.df[quantity], np.float64)
     known = np.isfinite(sd) & np.isfinite(value) & np.isfinite(low) & np.isfinite(high) & ~np.isnan(own_df)
-    known &= np.isfinite(np.sum(moved, axis=0)) if moved else True
-    if not known.any():
-        return {}
-    sensitivities = np.array([one[known] for one in moved]).reshape(len(moved), -1).T
+    for one in (*moved, *(variance for variance, _ in groups)):
+        known &= np.isfinite(one)
+    sensitivities = np.reshape([one[known] for one in moved], (len(moved), known.sum())).T
     type_a = [(np.square(sd[known]), own_df[known]), *((v[known], np.full(known.sum(), d)) for v, d in groups)]
     total = combine(sensitivities, df, type_a)
     own = np.where(own_df[known] < 1e10, special.stdtrit(np.minimum(own_df[known], 1e10), 0.975), special.ndtri(0.975))
