@@ -31,6 +31,16 @@ def since_of(name: str) -> str:
     return f"{stem_of(name) or name}_since_s"
 
 
+def came_from(name: str) -> str:
+    """The column with the setting from which a factor came to its own: `force_from_kN`."""
+    return with_word(name, "from")
+
+
+def moves_of(name: str) -> tuple[str, str]:
+    """The columns that say how a factor came to its setting: they are no quantities that a reading may depend on."""
+    return since_of(name), came_from(name)
+
+
 def spelled(unit: str) -> str:
     """A unit as people write it: `m3_per_h` is `m3/h`."""
     return unit.replace("_per_", "/")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import inf
 from types import SimpleNamespace
 
 import pytest
@@ -59,15 +60,19 @@ def test_a_verdict_has_its_numbers_in_sentences(plain, capsys):
         limit=3.1,
         p_shown=1e-12,
         p_changed=0.081,
+        missed=0.021,
         sizes={"a_V": "1 mV", "b_V": "2 mV"},
     )
-    other = SimpleNamespace(**{**vars(member), "effect": "drift", "holds": False, "fits": False, "sigmas": 8.0})
+    other = SimpleNamespace(
+        **{**vars(member), "effect": "drift", "holds": False, "fits": False, "sigmas": 8.0, "missed": inf}
+    )
     answer = SimpleNamespace(effect="creep:force_kN", verdict="confirmed", members=(member, other), outliers=())
     confirm_show.show_answer(answer)
     assert capsys.readouterr().out.splitlines()[1:] == [
         "creep:force_kN: confirmed",
         "  creep:force_kN",
-        "    shown by 116.0 standard errors (limit 3.1), p < 1e-06; the same size in both runs: p 0.081",
+        "    shown by 116.0 standard errors (limit 3.1), p < 1e-06; the same size in both runs: p 0.081; predicted by "
+        "the first run, all but 2.1 % of it",
         "    size in the further run, 95 %: a_V: 1 mV",
         "                                   b_V: 2 mV",
         "  drift: does not hold",

@@ -84,7 +84,7 @@ def test_a_setting_whose_time_is_known_is_a_step_in_a_trace_and_in_a_later_run()
         for stood, seconds in ((before, 48.0), (load, 30.0)):
             state = stood + (state - stood) * np.exp(-seconds / TAU)
         creep.append(state)
-    found = lagging(table["force_kN"], np.diff(table["elapsed_s"]), TAU, scene.since_in_its_unit("force_kN"))
+    found = lagging(table["force_kN"], np.diff(table["elapsed_s"]), TAU, scene.stood("force_kN"))
     np.testing.assert_allclose(found, creep, atol=1e-12)
     assert list(scene.covariates) == list(_data(_night(5, breaks=())).scene.covariates)
     term = lag(scene, "force_kN")[3]

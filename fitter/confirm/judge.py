@@ -27,6 +27,9 @@ MISFIT = 1.5
 """Mean square of residuals relative to the error's above which a model does not fit, if the excess is significant."""
 CHANGED = 1e-3
 """Probability below which an explanation fails: its sizes in the two runs differ."""
+PREDICTED = 0.1
+"""Part of a dynamic effect, rms, that its sizes in the first run may leave of it in the later one. Its columns take
+settings for steps and readings for moments, so a run of another order or other hold times gives it another size."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +46,8 @@ class Member:
         p_shown: probability of `shown` or more by chance without it in the later run; an upper bound.
         limit: standard errors that separate two explanations, and one from none: three, or more if the error is known
             with few degrees of freedom only.
+        missed: of a dynamic effect, what its sizes in the first run and error leave of it in the later run, as a part
+            of what it is there, rms; infinite for others.
         fits: whether its residuals in the later run are no more than error, and follow no smooth curve.
         terms: names of its terms.
         coefficients: of the terms, from the later run alone, so without selection bias.
@@ -63,6 +68,7 @@ class Member:
     expected: float
     p_shown: float
     limit: float
+    missed: float
     fits: bool
     terms: tuple[str, ...]
     coefficients: tuple[float, ...]
@@ -86,8 +92,11 @@ class Member:
 
     @property
     def holds(self) -> bool:
-        """Whether it is not rejected: not worse than another, the same size in both runs, and a good fit."""
-        return self.sigmas <= self.limit and self.p_changed >= CHANGED and self.fits
+        """Whether it is not rejected: not worse than another, and of the same size in both runs and a good fit; or it
+        is dynamic, and the first run predicts the later one nearly.
+        """
+        same = self.p_changed >= CHANGED and self.fits
+        return self.sigmas <= self.limit and (same or self.missed <= PREDICTED)
 
 
 @dataclass(frozen=True, eq=False)
@@ -301,6 +310,7 @@ def _member(comparison: Comparison, j: int, sigmas: float, shown: float) -> Memb
         expected=comparison.expected(j),
         p_shown=float(f_tail(shown**2 / q, q, df)),
         limit=limit,
+        missed=_missed(both, model, changed, shifts) if all(t.effect.dynamic for t in member.terms) else np.inf,
         fits=fits,
         terms=tuple(names),
         coefficients=tuple(alone.tolist()),
@@ -311,6 +321,27 @@ def _member(comparison: Comparison, j: int, sigmas: float, shown: float) -> Memb
         against=member.terms[0].effect.against,
         shifts=frozenset(name for name, t in zip(names, member.terms, strict=True) if getattr(t, "slope", ())),
     )
+
+
+def _missed(both: Together, model: FloatArray, changed: FloatArray, shifts: FloatArray) -> float:
+    """See `Member.missed`.
+
+    Args:
+        both: the runs.
+        model: (n, k) columns of an effect in both runs, then all others.
+        changed: (n, q) those of the effect in the later run.
+        shifts: (n, l) offsets of the later run.
+    """
+    q = changed.shape[1]
+    full = np.column_stack([model, changed, shifts])
+    sizes = solve(full, both.outputs)
+    before, more = sizes[:q], sizes[model.shape[1] : model.shape[1] + q]
+    beside = orthonormal(np.column_stack([model[:, q:], shifts]))
+    shape = changed - beside @ (beside.T @ changed)
+    misfit, df = _misfit(both, full)
+    whole = float(np.sum((shape @ (before + more)) ** 2))
+    missed = float(np.sum((shape @ more) ** 2)) + max(misfit - 1.0, 0.0) * df
+    return float(np.sqrt(missed / whole)) if whole > 0.0 else np.inf
 
 
 def _around(values: FloatArray, errors: FloatArray, t: float) -> tuple[tuple[float, float], ...]:

@@ -106,6 +106,7 @@ class Entry:
         own: whether a laboratory added it: only its own entry knows its aliases.
         signed: the physical sign of its coefficients; None if both are possible.
         largest: size beyond which it is not an explanation; None if unknown.
+        dynamic: whether its size depends on the order of the settings and on how long they are held.
         hand: influences of changes by a person; None: those of its family, if its kind has families.
     """
 
@@ -123,6 +124,7 @@ class Entry:
     own: bool = field(default=False, kw_only=True)
     signed: Signed | None = field(default=None, kw_only=True)
     largest: Largest | None = field(default=None, kw_only=True)
+    dynamic: bool = field(default=False, kw_only=True)
     hand: tuple[ByHand, ...] | None = field(default=None, kw_only=True)
 
     @property

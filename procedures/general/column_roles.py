@@ -16,18 +16,18 @@ from fitter.errors import FitError
 from fitter.formula import Formula, check_sizes
 from fitter.linear import orthonormal
 from procedures.catalogue import with_own
-from procedures.column_names import since_of, with_word
+from procedures.column_names import moves_of, with_word
 from procedures.errors import DataError
 from procedures.file_rows import rows_of_file
 from procedures.general.clock_texts import is_clock
 from procedures.general.directions import approached_by, are_directions, direction_option, sides_of, with_changes
 from procedures.general.effects.kind import TableEffect
 from procedures.general.effects.own import missing_in
-from procedures.general.effects.scene import Grouping, TableScene
+from procedures.general.effects.scene import Grouping, Stood, TableScene
 from procedures.general.formula_settings import settings_of, subtracted
 from procedures.general.order import Parts, alike, identities, time_of
 from procedures.general.trace import TableData
-from procedures.table import Reader, Table
+from procedures.table import Columns, Reader, Table
 
 _SPANNED = 1e-9
 """Part of a constant outside the declared columns, below which these have one."""
@@ -178,7 +178,7 @@ def _roles(table: Table, roles: Roles, formula: Formula, response: Formula) -> t
         direction=_direction(roles, parts.settings, columns, ordered=time is not None),
         speed=_speed(roles, parts.settings, columns),
         setpoints={name: np.asarray(columns[setpoint], np.float64) for name, setpoint in read.items()},
-        since={name: columns[since_of(name)] for name in (*settings, *free) if since_of(name) in columns},
+        moves={name: Stood(*found) for name in (*settings, *free) if (found := _moves(name, columns)) is not None},
         functions=functions,
     )
     labels = {name: _grouping(columns[name], declared=False) for name in _levels(table, unused) if name not in few}
@@ -236,8 +236,15 @@ def _free(table: Table, roles: Roles, used: Sequence[str]) -> list[str]:
             if name in roles.ignore:
                 raise FitError(f"--candidates and --ignore both name {name}: leave out one of them")
         return [name for name in roles.candidates if name not in used]
-    taken = {*used, *roles.named, *roles.ignore, *(since_of(name) for name in table.columns)}
+    taken = {*used, *roles.named, *roles.ignore, *(move for name in table.columns for move in moves_of(name))}
     return [name for name in table.columns if name not in taken]
+
+
+def _moves(name: str, columns: Columns) -> tuple[FloatArray, FloatArray | None] | None:
+    """The columns of `Stood`; None if they are not recorded."""
+    since, start = moves_of(name)
+    known = since in columns and bool(np.all(np.isfinite(columns[since])))
+    return (columns[since], columns.get(start)) if known else None
 
 
 def _unused_text(table: Table, roles: Roles, used: Sequence[str]) -> dict[str, int]:
@@ -291,7 +298,7 @@ def used_columns(roles: Roles, parts: Mapping[str, Any]) -> set[str]:
     named = {*_parse("--formula", roles.formula).names, *_parse("--response", f"0 + I({roles.response})").names}
     setpoints = {_setpoint_of(name) for name in parts.get("read by a reference", ())}
     direction = (parts["direction"] or "").partition("(")[2].removesuffix(")")
-    setpoints |= {since_of(name) for name in (*parts["settings"], *parts["covariates"])}
+    setpoints |= {move for name in (*parts["settings"], *parts["covariates"]) for move in moves_of(name)}
     return named | setpoints | {*roles.named, *parts["covariates"], parts["time"] or "", direction} - {""}
 
 

@@ -15,7 +15,7 @@ from fitter.confirm import Confirmation, Later, Question
 from fitter.effects.entry import Entry
 from fitter.effects.hands import Done
 from fitter.errors import FitError
-from procedures.column_names import spelled, unit_of
+from procedures.column_names import moves_of, spelled, unit_of
 from procedures.confirming import SETTLED, ConfirmedFit, Confirming, in_words
 from procedures.errors import DataError
 from procedures.further_runs import Variation, repeated
@@ -257,6 +257,10 @@ class GeneralConfirming(Confirming):
         for factor in run_list.factors:
             setting = np.array(run_list.column(factor.name), np.float64)
             columns |= {factor.name: setting, factor.set_name: setting}
+            since, start = moves_of(factor.name)
+            if since in first.columns:
+                stood = float(np.median(first.columns[since])) + wait_s
+                columns |= {since: np.full(n, stood), start: np.concatenate([setting[:1], setting[:-1]])}
         sides = np.array([p.sides for p in run_list.points], np.float64)
         columns |= {f"{f.axis}_side": sides[:, at] for at, f in enumerate(run_list.factors) if f in run_list.sided}
         then, now = (t - t.min() for t in (first.columns[TIME], columns[TIME]))

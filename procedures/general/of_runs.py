@@ -12,7 +12,7 @@ from fitter.errors import FitError
 from fitter.formula import Formula
 from fitter.trace.outcome import Outcome
 from procedures.blocks import Block, Line
-from procedures.column_names import since_of, split_unit
+from procedures.column_names import moves_of, split_unit
 from procedures.errors import DataError
 from procedures.general.column_roles import Roles
 from procedures.general.declared import Declared
@@ -309,5 +309,5 @@ def _ignored(name: str, table: Table) -> bool:
     doubled = any(stem.endswith(end) for end in ("_set", "_readback")) and f"{stem.rpartition('_')[0]}_{unit}" in (
         table.columns
     )
-    since = name in (since_of(factor) for factor in table.factors)
-    return name in _NOT_TRACED or name in table.outputs or doubled or since
+    moved = any(name in moves_of(factor) for factor in table.factors)
+    return name in _NOT_TRACED or name in table.outputs or doubled or moved

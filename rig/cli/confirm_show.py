@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -135,6 +136,8 @@ def show_answer(answer: Confirmation) -> None:
         behind = f"{member.sigmas:.1f} standard errors behind the best; " if member.sigmas else ""
         clear = f"{member.shown:.1f} standard errors (limit {member.limit:.1f}), p {chance(member.p_shown)}"
         same = f"the same size in both runs: p {member.p_changed:.2g}"
+        if member.missed < math.inf:
+            same += f"; predicted by the first run, all but {100 * member.missed:.2g} % of it"
         out.print(f"    {behind}shown by {clear}; {same}{fits}", soft_wrap=True)
         size = sizes(member) or ["not told"]
         out.print("    size in the further run, 95 %: " + escape(f"\n{' ' * 35}".join(size)), soft_wrap=True)

@@ -20,7 +20,7 @@ from rig.engine.axes import Axes, AxisReading
 from rig.engine.fault_classes import NotHomed, NotSettled, TemperaturesNotSettled
 from rig.engine.guard import Guard
 from rig.engine.measuring import Observation, assemble, standards
-from rig.engine.motion import Arrival, Leg, arrived
+from rig.engine.motion import Arrival, Leg, Move, arrived, delay_of_step
 from rig.engine.settling import Criteria, Settling
 
 _HOMING_TIMEOUT_S = 900.0
@@ -52,6 +52,7 @@ class BenchActions:
 
     Attributes:
         arrivals: how each axis reached its present position.
+        moves: when each axis left its last setting; an overtravel is no setting.
         chambers_seen: chambers as last read.
         judges: settling judges of the quantities that are waited for, by name; empty at other times.
 
@@ -74,6 +75,7 @@ class BenchActions:
         self._unwatched_s = 0.0
         self._commanded: set[str] = set()
         self.arrivals: dict[str, Arrival] = {}
+        self.moves: dict[str, Move] = {}
         self.chambers_seen: dict[str, dict[str, Any]] = {}
         self.judges: dict[str, Settling] = {}
         self._in_passing: dict[str, tuple[float, ...]] = {}
@@ -242,6 +244,7 @@ class BenchActions:
 
     def go(self, legs: Sequence[Leg], poll_s: float, timeout_s: float) -> None:
         """Drive through the legs. All axes of a leg move together; the side each axis arrives from is noted."""
+        left: set[str] = set()
         for leg in legs:
             readings = self.axes_now()
             for axis, target in leg.items():
@@ -252,20 +255,28 @@ class BenchActions:
             for axis in leg:
                 self.arrivals.pop(axis, None)
             self._axes_seen = None
+            began = self._clock.now()
             self._axes.go(leg)
             self._commanded.update(leg)
-            self._until_still(poll_s, timeout_s, "moving")
+            trail = self._until_still(poll_s, timeout_s, "moving")
             arrived(leg, start, self.arrivals)
+            for axis, target in leg.items():
+                if axis not in left and target != start[axis]:
+                    left.add(axis)
+                    way = [(began, start[axis]), *((t, readings[axis].value) for t, readings in trail)]
+                    self.moves[axis] = Move(began + delay_of_step(way, start[axis], target), start[axis])
 
-    def _until_still(self, poll_s: float, timeout_s: float, what: str) -> None:
-        began = self._clock.now()
+    def _until_still(self, poll_s: float, timeout_s: float, what: str) -> list[tuple[float, Mapping[str, AxisReading]]]:
+        """Wait until no axis moves; returns clock times and readings on the way."""
+        began, trail = self._clock.now(), []
         while True:
             self._wait(poll_s)
             readings = self.axes()
+            trail.append((self._axes_read, readings))
             if what == "moving":
                 self._check_control(readings)
             if True not in [reading.moving for reading in readings.values()]:
-                return
+                return trail
             if self._axes_read - began > timeout_s:
                 late = ", ".join(
                     f"{axis} at {r.value:g} {spelled(unit_of(r.quantity))}" for axis, r in readings.items() if r.moving
@@ -303,7 +314,17 @@ class BenchActions:
             self._check_control(readings)
             return {axis: reading.value for axis, reading in readings.items()}
 
-        return self._until_settled(criteria, read, poll_s)
+        evidence = self._until_settled(criteria, read, poll_s)
+        for axis, (at, start, settled) in list(self.moves.items()):
+            if not settled and axis in targets and start != targets[axis]:
+                late = delay_of_step(evidence[axis]["samples"], start, targets[axis])
+                self.moves[axis] = Move(at + late, start, settled=True)
+        return evidence
+
+    def moves_at(self, elapsed_s: float) -> dict[str, tuple[float, float]]:
+        """When each axis left its last setting, in elapsed time, and that setting; `elapsed_s` is the present one."""
+        now = self._clock.now()
+        return {axis: (round(elapsed_s - (now - move.at), 3), move.start) for axis, move in self.moves.items()}
 
     def _until_settled(
         self,

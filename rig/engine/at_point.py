@@ -287,6 +287,7 @@ class AtPoint:
             approach={axis: (a.side, a.start) for axis, a in self._do.arrivals.items()} | self._settings.approach,
             readback={reading.quantity: reading.value for reading in after.values()} | self._settings.readback,
             settling=at.settling,
+            moved=self._do.moves_at(self._journal.elapsed()),
             measured_s=at.measured_s,
             environment=chambers,
             **at.observation.as_json(),

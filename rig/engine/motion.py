@@ -10,6 +10,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
 
 from procedures.run_list import Factor, Point
 
@@ -31,6 +33,32 @@ class Arrival:
 
     side: int
     start: float
+
+
+class Move(NamedTuple):
+    """The last move of an axis away from a setting.
+
+    Attributes:
+        at: clock time of the step that has the same mean over time as the move.
+        start: readback when it began.
+        settled: whether `at` counts what was on its way while the axis settled.
+    """
+
+    at: float
+    start: float
+    settled: bool = False
+
+
+def delay_of_step(samples: Sequence[tuple[float, float]], start: float, end: float) -> float:
+    """Seconds from the first sample of a move to the step that has the same mean: what follows late cannot tell them.
+
+    Args:
+        samples: seconds and readbacks.
+        start: readback before the move; not `end`.
+        end: its target.
+    """
+    left = [(t, min(max((end - value) / (end - start), 0.0), 1.0)) for t, value in samples]
+    return sum(0.5 * (a + b) * (to - since) for (since, a), (to, b) in pairwise(left))
 
 
 def _moved(factors: Sequence[Factor], point: Point, axes: Collection[str]) -> Iterator[tuple[Factor, float, int]]:

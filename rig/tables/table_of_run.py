@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from procedures.by_hand import Made
-from procedures.column_names import since_of, spelled, split_unit, with_word
+from procedures.column_names import moves_of, since_of, spelled, split_unit, with_word
 from procedures.run_list import RunList
 from procedures.shell import shell_word
 from procedures.table import SENSOR_TEMPERATURE, Columns, Table
@@ -290,6 +290,11 @@ def _row(
     by_hand = {f.name for f in run_list.easy if f.axis not in seen.settling}  # their readback is what was asked for
     readback = {name: value for name, value in seen.readback.items() if name not in measured and name not in by_hand}
     row |= {_readback_name(name): float(value) for name, value in readback.items()}
+    for f in run_list.easy:
+        since, start = moves_of(f.name)
+        if f.axis in seen.moved:
+            stepped_s, before = seen.moved[f.axis]
+            row |= {since: round(max(row["elapsed_s"] - stepped_s, 0.0), 3), start: before}
     row |= {"block": record.session, "run_index": point.index}
     return row | evidence_of(seen) if evidence else row
 

@@ -64,6 +64,7 @@ CREEP = Effect(
     separate_by="wait twice as long before reading at some points after large moves",
     usual_size="1e-5 of the change",
     needs=("pitch sides",),
+    dynamic=True,
 )
 
 SETTLING_PITCH = Effect(

@@ -143,6 +143,7 @@ THERMAL_LAG = _OF_TEMPERATURE(
     usual_size="5e-5 g/degC, 1 h",
     needs=("temperature",),
     searched=True,
+    dynamic=True,
 )
 
 

@@ -41,6 +41,7 @@ def _effect(kind: TableKind, names: tuple[str, ...], response: str) -> TableEffe
         against=names[-1] if kind.of in ("direction of setting", "direction by covariate") else names[0],
         separate_by=kind.separate_by.format(*names, **words),
         usual_size=kind.usual_size,
+        dynamic=kind.dynamic,
         hand=HANDS.get(kind.name),
         kind=kind,
         columns=names,

@@ -49,6 +49,7 @@ class TableKind:
         terms: its columns.
         warm: the kind's name if the column is a temperature.
         called: kinds in its place if the column is such a quantity: the same columns under the field's own name.
+        dynamic: see `fitter.effects.entry.Entry`.
         beside: the same for the output of a sensor beside that of the response.
     """
 
@@ -63,6 +64,7 @@ class TableKind:
     terms: Callable[..., Sequence[TableTerm]]
     warm: str = ""
     called: Mapping[Quantity, TableKind] = field(default_factory=dict)
+    dynamic: bool = False
     beside: TableKind | None = None
 
     def of_columns(self, names: Sequence[str], response: str) -> TableKind:

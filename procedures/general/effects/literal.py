@@ -9,14 +9,15 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fitter.arithmetic_text import parse_expression
 from fitter.arrays import FloatArray
 from fitter.errors import FitError
-from procedures.column_names import since_of
+from procedures.column_names import moves_of
+from procedures.general.effects.scene import Stood
 from procedures.general.effects.time_columns import lagging
 
 _REMEMBERS = re.compile(r"(?<![\w.])(previous|lag|rate|side)\(")
@@ -90,11 +91,18 @@ def _remembered(function: str, arguments: Sequence[str], rows: Rows) -> FloatArr
     v = column(arguments[0], rows)
     if function == "lag":
         tau = float(arguments[1])
-        names = [since_of(name) for name in parse_expression(arguments[0]).names]
-        since = rows.values[names[0]] if len(names) == 1 and names[0] in rows.values else None
-        if since is None:
+        names = parse_expression(arguments[0]).names
+        since, start = moves_of(names[0]) if len(names) == 1 else ("", "")
+        if since not in rows.values:
             return rows.each(lambda own, t: lagging(own, np.diff(t), tau), v)
-        return rows.each(lambda own, t: lagging(own[:, 0], np.diff(t), tau, own[:, 1]), np.column_stack([v, since]))
+        moves = [v, rows.values[since]]
+        if start in rows.values:
+            moves.append(column(arguments[0], replace(rows, values={**rows.values, names[0]: rows.values[start]})))
+
+        def late(own: FloatArray, t: FloatArray) -> FloatArray:
+            return lagging(own[:, 0], np.diff(t), tau, Stood(own[:, 1], own[:, 2] if own.shape[1] > 2 else None))
+
+        return rows.each(late, np.column_stack(moves))
     return rows.each({"previous": _previous, "rate": _rate, "side": _side}[function], v)
 
 

@@ -44,6 +44,7 @@ CREEP = TableKind(
     "keep the largest {0} for half an hour, then none, and read all the time: creep and its recovery are alike",
     "0.01 to 0.05 % of the load in 30 minutes",
     in_time.lag,
+    dynamic=True,
 )
 
 CREEP_OF_ONE_STEP = replace(CREEP, terms=in_time.previous)
@@ -60,6 +61,7 @@ CARRY_OVER = TableKind(
     "0.01 to 0.1 % of the step",
     in_time.previous,
     called={"load": CREEP_OF_ONE_STEP},
+    dynamic=True,
 )
 
 DRIFT_SECOND_ORDER = TableKind(
@@ -121,6 +123,7 @@ LAG = TableKind(
     "minutes for instruments, hours for enclosures",
     in_time.lag,
     warm="thermal-lag",
+    dynamic=True,
 )
 
 SETTING_LAG = TableKind(
@@ -135,6 +138,7 @@ SETTING_LAG = TableKind(
     in_time.lag,
     warm="thermal-lag",
     called={"load": CREEP},
+    dynamic=True,
 )
 
 ANNUAL_CYCLE = TableKind(

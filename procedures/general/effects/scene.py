@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import ceil, log
+from typing import NamedTuple
 
 import numpy as np
 
@@ -98,6 +99,22 @@ class Timeline:
     presumed: bool = False
 
 
+class Stood(NamedTuple):
+    """How a setting came to be: what it came from, and how long it had stood when each row was read.
+
+    Attributes:
+        since: (n,) time, in seconds or the unit of the time.
+        start: (n,) the value before the move; None if it is that of the row before.
+    """
+
+    since: FloatArray
+    start: FloatArray | None
+
+    def on(self, origin: float, unit: float = 1.0) -> Stood:
+        """With all values on another scale."""
+        return self if self.start is None else self._replace(start=(self.start - origin) / unit)
+
+
 @dataclass(frozen=True, eq=False)
 class TableScene:
     """A table by the roles of its columns.
@@ -113,7 +130,7 @@ class TableScene:
         own: the laboratory's own effects that the table can be tested for.
         labels: columns of text without a role, whose levels repeat; shapes without a name and coarse rounding are
             looked for by them, but no effects.
-        since: (n,) seconds that a variable had stood at its setting when the row was read, where that is known.
+        moves: how each variable came to its setting, in seconds, where that is known.
         constant: whether the declared model has a constant, in whatever columns.
         functions: settings that are functions of columns in the declared model; these columns are settings, too.
     """
@@ -127,7 +144,7 @@ class TableScene:
     setpoints: Mapping[str, FloatArray] = field(default_factory=dict)
     own: tuple[Entry, ...] = ()
     labels: Mapping[str, Grouping] = field(default_factory=dict)
-    since: Mapping[str, FloatArray] = field(default_factory=dict)
+    moves: Mapping[str, Stood] = field(default_factory=dict)
     constant: bool = True
     functions: frozenset[str] = frozenset()
 
@@ -141,11 +158,12 @@ class TableScene:
         """(n,) recorded numbers that differ between rows, without functions of them."""
         return {name: v for name, v in self.variables.items() if name not in self.functions and np.ptp(v) > 0}
 
-    def since_in_its_unit(self, name: str) -> FloatArray | None:
-        """(n,) `since` of a variable in the unit of the time; None if it is not known."""
-        if name not in self.since or self.time is None or self.time.unit_s is None:
+    def stood(self, name: str) -> Stood | None:
+        """How a variable came to its setting, in the unit of the time; None if it is not known."""
+        if name not in self.moves or self.time is None or self.time.unit_s is None:
             return None
-        return self.since[name] / self.time.unit_s
+        since, start = self.moves[name]
+        return Stood(since / self.time.unit_s, start)
 
     def of(self, name: str) -> FloatArray:
         """(n,) values of a setting, a covariate or the time."""

@@ -19,7 +19,7 @@ from procedures.general.effects.columns import (
     wave,
     whole,
 )
-from procedures.general.effects.scene import CYCLES, Profile, TableScene, TableTerm
+from procedures.general.effects.scene import CYCLES, Profile, Stood, TableScene, TableTerm
 
 STEPS, LAGS, SETTLINGS = 60, 10, 12
 FEWEST_BESIDE_STEP = 5
@@ -140,11 +140,14 @@ def lag(scene: TableScene, name: str) -> Terms:
     constants = np.geomspace(0.5 * float(np.median(gap[gap > 0])), float(np.ptp(t)) / 3.0, LAGS)
     session = _session(scene)
     breaks = interruptions(session, MOST_INTERRUPTIONS)
-    since = scene.since_in_its_unit(name)
+    stood, at_rest = scene.stood(name), middle(v)
 
     def at(tau: float) -> TableTerm:
         tau = rounded(tau, tau)
-        labels, columns = [f"lag({less(name, middle(v))}, {tau:.15g})"], [lagging(v - middle(v), gap, tau, since)]
+        labels, columns = (
+            [f"lag({less(name, at_rest)}, {tau:.15g})"],
+            [lagging(v - at_rest, gap, tau, stood and stood.on(at_rest))],
+        )
         for first in breaks:
             start = rounded(float(t[first]), float(np.ptp(t)), 6)
             labels.append(f"({BLOCK} == {session[first]:g}) * exp(-({less(time.name, start)})/{tau:.15g})")
@@ -187,23 +190,27 @@ def previous(scene: TableScene, name: str) -> Terms:
     return (TableTerm((f"previous({name}) - {whole(name)}",), (before - v)[:, None]),)
 
 
-def lagging(v: FloatArray, gap: FloatArray, tau: float, since: FloatArray | None = None) -> FloatArray:
-    """(n,) v through a first-order lag, in equilibrium at the start.
+def lagging(v: FloatArray, gap: FloatArray, tau: float, stood: Stood | None = None) -> FloatArray:
+    """(n,) v through a first-order lag, in equilibrium before its first move; at the first row if no move is known.
 
     Args:
         v: (n,) the variable.
         gap: (n - 1,) time from each row to the next.
         tau: time constant.
-        since: (n,) time from the step to the value of a row to the row, if known; without it, v is linear between rows.
+        stood: how each value came to be, if known: by a step; without it, v is linear between rows.
     """
+    since, start = stood or (None, None)
     out, state = np.empty_like(v), float(v[0])
+    before = v[:-1] if start is None else start[1:]
+    if since is not None and start is not None:
+        state += float((start[0] - v[0]) * np.exp(-max(since[0], 0.0) / tau))
     out[0] = state
     for i, dt in enumerate(gap):
         r = dt / tau
         decay = float(np.exp(-r))
         if since is not None:
             after = float(np.exp(-min(max(since[i + 1], 0.0), dt) / tau))
-            state = decay * state + (after - decay) * v[i] + (1.0 - after) * v[i + 1]
+            state = decay * state + (after - decay) * before[i] + (1.0 - after) * v[i + 1]
         else:
             slope = (1.0 - decay) / r if r > 1e-9 else 1.0
             state = decay * state + (slope - decay) * v[i] + (1.0 - slope) * v[i + 1]

@@ -129,7 +129,8 @@ def _in_time(scene: TableScene, group: IntArray | None) -> Iterator[Place]:
         if len(v) >= 20:
             usual = float(np.median(gap[gap > 0]))
             constants = np.geomspace(0.5 * usual, float(np.ptp(t)) / 3.0, MEMORIES)
-            u, stood = _centred(v), scene.since_in_its_unit(name)
+            u, stood = _centred(v), scene.stood(name)
+            stood = stood and stood.on(0.5 * float(v.min() + v.max()), 0.5 * float(np.ptp(v)))
             own = np.column_stack([lagging(u, gap, tau, stood) - u for tau in constants])
             block = Block(f"over earlier {name}", own, orders_of(own, (1, 2, MEMORIES)), np.ones(MEMORIES))
             yield Place(block, frozenset({name}), timed=True)

@@ -272,6 +272,6 @@ def _remarks(found: Found, data: TableData) -> tuple[str, ...]:
         f"{one.name}: when {one.columns[0]} was set is not known; it is taken to change evenly from row to row. "
         f"Intervals leave that out: after steps, size and constant of a lag are further off"
         for one in lags
-        if one.columns[0] in data.scene.settings and data.scene.since_in_its_unit(one.columns[0]) is None
+        if one.columns[0] in data.scene.settings and data.scene.stood(one.columns[0]) is None
     ]
     return tuple(dict.fromkeys(remarks))

@@ -52,6 +52,7 @@ CARRY_OVER = _OF_LINE(
     terms=fixed(("P_before-P", lambda s: -s.change_psia), *map(settling, SETTLES_H)),
     signed=Signed("share of the pressure before", +1, "a line that goes beyond the pressure it was set to"),
     searched=True,
+    dynamic=True,
 )
 TRANSPIRATION = _OF_LINE(
     name="thermal-transpiration",

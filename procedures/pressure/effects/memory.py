@@ -101,6 +101,7 @@ CREEP = _WITHIN(
     usual_size="3e-4 of the step",
     terms=fixed(("P_before-P", lambda s: -s.change_psia), *map(settling, CREEPS_H)),
     searched=True,
+    dynamic=True,
 )
 SENSOR_LAG = _WITHIN(
     name="thermal-lag",
@@ -114,6 +115,7 @@ SENSOR_LAG = _WITHIN(
     usual_size="1e-4 mV/degC",
     terms=_lag("T_sensor", lambda s: s.step(s.data.sensor_temperature_degC)),
     searched=True,
+    dynamic=True,
 )
 SSE_LAG = _WITHIN(
     name="sse-thermal-lag",
@@ -127,6 +129,7 @@ SSE_LAG = _WITHIN(
     usual_size="1e-4 mV/degC",
     terms=_lag("T_SSE", lambda s: s.step(s.data.sse_temperature_degC)),
     searched=True,
+    dynamic=True,
 )
 THERMAL_GRADIENT = _WITHIN(
     name="thermal-gradient",

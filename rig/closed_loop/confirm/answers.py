@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,7 +14,7 @@ import numpy as np
 from fitter.arrays import FloatArray
 from fitter.confirm import Confirmation, Later, Member, SensorError, confirm_all, still_open
 from fitter.confirm import Confirmed as Judged
-from fitter.confirm.judge import CHANGED
+from fitter.confirm.judge import CHANGED, PREDICTED
 from fitter.errors import FitError
 from procedures.words import SMALLEST
 from rig.closed_loop.confirm.first import First, read_later
@@ -114,6 +115,7 @@ class Confirmed:
                     "causes": list(m.causes),
                     "sigmas_behind": m.sigmas,
                     "p_changed": m.p_changed,
+                    "missed": m.missed if math.isfinite(m.missed) else None,
                     "sigmas_shown": m.shown,
                     "sigmas_expected": m.expected,
                     "p_shown": m.p_shown,
@@ -262,6 +264,10 @@ def _against(member: Member) -> str:
         reasons.append(f"another size than in the first run (p {chance(member.p_changed)}, limit {CHANGED:g})")
     if not member.fits:
         reasons.append("leaves more than error in the further run")
+    if PREDICTED < member.missed < math.inf:
+        reasons.append(
+            f"the first run does not predict {100 * member.missed:.2g} % of it (limit {100 * PREDICTED:g} %)"
+        )
     return ", ".join(reasons)
 
 

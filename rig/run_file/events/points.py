@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from rig.run_file.bodies import Arrivals, Chambers, Channels, Count, Numbers, Seconds, Span, Table, Text, Words
+from rig.run_file.bodies import Arrivals, Chambers, Channels, Count, Moves, Numbers, Seconds, Span, Table, Text, Words
 from rig.run_file.events.event import DECISION, DETAIL, EMPTY, LOSS, ROUTINE, Event, Importance, Status
 
 if TYPE_CHECKING:
@@ -28,6 +28,8 @@ class Observed(Event, kind="observation", matters=DETAIL):
         approach: side and start, by axis.
         readback: readbacks of the axes, by quantity.
         settling: evidence that the axes settled, by name.
+        moved: when each axis left its last setting, in elapsed time, and that setting. A gradual move counts as a step
+            at the time at which the mean of what it passed is that of the step, and an overtravel is no setting.
         measured_s: elapsed time when the readings began and ended.
         environment: state of the chambers, by name.
         overload: columns that were out of range; `readings` is used only then, with null for overloads.
@@ -46,6 +48,7 @@ class Observed(Event, kind="observation", matters=DETAIL):
     approach: Arrivals = EMPTY
     readback: Numbers = EMPTY
     settling: Table = EMPTY
+    moved: Moves = EMPTY
     measured_s: Span | None = None
     environment: Chambers = EMPTY
     overload: Words | None = None
