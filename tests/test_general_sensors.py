@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -22,6 +23,7 @@ from procedures.general.infer_table import infer_general
 from procedures.general.of_runs import reader_of
 from procedures.general.trace import search_table
 from procedures.general.trace.family import TableFamily
+from procedures.general.trace.report import _doubt
 from procedures.table import Table
 
 TWO = BENCH.replace(
@@ -204,6 +206,22 @@ def test_findings_by_chance_are_counted_over_all_sensors_of_a_run():
         family = TableFamily({}, smallest, sensors=5)
         found += min(family._rank(float(p)) for p in drawn) <= 0.05
     assert 0.035 < found / 2000 < 0.065
+
+
+@pytest.mark.parametrize(("t", "bound", "told"), [(370.0, True, False), (3.4, True, True), (370.0, False, True)])
+def test_a_bound_of_a_probability_is_no_doubt_about_what_stands_far_beyond_it(t, bound, told):
+    """Four sensors of 433 draws each can state 9 of 1,000 at least, and a lag of 370 standard errors was doubtful."""
+    effect = SimpleNamespace(
+        effect="setting-lag:flow",
+        other_causes=0,
+        coefficients=(t, 0.1),
+        stderr=(1.0, 1.0),
+        df=90.0,
+        p_adjusted=0.0092,
+        p_adjusted_is_bound=bound,
+    )
+    said = _doubt(effect, set(), tried=1800)
+    assert said == ("chance alone would show as much in 9 of 1,000 runs" if told else None)
 
 
 # --- the reference standard's own calibration -------------------------------------------------------------------

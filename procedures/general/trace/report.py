@@ -10,8 +10,9 @@ import numpy as np
 from fitter.arrays import FloatArray, IntArray
 from fitter.effects.noise import AUTOCORRELATION
 from fitter.linear import orthonormal
+from fitter.quantiles import t_tail
 from fitter.trace.aliases import DELTA
-from fitter.trace.doubts import MANY, beside_a_wander, by_chance, several_causes
+from fitter.trace.doubts import CHANCE, MANY, beside_a_wander, by_chance, several_causes
 from fitter.trace.found import verdict
 from fitter.trace.not_kept import in_place_of
 from fitter.trace.search import names_of
@@ -71,8 +72,9 @@ def trace_general(data: TableData, *, validate: bool = True) -> TableTrace:
     wanders = any(finding.effect == AUTOCORRELATION for finding in noise)
     slow = {c.effect.name for c in judge.candidates if c.effect.source == "time" or ORDER in c.effect.columns}
     wandering = slow if wanders else set()
+    tried = judge.problem.sensors * sum(len(c.term.labels) for c in judge.candidates)
     effects = [
-        replace(effect, share=float(share), doubtful=doubts.get(effect.effect) or _doubt(effect, wandering))
+        replace(effect, share=float(share), doubtful=doubts.get(effect.effect) or _doubt(effect, wandering, tried))
         for effect, share in zip(shown, divided, strict=True)
     ]
     effects.sort(key=lambda effect: -effect.share)
@@ -109,11 +111,30 @@ def _apart_from(judge: TableJudge, terms: tuple[int, ...], apart: IntArray) -> F
     return np.hstack([judge.problem.of(terms), own])
 
 
-def _doubt(effect: FoundTableEffect, wandering: Collection[str]) -> str | None:
-    """Reason for doubt about a name that leads every shape without a name, if there is one."""
+def _doubt(effect: FoundTableEffect, wandering: Collection[str], tried: int) -> str | None:
+    """Reason for doubt about a name that leads every shape without a name, if there is one.
+
+    Args:
+        effect: with the name.
+        wandering: names of effects that a slow wander may be.
+        tried: number of coefficients that were tried, over all sensors.
+    """
     if effect.other_causes >= MANY:
         return several_causes(effect.other_causes + 1)
-    return beside_a_wander() if effect.effect in wandering else by_chance(effect.p_adjusted)
+    if effect.effect in wandering:
+        return beside_a_wander()
+    return None if _beyond_chance(effect, tried) else by_chance(effect.p_adjusted)
+
+
+def _beyond_chance(effect: FoundTableEffect, tried: int) -> bool:
+    """Whether a probability that is only a bound, by the number of simulated tables, stands for a smaller one.
+
+    By its largest coefficient, in standard errors, over all that were tried (Bonferroni).
+    """
+    known = [abs(c / e) for c, e in zip(effect.coefficients, effect.stderr, strict=True) if e > 0.0]
+    if not effect.p_adjusted_is_bound or effect.df is None or not known:
+        return False
+    return tried * t_tail(max(known), effect.df) <= CHANCE
 
 
 def _variables(data: TableData) -> dict[str, FloatArray]:
