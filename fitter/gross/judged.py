@@ -77,25 +77,35 @@ def judged(rows: Rows, out: IntArray, floor: float, level: float, responses: int
     """
     n = len(rows.y)
     rows, taken = _without_giants(rows, out, floor)
-    giants = int(np.count_nonzero(taken))
+    giants, most = int(np.count_nonzero(taken)), int(SHARE * n)
     steps = _taken_back(rows, out, taken, floor)
-    evidence = _evidence(np.array([step.rss for step in steps]), giants, n, rows.df, floor)
-    count = giants + int(np.argmin(evidence[giants : max(giants, int(SHARE * n)) + 1]))
+    squares = np.array([step.rss for step in steps])
+    evidence = _evidence(squares, giants, n, rows.df, floor)
+    count = giants + int(np.argmin(evidence[giants : max(giants, most) + 1]))
     p = float(np.exp(min(evidence[count], 0.0))) * responses
-    alone = _each_by_itself(steps, taken, n, rows.df, level, responses)
-    if not giants and p >= level:
-        return alone
-    while count > giants and _tails(steps[count], rows.df).max() > GOOD:
+    found = _each_by_itself(steps, taken, n, rows.df, level, responses)
+    final = steps[found.out.size]
+    if giants or p < level:
+        count = _deviating(steps, count, giants, rows.df)
+        each = _tails(steps[count], rows.df) * (n - count + 1) * responses
+        named = steps[count].out[each < level]
+        if named.size > found.out.size:
+            final = _step(rows, named, _inverse(rows, named), taken, floor)
+            found = _found(final, taken, min(p, float(each.min())))
+    squares[found.out.size] = final.rss
+    evidence = _evidence(squares, found.out.size, n, rows.df, floor)[found.out.size : max(found.out.size, most) + 1]
+    further = int(np.argmin(evidence))
+    if evidence[further] + np.log(responses) < np.log(level):
+        doubtful = _deviating(steps, found.out.size + further, found.out.size, rows.df) - found.out.size
+        return replace(found, doubtful=doubtful)
+    return found
+
+
+def _deviating(steps: list[_Step], count: int, least: int, df: int) -> int:
+    """The number of rows outside, without the nearest that a clean table would have, too."""
+    while count > least and _tails(steps[count], df).max() > GOOD:
         count -= 1
-    each = _tails(steps[count], rows.df) * (n - count + 1) * responses
-    named = steps[count].out[each < level]
-    if named.size <= alone.out.size:
-        return alone if alone.out.size else replace(alone, doubtful=count)
-    final = _step(rows, named, _inverse(rows, named), taken, floor)
-    further, left = count - named.size, rows.df - count
-    ratio = min(max(steps[count].rss, floor**2 * left) / max(final.rss, floor**2 * (left + further), 1e-300), 1.0)
-    doubtful = further if further and _chance(n - named.size, further, left, ratio) < np.log(level) else 0
-    return replace(_found(final, taken, min(p, float(each.min()))), doubtful=doubtful)
+    return count
 
 
 def _each_by_itself(steps: list[_Step], taken: FloatArray, n: int, df: int, level: float, responses: int) -> Found:
