@@ -320,6 +320,30 @@ class Remarking(Protocol):
         ...
 
 
+@runtime_checkable
+class SelfChecking(Protocol):
+    """An instrument that can be asked at any time whether it is set as declared, and well."""
+
+    def wrong(self) -> Sequence[str]:
+        """Settings that are not as the bench file declares, and defects: sentences; () if there are none. Changes
+        nothing. Raises `DriverError` if it does not say.
+        """
+        ...
+
+
+@runtime_checkable
+class Learning(Protocol):
+    """A reader that learns how its instrument prints readings, and refuses others later."""
+
+    def learned(self) -> Mapping[str, str | int]:
+        """Its knowledge so far; {} if there is none."""
+        ...
+
+    def recall(self, learned: Mapping[str, str | int]) -> None:
+        """Take the knowledge of an earlier session of the run."""
+        ...
+
+
 Role = TypeVar("Role")
 _PLAYS: dict[tuple[type, type], bool] = {}
 

@@ -16,6 +16,7 @@ from drivers.errors import BadReply, DriverError, InstrumentError, NoReply, Wron
 from drivers.numbers import decimal, whole
 from drivers.roles import Identity
 from drivers.scpi import PREPARED, agrees, raise_errors
+from drivers.scpi_learned import is_unit, same_unit, unit_after
 from drivers.scpi_options import ScpiOptions
 from drivers.wires import SerialLine, SerialSettings, Wires
 
@@ -112,15 +113,27 @@ class DescribedScpi:
 
     def number_in(self, question: str, answer: str) -> float:
         """The number in an answer. Raises `BadReply`."""
-        found, digits = self._number.fullmatch(answer), self._options.digits
-        if found is not None and digits and not re.fullmatch(digits, found[1], re.ASCII):
+        return self.printed_in(question, answer)[1]
+
+    def printed_in(self, question: str, answer: str) -> tuple[str, float]:
+        """The number in an answer as printed, and its value. Raises `BadReply`, also for another unit after it."""
+        found, digits, form = self._number.fullmatch(answer), self._options.digits, self._options.number
+        number, unit = unit_after(found[1]) if found is not None else ("", "")
+        if found is not None and digits and not re.fullmatch(digits, number, re.ASCII):
             raise self.line.bad_reply(question, answer, f"a number of the form {digits!r}")
+        declared = self._options.unit
+        if unit and not same_unit(unit, declared) and (is_unit(unit) or "*" not in form):
+            raise self.line.bad_reply(
+                question,
+                answer,
+                f"a number in {declared}, as in the bench file; was its unit changed at the panel?",
+            )
         try:
             if found is not None:
-                return decimal(found[1])
+                return number, decimal(number)
         except ValueError:
             pass
-        raise self.line.bad_reply(question, answer, f"a number as in {self._options.number!r}") from None
+        raise self.line.bad_reply(question, answer, f"a number as in {form!r}")
 
     def tell(self, command: str) -> None:
         """Send a command without looking at its errors: only on the way to the safe state."""
@@ -208,11 +221,20 @@ class DescribedScpi:
             return bool(self.unhealthy(self._options.wanted))
         return self.whole("*ESE?") != PREPARED
 
+    def wrong(self, changed_by: str = "") -> tuple[str, ...]:
+        """Questions of `check` and `healthy` that are not answered as declared, as sentences.
+
+        Args:
+            changed_by: a line that the driver has sent since it was prepared; settings in it are not asked for.
+        """
+        ours = changed_by.upper()
+        kept = {q: a for q, a in self._options.wanted.items() if q.partition("?")[0].strip(":").upper() not in ours}
+        return self.unhealthy({**kept, **self._options.healthy})
+
     def unhealthy(self, healthy: Mapping[str, float | str]) -> tuple[str, ...]:
-        """Questions whose answer is not the healthy one, as sentences."""
+        """Questions whose answer is not the healthy one, also when asked again, as sentences."""
         found = []
         for question, wanted in healthy.items():
-            answer = self.ask(question)
-            if not agrees(answer, wanted):
+            if not agrees(self.ask(question), wanted) and not agrees(answer := self.ask(question), wanted):
                 found.append(f"{question} answers {answer}, not {wanted}")
         return tuple(found)

@@ -16,10 +16,11 @@ from pydantic import AfterValidator, Field
 
 from drivers.clock import Clock
 from drivers.driver import ContractFile, Medium
-from drivers.errors import DriverError, LimitError, NotReady
+from drivers.errors import BadReply, DriverError, LimitError, NotReady
 from drivers.numbers import whole
-from drivers.roles import OVERLOAD, Identity
+from drivers.roles import OVERLOAD, Identity, is_overload
 from drivers.scpi_described import DescribedScpi
+from drivers.scpi_learned import PrintedForm
 from drivers.scpi_options import Command, Question, ScpiOptions, filled
 from drivers.wires import Wires
 
@@ -30,7 +31,9 @@ _MARKS = 31
 
 
 class DescribedMeter:
-    """The meter; satisfies `drivers.roles.Reader`, `WithUnits` and `Restartable` with one channel, "input".
+    """The meter; satisfies `drivers.roles.Reader`, `WithUnits`, `Restartable`, `SelfChecking` and `Learning`.
+
+    It has one channel, "input".
 
     Args:
         name: the bench's name for it.
@@ -69,6 +72,7 @@ class DescribedMeter:
         self._where = self._scpi.line.where
         self._count = self._mark = 0
         self._due = 0.0
+        self._form = PrintedForm()
 
     def channels(self) -> Sequence[str]:
         """See `Reader.channels`."""
@@ -100,6 +104,18 @@ class DescribedMeter:
     def restarted(self) -> bool:
         """See `Restartable.restarted`."""
         return self._scpi.restarted()
+
+    def wrong(self) -> Sequence[str]:
+        """See `SelfChecking.wrong`: the questions of `check` and `healthy`, without settings that `start` changes."""
+        return self._scpi.wrong(self._options.start or "")
+
+    def learned(self) -> Mapping[str, str | int]:
+        """See `Learning.learned`: the form of its readings."""
+        return self._form.learned
+
+    def recall(self, learned: Mapping[str, str | int]) -> None:
+        """See `Learning.recall`."""
+        self._form.recall(learned)
 
     def start(self, count: int) -> float:
         """See `Reader.start`.
@@ -140,7 +156,19 @@ class DescribedMeter:
                 self._give_up()
             raise
         self._scpi.raise_errors()
-        return {_INPUT: values}
+        return {_INPUT: self._of_one_form(values)}
+
+    def _of_one_form(self, readings: Sequence[tuple[str, float]]) -> list[float]:
+        """Values of readings. Raises `BadReply` if one is printed in another form than all before."""
+        values = [value for _, value in readings]
+        if not self._options.digits:
+            odd = self._form.strange([printed for printed, value in readings if not is_overload(value)])
+            if odd:
+                raise BadReply(
+                    f"{self._where} printed a reading as {odd!r}, and all before in another form: a character may have "
+                    f"been lost or doubled on its way; it is asked again"
+                )
+        return values
 
     def _number(self) -> None:
         """Give the next readings a number."""
@@ -148,16 +176,16 @@ class DescribedMeter:
         if self._options.numbered:
             self._scpi.tell(f"*SRE {self._mark}")
 
-    def _singly(self, count: int) -> list[float]:
+    def _singly(self, count: int) -> list[tuple[str, float]]:
         """One question for each reading."""
         timeout = self._options.reading_s * 1.25 + self._options.timeout_s
-        found = []
+        found: list[tuple[str, float]] = []
         for _ in range(count):
             self._number()
             found += self._readings(1, timeout)
         return found
 
-    def _block(self, count: int) -> list[float]:
+    def _block(self, count: int) -> list[tuple[str, float]]:
         """All readings with one answer, when they are due."""
         self._clock.sleep(self._due - self._clock.now())
         sending_s = self._scpi.line.takes_s(count * _CHARACTERS_PER_READING)
@@ -165,8 +193,8 @@ class DescribedMeter:
             count, sending_s + count * self._options.reading_s / 4 + _LATE_S + self._options.timeout_s
         )
 
-    def _readings(self, count: int, timeout_s: float) -> list[float]:
-        """Ask for readings, and check that they are those of the present number."""
+    def _readings(self, count: int, timeout_s: float) -> list[tuple[str, float]]:
+        """Ask for readings, as printed and in numbers, and check that they are those of the present number."""
         numbered = self._options.numbered
         question = f"{self._options.fetch};*SRE?" if numbered else self._options.fetch
         answer = self._scpi.ask(question, timeout_s, repeat=False)
@@ -184,11 +212,11 @@ class DescribedMeter:
             raise self._scpi.line.bad_reply(question, answer, f"{count} numbers")
         return [self._value(question, reading) for reading in readings]
 
-    def _value(self, question: str, reading: str) -> float:
-        value = self._scpi.number_in(question, reading)
+    def _value(self, question: str, reading: str) -> tuple[str, float]:
+        printed, value = self._scpi.printed_in(question, reading)
         if abs(value) >= self._options.overload:
-            return OVERLOAD if value > 0 else -OVERLOAD
-        return value
+            return printed, OVERLOAD if value > 0 else -OVERLOAD
+        return printed, value
 
     def make_safe(self) -> None:
         """See `Instrument.make_safe`: a running measurement is given up; nothing else can do harm."""

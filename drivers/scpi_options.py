@@ -16,6 +16,7 @@ from drivers.wires import SerialOptions
 from drivers.wires.serial_line import Frame
 
 _LINE = re.compile(r"[ -~]{1,200}")
+_NUMBER_AND_UNIT = r"([+-]?[0-9.]+(?:[Ee][+-]?[0-9]+)?(?: *[A-Za-z%][A-Za-z0-9%/ ]*)?)(?:[^A-Za-z0-9%/].*)?"
 _HOLES = re.compile(r"\{[^}]*\}|[{}]")
 
 
@@ -89,7 +90,10 @@ class ScpiOptions(SerialOptions):
     )
     unit: Unit = Field("V", description="unit of its quantity, as at the end of column names")
     prepare: tuple[Command, ...] = Field((), description="lines that prepare it; after each its errors are read")
-    check: dict[Question, Answer] = Field({}, description="question to the answer after preparing")
+    check: dict[Question, Answer] = Field(
+        {}, description="question to the answer after preparing, and before and after the readings of every point"
+    )
+    healthy: dict[Question, Answer] = Field({}, description="question to its answer without a fault")
     error: Question = Field(
         "SYST:ERR?", description="reads and removes its oldest error; *ESR? if it has no error queue"
     )
@@ -119,8 +123,11 @@ class ScpiOptions(SerialOptions):
 
     @property
     def number_pattern(self) -> re.Pattern[str]:
-        """The form of an answer as a regular expression with one group."""
-        return re.compile("(.*?)".join(_any_text(part) for part in self.number.split("{number}")))
+        """The form of an answer as a regular expression with one group: the number, and a unit after it."""
+        before, after = self.number.split("{number}")
+        if after.lstrip(" ").startswith("*"):
+            return re.compile(f"{_any_text(before)}{_NUMBER_AND_UNIT}{_any_text(after.lstrip(' ')[1:])}")
+        return re.compile(f"{_any_text(before)}(.*?){_any_text(after)}")
 
     @property
     def wanted(self) -> Mapping[str, float | str]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+from collections.abc import Sequence
 from typing import Annotated, ClassVar, Self
 
 from pydantic import AfterValidator, Field, model_validator
@@ -17,7 +18,7 @@ from drivers.driver import ContractFile, Medium
 from drivers.errors import BadReply, DriverError, LimitError, NotReady
 from drivers.roles import Identity, SourceState
 from drivers.scpi_described import DescribedScpi
-from drivers.scpi_options import Answer, Command, Question, ScpiOptions, filled
+from drivers.scpi_options import Command, Question, ScpiOptions, filled
 from drivers.wires import Wires
 
 _ON = {"1", "ON"}
@@ -25,7 +26,7 @@ _OFF = {"0", "OFF"}
 
 
 class DescribedSource:
-    """The source; satisfies `drivers.roles.Source` and `Restartable`.
+    """The source; satisfies `drivers.roles.Source`, `Restartable` and `SelfChecking`.
 
     Args:
         name: the bench's name for it.
@@ -69,7 +70,6 @@ class DescribedSource:
             description="time constant with which its quantity follows a setting, for forecasts, and for dry runs "
             "whose world file does not say it; assumed if left out: 480 s in degC, else 0.5 s",
         )
-        healthy: dict[Question, Answer] = Field({}, description="question to its answer without a fault")
 
         @model_validator(mode="after")
         def _whole(self) -> Self:
@@ -128,6 +128,10 @@ class DescribedSource:
     def restarted(self) -> bool:
         """See `Restartable.restarted`."""
         return self._scpi.restarted()
+
+    def wrong(self) -> Sequence[str]:
+        """See `SelfChecking.wrong`: the questions of `check` and `healthy`."""
+        return self._scpi.wrong()
 
     def set(self, value: float) -> None:
         """See `Source.set`.

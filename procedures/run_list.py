@@ -287,6 +287,11 @@ class RunList:
         """Setpoints of a point by factor name."""
         return {f.name: value for f, value in zip(self.factors, point.setpoints, strict=True)}
 
+    def largest(self) -> dict[str, float]:
+        """Largest magnitude of the setpoints, by factor name."""
+        levels = zip(self.factors, self.points.settings, strict=True)
+        return {f.name: max((abs(value) for value, _ in column.levels), default=0.0) for f, column in levels}
+
     def column(self, name: str) -> list[float]:
         """Setpoints of a factor, in order of the points."""
         at = [factor.name for factor in self.factors].index(name)

@@ -1,11 +1,14 @@
 """The run's own scatter: whether the readings of a point contradict one another, where nobody declared a limit.
 
-Two questions are asked about the readings of one quantity at one point:
+Three questions are asked about the readings of one quantity at one point:
 
 1. Does one reading stand apart from all the others of this point? It is compared with their mean and scatter (Student's
    t of a deleted residual). The noise of other points does not matter here.
 2. Do they scatter more than at the points before? (F test.) This needs `FEWEST` points. It finds what the first
    question cannot: two readings that differ, or as many readings on one side as on the other.
+3. As long as there are fewer points: do they differ by much of their size? They are read again. Noise differs in
+   another way then. Readings that differ in the same way, such as one of the previous channel each time, contradict
+   one another.
 
 The usual scatter is not the same everywhere. It may grow with the value, but not faster than the value. A tenth of the
 points may scatter more than the others. What three of the last five points show is usual too. A slow drift within a
@@ -23,6 +26,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from statistics import NormalDist
+from types import MappingProxyType
 from typing import NamedTuple
 
 from procedures.column_names import unit_of
@@ -49,6 +53,9 @@ are asked."""
 _ROUNDED, _ALTERNATING = 1.0 / 12.0, 0.25
 """Variance in squared steps: of a rounded reading, and of one that alternates between two digits."""
 _NEAR_ZERO_SDS, _ALIKE = 3.0, 10.0
+_MUCH, _SAME = 0.3, 0.1
+"""Part of their size by which readings of one point differ much; part of that by which readings taken again may differ
+from the first ones, to be the same."""
 _SURELY_FEW_SDS, _SURELY_NO_MORE = 3.0, _SDS**2
 """Distances and ratios up to which no probability is computed."""
 
@@ -118,11 +125,14 @@ class OwnScatter:
 
     Args:
         judged: columns that are compared; None for all.
+        sizes: magnitudes that columns will have in the run, where they are known.
 
     """
 
-    def __init__(self, judged: Collection[str] | None = None) -> None:
-        self._judged = judged
+    def __init__(
+        self, judged: Collection[str] | None = None, sizes: Mapping[str, float] = MappingProxyType({})
+    ) -> None:
+        self._judged, self._sizes = judged, sizes
         self._seen: dict[str, deque[Scattered]] = {}
         self._points = 0
 
@@ -153,11 +163,17 @@ class OwnScatter:
         """Take an accepted observation of the run file; as `add`."""
         self.add(point, observed.every_reading, doubted=CONTRADICTORY in observed.flags)
 
-    def contradiction(self, readings: Mapping[str, Sequence[float]]) -> Contradiction | None:
+    def contradiction(
+        self,
+        readings: Mapping[str, Sequence[float]],
+        again: Sequence[Mapping[str, Sequence[float]]] | None = None,
+    ) -> Contradiction | None:
         """The first quantity whose readings at a new point contradict one another; None if there is none.
 
         Args:
             readings: by column.
+            again: likewise, earlier readings at this point that were not accepted; None if readings are not taken
+                again, so that the third question is not asked.
 
         """
         several = self._several(readings)
@@ -165,6 +181,8 @@ class OwnScatter:
             p, before, unit = ALARM / 2.0 / len(several), self._seen.get(name, ()), unit_of(name)
             now = Scattered.of(values)
             words = _apart(values, now, before, p, unit) or _scatters(now, before, p, unit)
+            if not words and again is not None and len(before) < FEWEST:
+                words = _differ(values, max([self._sizes.get(name, 0.0), *(b.size for b in before)]), again[-1:], name)
             if words:
                 return Contradiction(name, -1, f"{name} {words}")
         return None
@@ -226,6 +244,25 @@ def _scatters(now: Scattered, before: Sequence[Scattered], p: float, unit: str) 
     if ratio <= _SURELY_NO_MORE or chance_f(now.df, _DF * now.df * len(before), ratio / _SDS**2) >= p:
         return ""
     return f"scatters by {math.sqrt(now.variance):.2g} {unit} (sd), and usually by {math.sqrt(usual):.2g} {unit}"
+
+
+def _differ(values: Sequence[float], size: float, again: Sequence[Mapping[str, Sequence[float]]], name: str) -> str:
+    """Words for readings that differ by much of their size, and in the same way as before; "" if they do not.
+
+    Args:
+        values: the readings.
+        size: largest magnitude at the points before.
+        again: the last readings here before these, by column; [] if these are the first.
+        name: the column.
+    """
+    span = max(values) - min(values)
+    if span <= _MUCH * max(size, *map(abs, values)):
+        return ""
+    for earlier in again:
+        before = earlier.get(name, ())
+        if len(before) != len(values) or any(abs(a - b) > _SAME * span for a, b in zip(before, values, strict=True)):
+            return ""
+    return f"reads from {min(values):.6g} to {max(values):.6g} {unit_of(name)}"
 
 
 def _variance(readings: Sequence[float]) -> float:

@@ -266,9 +266,9 @@ def test_a_mark_that_the_readings_do_not_bear_out_is_found(tmp_path, monkeypatch
     contradiction = OwnScatter.contradiction
     calls = []
 
-    def said_thrice(self, readings):
+    def said_thrice(self, readings, again=None):
         calls.append(readings)
-        return Contradiction("cell_V", -1, "") if len(calls) in (3, 4, 5) else contradiction(self, readings)
+        return Contradiction("cell_V", -1, "") if len(calls) in (3, 4, 5) else contradiction(self, readings, again)
 
     with monkeypatch.context() as patched:
         patched.setattr(OwnScatter, "contradiction", said_thrice)

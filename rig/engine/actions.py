@@ -11,7 +11,7 @@ from typing import Any
 
 from drivers.clock import Clock
 from drivers.errors import BadReply, NoReply
-from drivers.roles import Remarking, Restartable, is_overload
+from drivers.roles import Learning, Remarking, Restartable, SelfChecking, is_overload
 from procedures.column_names import spelled, unit_of
 from procedures.conduct import EnvironmentSettings
 from procedures.run_list import Factor, Settle
@@ -68,6 +68,8 @@ class BenchActions:
         self._readers = bench.readers
         # Looked up once: an isinstance check against a protocol takes longer than most replies.
         self._restartable = {n: i for n, i in bench.instruments.items() if isinstance(i, Restartable)}
+        self._self_checking = {n: i for n, i in bench.instruments.items() if isinstance(i, SelfChecking)}
+        self._learning = {n: i for n, i in bench.instruments.items() if isinstance(i, Learning)}
         self._axes_seen: Mapping[str, AxisReading] | None = None
         self._controlled = False  # all axes of the last reading
         self._axes_read = self._chambers_seen = _LONG_AGO
@@ -123,6 +125,22 @@ class BenchActions:
     def restarted(self) -> list[str]:
         """Instruments that report a loss of power since they were last set up."""
         return [name for name, instrument in self._restartable.items() if instrument.restarted()]
+
+    def not_as_declared(self) -> tuple[str, str] | None:
+        """The first instrument that is set otherwise than declared, or not well, and what it says; None if all are."""
+        for name, instrument in self._self_checking.items():
+            if said := instrument.wrong():
+                return name, "; ".join(said)
+        return None
+
+    def learned(self) -> dict[str, Mapping[str, str | int]]:
+        """Knowledge of readers of their instruments, by name."""
+        return {name: found for name, reader in self._learning.items() if (found := reader.learned())}
+
+    def recall(self, learned: Mapping[str, Mapping[str, str | int]]) -> None:
+        """Give readers their knowledge of earlier sessions."""
+        for name in self._learning.keys() & learned.keys():
+            self._learning[name].recall(learned[name])
 
     def axes(self) -> Mapping[str, AxisReading]:
         """Read all axes. Raises the axis' fault, or `LimitViolation` if a limit is violated."""

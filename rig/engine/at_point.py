@@ -6,7 +6,7 @@ by `rig.engine.deciding`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from statistics import median
 from typing import Any
@@ -36,10 +36,11 @@ from rig.engine.motion import NEARLY, Leg, plan_legs, recovery_legs
 from rig.engine.queue import PointQueue
 from rig.engine.set_by_hand import SetByHand
 from rig.engine.soaking import Soaking
+from rig.engine.wellness import Wellness
 from rig.own_scatter import KEPT, OwnScatter
 from rig.run_file.events.bench import Warned
 from rig.run_file.events.event import EMPTY
-from rig.run_file.events.points import ACCEPTED, CONTRADICTORY, REJECTED, Observed
+from rig.run_file.events.points import ACCEPTED, CONTRADICTORY, REJECTED, Observed, readings_of
 from rig.run_file.events.sessions import Held
 from rig.scatter import most_scatter, noisiest, without_limit
 
@@ -100,10 +101,11 @@ class AtPoint:
         self._references = tuple(f for f in run_list.easy if not f.stays)
         self._standards = [f for f in run_list.factors if f.name in bench.references]
         self._most_scatter = most_scatter(conduct, bench.config)
-        self._own_scatter = OwnScatter(without_limit(conduct, bench.config))
+        self._own_scatter = OwnScatter(without_limit(conduct, bench.config), run_list.largest())
         for record in journal.recent(KEPT):
             if isinstance(record.event, Observed) and record.run_index is not None:
                 self._own_scatter.recall(record.run_index, record.event)
+        self._well = Wellness(do, journal)
         self._poll_s = conduct.poll_s
         read_by = (*bench.sensors.items(), *bench.references.items())
         readers = {name: reader for name, (reader, _) in read_by if not bench.config.instruments[reader].coarse}
@@ -186,12 +188,14 @@ class AtPoint:
     def measuring(self) -> str:
         """Read every channel. Overloads and excessive noise are rejected here."""
         at, settings = self._at, self._conduct
+        self._well.ask(at)
         began = self._journal.elapsed()
         self._liveness.begin()
         observation = self._do.measure(settings.readings, self._poll_s, self._references)
         observation.references = {**self._settings.stated(), **observation.references}
         at.measured_s = (began, self._journal.elapsed())
         at.observation = observation
+        self._well.ask(at, observation)
         overloaded = observation.overloaded()
         if overloaded:
             self._journal.write(Observed(verdict=REJECTED, **observation.as_json()))
@@ -205,10 +209,14 @@ class AtPoint:
             most = self._most_scatter[name]
             noise = f"{name} scatters by {most.told(sds[name])} at point {at.point.index}, more than {most.most}"
             return self._again("noisy", name, noise)
-        found = self._own_scatter.contradiction(observation.every_reading)
+        found = self._own_scatter.contradiction(observation.every_reading, self._read_before(at))
         if found is not None:
             return self._again(CONTRADICTORY, found.name, f"{found.words}, at point {at.point.index}")
         return "record"
+
+    def _read_before(self, at: PointInHand) -> list[dict[str, Sequence[float]]] | None:
+        """Readings at this point that were not accepted, by column; None if readings are not taken again."""
+        return readings_of(at.rejected) if self._conduct.repeats else None
 
     def _again(self, flag: str, name: str, words: str) -> str:
         """Read again, or accept with a flag if that was done often enough; a policy may say otherwise."""
@@ -304,9 +312,10 @@ class AtPoint:
                 self._journal.write(replace(observed, verdict=REJECTED, lost=why), commit=False)
                 self._soaking.lose(why)
         contradictions = self._contradictions(at)
-        self._journal.write(observed, commit=not contradictions)
-        for number, warned in enumerate(contradictions, 1):  # one commit: a kill in between would lose them
-            self._journal.write(warned, commit=number == len(contradictions))
+        later = [*contradictions, *self._well.learned()]
+        self._journal.write(observed, commit=not later)
+        for number, event in enumerate(later, 1):  # one commit: a kill in between would lose them
+            self._journal.write(event, commit=number == len(later))
         self._own_scatter.recall(at.point.index, observed)
         self._journal.point_observed()
         if (self._warned(at.point, observed) or contradictions) and self._conduct.warnings.hold:
@@ -328,7 +337,7 @@ class AtPoint:
         assert at.observation is not None
         own, readings, told = self._own_scatter, at.observation.every_reading, []
         if CONTRADICTORY in at.observation.flags and not own.doubted:
-            one = own.contradiction(readings)
+            one = own.contradiction(readings, self._read_before(at))
             told += [] if one is None else [(one, f"{one.words}, at point {at.point.index}")]
         told += [(one, f"{one.words}, at point {one.point}, which was one of the first") for one in own.first(readings)]
         advice = "readings that contradict one another; look at the wiring and the meter"

@@ -54,6 +54,15 @@ class TemperatureLeft(DoubtfulReadings):
         self.advice = advice
 
 
+class NotAsDeclared(InstrumentError):
+    """An instrument is set otherwise than the bench file says, or says itself that it is not well.
+
+    `evidence` holds the readings since it was last asked; it is empty before readings.
+    """
+
+    evidence: Mapping[str, Any] = {}
+
+
 class DriveFault(InstrumentError):
     """A drive reports a fault, or has lost control."""
 
@@ -73,6 +82,13 @@ class InterlockHold(Exception):
 class LimitViolation(BenchFault):
     """A limit or an interlock of the bench is violated: safe state, regardless of the procedure."""
 
+
+class ChamberAlarm(LimitViolation):
+    """A chamber reports an alarm."""
+
+
+TOLD_LATER = (NotAsDeclared, SupplyFailure, ChamberAlarm)
+"""Defects that an instrument may have had for a while when it tells of them."""
 
 FAULTS = (NotSettled, OverloadedError, TooNoisy, FrozenReading, ReferenceDisagrees, TemperatureLeft, DriverError)
 """Classes of faults for the policies of procedures."""

@@ -14,7 +14,7 @@ from drivers.roles import ChamberState
 from procedures.column_names import spelled, unit_of
 from procedures.run_list import RunList
 from rig.engine.axes import CHAMBER_MARGIN_DEGC, AxisReading
-from rig.engine.fault_classes import LimitViolation
+from rig.engine.fault_classes import ChamberAlarm, LimitViolation
 from rig.engine.interlocks import Interlocks
 from rig.errors import ConfigurationError
 from rig.protection import InterlockConfig
@@ -125,7 +125,7 @@ class Guard:
         self._interlocks.check_chamber(name, state)
         if state.alarms and not self._interlocks.watches(f"{name}.alarms"):
             alarms = ", ".join(state.alarms)
-            raise LimitViolation(f"{name} reports an alarm: {alarms}; look at {name}, then resume")
+            raise ChamberAlarm(f"{name} reports an alarm: {alarms}; look at {name}, then resume")
         low, high = self._limits.get(f"{name}_degC", (float("-inf"), float("inf")))
         if not low - CHAMBER_MARGIN_DEGC <= state.temperature_degC <= high + CHAMBER_MARGIN_DEGC:
             raise LimitViolation(

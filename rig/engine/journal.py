@@ -42,6 +42,7 @@ class PointInHand:
         settling: evidence that the axes settled.
         observation: the readings.
         measured_s: elapsed time when the readings began and ended.
+        began_well: whether the instruments were well before its readings.
         repeats: number of repeated readings because of noise.
         rejected: readings that were too noisy.
 
@@ -53,6 +54,7 @@ class PointInHand:
     settling: dict[str, Any] = field(default_factory=dict)
     observation: Observation | None = None
     measured_s: tuple[float, float] = (0.0, 0.0)
+    began_well: bool = False
     repeats: int = 0
     rejected: list[dict[str, Any]] = field(default_factory=list)
 

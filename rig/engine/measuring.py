@@ -69,10 +69,6 @@ class Observation:
         return [name for group in every for name, c in group.items() if c.overload]
 
     @property
-    def _overloaded_references(self) -> list[tuple[str, Channel]]:
-        return [(name, c) for name, c in self.references.items() if c.overload]
-
-    @property
     def readings(self) -> dict[str, list[float]]:
         """Readings of outputs and references, by column."""
         return {name: list(c.readings) for name, c in (*self.references.items(), *self.outputs.items())}
@@ -83,16 +79,18 @@ class Observation:
         every = (self.outputs, self.temperatures, self.references)
         return {name: channel.readings for group in every for name, channel in group.items()}
 
+    def in_range(self) -> dict[str, list[float | None]]:
+        """All readings by column; overloads are null, so that nobody can average them."""
+        every = (self.outputs, self.temperatures, self.references)
+        return {n: [None if is_overload(r) else r for r in c.readings] for group in every for n, c in group.items()}
+
     def as_json(self) -> dict[str, Any]:
         """Its fields for the run file. Overloads are written as null, so that nobody can average them."""
         overloaded = self.overloaded()
         if overloaded:
             return {
                 "overload": overloaded,
-                "readings": {
-                    name: [None if is_overload(r) else r for r in c.readings]
-                    for name, c in (*self.outputs.items(), *self.temperatures.items(), *self._overloaded_references)
-                },
+                "readings": {n: r for n, r in self.in_range().items() if n not in self.references or None in r},
             }
         return {
             "outputs": {name: c.as_json() for name, c in self.outputs.items()},

@@ -42,6 +42,7 @@ from rig.engine.set_by_hand import SetByHand
 from rig.engine.soaking import Soaking
 from rig.engine.standing import Standing
 from rig.engine.states import AT_POINT, FINAL, Moves, State
+from rig.engine.wellness import Wellness
 from rig.errors import BenchFault, NotSafe, RigError, StorageError
 from rig.run_file.events.bench import AsFound, EnvironmentSettled, Fault, Homed, MadeSafe, Prepared, Preparing, Remark
 from rig.run_file.events.event import EMPTY
@@ -151,6 +152,7 @@ class Sequencer:
             by_hand=self._by_hand,
             settings=self._settings,
         )
+        self._well = Wellness(self._do, self._journal)
         self._standing = Standing(conduct, self._journal, self._queue, self._soaking)
         self._hold = Holding(
             self._by_hand,
@@ -251,6 +253,7 @@ class Sequencer:
         except StorageError as error:
             return self._give_up(str(error), recorded=False)
         except (*FAULTS, RigError) as error:
+            self._well.doubt_last(error)
             return self._give_up(str(error))
 
     def _handled(self) -> str:
@@ -417,6 +420,7 @@ class Sequencer:
     def _decide(self, error: Exception) -> str:
         """The trigger of the fault policy. Raises the error if no policy covers it."""
         state, at = self.state, self._journal.at if self.state in AT_POINT else None
+        self._well.doubt_last(error)
         self._needs_set_up |= isinstance(error, DriverError)
         decision, error = self._deciding.decide(error, state)
         self._needs_set_up |= isinstance(error, DriverError)

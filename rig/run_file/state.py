@@ -11,7 +11,7 @@ from typing import Any
 from procedures.by_hand import HandStep, undone
 from rig.run_file.bodies import ContentsError
 from rig.run_file.chain import Record
-from rig.run_file.events.bench import Fault, MadeSafe, Prepared, Preparing
+from rig.run_file.events.bench import Fault, Learned, MadeSafe, Prepared, Preparing, Warned
 from rig.run_file.events.by_hand import DoneByHand, SetByHand
 from rig.run_file.events.event import Event
 from rig.run_file.events.points import ACCEPTED, Observed, Skipped, TemperaturesLeft, WholePlotBegan, WholePlotLost
@@ -53,6 +53,8 @@ class RunState:
         by_hand: steps that a person has done, by ordinal from 1.
         set_by_hand: last setting of each factor that a person set.
         steps: number of the steps of the run list.
+        doubted: indexes of points whose accepted observation is doubted.
+        learned: what readers have learned of their instruments, by name.
         decisions: number of decisions, by class of fault and decision ("no_reply: retry").
         faults: records of the last faults, for people.
         safe: body of the last event of bringing the bench to its safe state.
@@ -88,6 +90,8 @@ class RunState:
     by_hand: dict[int, DoneByHand] = field(default_factory=dict)
     set_by_hand: dict[str, SetByHand] = field(default_factory=dict)
     steps: int = 0
+    doubted: IndexSet = field(default_factory=IndexSet)
+    learned: dict[str, dict[str, Any]] = field(default_factory=dict)
     decisions: dict[str, int] = field(default_factory=dict)
     faults: deque[Record] = field(default_factory=lambda: deque(maxlen=_FAULTS_KEPT))
     safe: dict[str, Any] = field(default_factory=dict)
@@ -143,6 +147,10 @@ class RunState:
                 self.worked_s = record.elapsed_s
             case MadeSafe():
                 self.safe = record.data
+            case Warned() if event.doubted is not None:
+                self.doubted.add(event.doubted)
+            case Learned():
+                self.learned[event.instrument] = dict(event.learned)
             case Interruption():
                 self.left_on = [*event.left_on]
                 if event.unsafe:

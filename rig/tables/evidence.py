@@ -30,8 +30,12 @@ def meaning_of(name: str) -> str:
     return COUNT if name in _COUNTS or name.endswith(f"_{_READINGS}") else ""
 
 
-def evidence_of(seen: Observed) -> dict[str, float]:
+def evidence_of(seen: Observed, flags: Iterable[str]) -> dict[str, float]:
     """Scatter and number of the readings of an observation, and its flags.
+
+    Args:
+        seen: the observation.
+        flags: its own, and those that were told later.
 
     Returns:
         By column: `x_sd_V`, the standard deviation of one reading of `x_V`; `readings`, the number of readings of the
@@ -41,7 +45,7 @@ def evidence_of(seen: Observed) -> dict[str, float]:
     counts = {name: float(len(channel["readings"])) for name, channel in _channels(seen).items()}
     usual = max((counts[name] for name in seen.outputs), default=0.0)
     found |= {f"{stem_of(name)}_{_READINGS}": n for name, n in counts.items() if n != usual and stem_of(name)}
-    return {**found, _READINGS: usual, **{f"{_FLAG}{flag}": 1.0 for flag in seen.flags}}
+    return {**found, _READINGS: usual, **{f"{_FLAG}{flag}": 1.0 for flag in flags}}
 
 
 def _channels(seen: Observed) -> Mapping[str, Mapping[str, Any]]:

@@ -11,6 +11,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -25,8 +26,9 @@ from rig.errors import RunFileError
 from rig.run_file.bodies import ContentsError
 from rig.run_file.chain import Record
 from rig.run_file.documents import Stored, declared_model, kind_of_run, mounting_of
+from rig.run_file.events.bench import Warned
 from rig.run_file.events.by_hand import DoneByHand, SetByHand
-from rig.run_file.events.points import Observed, Skipped, WholePlotLost
+from rig.run_file.events.points import DOUBTED, Observed, Skipped, WholePlotLost
 from rig.run_file.events.sessions import Ended, Identified, SessionBegan
 from rig.run_file.reader import RunReader
 from rig.run_file.state import read_state
@@ -52,8 +54,7 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False, ev
         if not salvage:
             reader.verify()
         began, run = reader.genesis().utc_s, reader.about()
-        run_list = reader.run_list()
-        documents = reader.documents()
+        run_list, documents = reader.run_list(), reader.documents()
         bench = Stored.of(documents, "bench.toml")
         factors = bench.table("factors").texts()
         turned = {f"mounting_{axis}": turn for axis, turn in mounting_of(documents).items()}
@@ -61,6 +62,7 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False, ev
         rows: list[dict[str, float]] = []
         left_out, rejected, flags = 0, 0, Counter[str]()
         doubted = _doubted(reader.salvage() if salvage else reader.records(WholePlotLost.kind))
+        marks = partial(_mark, told_later={} if salvage else _told_later(reader), evidence=evidence)
         records = reader.salvage() if salvage else reader.records(Observed.kind)
         for record in records:
             try:
@@ -71,8 +73,8 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False, ev
                 rejected += not record.accepted and not everything
                 if not (accepted or everything):
                     continue
-                row = _row(record, run_list, len(rows) + 1, factors, evidence=evidence)
-                flags.update(_flags(record))
+                row = _row(record, run_list, len(rows) + 1, factors)
+                flags.update(marks(row, record))
                 row["block"] += sum(one.elapsed_s <= record.elapsed_s for one in made)
             except ContentsError:
                 if not salvage:
@@ -135,9 +137,23 @@ def _of_sensors(table: Table, bench: Stored, run_list: RunList) -> Table:
     return replace(table, columns=columns, axes=axes, outputs=outputs, factors=factors)
 
 
-def _flags(record: Record) -> Sequence[str]:
-    """Flags of an observation."""
-    return record.event.flags if isinstance(record.event, Observed) else ()
+def _mark(
+    row: dict[str, float], record: Record, told_later: Mapping[int | None, float], *, evidence: bool
+) -> Sequence[str]:
+    """Flags of an observation, also those told later; with `evidence` its columns are added to the row."""
+    seen = record.event
+    assert isinstance(seen, Observed)
+    told_s = told_later.get(record.run_index, -math.inf)
+    flags = [*seen.flags, DOUBTED] if record.accepted and record.elapsed_s <= told_s else seen.flags
+    if evidence:
+        row |= evidence_of(seen, flags)
+    return flags
+
+
+def _told_later(reader: RunReader) -> dict[int | None, float]:
+    """Elapsed time at which the last observation of a point was doubted, by its index."""
+    events = ((record, record.event) for record in reader.records(Warned.kind))
+    return {e.doubted: r.elapsed_s for r, e in events if isinstance(e, Warned) and e.doubted is not None}
 
 
 def _package_temperature(columns: Columns, bench: Stored) -> Columns:
@@ -256,9 +272,7 @@ def _utc(seconds: float) -> str:
     return datetime.fromtimestamp(seconds, UTC).isoformat(timespec="minutes")
 
 
-def _row(
-    record: Record, run_list: RunList, order: int, factors: Mapping[str, str], *, evidence: bool
-) -> dict[str, float]:
+def _row(record: Record, run_list: RunList, order: int, factors: Mapping[str, str]) -> dict[str, float]:
     """One observation as a row: place, time, approach, readings.
 
     A measured factor has a column with its value, and one with its setpoint (`Factor.set_name`).
@@ -268,7 +282,6 @@ def _row(
         run_list: has its point.
         order: executed position, from 1.
         factors: instrument of each factor.
-        evidence: whether its scatter, number of readings and flags are added.
     """
     point, seen = run_list.points[int(record.run_index or 0)], record.event
     assert isinstance(seen, Observed)
@@ -295,8 +308,7 @@ def _row(
         if f.axis in seen.moved:
             stepped_s, before = seen.moved[f.axis]
             row |= {since: round(max(row["elapsed_s"] - stepped_s, 0.0), 3), start: before}
-    row |= {"block": record.session, "run_index": point.index}
-    return row | evidence_of(seen) if evidence else row
+    return row | {"block": record.session, "run_index": point.index}
 
 
 def _fill(

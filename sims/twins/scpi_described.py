@@ -55,6 +55,9 @@ class DescribedTwin(ScpiTwin):
         check = options.get("check", {})
         assert isinstance(check, Mapping)
         self._check = {units(str(question))[0][0]: str(answer) for question, answer in check.items()}
+        healthy = options.get("healthy") or {}
+        assert isinstance(healthy, Mapping)
+        self._healthy = {units(str(question))[0][0]: str(answer) for question, answer in healthy.items()}
         self._error = units(str(options.get("error", "SYST:ERR?")))[0][0]
         super().__init__(name, world, int(str(options.get("baud", 9600))), str(options.get("frame", "8N1")))
 
@@ -84,7 +87,7 @@ class DescribedTwin(ScpiTwin):
             name: with its path, in upper case.
             rest: its parameters.
         """
-        raise KeyError(name)
+        return self._healthy[name]
 
     def _execute(self, path: str, header: str, rest: str) -> tuple[str, str | None]:
         if not header:

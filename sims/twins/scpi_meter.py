@@ -77,7 +77,7 @@ class DescribedMeterTwin(DescribedTwin):
                 if position == len(self._start) - 1:
                     self._begin()
                 return None
-        raise KeyError(name)
+        return super().does(name, rest)
 
     def _told(self, template: str, rest: str) -> None:
         before, hole, after = template.partition("{count}")

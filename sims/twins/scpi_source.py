@@ -67,9 +67,6 @@ class DescribedSourceTwin(DescribedTwin):
         }
         self._settled = units(str(options.get("settled") or ""))[0][0]
         self._bit = int(str(options.get("settled_bit", 0)))
-        healthy = options.get("healthy") or {}
-        assert isinstance(healthy, Mapping)
-        self._healthy = {units(str(question))[0][0]: str(answer) for question, answer in healthy.items()}
         super().__init__(name, options, world, serial)
 
     def reset(self) -> None:
@@ -101,7 +98,7 @@ class DescribedSourceTwin(DescribedTwin):
             return str(int(self.quantity.on))
         if name == self._settled:
             return str(int(self.quantity.settled(now, self._within)) << self._bit)
-        return self._healthy[name]
+        return super().does(name, rest)
 
     def _set(self, rest: str) -> None:
         before, _, after = self._words["set"][1].partition("{value}")

@@ -207,13 +207,23 @@ class Warned(
     """An early warning.
 
     Attributes:
-        cause: "noise", "drift", "calibration", "response", "thermometer" or "contradictory"; "itself" if the warnings
-            have ended.
-        output: name of the output or thermometer.
+        cause: "noise", "drift", "calibration", "response", "thermometer", "contradictory" or "doubted"; "itself" if the
+            warnings have ended.
+        output: name of the output or thermometer; of the instrument with a doubted point.
         message: a sentence with figures.
+        doubted: index of a point whose accepted observation is doubted.
 
     """
 
     cause: Text = ""
     output: Text = ""
     message: Text = ""
+    doubted: Count | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Learned(Event, status="learned", matters=DETAIL, says="how {instrument} prints its readings was learned"):
+    """Knowledge of a reader of its instrument."""
+
+    instrument: Text
+    learned: Table

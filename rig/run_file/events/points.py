@@ -16,7 +16,18 @@ if TYPE_CHECKING:
 ACCEPTED, REJECTED = "accepted", "rejected"
 CONTRADICTORY = "contradictory"
 """Flag of an observation with readings that contradict one another, see `rig.own_scatter`."""
+DOUBTED = "doubted"
+"""Flag of an observation before which an instrument was well, and after which it told of a defect; see `Warned`."""
 _LATER, _FINAL = "later", "final"
+
+
+def _readings_of(*groups: Mapping[str, Mapping[str, Any]]) -> dict[str, Sequence[float]]:
+    return {name: channel["readings"] for group in groups for name, channel in group.items()}
+
+
+def readings_of(rejected: Sequence[Mapping[str, Any]]) -> list[dict[str, Sequence[float]]]:
+    """Readings by column of each of several sets that were not accepted, see `Observed.rejected`."""
+    return [_readings_of(*(one.get(g, EMPTY) for g in ("outputs", "temperatures", "references"))) for one in rejected]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,8 +75,7 @@ class Observed(Event, kind="observation", matters=DETAIL):
     @property
     def every_reading(self) -> dict[str, Sequence[float]]:
         """Readings of outputs, temperatures and references, by column; {} with an overload."""
-        every = (self.outputs, self.temperatures, self.references)
-        return {name: channel["readings"] for group in every for name, channel in group.items()}
+        return _readings_of(self.outputs, self.temperatures, self.references)
 
     @property
     def accepted(self) -> bool:

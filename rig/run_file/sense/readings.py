@@ -10,7 +10,7 @@ from typing import Any
 from rig.own_scatter import OwnScatter
 from rig.run_file.chain import Record
 from rig.run_file.events.event import Event
-from rig.run_file.events.points import CONTRADICTORY, Observed
+from rig.run_file.events.points import CONTRADICTORY, Observed, readings_of
 from rig.run_file.sense.case import Case
 from rig.run_file.state import RunState
 from rig.scatter import MostScatter, most_scatter, noisiest, without_limit
@@ -42,7 +42,10 @@ class Readings:
         if bench is not None:
             outputs = {f"{name}_{s.unit}" for name, s in bench.sensors.items()}
             if conduct is not None:
-                self._most, self._own = most_scatter(conduct, bench), OwnScatter(without_limit(conduct, bench))
+                self._most, self._own = (
+                    most_scatter(conduct, bench),
+                    OwnScatter(without_limit(conduct, bench), case.run_list.largest()),
+                )
             self._standards = {name for name in bench.references if name in {f.name for f in case.run_list.factors}}
             self._columns = {"outputs": outputs, "temperatures": set(bench.temperatures)}
 
@@ -91,7 +94,8 @@ class Readings:
         """Check that readings that are marked so contradict one another. Until 2026-11-27 none were marked."""
         if self._own is None or record.run_index is None:
             return
-        if CONTRADICTORY in event.flags and self._own.contradiction(event.every_reading) is None:
+        own = self._own.contradiction(event.every_reading, readings_of(event.rejected))
+        if CONTRADICTORY in event.flags and own is None:
             yield "it is marked as contradictory, and its readings do not contradict one another"
         self._own.recall(record.run_index, event)
 

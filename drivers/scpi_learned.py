@@ -1,0 +1,94 @@
+"""The way a meter prints its readings: the unit after a number, and the form of a number, learned from the first ones.
+
+A character that is lost or doubled on the way can leave a number that looks right: `+1.25E+02` without its first digit
+is 25. Most meters print all numbers with exponent in one form. Once a few readings have shown it, a reading of another
+form is refused.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+
+_NR3 = re.compile(r"([+-]?)([0-9]*\.?[0-9]*[Ee][+-]?[0-9]+)")
+_FEWEST = 5
+"""Readings of one form, at least, before another one is refused."""
+_NO_FORM = "any"
+_ALIKE: Mapping[str, frozenset[str]] = {
+    "degC": frozenset({"C", "CEL", "DEGC", "DEG C"}),
+    "degF": frozenset({"F", "FAR", "DEGF", "DEG F"}),
+    "K": frozenset({"K", "KEL"}),
+    "V": frozenset({"V", "VDC", "V DC", "VAC", "V AC", "VOLT", "VOLTS"}),
+    "A": frozenset({"A", "ADC", "A DC", "AAC", "A AC", "AMP", "AMPS"}),
+    "ohm": frozenset({"OHM", "OHMS", "OHM4W"}),
+    "Hz": frozenset({"HZ"}),
+    "s": frozenset({"S", "SEC", "SECS"}),
+}
+"""Ways in which instruments print a unit."""
+
+_OTHERS = re.compile(r"[pnumkMG]?(V|A|OHMS?|HZ|PA|BAR|PSI|N|G|M)( ?[AD]C)?", re.IGNORECASE)
+_WITH_UNIT = re.compile(r"([+-]?[0-9.]+(?:[Ee][+-]?[0-9]+)?) *([A-Za-z%][A-Za-z0-9%/ ]*)")
+
+
+def unit_after(text: str) -> tuple[str, str]:
+    """A printed number without the unit after it, and that unit, "" if there is none: "50.0 C" is "50.0" and "C"."""
+    found = _WITH_UNIT.fullmatch(text)
+    return (found[1], found[2].rstrip()) if found else (text, "")
+
+
+def same_unit(printed: str, declared: str) -> bool:
+    """Whether a unit that an instrument prints is the declared one, as at the end of column names."""
+    plain = "_per_".join(part.strip() for part in printed.split("/"))
+    return plain == declared or plain.upper() in _ALIKE.get(declared, ())
+
+
+def is_unit(printed: str) -> bool:
+    """Whether a text is known as a unit of anything."""
+    return bool(_OTHERS.fullmatch(printed)) or any(printed.upper() in names for names in _ALIKE.values())
+
+
+class PrintedForm:
+    """The form of the readings of one meter, such as `+#.####E+##`: only of numbers that all have an exponent.
+
+    A meter whose readings differ in form has none. So does one that prints another form twice in succession.
+    """
+
+    def __init__(self) -> None:
+        self._seen = 0
+        self._form = self._sign = ""
+        self._refused = False
+
+    @property
+    def learned(self) -> dict[str, str | int]:
+        """Number of readings seen, up to the fewest needed, their form, and the sign of positive ones."""
+        return {"readings": self._seen, "form": self._form, "sign": self._sign} if self._seen else {}
+
+    def recall(self, learned: Mapping[str, str | int]) -> None:
+        """Take an earlier `learned`."""
+        self._seen = int(learned.get("readings", 0))
+        self._form, self._sign = str(learned.get("form", "")), str(learned.get("sign", ""))
+
+    def strange(self, numbers: Sequence[str]) -> str:
+        """The first of some readings, as printed, of another form than all before; "" if there is none."""
+        for number in numbers:
+            sign, form = _form(number)
+            if self._form in ("", form) and (sign in ("-", self._sign) or not self._sign):
+                self._form = form
+                self._sign = self._sign or (sign if sign == "+" else "")
+            elif self._form != _NO_FORM and self._seen >= _FEWEST and not self._refused:
+                self._refused = True
+                return number
+            else:
+                self._form = _NO_FORM
+            self._seen = min(self._seen + 1, _FEWEST)
+        self._refused = False
+        return ""
+
+
+def _form(number: str) -> tuple[str, str]:
+    """Sign of a number, and its form without it."""
+    found = _NR3.fullmatch(number)
+    if found is None:
+        return "", _NO_FORM
+    sign, rest = found.groups()
+    return sign, re.sub("[0-9]", "#", rest.replace("E-", "E+").replace("e-", "e+"))
