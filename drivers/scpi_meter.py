@@ -207,10 +207,12 @@ class DescribedMeter:
                 raise self._scpi.line.bad_reply(question, answer, "readings and the measurement's mark") from None
             if not ours:
                 raise self._scpi.line.bad_reply(question, answer, f"mark {self._mark}: these are other readings")
-        readings = words.split(",")
+        form, parts = self._options.number.split(";"), words.split(";")
+        at = next(n for n, part in enumerate(form) if "{number}" in part)  # of a compound question, the readings' part
+        readings = parts[at].split(",") if len(parts) == len(form) else []
         if len(readings) != count:
             raise self._scpi.line.bad_reply(question, answer, f"{count} numbers")
-        return [self._value(question, reading) for reading in readings]
+        return [self._value(question, ";".join([*parts[:at], one, *parts[at + 1 :]])) for one in readings]
 
     def _value(self, question: str, reading: str) -> tuple[str, float]:
         printed, value = self._scpi.printed_in(question, reading)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, cast
 
 from drivers.errors import WrongAddress
-from drivers.roles import Chamber, Head, PressureController
+from drivers.roles import Chamber, Head, PressureController, SelfChecking
 from fitter.errors import FitError
 from rig.config import BenchConfig, validated
 from rig.contract_files import with_contracts
@@ -89,6 +89,11 @@ def _check_wire(address: str, options: BaseModel, where: str) -> None:
 def playing(config: BenchConfig, role: type[Any]) -> list[str]:
     """Names of the instruments whose drivers have a role."""
     return [n for n, i in config.instruments.items() if issubclass(cast(type, driver_class(i.driver)), role)]
+
+
+def unasked(config: BenchConfig) -> list[str]:
+    """Names of the instruments that could be asked whether somebody has changed them, and have no question for it."""
+    return [name for name in playing(config, SelfChecking) if not config.instruments[name].options.get("check")]
 
 
 def _quantities(config: BenchConfig) -> list[str]:

@@ -132,6 +132,14 @@ def _assumed(plan: Plan) -> Iterator[str]:
             )
 
 
+def _skipped(result: Result) -> Iterator[str]:
+    """Rehearsed points that could not be measured, with the first reason."""
+    skipped, points = result.state.skipped, result.state.points
+    if skipped:
+        first = skipped[min(skipped)]
+        yield f"{len(skipped)} of {points} rehearsed points could not be measured on simulated instruments: {first}"
+
+
 def _at_rest(result: Result) -> str:
     """What to look at if limits were left before the first point; "" otherwise."""
     if len(result.state.accepted) or ", outside " not in result.message:
@@ -156,7 +164,7 @@ def rehearse(plan: Plan, on_progress: Callable[[Progress], None], *, points: int
         points: how many; by default as many as the kind of run needs, see `REHEARSED`.
 
     Raises:
-        RigError: the rehearsal failed; the run itself would fail too.
+        RigError: the rehearsal failed, or measured no point; the run itself would, too.
     """
 
     def rehearsing(news: Progress) -> None:
@@ -178,7 +186,7 @@ def rehearse(plan: Plan, on_progress: Callable[[Progress], None], *, points: int
         if result.outcome is not Outcome.COMPLETE:
             raise RigError(f"a rehearsal on simulated instruments failed: {result.message}{_at_rest(result)}")
         with RunReader.open(paths[0]) as reader:
-            seen = [(r.elapsed_s, r.whole_plot) for r in reader.records(Observed.kind)]
+            seen = [(r.elapsed_s, r.whole_plot) for r in reader.records(Observed.kind) if r.accepted]
             soaked = {
                 r.whole_plot: r.elapsed_s
                 for r in reader.records(WholePlotBegan.kind)
@@ -187,6 +195,8 @@ def rehearse(plan: Plan, on_progress: Callable[[Progress], None], *, points: int
             if pace is not None:
                 for record in reader.records():
                     pace.add(record)
+    if not seen:
+        raise RigError("; ".join([*_skipped(result), *_assumed(plan)]))
     pairs = list(itertools.pairwise(seen))
     steps = [b - a for (a, before), (b, now) in pairs if now == before] or [0.0]
     soaks = [soaked[now] - a for (a, before), (_, now) in pairs if now != before]
@@ -209,6 +219,6 @@ def rehearse(plan: Plan, on_progress: Callable[[Progress], None], *, points: int
         total_s=total + by_hand,
         latest_s=by_hand + preparation * first + measuring * (1 + ALLOWANCE) + soaking * (1 + SOAK_ALLOWANCE),
         rehearsed=len(seen),
-        assumed=tuple(_assumed(plan)),
+        assumed=(*_assumed(plan), *_skipped(result)),
         by_hand_s=by_hand,
     )

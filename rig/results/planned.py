@@ -21,7 +21,7 @@ from procedures.by_hand import ALLOWANCE_H, HandStep
 from procedures.durations import duration
 from procedures.kinds import kind_of
 from procedures.unused import unit_of
-from rig.bench_file import playing
+from rig.bench_file import playing, unasked
 from rig.config import BenchConfig, due_dates
 from rig.disk_space import needed_bytes
 from rig.engine.guard import Guard
@@ -111,6 +111,7 @@ class Plan(Result):
             "reach": run_list.extremes(),
             "limits": self._limits,
             "scatter_without_limit": self._without_limit,
+            "unasked": unasked(self.checked.bench),
             "overdue": self.overdue,
             "disk_free_bytes": self.disk[0],
             "disk_needed_bytes": self.disk[1],
@@ -219,6 +220,9 @@ class Plan(Result):
             alone = self.checked.procedure.conduct.readings == 1
             how = "one reading a point has none" if alone else "it is compared with the run's own scatter"
             yield Line(f"  no limit for the scatter of {escape(unlimited)}: {how}")
+        if names := unasked(checked.bench):
+            words = "no question of check tells whether somebody has changed its unit, channel or range"
+            yield Line(f"  {escape(', '.join(names))}: {words}")
         environment = _environment(self.checked)
         if environment:
             yield Line(f"  environment: {escape(environment)}")

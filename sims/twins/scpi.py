@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import inspect
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache, partial
 from typing import Any, ClassVar
 
@@ -184,9 +184,13 @@ class ScpiTwin:
     def _next_line(self, tx: Callable[[bytes], None]) -> None:
         self._running = bool(self._lines)
         if self._running:
-            units = deque(_units(self._lines.popleft()))
+            units = deque(self.commands_in(self._lines.popleft()))
             delay = _COMMAND_S * len(units)
             self.world.call_in(delay, partial(self._carry_out, units, [], "", tx, self._session))
+
+    def commands_in(self, line: str) -> Sequence[_Unit]:
+        """The commands of a line, in order."""
+        return _units(line)
 
     @property
     def waiting(self) -> int:

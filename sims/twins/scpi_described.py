@@ -8,9 +8,10 @@ The twin shows whether a bench file is consistent. Whether it is right shows the
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
+from sims.identity import fitting
 from sims.twins.scpi import COMMON, ScpiTwin, Wait
 from sims.twins.scpi_syntax import Command, ScpiError, compiled, number, split_outside
 from sims.world import World
@@ -18,8 +19,15 @@ from sims.world import World
 __all__ = ["DescribedTwin", "Wait"]
 
 _STATUS = compiled(tuple(row for row in COMMON if row.header not in ("SYSTem:REMote", "SYSTem:RWLock", "SYSTem:LOCal")))
+_QUESTIONS = ("fetch", "setpoint", "read", "output", "settled")
+"""Options with a question, which may be compound: `:FETC?;:STAT?`."""
 _SWITCH = {"ON": "1", "OFF": "0"}
 _ENDS = {"lf": b"\n", "cr": b"\r", "crlf": b"\r\n"}
+
+
+def header(line: str) -> str:
+    """The header of a line as a twin knows it: that of its one unit, or of all units of a compound question."""
+    return ";".join(name for name, _ in units(line))
 
 
 def units(line: str) -> list[tuple[str, str]]:
@@ -54,10 +62,12 @@ class DescribedTwin(ScpiTwin):
         self._prepare = [unit for line in _texts(options, "prepare") for unit in units(line)]
         check = options.get("check", {})
         assert isinstance(check, Mapping)
-        self._check = {units(str(question))[0][0]: str(answer) for question, answer in check.items()}
+        self._check = {header(str(question)): str(answer) for question, answer in check.items()}
         healthy = options.get("healthy") or {}
         assert isinstance(healthy, Mapping)
-        self._healthy = {units(str(question))[0][0]: str(answer) for question, answer in healthy.items()}
+        self._healthy = {header(str(question)): str(answer) for question, answer in healthy.items()}
+        asked = [str(options.get(key) or "") for key in _QUESTIONS] + [str(q) for q in (*check, *healthy)]
+        self._compound = {header(question) for question in asked if len(units(question)) > 1}
         self._error = units(str(options.get("error", "SYST:ERR?")))[0][0]
         super().__init__(name, world, int(str(options.get("baud", 9600))), str(options.get("frame", "8N1")))
 
@@ -73,12 +83,27 @@ class DescribedTwin(ScpiTwin):
 
     def ask_identity(self) -> str:
         """*IDN?."""
+        pattern = str(self.options.get("identity") or "")
+        if pattern and (found := fitting(pattern, self._serial)) is not None:
+            return found
         model = str(self.options.get("model") or "SIMULATED")
         return f"{self.options.get('maker') or 'SIMULATED'},{model},{self._serial},1.0"
 
-    def number(self, text: str) -> str:
-        """An answer with a number, in the form of the bench file."""
-        return str(self.options.get("number", "{number}")).replace("{number}", text).replace("*", "0")
+    def number(self, *texts: str) -> str:
+        """An answer with numbers, in the form of the bench file: all in one part of a compound answer."""
+        parts = str(self.options.get("number", "{number}")).split(";")
+        filled = (",".join(part.replace("{number}", text) for text in texts if part) for part in parts)
+        return ";".join(f if "{number}" in p else p for p, f in zip(parts, filled, strict=True)).replace("*", "0")
+
+    def commands_in(self, line: str) -> Sequence[tuple[str, str]]:
+        """See `ScpiTwin.commands_in`; a compound question of the bench file is one command."""
+        plain, given = super().commands_in(line), units(line)
+        for at in range(len(given)):
+            for count in range(2, len(given) - at + 1):
+                name = ";".join(one for one, _ in given[at : at + count])
+                if name in self._compound:
+                    return (*plain[:at], (name, ""), *plain[at + count :])
+        return plain
 
     def does(self, name: str, rest: str) -> str | None:
         """Execute a header of its own; the answer if it is a question. Raises `KeyError` if there is none.
@@ -92,17 +117,25 @@ class DescribedTwin(ScpiTwin):
     def _execute(self, path: str, header: str, rest: str) -> tuple[str, str | None]:
         if not header:
             return path, None
-        ((name, _),) = units(header if header.startswith(("*", ":")) else f":{path}{header}")
-        own = path if name.startswith("*") else name[: name.rfind(":") + 1]
+        if header in self._compound:
+            name = header
+        else:
+            ((name, _),) = units(header if header.startswith(("*", ":")) else f":{path}{header}")
+        own = path if name.startswith("*") or name in self._compound else name[: name.rfind(":") + 1]
         if name == self._error and name != "*ESR?":
             return own, self.ask_error()
         try:
-            return own, self.does(name, rest)
+            return own, self._completed(name, self.does(name, rest))
         except KeyError:
             pass
         if name.removesuffix("?") in self.commands:
             return super()._execute(path, header, rest)
         return own, self._setting(name, rest)
+
+    def _completed(self, name: str, answer: str | None) -> str | None:
+        """An answer with one part for each unit of a compound question: 0 where the form of answers says nothing."""
+        lacking = name.count(";") - (answer or "").count(";") if name in self._compound else 0
+        return answer if answer is None else answer + ";0" * lacking
 
     def _setting(self, name: str, rest: str) -> str | None:
         """A setting of the prepare lines, or a question about one."""

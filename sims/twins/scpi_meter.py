@@ -12,7 +12,7 @@ from sims.noise import event_at, normal
 from sims.twin import Accuracy, Role
 from sims.twins.keysight_meter import OVERLOAD, Plant
 from sims.twins.scpi import ScpiTwin, Wait
-from sims.twins.scpi_described import DescribedTwin, units
+from sims.twins.scpi_described import DescribedTwin, header, units
 from sims.twins.scpi_syntax import ScpiError, number
 from sims.world import World
 
@@ -40,7 +40,7 @@ class DescribedMeterTwin(DescribedTwin):
         self.inputs = Inputs(OVERLOAD)
         self._reading_s = float(str(options["reading_s"]))
         self._start = units(str(options.get("start") or ""))
-        self._fetch = units(str(options.get("fetch", "READ?")))[0][0]
+        self._fetch = header(str(options.get("fetch", "READ?")))
         self._abort = units(str(options.get("abort") or ""))[0][0]
         self._most = int(str(options.get("most", 1000)))
         super().__init__(name, options, world, serial)
@@ -103,7 +103,7 @@ class DescribedMeterTwin(DescribedTwin):
             raise Wait(left)
         if not self._taken:  # they are kept until the next start
             self._taken = [self._reading(self._began + n * self._reading_s) for n in range(self._count)]
-        return ",".join(self._taken)
+        return self.number(*self._taken)
 
     def _one(self) -> str:
         """A reading that is taken by its question."""
@@ -112,11 +112,11 @@ class DescribedMeterTwin(DescribedTwin):
         if (left := self.busy_for()) > 0:
             raise Wait(left)
         began, self._began = self._began, -1.0
-        return self._reading(began)
+        return self.number(self._reading(began))
 
     def _reading(self, t0: float) -> str:
         t1 = t0 + max(self._reading_s, 1e-6)
         noise = _NOISE * normal(self.plant.truth.seed, f"{self.name}/{_INPUT}/converter", event_at(t0))
         found = self.plant.channel_V(self.name, _INPUT, t0, t1) + noise
         said = self.inputs.given(_INPUT, "V", t0, t1, found)
-        return self.number(f"{said if abs(said) < _SPAN_V else OVERLOAD * (1 if said > 0 else -1):+.9E}")
+        return f"{said if abs(said) < _SPAN_V else OVERLOAD * (1 if said > 0 else -1):+.9E}"

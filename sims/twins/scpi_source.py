@@ -8,7 +8,7 @@ from typing import ClassVar, Protocol
 from sims.faults import Kind
 from sims.twin import Role
 from sims.twins.scpi import ScpiTwin
-from sims.twins.scpi_described import DescribedTwin, units
+from sims.twins.scpi_described import DescribedTwin, header, units
 from sims.twins.scpi_syntax import ScpiError, number
 from sims.world import World
 
@@ -62,10 +62,8 @@ class DescribedSourceTwin(DescribedTwin):
         self.quantity = plant.source(name)
         self._low, self._high = (float(str(options[key])) for key in ("low", "high"))
         self._within = float(str(options.get("tolerance") or (self._high - self._low) * 1e-6))
-        self._words = {
-            key: units(str(options.get(key) or ""))[0] for key in ("set", "setpoint", "read", "on", "off", "output")
-        }
-        self._settled = units(str(options.get("settled") or ""))[0][0]
+        self._words = {key: units(str(options.get(key) or ""))[0] for key in ("set", "on", "off")}
+        self._asks = {key: header(str(options.get(key) or "")) for key in ("setpoint", "read", "output", "settled")}
         self._bit = int(str(options.get("settled_bit", 0)))
         super().__init__(name, options, world, serial)
 
@@ -90,13 +88,13 @@ class DescribedSourceTwin(DescribedTwin):
         if name == words["set"][0]:
             self._set(rest)
             return None
-        if name == words["setpoint"][0]:
+        if name == self._asks["setpoint"]:
             return self.number(f"{self._setpoint:.9E}")
-        if name == words["read"][0]:
+        if name == self._asks["read"]:
             return self.number(f"{self.quantity.reads(now):.9E}")
-        if name == words["output"][0]:
+        if name == self._asks["output"]:
             return str(int(self.quantity.on))
-        if name == self._settled:
+        if name == self._asks["settled"]:
             return str(int(self.quantity.settled(now, self._within)) << self._bit)
         return super().does(name, rest)
 

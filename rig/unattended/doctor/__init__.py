@@ -23,7 +23,7 @@ from rig.run_file.reader import RunReader
 from rig.run_file.state import RunState, read_state
 from rig.unattended.doctor.disk import check_disk
 from rig.unattended.doctor.findings import Finding, Level, ok, problem
-from rig.unattended.doctor.instruments import check_due, check_instruments, check_stated, check_twins
+from rig.unattended.doctor.instruments import check_due, check_guards, check_instruments, check_stated, check_twins
 from rig.unattended.doctor.machine import check_power, check_software
 from rig.unattended.doctor.people import check_people
 from rig.unattended.doctor.time_of_day import check_clock
@@ -85,6 +85,7 @@ def examine(visit: Visit) -> Iterator[Finding]:
     if patient.config is not None and not busy:
         yield from _caught(_instruments(visit, patient), "bench")
     if patient.config is not None:
+        yield from check_guards(patient.config)
         yield from check_due(patient.config, now_s, patient.end_s)
         yield from _caught(_register(visit, patient.config), "register of equipment")
     yield from check_disk(visit.out if visit.run is None else visit.run.parent, patient.left)

@@ -5,6 +5,7 @@ calibration interval. It asks for identities and changes nothing.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
+from dataclasses import replace
 from datetime import UTC, date, datetime
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,7 @@ from drivers.errors import DriverError
 from drivers.roles import Identity, Instrument, Remarking
 from drivers.wires import Wires
 from procedures.shell import shell_word
-from rig.bench_file import check_options
+from rig.bench_file import check_options, unasked
 from rig.config import BenchConfig, InstrumentConfig, due_dates
 from rig.errors import BusyError
 from rig.locks import locked_addresses
@@ -55,9 +56,19 @@ def check_twins(config: BenchConfig, truth: Mapping[str, Any], known: Known) -> 
 
     dry = DryBench(config, truth)
     try:
-        yield from ask(dry.config, dry.world, dry.wires, known, None)
+        yield from ask(dry.config, dry.world, dry.wires, known, None, twins=True)
     finally:
         dry.close()
+    told = "whether an instrument is there, is this one, and takes the commands, numbers and units of the bench file"
+    yield warning("twins", f"simulated instruments have answered; {told} is not known", "ask: rig doctor without --dry")
+
+
+def check_guards(config: BenchConfig) -> Iterator[Finding]:
+    """Findings about described instruments that nothing asks whether they were changed."""
+    names = unasked(config)
+    if names:
+        words = "no question tells whether somebody has changed its unit, channel or range at the panel"
+        yield warning(", ".join(names), words, "name one in check (docs/scpi.md)")
 
 
 def ask(
@@ -68,6 +79,7 @@ def ask(
     run_file: Path | None,
     *,
     leave_out: Collection[str] = (),
+    twins: bool = False,
 ) -> Iterator[Finding]:
     """Ask every reachable instrument for its identity, also after one does not answer."""
     options = check_options(config, "bench")
@@ -83,7 +95,8 @@ def ask(
             except (DriverError, OSError) as error:
                 yield problem(name, str(error), "switch it on, check cable and address; then ask again")
             else:
-                yield _identity(name, declared, identity, known.get(name), run_file)
+                found = _identity(name, declared, identity, known.get(name), run_file)
+                yield replace(found, found=f"{found.found}; simulated") if twins else found
                 for said in instrument.remarks() if isinstance(instrument, Remarking) else ():
                     yield warning(name, said, "check whether this is enough (docs/instruments.md)")
     finally:
