@@ -15,6 +15,7 @@ from procedures.blocks import Block, Line
 from procedures.column_names import moves_of, split_unit
 from procedures.errors import DataError
 from procedures.general.column_roles import Roles
+from procedures.general.common import Common, common_of
 from procedures.general.declared import Declared
 from procedures.general.evaluate import IGNORED, GeneralTraced, trace_general_table
 from procedures.general.fit import fit_general
@@ -206,17 +207,25 @@ class RunTraced:
         """One outcome per sensor."""
         return tuple(one.outcome for one in self.each.values())
 
+    @cached_property
+    def common(self) -> tuple[Common, ...]:
+        """Effects that all sensors share."""
+        return common_of(self.each)
+
     def to_json(self) -> dict[str, Any]:
         """JSON values for `rig trace --json`."""
         told = [one.to_json() for one in self.each.values()]
         sensors = {name: found for one in told for name, found in one["sensors"].items()}
         together = told[0] | {"sensors": sensors, "unused": _unused_by_all([one["unused"] for one in told], sensors)}
-        return together | ({"not_traced": list(self.not_traced)} if self.not_traced else {})
+        common = {"common": [one.to_json() for one in self.common]} if self.common else {}
+        return together | common | ({"not_traced": list(self.not_traced)} if self.not_traced else {})
 
     def blocks(self) -> Iterator[Block]:
         """Blocks for people."""
         for one in self.each.values():
             yield from one.blocks()
+        for shared in self.common:
+            yield Line(shared.sentence)
         if self.not_traced:
             yield Line(
                 f"not traced: {', '.join(self.not_traced)}; a trace needs a model that is linear in its coefficients, "
@@ -231,7 +240,8 @@ class RunTraced:
         """The report of all sensors."""
         from procedures.general.report import trace_page  # noqa: PLC0415 - plots take a second to import
 
-        return trace_page(tuple(self.each.values()), self.to_json()["unused"], self.not_traced)
+        common = [one.sentence for one in self.common]
+        return trace_page(tuple(self.each.values()), self.to_json()["unused"], self.not_traced, common)
 
 
 def _unused_by_all(every: Sequence[Mapping[str, Any]], outputs: Collection[str]) -> dict[str, Any]:

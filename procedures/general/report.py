@@ -81,15 +81,21 @@ def _means(values: Array, residual: Array, *, each: bool = False) -> tuple[Array
 _PLOTS = 6
 
 
-def trace_page(every: Sequence[GeneralTraced], unused: Mapping[str, Any], not_traced: Sequence[str] = ()) -> Page:
+def trace_page(
+    every: Sequence[GeneralTraced],
+    unused: Mapping[str, Any],
+    not_traced: Sequence[str] = (),
+    common: Sequence[str] = (),
+) -> Page:
     """The report of traces of one table: of one response, or of every sensor of a run.
 
     Args:
         every: one trace per response, of the same table.
         unused: columns that none of them used, from `Unused.to_json`.
         not_traced: outputs of the run whose declared model no trace can use.
+        common: sentences about effects that all sensors share.
     """
-    contents = {"sensors": [_sensor(one) for one in every], "not_traced": list(not_traced)}
+    contents = {"sensors": [_sensor(one) for one in every], "not_traced": list(not_traced), "common": list(common)}
     return Page("procedures.general", "report.html.j2", every[0].table, 0.0, unused, contents)
 
 

@@ -1,0 +1,142 @@
+"""Effects that all sensors of a run share: one cause outside of them is more likely than one in each.
+
+What the sensors have in common shows in one of two ways. An error of a shared supply or reader is the same in each
+output. An error of the source or of the reference standard is the same in the quantity that was set, so it is in each
+output times its slope.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from fitter.errors import FitError
+from fitter.formula import Formula
+from fitter.quantiles import f_tail
+from procedures.column_names import spelled, unit_of
+from procedures.general.evaluate import GeneralTraced
+from procedures.general.trace import FoundTableEffect
+
+SAME = 1e-2
+"""Probability below which sizes differ by more than their errors."""
+SHAPE = 0.1
+"""Part, rms, by which the shape of an effect may differ between sensors that are said to share it."""
+
+
+@dataclass(frozen=True)
+class Common:
+    """An effect that every traced sensor of a run has.
+
+    Attributes:
+        effect: its name.
+        outputs: the sensors' outputs.
+        same_in: the unit of the outputs, or the name of a setting, in which it is of one size in all of them. Empty if
+            sizes differ by more than their errors.
+        p: probability of such differences of sizes by chance; of each of `same_in`.
+        spread: largest difference of its sizes in the outputs, as a part of their mean.
+    """
+
+    effect: str
+    outputs: tuple[str, ...]
+    same_in: tuple[str, ...]
+    p: tuple[float, ...]
+    spread: float
+
+    @property
+    def sentence(self) -> str:
+        """What it means, and the measurement that tells."""
+        count = f"all {len(self.outputs)} outputs"
+        if not self.same_in:
+            return (
+                f"{self.effect} is in {count}, with sizes up to {100.0 * self.spread:.2g} % apart, which is more than "
+                f"their errors: each has a cause of its own, or all respond to one cause in their own way"
+            )
+        pairs = [f"in {name} (p {p:.2g})" for name, p in zip(self.same_in, self.p, strict=True)]
+        settings = [name for name in self.same_in if name not in {spelled(unit_of(one)) for one in self.outputs}]
+        places = [*(["a supply or reader that they share"] if len(settings) < len(self.same_in) else [])]
+        places += [f"the source or the reference of {name}" for name in settings]
+        tells = "read one of them with another reader, and repeat the run with another reference standard"
+        return (
+            f"{self.effect} is common to {count}: of one size {' and '.join(pairs)}, within errors. One cause outside "
+            f"of them is more likely than {len(self.outputs)} alike: {', '.join(places)}. To tell: {tells}"
+        )
+
+    def to_json(self) -> dict[str, Any]:
+        """JSON values."""
+        same = [{"same_in": name, "p": p} for name, p in zip(self.same_in, self.p, strict=True)]
+        told = {"effect": self.effect, "outputs": list(self.outputs), "same": same, "spread": self.spread}
+        return {**told, "sentence": self.sentence}
+
+
+def common_of(each: Mapping[str, GeneralTraced]) -> tuple[Common, ...]:
+    """Effects that all outputs of a run have; () for a single output."""
+    if len(each) < 2:
+        return ()
+    found = {output: {one.effect: one for one in traced.trace.added} for output, traced in each.items()}
+    names = [name for name in next(iter(found.values())) if all(name in own for own in found.values())]
+    return tuple(_common(name, each, {output: own[name] for output, own in found.items()}) for name in names)
+
+
+def _common(name: str, each: Mapping[str, GeneralTraced], own: Mapping[str, FoundTableEffect]) -> Common:
+    shapes = np.stack([one.contribution for one in own.values()])
+    mean = shapes.mean(0)
+    sizes = shapes @ mean / float(mean @ mean)
+    errors = sizes * np.array([_relative_error(one) for one in own.values()])
+    df = min((one.df for one in own.values() if one.df is not None), default=1.0)
+    alike = bool(
+        np.all(np.linalg.norm(shapes - np.outer(sizes, mean), axis=1) <= SHAPE * np.linalg.norm(shapes, axis=1))
+    )
+    told = Common(name, tuple(own), (), (), float(np.ptp(sizes) / abs(sizes.mean())))
+    if not alike:
+        return told
+    units = {spelled(unit_of(output)) for output in own}
+    tried = {units.pop(): sizes} if len(units) == 1 else {}
+    ratios = {
+        setting: sizes / slopes
+        for setting in _settings(each)
+        if (slopes := _slopes(setting, each, np.abs(mean))) is not None
+    }
+    scaled = {name: ratio / ratio.mean() for name, ratio in {**tried, **ratios}.items()}
+    chances = {name: _p_same(size, errors / sizes * size, df) for name, size in scaled.items()}
+    same = {name: p for name, p in chances.items() if p >= SAME}
+    return Common(name, told.outputs, tuple(same), tuple(same.values()), told.spread)
+
+
+def _relative_error(effect: FoundTableEffect) -> float:
+    """Standard error of its largest coefficient, relative to it."""
+    pairs = zip(effect.coefficients, effect.stderr, strict=True)
+    return min((abs(error / value) for value, error in pairs if value and error > 0.0), default=np.inf)
+
+
+def _p_same(sizes: FloatArray, errors: FloatArray, df: float) -> float:
+    """Probability of such differences, if all sizes are one."""
+    weights = errors**-2.0
+    mean = float(np.sum(weights * sizes) / np.sum(weights))
+    free = len(sizes) - 1
+    return f_tail(float(np.sum(weights * (sizes - mean) ** 2)) / free, free, df)
+
+
+def _settings(each: Mapping[str, GeneralTraced]) -> Sequence[str]:
+    """Settings of the declared models of all outputs."""
+    every = [list(one.parts.get("settings", ())) for one in each.values()]
+    return [name for name in every[0] if all(name in own for own in every)]
+
+
+def _slopes(setting: str, each: Mapping[str, GeneralTraced], weights: FloatArray) -> FloatArray | None:
+    """(S,) mean slope of each output over a setting, by the declared models; None if one may be zero, or is unknown."""
+    slopes = []
+    for traced in each.values():
+        try:
+            formula = Formula.parse(traced.trace.declared)
+            count = len(formula.columns(traced.table.columns)[0])
+            slope = formula.slope(traced.trace.after.fit.coefficients[:count], traced.table.columns, setting)
+        except FitError:
+            return None
+        if not np.all(np.sign(slope) == np.sign(slope[0])) or slope[0] == 0.0:
+            return None
+        slopes.append(float(weights @ slope / weights.sum()))
+    return np.array(slopes)

@@ -1,0 +1,60 @@
+"""One cause that all sensors of a run share is told as one: it was told once for each sensor, as a fault of each."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from procedures.general.column_roles import Roles
+from procedures.general.common import common_of
+from procedures.general.evaluate import trace_general_table
+from procedures.table import Table
+
+SLOPES = {"a_Hz": 100.0, "b_Hz": 180.0, "c_Hz": 260.0}
+NOISE = 0.1
+
+
+def traced(error, noise=NOISE):
+    """Three flow meters over three repeats of eight flows; `error` of each, from flow, time, and slope."""
+    rng = np.random.default_rng(4)
+    flow = np.concatenate([rng.permutation(np.linspace(0.5, 4.0, 8)) for _ in range(3)])
+    time = np.arange(24.0) * 300.0
+    columns = {"elapsed_s": time, "flow_kg_per_min": flow}
+    for number, (name, slope) in enumerate(SLOPES.items()):
+        columns[name] = 50.0 + slope * flow + error(flow, time, slope, number) + noise * rng.normal(size=24)
+    table = Table("bench.csv", columns, simulated=True, provenance={})
+    others = {name: tuple(set(SLOPES) - {name}) for name in SLOPES}
+    return {
+        name: trace_general_table(
+            lambda needed=(): table,
+            Roles(name, "1 + flow_kg_per_min", time="elapsed_s", ignore=others[name], sensors=3),
+            validate=False,
+        )
+        for name in SLOPES
+    }
+
+
+def test_a_drift_of_what_they_share_is_one_of_its_size_in_each_output():
+    (found,) = common_of(traced(lambda flow, time, slope, number: 4.0 * time / 7200.0))
+    assert found.effect == "drift:elapsed_s"
+    assert found.same_in == ("Hz",)
+    assert found.p[0] > 0.01
+    assert found.sentence.startswith("drift:elapsed_s is common to all 3 outputs: of one size in Hz (p ")
+    assert "a supply or reader that they share" in found.sentence
+
+
+def test_a_drift_of_the_reference_is_one_of_its_size_in_the_setting():
+    (found,) = common_of(traced(lambda flow, time, slope, number: slope * 0.02 * time / 7200.0))
+    assert found.same_in == ("flow_kg_per_min",)
+    assert "the source or the reference of flow_kg_per_min" in found.sentence
+    assert found.spread == pytest.approx(160.0 / 180.0, rel=0.1)
+
+
+def test_drifts_of_each_their_own_are_not_said_to_be_one():
+    (found,) = common_of(traced(lambda flow, time, slope, number: (4.0, 9.0, -5.0)[number] * time / 7200.0))
+    assert found.same_in == ()
+    assert "more than their errors" in found.sentence
+
+
+def test_what_one_sensor_lacks_is_not_common():
+    assert common_of(traced(lambda flow, time, slope, number: (number > 0) * 4.0 * time / 7200.0)) == ()
