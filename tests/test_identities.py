@@ -1,62 +1,60 @@
-"""Who answers: an answer that is cut short on its way looks like another instrument."""
+"""What an instrument said of itself, against the register whose number a certificate prints."""
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import pytest
+from test_register import BENCH, GOOD
 
-from drivers.errors import BadReply
-from drivers.roles import Identity
-from rig.bench import identities
+from rig.closed_loop.identities import contradicted, not_told
+from rig.config import parse_bench
+from rig.register import parse_register
+from rig.run_file.events.sessions import Identified
 
-TRUE = Identity("HEWLETT-PACKARD", "34970A", "0", "13-2-2")
-CUT = Identity("WLETT-PACKARD", "34970A", "0", "13-2-2")
-OTHER = Identity("AGILENT TECHNOLOGIES", "34970A", "0", "15-1-1")
-
-
-def bench(*answers):
-    """A bench of one scanner that says these in turn, and how often it was asked."""
-    left = iter(answers)
-    scanner = SimpleNamespace(identify=lambda: next(left))
-    declared = SimpleNamespace(asset="", due=None, serial="", address="sim://scanner")
-    config = SimpleNamespace(instruments={"scanner": declared})
-    return SimpleNamespace(instruments={"scanner": scanner}, config=config, clock=None, answered={}), left
+CONFIG = parse_bench(BENCH, "bench.toml")
+REGISTER = parse_register(GOOD, "equipment.toml")
+(NAME,) = (name for name, one in CONFIG.instruments.items() if one.asset == "DVM-0102")
+KNOWN = REGISTER.equipment["DVM-0102"]
 
 
-def makers(bench, known):
-    return identities(bench, known)["scanner"]["maker"]
+def said(**more):
+    own = {"maker": "HEWLETT-PACKARD", "model": KNOWN.model, "serial": KNOWN.serial, "confirmed": True}
+    return Identified(instrument=NAME, **{**own, **more})
 
 
-def known(identity):
-    return {"scanner": {"maker": identity.maker, "model": identity.model, "serial": identity.serial}}
+def told(*every, simulated=False):
+    return list(contradicted(REGISTER, CONFIG, every, "equipment.toml", simulated=simulated))
 
 
-def test_an_answer_cut_short_is_asked_for_until_it_has_come_twice():
-    scanner, left = bench(CUT, TRUE, TRUE, TRUE)
-    assert makers(scanner, {}) == "HEWLETT-PACKARD"
-    assert next(left) == TRUE  # three questions and no more
+def test_the_instrument_of_the_register_is_no_contradiction_under_an_older_makers_name():
+    assert told(said()) == []
+    assert list(not_told(REGISTER, CONFIG, [said()])) == []
 
 
-def test_who_is_known_is_asked_once():
-    scanner, left = bench(TRUE, CUT)
-    assert makers(scanner, known(TRUE)) == "HEWLETT-PACKARD"
-    assert next(left) == CUT
+@pytest.mark.parametrize("model", [KNOWN.model.lower(), f"HP {KNOWN.model}", KNOWN.model[:3] + " " + KNOWN.model[3:]])
+def test_a_model_may_be_written_in_other_ways(model):
+    assert told(said(model=model)) == []
 
 
-def test_what_was_answered_a_moment_ago_is_not_asked_again():
-    scanner, left = bench(TRUE, TRUE, CUT)
-    assert makers(scanner, None) == "HEWLETT-PACKARD"
-    assert makers(scanner, {}) == "HEWLETT-PACKARD"
-    assert next(left) == CUT
+def test_another_model_than_the_register_prints_is_a_reason_against_a_certificate():
+    """A run recorded a 34401A, and its certificate said 3458A."""
+    (line,) = told(said(model="3458A", serial="0", confirmed=False))
+    assert line == (
+        f"equipment.toml: equipment.DVM-0102.model = {KNOWN.model!r}, and in the run {NAME} said that it is a '3458A': "
+        "correct it, or name the register of the instrument that was used"
+    )
+    assert told(said(model="3458A"), simulated=True) == []
 
 
-def test_a_cut_answer_at_a_resume_is_no_other_instrument_and_another_instrument_is_one():
-    assert makers(bench(CUT, TRUE, TRUE)[0], known(TRUE)) == "HEWLETT-PACKARD"
-    assert makers(bench(OTHER, OTHER)[0], known(TRUE)) == "AGILENT TECHNOLOGIES"
+def test_another_serial_number_is_one_too():
+    (line,) = told(said(serial="MY999"))
+    assert f"serial = {KNOWN.serial!r}, and in the run {NAME} reported 'MY999'" in line
 
 
-def test_who_says_something_else_every_time_is_not_believed():
-    answers = [Identity("HP", "34970A", str(n), "") for n in range(9)]
-    with pytest.raises(BadReply, match="scanner reports a different identity every time"):
-        makers(bench(*answers)[0], {})
+def test_a_serial_number_that_was_not_told_is_said_and_is_no_contradiction():
+    """Some meters report the serial number 0."""
+    one = said(serial="0", confirmed=False)
+    assert told(one) == []
+    assert list(not_told(REGISTER, CONFIG, [one, one])) == [
+        f"{NAME} told its model ({KNOWN.model}), and no serial number: that it is DVM-0102, serial number "
+        f"{KNOWN.serial}, is by the register alone."
+    ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from datetime import date
@@ -24,6 +24,7 @@ from procedures.simulated_budget import whole
 from procedures.stated import Statements
 from procedures.table import Table
 from rig.closed_loop.held import held
+from rig.closed_loop.identities import contradicted, not_told
 from rig.config import BenchConfig, parse_bench
 from rig.errors import ConfigurationError, RigError, UsageError
 from rig.register import (
@@ -36,7 +37,6 @@ from rig.register import (
     stated_of,
 )
 from rig.register.drift import drift_of_sensor
-from rig.run_file.events.event import Event
 from rig.run_file.events.sessions import Identified
 from rig.run_file.reader import RunReader
 from rig.tables import is_run, run_table
@@ -127,12 +127,14 @@ class Checked:
         reasons: why no budget is made of it, all of them; empty if one is.
         register: whether it has a register.
         stated: whether that states errors, so that a budget could be made if it were not for the reasons.
+        untold: instruments that did not say which they are, as sentences.
     """
 
     of: OfRun
     reasons: tuple[str, ...]
     register: bool
     stated: bool
+    untold: tuple[str, ...] = ()
 
 
 def run_with_register(path: Path, equipment: Path | None = None) -> OfRun:
@@ -160,7 +162,8 @@ def checked_run(path: Path, equipment: Path | None = None) -> Checked:
     table = run_table(path)
     with RunReader.open(path) as reader:
         documents = reader.documents()
-        identities = [record.event for record in reader.records(Identified.kind)]
+        said = (record.event for record in reader.records(Identified.kind))
+        identities = [one for one in said if isinstance(one, Identified)]
     reasons: list[str] = []
     register = None
     with _noted(reasons, UsageError):
@@ -176,7 +179,7 @@ def checked_with(
     table: Table,
     config: BenchConfig,
     register: Register | None,
-    identities: Iterable[Event],
+    identities: Sequence[Identified],
     where: str,
     reasons: list[str],
 ) -> Checked:
@@ -200,7 +203,9 @@ def checked_with(
     if register is None:
         register = Register()
     else:
-        reasons += _contradictions(register, config, identities, where, simulated=table.simulated)
+        with _noted(reasons):
+            check_register(register, config, where, "bench.toml")
+        reasons += contradicted(register, config, identities, where, simulated=table.simulated)
         first, last = (date.fromisoformat(table.provenance[key][:10]) for key in ("began_utc", "last_observation_utc"))
         with _noted(reasons):
             check_validity(register, config, where, first, last)
@@ -208,7 +213,8 @@ def checked_with(
             stated = stated_of(register, config, last)
             check_covered(stated, table.columns, where)
     of = _corrected(table, kind, config, register, stated or Statements())
-    return Checked(of, tuple(reasons), known, stated is not None)
+    untold = () if table.simulated else tuple(not_told(register, config, identities))
+    return Checked(of, tuple(reasons), known, stated is not None, untold)
 
 
 @contextmanager
@@ -225,34 +231,6 @@ def _corrected(table: Table, kind: Kind, config: BenchConfig, register: Register
     changed = tuple(name for name, values in columns.items() if (values != table.columns[name]).any())
     table = replace(table, columns=columns) if changed else table
     return OfRun(table, kind, config, register, stated, changed)
-
-
-def _contradictions(
-    register: Register, config: BenchConfig, identities: Iterable[Event], where: str, *, simulated: bool
-) -> Iterator[str]:
-    """The register against the bench; instruments that were exchanged in the run, or are not those of the register."""
-    lines: list[str] = []
-    with _noted(lines):
-        check_register(register, config, where, "bench.toml")
-    yield from lines
-    for event in identities:
-        assert isinstance(event, Identified)
-        name, before = event.instrument, event.replaces
-        asset = config.instruments[name].asset if name in config.instruments else ""
-        known = register.equipment.get(asset)
-        if known is None:
-            continue
-        if before is not None:
-            yield (
-                f"{where}: equipment.{asset} is one instrument, and in the run {name} was exchanged "
-                f"({before['maker']} {before['model']} {before['serial']}, then {event.maker} {event.model} "
-                f"{event.serial}): measure again with one of them"
-            )
-        elif not simulated and event.confirmed and event.serial and known.serial not in ("", event.serial):
-            yield (
-                f"{where}: equipment.{asset}.serial = {known.serial!r}, and in the run {name} reported "
-                f"{event.serial!r}: name the register of the instrument that was used"
-            )
 
 
 def outside_of(table: Table, at: Sequence[Mapping[str, float]]) -> Iterator[str]:

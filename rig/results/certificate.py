@@ -186,7 +186,7 @@ def _read_table(
             fitted = kind.fit(source, kind.fit_options(), leave_out=(), own=(), keep=False)
             run.outcomes = kind.trace(source, kind.trace_options(), own=laboratory_effects()).outcomes
             gross = list(gross_errors(fitted.to_json(), run.outcomes, own.keep, str(given)))
-            run.said = tuple(told for kept, told in gross if kept)
+            run.said += tuple(told for kept, told in gross if kept)
             reasons.extend(told for kept, told in gross if not kept)
     unsized = list(without_size(run.outcomes, run.of.table, str(given))) if run.of else []
     reasons.extend(unsized)
@@ -212,6 +212,7 @@ def _checked(run: _Run, asked: Asked, reasons: list[str]) -> None:
 def _take(run: _Run, checked: Checked, reasons: list[str]) -> None:
     reasons.extend(checked.reasons)
     run.of, run.stated = checked.of, checked.stated
+    run.said += checked.untold
     if run.of.register.example and not run.of.table.simulated:
         reasons.append(f"the register {run.of.register.name!r} has example values: state those of your equipment")
 
@@ -368,7 +369,7 @@ def _document(
             for d in (
                 (*lacks(b.of.table, b.of.config, origin.register), *one.said)
                 if one.state is None
-                else about.deviations(b.of, one.state, one.stage, (one.register, asked.equipment))
+                else (*about.deviations(b.of, one.state, one.stage, (one.register, asked.equipment)), *one.said)
             )
         ),
         notes=tuple(dict.fromkeys(n for _, b in with_budget for n in assembly.notes(b))),
