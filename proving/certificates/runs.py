@@ -236,6 +236,7 @@ def sources(run: Path, stand: AnyStand, made: Made) -> tuple[list[float], str]:
     numbers: list[float] = [float(len(table)), 100.0 * settings.probability]
     for shapes in (False, True):
         told = budget(run, at=stand.at, probability=settings.probability, same_meter=settings.same_meter, shapes=shapes)
+        kept += told.to_json()["notes"]  # as `rig budget` prints them
         for result in told.to_json()["results"]:
             numbers += numbers_of(result)
             numbers += [100.0 * line["share"] for line in result["contributions"]]
