@@ -5,13 +5,22 @@ from __future__ import annotations
 import json
 import os
 import pty
+import re
 import signal
 import subprocess
 import sys
+from types import SimpleNamespace
+from unittest.mock import Mock
 
 import general_lab as lab
 import pytest
 from command import rig
+from test_hard_anything import LINE, LINE_PROCEDURE, LINE_WORLD
+
+from drivers.roles import Chamber, ChamberState, PressureController, PressureState, Reader, Source, SourceState
+from rig.engine.safe_state import outputs_on
+from rig.protection import SafetyConfig
+from rig.run_file.events.bench import MadeSafe
 
 RUN = (sys.executable, "-m", "rig", "run", "procedure.toml", "--bench", "bench.toml", "--dry", "--world", "world.toml")
 
@@ -62,6 +71,123 @@ def test_an_interruption_says_which_outputs_stay_on_and_at_what_value(tmp_path, 
     assert ("left on: calibrator stays on at " in done.stderr) == on
     assert ("left on: calibrator stays on at " in rig("status", path, cwd=tmp_path).stdout) == on
     assert rig("verify", path, cwd=tmp_path).returncode == 0
+
+
+WELDED = """
+        import drivers.scpi_source as source
+        def make_safe(self):
+            raise RuntimeError("relay welded")
+        source.DescribedSource.make_safe = make_safe
+        """
+
+
+@pytest.mark.parametrize("on_stop", ['"off"', '{ calibrator = "off" }'])
+def test_what_was_to_be_switched_off_and_is_not_is_named_with_its_value(tmp_path, on_stop):
+    laboratory(tmp_path, f"\n[safety]\non_stop = {on_stop}\n")
+    done = session(tmp_path, f"{WELDED}signal.raise_signal(signal.SIGTERM)")
+    assert done.returncode == 5, done.stderr
+    said = " ".join(done.stderr.split())
+    assert "left on: calibrator stays on at " in said
+    told = re.search(r"NOT everything could be brought to its safe state: (.*?) SIMULATED", said)
+    assert told is not None, said
+    assert re.fullmatch(r"calibrator: relay welded; it stays on at [\d.]+ V", told[1])
+    path = done.stdout.strip()
+    status = json.loads(rig("status", path, "--json", cwd=tmp_path).stdout)
+    assert (status["state"], status["safe"]["unsafe"]) == ("faulted", [told[1]])
+    assert [words.partition(" at ")[0] for words in status["left_on"]] == ["calibrator stays on"]
+    assert rig("status", path, cwd=tmp_path).stdout.count("NOT in its safe state: calibrator: relay welded") == 1
+    assert rig("status", path, "--check", cwd=tmp_path).returncode == 5
+    assert rig("status", "runs", "--check", cwd=tmp_path).returncode == 5
+    assert rig("verify", path, cwd=tmp_path).returncode == 0
+    assert rig("resume", path, cwd=tmp_path).returncode == 0
+    assert rig("status", path, "--check", cwd=tmp_path).returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("break_it", "code", "words"),
+    [
+        ("", 1, "safe after"),
+        (WELDED, 5, "NOT everything could be brought to its safe state: calibrator: relay welded; it stays on at "),
+        (
+            """
+        import rig.engine.parking as parking
+        def make_safe(*_):
+            raise MemoryError("no more")
+        parking.make_safe = make_safe
+        """,
+            5,
+            "NOT everything could be brought to its safe state: the bench: not known, check it on site: MemoryError",
+        ),
+    ],
+    ids=["safe", "welded", "not known"],
+)
+def test_a_fault_says_whether_the_bench_is_safe_and_so_does_its_status(tmp_path, break_it, code, words):
+    laboratory(tmp_path)
+    done = session(tmp_path, f"{break_it}raise ZeroDivisionError('a defect')")
+    assert done.returncode == code, done.stderr
+    assert words in done.stderr or code == 1
+    (path,) = (tmp_path / "runs").glob("*.sqlite")
+    assert words in rig("status", path, cwd=tmp_path).stdout
+    assert rig("status", path, "--check", cwd=tmp_path).returncode == code
+    assert rig("verify", path, cwd=tmp_path).returncode == 0
+
+
+def test_a_safe_state_of_a_part_of_the_bench_is_not_said_of_all_of_it():
+    assert MadeSafe(seconds=4.2, only=("oven",)).sentence(None) == "oven safe after 4.2 s"
+    assert MadeSafe(seconds=4.2).sentence(None) == "bench safe after 4.2 s"
+
+
+def test_a_safe_state_says_nothing_of_a_later_session(tmp_path):
+    laboratory(tmp_path, '\n[safety]\non_stop = "off"\n')
+    path = session(tmp_path).stdout.strip()
+    assert json.loads(rig("status", path, "--json", cwd=tmp_path).stdout)["safe"]["unsafe"] == []
+    killed = INTERRUPTING.replace("== 3", "== 5").replace("WHAT", "os._exit(9)").replace("import signal", "import os")
+    killed = re.sub(r"sys.argv = .*", f"sys.argv = ['rig', 'resume', {path!r}]", killed)
+    done = subprocess.run([sys.executable, "-c", killed], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 9, done.stderr
+    assert json.loads(rig("status", path, "--json", cwd=tmp_path).stdout)["safe"] == {}
+
+
+def test_a_pressure_controller_that_stays_on_is_named_with_its_pressure(tmp_path):
+    for name, text in (("procedure", LINE_PROCEDURE), ("bench", LINE), ("world", LINE_WORLD)):
+        (tmp_path / f"{name}.toml").write_text(text)
+    done = session(tmp_path)
+    assert done.returncode == 75, done.stderr
+    assert re.search(r"left on: supply keeps control at [\d.]+ psia, setpoint [\d.]+ psia", done.stderr)
+
+
+def chamber(**state):
+    return Mock(spec=Chamber, read=lambda: ChamberState(80.0, 75.234, 40.0, **state))
+
+
+def controller(psia, *, controlling=False, venting=False):
+    return Mock(spec=PressureController, read=lambda: PressureState(4.0, psia, True, controlling, venting, 0.0))
+
+
+def source(*, output, safe):
+    read = SourceState(1000.0, 1000.02, True, output, safe)
+    return Mock(spec=Source, read=lambda: read, unit=lambda: "V")
+
+
+@pytest.mark.parametrize(
+    ("instrument", "words"),
+    [
+        (chamber(running=True), "x stays on at a setpoint of 80 degC, now 75.23 degC"),
+        (chamber(running=False), None),
+        (controller(4.00012, controlling=True), "x keeps control at 4.0001 psia, setpoint 4 psia"),
+        (controller(9.5, venting=True), "x is venting, now at 9.5 psia"),
+        (controller(1000.26), "x is off, and its line stays at 1000.3 psia"),
+        (controller(14.7), None),
+        (source(output=True, safe=False), "x stays on at 1000.02 V"),
+        (source(output=True, safe=True), None),
+        (source(output=False, safe=True), None),
+        (Mock(spec=Chamber, read=Mock(side_effect=OSError("no answer"))), "x may be on, it was not read: no answer"),
+        (Mock(spec=Reader), None),
+    ],
+)
+def test_an_output_that_stays_on_is_said_with_its_value_whatever_it_is(instrument, words):
+    bench = SimpleNamespace(instruments={"x": instrument}, config=SimpleNamespace(safety=SafetyConfig()))
+    assert outputs_on(bench, ["x"]) == ([] if words is None else [words])
 
 
 def test_on_stop_names_an_instrument_of_the_bench(tmp_path):

@@ -66,22 +66,22 @@ class Parking:
                 continue
             return ""
 
-    def leave(self) -> tuple[list[str], list[str]]:
+    def leave(self) -> tuple[list[str], MadeSafe | None]:
         """Leave the bench at an interruption: what the bench file declares is switched off, the rest stays on.
 
         Returns:
-            outputs that stay on, with their values; instruments that were to be switched off and are not.
+            outputs that stay on, with their values; what was brought to its safe state, None if nothing was to be.
 
         """
         names, safety = list(self._bench.instruments), self._bench.config.safety
         off = [name for name in names if safety.switched_off(name)]
-        unsafe: list[str] = []
-        if off:
-            safe = make_safe(self._bench, self._clock, off)
-            unsafe = list(safe.unsafe)
+        safe = make_safe(self._bench, self._clock, off) if off else None
+        if safe is not None:
             with contextlib.suppress(StorageError):
                 self._journal.write(safe)
-        return outputs_on(self._bench, [name for name in names if name not in off]), unsafe
+            failed = {words.partition(":")[0] for words in safe.unsafe}
+            names = [name for name in names if name not in off or name in failed]
+        return outputs_on(self._bench, names), safe
 
     def make_safe(self) -> MadeSafe:
         """Bring the bench to its safe state; the duration and readbacks are recorded if possible."""

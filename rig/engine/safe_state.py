@@ -17,6 +17,7 @@ from rig.bench import Bench
 from rig.protection import SafetyConfig
 from rig.quantities import PRESSURE
 from rig.run_file.events.bench import MadeSafe
+from rig.run_file.events.event import EMPTY
 
 _POLL_S = 0.5
 _LONGEST_POLL_S = 5.0
@@ -33,6 +34,7 @@ class _Task:
 
     Attributes:
         problem: the present problem, "" once it is safe.
+        told: whether the problem says what was read back.
         found: readbacks.
 
     """
@@ -40,9 +42,9 @@ class _Task:
     harmless = False
 
     def __init__(self, name: str, instrument: Any, safety: SafetyConfig, clock: Clock) -> None:
-        self.name, self.problem = name, "not tried yet"
+        self.name, self.problem, self.told = name, "not tried yet", False
         self.found: dict[str, Any] = {}
-        self._instrument, self._safety, self._clock = instrument, safety, clock
+        self.instrument, self._safety, self._clock = instrument, safety, clock
         self._tried = False
 
     def begin(self) -> None:
@@ -56,6 +58,7 @@ class _Task:
             last: whether this is the last attempt.
 
         """
+        self.told = True
         try:
             self.problem = self._read_back(last) if self._tried else "not tried yet"
         except Exception as error:  # nothing that goes wrong here may keep the others from their safe state
@@ -64,11 +67,11 @@ class _Task:
             return
         self._tried = True
         try:
-            self._instrument.make_safe()
+            self.instrument.make_safe()
             self.problem = ""  # no readback is possible here; what can be read back is checked
             self.problem = self._read_back(last)
         except Exception as error:  # nothing that goes wrong here may keep the others from their safe state
-            self.problem = str(error) or repr(error)
+            self.problem, self.told = str(error) or repr(error), False
 
     def _read_back(self, last: bool) -> str:
         """The problem by readback, "" if none."""
@@ -81,7 +84,7 @@ class _Reader(_Task):
 
 class _Head(_Task):
     def _read_back(self, last: bool) -> str:
-        axes = self._instrument.read()
+        axes = self.instrument.read()
         self.found |= {f"{axis}_deg": state.position_deg for axis, state in axes.items()}
         moving = [axis for axis, state in axes.items() if state.moving]
         return f"{' and '.join(moving)} still moving; press the emergency stop" if moving else ""
@@ -89,7 +92,7 @@ class _Head(_Task):
 
 class _Chamber(_Task):
     def _read_back(self, last: bool) -> str:
-        state = self._instrument.read()
+        state = self.instrument.read()
         self.found |= {"setpoint_degC": state.setpoint_degC, "temperature_degC": state.temperature_degC}
         self.found |= {"running": state.running}
         low, high = self._safety.ambient_degC
@@ -107,13 +110,13 @@ class _PressureController(_Task):
     def begin(self) -> None:
         """Start venting. A failure here is repeated and reported by `go_on`."""
         try:
-            self._instrument.vent()
+            self.instrument.vent()
             self._venting = self._tried = True
         except Exception as error:  # nothing that goes wrong here may keep the others from their safe state
             self.problem = str(error) or repr(error)
 
     def _read_back(self, last: bool) -> str:
-        state = self._instrument.read()
+        state = self.instrument.read()
         self.found |= {PRESSURE: state.pressure_psia, "controlling": state.controlling}
         self._watch_slew(state.pressure_psia)
         if self._venting:
@@ -143,9 +146,9 @@ class _PressureController(_Task):
 
 class _Source(_Task):
     def _read_back(self, last: bool) -> str:
-        state = self._instrument.read()
+        state = self.instrument.read()
         self.found |= {"setpoint": state.setpoint, "value": state.value, "output": state.output, "safe": state.safe}
-        unit = self._instrument.unit()
+        unit = self.instrument.unit()
         return "" if state.safe else f"it still puts out {state.value:g} {unit}; switch it off at its panel"
 
 
@@ -189,10 +192,17 @@ def make_safe(bench: Bench, clock: Clock, only: Collection[str] | None = None) -
     return MadeSafe(
         seconds=round(clock.now() - began, 3),
         within_s=safety.within_s,
-        unsafe=tuple(f"{task.name}: {task.problem}" for task in failed if not task.harmless),
+        unsafe=tuple(_not_safe(task, safety) for task in failed if not task.harmless),
         silent=tuple(f"{task.name}: {task.problem}" for task in failed if task.harmless),
         found={task.name: task.found for task in tasks if task.found},
+        only=EMPTY if only is None else tuple(task.name for task in tasks),
     )
+
+
+def _not_safe(task: _Task, safety: SafetyConfig) -> str:
+    """The problem of an instrument, with the value at which it is still on if the problem does not say it."""
+    on = "" if task.told else _output(task.instrument, safety)
+    return f"{task.name}: {task.problem}{on and f'; it {on}'}"
 
 
 def outputs_on(bench: Bench, names: Collection[str]) -> list[str]:
@@ -200,28 +210,30 @@ def outputs_on(bench: Bench, names: Collection[str]) -> list[str]:
 
     An instrument that does not answer may be on, and is named.
     """
-    found = []
-    for name in names:
-        instrument: Any = bench.instruments[name]
-        role = _role(instrument)
-        try:
-            if role is Source:
-                source = instrument.read()
-                told = f"stays on at {source.value:g} {instrument.unit()}" if source.output and not source.safe else ""
-            elif role is PressureController:
-                line = instrument.read()
-                controls = line.controlling or line.venting
-                told = f"keeps control at {line.pressure_psia:.4g} psia" if controls else ""
-            elif role is Chamber:
-                chamber = instrument.read()
-                told = f"stays on at a setpoint of {chamber.setpoint_degC:g} degC" if chamber.running else ""
-            else:
-                continue
-        except Exception as error:  # an ending is said in any case
-            told = f"may be on, it was not read: {str(error) or repr(error)}"
-        if told:
-            found.append(f"{name} {told}")
-    return found
+    told = ((name, _output(bench.instruments[name], bench.config.safety)) for name in names)
+    return [f"{name} {words}" for name, words in told if words]
+
+
+def _output(instrument: Any, safety: SafetyConfig) -> str:
+    """An output that is on, with its value: "stays on at 1000 V"; "" for none."""
+    role = _role(instrument)
+    if role not in (Source, PressureController, Chamber):
+        return ""
+    try:
+        state = instrument.read()
+        if role is Source:
+            return f"stays on at {state.value:g} {instrument.unit()}" if state.output and not state.safe else ""
+        if role is Chamber:
+            now = f"{state.setpoint_degC:g} degC, now {state.temperature_degC:.4g} degC"
+            return f"stays on at a setpoint of {now}" if state.running else ""
+        now, (low, high) = f"{state.pressure_psia:.5g} psia", safety.ambient_psia
+        if state.venting:
+            return f"is venting, now at {now}"
+        if state.controlling:
+            return f"keeps control at {now}, setpoint {state.setpoint_psia:.5g} psia"
+        return "" if low <= state.pressure_psia <= high else f"is off, and its line stays at {now}"
+    except Exception as error:  # an ending is said in any case
+        return f"may be on, it was not read: {str(error) or repr(error)}"
 
 
 _roles: dict[type, type] = {}

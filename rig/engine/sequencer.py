@@ -465,10 +465,13 @@ class Sequencer:
     def _interrupted(self) -> str | None:
         """Handle a signal: stop motion, record it, and leave the run for `rig resume`."""
         self._deciding.stop_motion()
-        left, unsafe = self._way_out.leave()
+        left, safe = self._way_out.leave()
+        unsafe = () if safe is None else safe.unsafe
         self._journal.write(Interruption(signal=self._signals.interrupt, left_on=left or EMPTY, unsafe=unsafe or EMPTY))
         self._outcome = Outcome.UNSAFE if unsafe else Outcome.INTERRUPTED
-        self._journal.message = "; ".join((*unsafe, *left))
+        failed = {words.partition(":")[0] for words in unsafe}  # their values are in the words of the safe state
+        others = [words for words in left if words.partition(" ")[0] not in failed]
+        self._journal.message = "; ".join((*([safe.words] if safe and unsafe else []), *others))
         return None
 
     def _unforeseen(self, error: Exception) -> None:
@@ -476,13 +479,14 @@ class Sequencer:
         cause = f"unforeseen: {type(error).__name__}: {error}"
         try:
             safe = self._way_out.make_safe()
-            words, unsafe = safe.words, bool(safe.unsafe)
         except Exception as another:  # nothing is known then
-            words, unsafe = f"NOT known to be in its safe state, check the bench on site: {another!r}", True
-        with contextlib.suppress(Exception):  # the run file may be the defect
-            self._journal.write(Fault(decision=ABORT, message=f"{cause}\n{words}", state=str(self.state)))
-        if unsafe:
-            raise NotSafe(f"{cause}\n{words}") from error
+            safe = MadeSafe(unsafe=(f"the bench: not known, check it on site: {another!r}",))
+            with contextlib.suppress(Exception):  # the run file may be the defect
+                self._journal.write(safe)
+        with contextlib.suppress(Exception):
+            self._journal.write(Fault(decision=ABORT, message=f"{cause}\n{safe.words}", state=str(self.state)))
+        if safe.unsafe:
+            raise NotSafe(f"{cause}\n{safe.words}") from error
 
     def _give_up(self, message: str, *, recorded: bool = True, safe: MadeSafe | None = None) -> str:
         """Make the bench safe first, then record why."""

@@ -130,9 +130,8 @@ class Status:
             yield Line(f"  [bold yellow]left on:[/] {escape(words)}")
         if state.last_fault:
             yield Line(f"  [red]last fault:[/] {escape(state.last_fault)}")
-        if state.safe.get("unsafe"):
-            unsafe = "; ".join(map(str, state.safe["unsafe"]))
-            yield Line(f"  [bold red]NOT in its safe state:[/] {escape(unsafe)}")
+        if state.unsafe:
+            yield Line(f"  [bold red]NOT in its safe state:[/] {escape('; '.join(state.unsafe))}")
 
     def _way_forward(self, name: str) -> Iterator[Block]:
         state, running = self.state, self.told["running"]

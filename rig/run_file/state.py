@@ -104,6 +104,11 @@ class RunState:
     _by_hand: tuple[HandStep, ...] = ()
 
     @property
+    def unsafe(self) -> list[str]:
+        """Instruments that the last session left without their safe state, one sentence each."""
+        return [str(words) for words in self.safe.get("unsafe") or ()]
+
+    @property
     def remaining(self) -> int:
         """Points still to be observed."""
         return self.points - len(self.accepted) - len(self.skipped)
@@ -137,7 +142,7 @@ class RunState:
                 self.session = event
                 if event.by and event.by not in self.operators:
                     self.operators.append(event.by)
-                self.last_fault, self.left_on = None, []
+                self.last_fault, self.left_on, self.safe = None, [], {}
                 self.rested = "interrupted"
                 self.rescued = ""
             case Preparing():

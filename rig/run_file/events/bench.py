@@ -98,6 +98,7 @@ class MadeSafe(Event, status="safe", exported=True):
         unsafe: instruments that could not be shown to be safe, one sentence each.
         silent: harmless instruments that did not answer.
         found: readbacks, by instrument.
+        only: the instruments, if not all of the bench.
 
     """
 
@@ -106,6 +107,7 @@ class MadeSafe(Event, status="safe", exported=True):
     unsafe: Words = ()
     silent: Words = ()
     found: Table = EMPTY
+    only: Words = EMPTY
 
     @property
     def importance(self) -> Importance:
@@ -126,7 +128,7 @@ class MadeSafe(Event, status="safe", exported=True):
 
     def sentence(self, record: Record) -> str:
         """How long it took, or what is not safe."""
-        return self.words if self.unsafe else f"bench {self.words}"
+        return self.words if self.unsafe else f"{', '.join(self.only) or 'bench'} {self.words}"
 
 
 @dataclass(frozen=True, kw_only=True)
