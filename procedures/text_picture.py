@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from fitter.rounding import with_error
+
 _STEPS = "▁▂▃▄▅▆▇█"
 _NOTHING = "·"
 """Where the 95 % band holds zero."""
@@ -40,9 +42,10 @@ def picture(shape: Mapping[str, Any]) -> Iterator[str]:
         yield f"{label:>{left}}  {drawn}".lstrip() if not left else f"{label:>{left}}  {drawn}"
     unit = f" {shape['unit']}" if shape["unit"] else ""
     band = _Z * sorted(stderr)[len(stderr) // 2]
+    (lowest, _), (highest, half) = (with_error(end, band, sign=True) for end in (low, high))
     yield (
         f"{' ' * (left + 2) if left else ''}{over['label']} from {x[0]:.4g} to {_with_unit(over, f'{x[-1]:.4g}')}; "
-        f"{_STEPS[0]} {low:+.3g}, {_STEPS[-1]} {high:+.3g}{unit}, 95 % band +-{band:.2g}; {_NOTHING} may be zero"
+        f"{_STEPS[0]} {lowest}, {_STEPS[-1]} {highest}{unit}, 95 % band +-{half}; {_NOTHING} may be zero"
     )
 
 

@@ -15,6 +15,8 @@ from hypothesis import strategies as st
 
 from fitter.effects.sizes import amplitude, arcsec, each
 from fitter.rounding import with_error
+from procedures.text_picture import picture
+from rig.results.inferred import infer
 
 ROOT = Path(__file__).parent.parent
 
@@ -108,3 +110,23 @@ def test_nothing_else_prints_a_value_with_its_error(folder):
                 text = ast.unparse(node)
                 formats = [part.format_spec for part in node.values if isinstance(part, ast.FormattedValue)]
                 assert not (BESIDE.search(text) and any(formats)), f"{name}:{node.lineno}: {text}"
+
+
+def test_inferred_values_have_the_digits_of_their_standard_deviations(tmp_path):
+    calibration, readings = tmp_path / "c.json", tmp_path / "r.csv"
+    rows = "".join(f"{1e6 + x},{2 * x + 1e-3 * (x * 7 % 5 - 2):.6f}\n" for x in range(11))
+    (tmp_path / "t.csv").write_text("x,y\n" + rows)
+    line = ("fit", "t.csv", "--response", "y", "--formula", "1 + I(x - 1e6)", "--out", calibration)
+    assert rig(*line, cwd=tmp_path).returncode == 0
+    readings.write_text("y\n4.0005\n")
+    shown = str(infer(calibration, readings))
+    (value,) = re.findall(r"\b(1000002\.\d+)\b", shown)[:1]
+    (sd,) = re.findall(r"\b(0\.000\d+)\b", shown)[:1]
+    assert len(value.partition(".")[2]) == len(sd.partition(".")[2])
+
+
+def test_the_picture_of_a_shape_tells_heights_to_the_place_of_its_band():
+    over = {"x": [0.0, 1.0], "label": "x", "unit": ""}
+    shape = {"over": over, "beside": None, "estimate": [-1234567.0, 1234568.0], "stderr": [0.1, 0.1], "unit": "V"}
+    (*_, words) = picture(shape)
+    assert words.endswith("▁ -1234567.00, █ +1234568.00 V, 95 % band +-0.20; · may be zero")

@@ -59,6 +59,7 @@ def budget_page(found: RunBudget, notes: Sequence[str]) -> Page:
 
 def _result(one: Budgeted) -> dict[str, Any]:
     value, expanded = with_error(one.value, one.expanded_uncertainty)
+    _, standard = with_error(one.value, one.standard_uncertainty)
     lines = [
         {**vars(line), "share": f"{100 * line.share:.1f}", "u": f"{line.standard_uncertainty:.2g}", "df": _df(line.df)}
         for line in sorted(one.contributions, key=lambda c: -abs(c.share))
@@ -69,7 +70,7 @@ def _result(one: Budgeted) -> dict[str, Any]:
         "value": value,
         "expanded": expanded,
         "k": f"{one.coverage_factor:.2f}",
-        "u": f"{one.standard_uncertainty:.2g}",
+        "u": standard,
         "df": _df(one.df),
         "lines": lines,
         "figure": shares(one),

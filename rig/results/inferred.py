@@ -75,7 +75,9 @@ class Inferred(Columned):
     def blocks(self) -> Iterable[Block]:
         """A summary, and the first rows of the inferred quantities."""
         yield Line(f"{simulated_mark(self.simulated)}{escape(self.words)}")
-        yield from self._first_rows(self.found.added)
+        ends = ("", "_sd", "_lo95", "_hi95")
+        errors = {f"{name}{end}": f"{name}_sd" for name in self.found.quantities for end in ends}
+        yield from self._first_rows(self.found.added, errors)
 
     def notes(self) -> Sequence[str]:
         """Notes about the calibration and the readings, and unused columns."""

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from rich.markup import escape
 
+from fitter.rounding import with_error
 from procedures.blocks import Block, Grid, Line, headline
 from procedures.numbers import number
 from procedures.unused import unit_of
@@ -38,15 +39,20 @@ class Columned(Result):
         """(n,) values of a column. Raises `KeyError`."""
         return self.columns[name]
 
-    def _first_rows(self, names: Collection[str]) -> Iterable[Block]:
-        """A table of the first rows of these columns, and how many more there are."""
-        grid = Grid([escape(name) for name in names], frame="rule")
-        every = [self.columns[name] for name in names]
-        for i in range(min(_SHOWN, len(every[0]))):
-            grid.add_row(*(_cell(values[i]) for values in every))
+    def _first_rows(self, names: Collection[str], errors: Mapping[str, str] | None = None) -> Iterable[Block]:
+        """A table of the first rows of these columns, and how many more there are.
+
+        Args:
+            names: of the columns.
+            errors: columns whose values determine the digits of others, by their names.
+        """
+        grid, columns = Grid([escape(name) for name in names], frame="rule"), self.columns
+        for i in range(min(_SHOWN, len(self))):
+            sds = {name: float(columns[sd][i]) for name, sd in (errors or {}).items()}
+            grid.add_row(*(_cell(columns[name][i], sds.get(name)) for name in names))
         yield grid
-        if len(every[0]) > _SHOWN:
-            yield Line(f"... {len(every[0]) - _SHOWN} more rows")
+        if len(self) > _SHOWN:
+            yield Line(f"... {len(self) - _SHOWN} more rows")
 
 
 class Observations(Columned):
@@ -109,5 +115,7 @@ class Observations(Columned):
         return f"<rig.Observations of {self.table.source}: {len(self)} rows, {', '.join(self.columns)}>"
 
 
-def _cell(value: Any) -> str:
+def _cell(value: Any, error: float | None) -> str:
+    if error is not None and np.isfinite(error):
+        return with_error(float(value), error)[0]
     return escape(str(value)) if isinstance(value, str) else number(float(value), 7)
