@@ -95,8 +95,8 @@ class Conduct:
             compare outputs with it. None if unknown.
         any_instruments: whether the bench file says what sets each factor, and any instrument that can may do it.
         models_of: sensors that the procedure names; the bench must have them.
-        misfit: what is wrong with the declared models on a bench with these sensors' columns, by name, and these
-            thermometers; "" if nothing is. None if nothing can be.
+        misfit: what is wrong with the declared models on a bench with these sensors' columns, by name, that reads these
+            quantities beside the factors; "" if nothing is. None if nothing can be.
         least_jump: deviation of an output without a warning, as a fraction of its span.
     """
 

@@ -44,7 +44,8 @@ class Table:
             new number in the column `block`, as an interruption does.
         units: of columns, where the source gives them in a row of units.
         outputs: columns of the sensors' outputs, and the sensors' names on the bench, if the source gives them.
-        factors: columns of the factors of a run.
+        factors: columns of the factors of a run; of what was set in another unit, what its standard read.
+        set_in: columns with the settings of such factors, by the factor.
         understood: how a table of others was read, as JSON values with "sentence"; {} for our own tables.
     """
 
@@ -63,6 +64,7 @@ class Table:
     understood: Mapping[str, Any] = field(default_factory=dict)
     outputs: Mapping[str, str] = field(default_factory=dict)
     factors: tuple[str, ...] = ()
+    set_in: Mapping[str, str] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(next(iter({**self.text, **self.columns}.values()), ()))

@@ -19,6 +19,7 @@ from drivers.roles import (
     WithUnits,
     plays,
 )
+from procedures.column_names import unit_of
 from rig.baths import Bath
 from rig.bench_file import of_reading
 from rig.errors import BenchFault, ConfigurationError
@@ -85,8 +86,22 @@ class Bench:
         self.references = {name: (r.reader, r.channel) for name, r in references.items()}
         self.standards = {name: of_reading(r.formula) for name, r in references.items()}
         self._check_channels()
+        self._check_units()
         self.scales = {column: self._scale(column, s.unit) for column, s in sensors.items()}
         self.volts = {column: found for column, s in sensors.items() if (found := per_volt(s.unit)) is not None}
+
+    def _check_units(self) -> None:
+        """Refuse a standard that reads another unit than its quantity has, and has no formula that converts it."""
+        for name, one in self.config.references.items():
+            instrument, unit = self.instruments[one.reader], unit_of(name)
+            if one.formula is not None or not isinstance(instrument, WithUnits):
+                continue
+            own = instrument.units()[one.channel]
+            if scale(own, unit) != 1.0:
+                raise ConfigurationError(
+                    f"bench {self.config.name}: references.{name}: channel {one.channel} of {one.reader} reads {own}, "
+                    f'not {unit}; say how {unit} follows from it: formula = "1 * reading"'
+                )
 
     def _scale(self, column: str, unit: str) -> float:
         """Units of an output in one of its channel. Raises `ConfigurationError` if they are different units."""

@@ -118,6 +118,11 @@ class ReferenceConfig(_Strict):
         description="the factor in its unit, from `reading` in that of the channel: `0.0012 + 2.50031 * reading`; left "
         "out: the reading",
     )
+    of: str = Field(
+        "",
+        description="the factor that sets this quantity, in another unit: a valve in V, whose flow the standard reads. "
+        "Models are of this quantity then, in its unit",
+    )
     asset: str = ""
     due: date | None = Field(None, description="due date of its own calibration")
 
@@ -159,6 +164,11 @@ class BenchConfig(_Strict):
         """Temperature columns that are recorded in what sets a factor: of its name, or with it as their place."""
         return tuple(name for name, one in self.temperatures.items() if factor in (name, one.place))
 
+    @property
+    def read_only(self) -> tuple[str, ...]:
+        """Quantities that are read and that no factor is: temperatures, and what a factor sets in another unit."""
+        return (*self.temperatures, *(name for name, one in self.references.items() if one.of))
+
     @model_validator(mode="after")
     def _names_meet(self) -> Self:
         read = {f"sensors.{name}": (s.reader, s.channel) for name, s in self.sensors.items()}
@@ -186,6 +196,14 @@ class BenchConfig(_Strict):
         for name in self.references:
             if name not in self.factors and not re.fullmatch(_FACTOR, name):
                 raise ValueError(f"references.{name}: the name is that of a factor and ends in its unit: force_kN")
+        for name, standard in self.references.items():
+            if standard.of and standard.of not in self.factors:
+                known = ", ".join(self.factors) or "none"
+                raise ValueError(f"references.{name}.of = {standard.of!r} is not a factor here (known: {known})")
+            if standard.of and name in self.factors:
+                raise ValueError(
+                    f"references.{name}.of = {standard.of!r}, and factors.{name} sets it itself: leave out one of them"
+                )
         for name in self.temperatures:
             if not name.endswith("_degC"):
                 raise ValueError(f"temperatures.{name}: the name is a column and must end in its unit, _degC")

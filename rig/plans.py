@@ -81,7 +81,7 @@ def load_plan(procedure: Path, bench: Path, *, dry: bool = False, world: Path | 
         raise ConfigurationError(f"{procedure}: {error}") from error
     misfit, sensors = plan.procedure.conduct.misfit, config.sensors
     columns = {name: f"{name}_{sensor.unit}" for name, sensor in sensors.items()}
-    if misfit is not None and (defect := misfit(columns, tuple(config.temperatures))):
+    if misfit is not None and (defect := misfit(columns, config.read_only)):
         raise ConfigurationError(f"{procedure}: {defect}")
     return plan
 

@@ -31,7 +31,17 @@ def test_an_observation_says_how_the_point_was_reached_read_and_found(tmp_path):
     path, head = run(tmp_path)
     assert head.sent == [*LEGS, PARKED]
     seen = [r.data for r in accepted(path)]
-    parts = ["approach", "readback", "settling", "measured_s", "environment", "outputs", "temperatures", "flags"]
+    parts = [
+        "approach",
+        "readback",
+        "settling",
+        "moved",
+        "measured_s",
+        "environment",
+        "outputs",
+        "temperatures",
+        "flags",
+    ]
     assert [list(data) for data in seen] == [parts] * POINTS
     assert [data["approach"]["roll"] for data in seen] == [[1, -2.0], [1, 0.0], [-1, 92.0], [-1, 90.0]]
     assert [data["readback"] for data in seen][2] == {"pitch_deg": 30.0, "roll_deg": 90.0}

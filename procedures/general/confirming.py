@@ -15,7 +15,7 @@ from fitter.confirm import Confirmation, Later, Question
 from fitter.effects.entry import Entry
 from fitter.effects.hands import Done
 from fitter.errors import FitError
-from procedures.column_names import moves_of, spelled, unit_of
+from procedures.column_names import moves_of, spelled, unit_of, with_word
 from procedures.confirming import SETTLED, ConfirmedFit, Confirming, in_words
 from procedures.errors import DataError
 from procedures.further_runs import Variation, repeated
@@ -240,6 +240,17 @@ class GeneralConfirming(Confirming):
         point = float(np.median(steps[~new])) if np.any(~new) else 0.0
         return point, max(float(np.median(steps[new])) - point, 0.0) if np.any(new) else 0.0
 
+    def _read_at(self, set_name: str, setting: FloatArray) -> Mapping[str, FloatArray]:
+        """(n,) what a standard will read of a quantity that is set in another unit, by the first run."""
+        first = self.data.table
+        found: dict[str, FloatArray] = {}
+        for name in (name for name, own in first.set_in.items() if own == set_name):
+            nominal = with_word(name, "set")
+            levels, at = np.unique(first.columns[set_name], return_index=True)
+            value = np.interp(setting, levels, first.columns[nominal][at])
+            found |= {name: value, nominal: value}
+        return found
+
     def _planned(self, run_list: RunList, wait_s: float) -> Table:
         """The rows of a planned run with an additional wait at every point; its outputs are not used."""
         first, n = self.data.table, len(run_list)
@@ -256,7 +267,7 @@ class GeneralConfirming(Confirming):
         }
         for factor in run_list.factors:
             setting = np.array(run_list.column(factor.name), np.float64)
-            columns |= {factor.name: setting, factor.set_name: setting}
+            columns |= {factor.name: setting, factor.set_name: setting, **self._read_at(factor.set_name, setting)}
             since, start = moves_of(factor.name)
             if since in first.columns:
                 stood = float(np.median(first.columns[since])) + wait_s

@@ -316,8 +316,7 @@ def _direction(table: Table, used: Collection[str]) -> str | None:
 def _ignored(name: str, table: Table) -> bool:
     """Whether a column says nothing beyond others: other outputs, setpoints and readbacks of measured factors."""
     stem, unit = split_unit(name)
-    doubled = any(stem.endswith(end) for end in ("_set", "_readback")) and f"{stem.rpartition('_')[0]}_{unit}" in (
-        table.columns
-    )
+    measured = stem.endswith("_set") and f"{stem.removesuffix('_set')}_{unit}" in table.columns
+    doubled = measured or stem.endswith("_readback")
     moved = any(name in moves_of(factor) for factor in table.factors)
-    return name in _NOT_TRACED or name in table.outputs or doubled or moved
+    return name in _NOT_TRACED or name in table.outputs or name in table.set_in.values() or doubled or moved

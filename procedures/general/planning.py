@@ -15,6 +15,7 @@ from fitter.errors import FitError
 from fitter.formula import Formula
 from fitter.split_plot import plan_precision
 from procedures.advice import Advice
+from procedures.column_names import unit_of
 from procedures.general.factors import AS_WRITTEN
 from procedures.general.models.named import standard_model
 from procedures.general.models.units import to_model, unit_in
@@ -47,10 +48,10 @@ def formulas_of(procedure: GeneralProcedure) -> Mapping[str, Formula]:
         except FitError as error:
             raise FitError(f"{where}: {error}") from None
         unknown = [name for name in formula.names if name not in procedure.factors]
-        if unknown and not unknown[0].endswith("_degC"):  # a temperature that the bench reads may be in the model
+        if unknown and not unit_of(unknown[0]):  # what the bench reads, in its unit, may be in the model
             raise FitError(
                 f"{where}: {unknown[0]} is not a factor ({', '.join(procedure.factors)}); a model is of factors, and "
-                f"of temperatures that the bench reads; parameters have start values, start = {{ {unknown[0]} = 1 }}"
+                f"of what the bench reads; parameters have start values, start = {{ {unknown[0]} = 1 }}"
             )
         if not formula.terms:
             raise FitError(f"{where}: it has no terms: there is nothing to fit")
@@ -58,9 +59,9 @@ def formulas_of(procedure: GeneralProcedure) -> Mapping[str, Formula]:
     return found
 
 
-def misfit(procedure: GeneralProcedure, sensors: Mapping[str, str], thermometers: Collection[str]) -> str:
+def misfit(procedure: GeneralProcedure, sensors: Mapping[str, str], read: Collection[str]) -> str:
     """See `Conduct.misfit`: variables that nothing reads, and units that a standard model does not convert."""
-    known = [*procedure.factors, *thermometers]
+    known = [*procedure.factors, *read]
     for name, column in sensors.items():
         model = procedure.model.of(name)
         where = f"model.{name}" if name in procedure.model.own else "model"
@@ -73,11 +74,26 @@ def misfit(procedure: GeneralProcedure, sensors: Mapping[str, str], thermometers
             except FitError as error:
                 return f"{where}.standard = {entry.name!r}: {error}"
         elif model.linear and model.formula is not None:
-            unread = [one for one in Formula.parse(model.formula).names if one.endswith("_degC") and one not in known]
+            unread = [one for one in Formula.parse(model.formula).names if one not in known]
             if unread:
-                there = f"[temperatures] has {', '.join(thermometers)}" if thermometers else "it has no [temperatures]"
-                return f"{where}.formula: nothing on the bench reads {unread[0]}: {there}"
+                return f"{where}.formula: {_not_read(unread[0], procedure, read)}"
     return ""
+
+
+def _not_read(name: str, procedure: GeneralProcedure, read: Collection[str]) -> str:
+    """Why a quantity cannot be in a model, and what to declare."""
+    if name.endswith(_DEGC):
+        there = [one for one in read if one.endswith(_DEGC)]
+        return (
+            f"nothing on the bench reads {name}: [temperatures] has {', '.join(there)}"
+            if there
+            else (f"nothing on the bench reads {name}: it has no [temperatures]")
+        )
+    easy = next((one for one, factor in procedure.factors.items() if not factor.hard), next(iter(procedure.factors)))
+    return (
+        f"{name} is not a factor ({', '.join(procedure.factors)}), and the bench does not read it as what one of them "
+        f'sets: `of = "{easy}"` in [references.{name}] of the bench says so'
+    )
 
 
 def _check_abscissa(sensor: str, model: SensorModel, procedure: GeneralProcedure) -> None:
@@ -226,11 +242,16 @@ def _of_nothing(procedure: GeneralProcedure, run_list: RunList) -> Iterator[str]
     models: list[SensorModel] = [procedure.model, *procedure.model.own.values()]
     named = {name for one in models for name in _NAME.findall(one.formula or "")}
     named |= {one.abscissa or next(iter(procedure.factors)) for one in models if one.standard is not None}
-    reads = any(name.endswith(_DEGC) for name in named - procedure.factors.keys())
+    linear = [Formula.parse(one.formula) for one in models if one.linear and one.formula]
+    read = {name for formula in linear for name in formula.names} - procedure.factors.keys()
+    reads = any(name.endswith(_DEGC) for name in read)
+    sets = any(not name.endswith(_DEGC) for name in read)  # and the bench says which factor sets it
     for factor in run_list.factors:
         values = run_list.column(factor.name)
         if factor.name in named or len(set(values)) < 2 or (reads and factor.name.endswith(_DEGC)):
             continue  # a thermometer in the model may be one that follows it
+        if sets and not procedure.factors[factor.name].hard:
+            continue
         yield (
             f"{factor.name} is varied and in no sensor's model: its influence, if any, goes into the residual, and "
             f"calibrations hold at its mean ({sum(values) / len(values):.4g}); `+ {factor.name}` in model.formula "

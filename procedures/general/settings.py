@@ -357,10 +357,10 @@ class GeneralProcedure(Strict):
             misfit=self._misfit,
         )
 
-    def _misfit(self, sensors: Mapping[str, str], thermometers: Collection[str]) -> str:
+    def _misfit(self, sensors: Mapping[str, str], read: Collection[str]) -> str:
         from procedures.general.planning import misfit  # noqa: PLC0415 - imports the fitter
 
-        return misfit(self, sensors, thermometers)
+        return misfit(self, sensors, read)
 
     @cached_property
     def _response(self) -> Callable[[Mapping[str, float]], tuple[float, ...]] | None:

@@ -33,6 +33,7 @@ from rig.run_file.events.sessions import Ended, Identified, SessionBegan
 from rig.run_file.reader import RunReader
 from rig.run_file.state import read_state
 from rig.tables.evidence import evidence_of, fill_flags
+from rig.tables.set_in import put_in_place
 
 _MOUNTING = ("mounting_x_deg", "mounting_y_deg", "mounting_z_deg")
 """Columns for the orientation of a turned package: about x, then y, then z."""
@@ -95,7 +96,7 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False, ev
         skipped = [] if salvage else _skipped(reader, run_list)
     if not rows:
         raise RunFileError(f"{path} holds no observations yet; `rig resume {shell_word(path)}` measures some")
-    _fill(rows, run_list, made, bench, settings)
+    set_in = _fill(rows, run_list, made, bench, settings)
     columns = {name: np.array([row.get(name, math.nan) for row in rows], float) for name in _all_names(rows)}
     provenance = {
         "file": path.name,
@@ -120,21 +121,23 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False, ev
         **({"observations_rejected": rejected} if rejected else {}),
     }
     about = Table(str(path), _package_temperature(columns, bench), run.simulated, provenance)
-    about = _of_sensors(about, bench, run_list)
+    about = _of_sensors(about, bench, run_list, set_in)
     return replace(about, declared=declared_model(documents), kind=kind_of_run(documents), by_hand=made)
 
 
-def _of_sensors(table: Table, bench: Stored, run_list: RunList) -> Table:
+def _of_sensors(table: Table, bench: Stored, run_list: RunList, set_in: Mapping[str, str]) -> Table:
     """The table with what the bench file says of the sensors, and with the names of the factors; columns in order."""
     sensors = {f"{name}_{s.text('unit', 'V')}": (name, s) for name, s in bench.table("sensors").tables()}
     axes = {column: s.text("axis") for column, (_, s) in sensors.items() if "axis" in s}
     outputs = {column: name for column, (name, _) in sensors.items() if column in table.columns}
-    factors = tuple(factor.name for factor in run_list.factors)
-    first = ("replicate", "whole_plot", "order", "elapsed_s", *factors, *(one.set_name for one in run_list.factors))
+    read = {setting: name for name, setting in set_in.items()}
+    factors = tuple(read.get(factor.set_name, factor.name) for factor in run_list.factors)
+    settings = (*(with_word(name, "set") for name in set_in), *(one.set_name for one in run_list.factors))
+    first = ("replicate", "whole_plot", "order", "elapsed_s", *factors, *settings)
     others = (name for name in table.columns if name not in outputs)
     names = dict.fromkeys((*(name for name in first if name in table.columns), *others, *outputs))
     columns = {name: table.columns[name] for name in names}
-    return replace(table, columns=columns, axes=axes, outputs=outputs, factors=factors)
+    return replace(table, columns=columns, axes=axes, outputs=outputs, factors=factors, set_in=set_in)
 
 
 def _mark(
@@ -305,7 +308,7 @@ def _row(record: Record, run_list: RunList, order: int, factors: Mapping[str, st
     row |= {_readback_name(name): float(value) for name, value in readback.items()}
     for f in run_list.easy:
         since, start = moves_of(f.name)
-        if f.axis in seen.moved:
+        if f.name in factors and f.axis in seen.moved:  # kinds with factors of their own have no use for it
             stepped_s, before = seen.moved[f.axis]
             row |= {since: round(max(row["elapsed_s"] - stepped_s, 0.0), 3), start: before}
     return row | {"block": record.session, "run_index": point.index}
@@ -317,8 +320,11 @@ def _fill(
     made: Sequence[Made],
     bench: Stored,
     settings: Sequence[tuple[float, str]],
-) -> None:
-    """Give every row the setpoint of a factor that was measured in some of them, and what a person did before it."""
+) -> Mapping[str, str]:
+    """Give every row the setpoint of a factor that was measured in some of them, and what a person did before it.
+
+    Returns `Table.set_in`.
+    """
     for factor in run_list.factors:
         if any(factor.set_name in row for row in rows):
             for row in rows:
@@ -327,6 +333,7 @@ def _fill(
     _fill_stated(rows, made, bench)
     _fill_since(rows, settings)
     fill_flags(rows)
+    return put_in_place(rows, run_list, bench)
 
 
 def _readback_name(quantity: str) -> str:

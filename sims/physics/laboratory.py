@@ -144,6 +144,7 @@ class Laboratory:
         self._formulas: dict[str, tuple[Formula, ...]] = {}
         self._standards: dict[str, Formula] = {}
         self._undone: dict[str, Formula] = {}
+        self._quantities: dict[str, Formula] = {}
         if self.sensors:
             self._read_formulas(bench)
 
@@ -151,6 +152,12 @@ class Laboratory:
         known = [*self._factors, *self._truth.lags, *self._truth.draws, *CHANGES.values(), "elapsed_h", "lab_degC"]
         stems = [_stem(factor) for factor in self._factors]
         known += [f"{stem}{what}" for stem in stems for what in ("_side", "_for_s")]
+        standards = bench.get("references", {})
+        set_by = {name: str(of) for name, table in standards.items() if (of := table.get("of"))}
+        for name, of in set_by.items():
+            text = self._truth.references.get(name, StandardTruth()).formula or of
+            self._quantities[name] = Formula.parse(text, f"references.{name}.formula", known)
+        known += self._quantities
         for name, sensor in self.sensors.items():
             formula = sensor.formula or f"{_FULL:g}*tanh(({' + '.join(self._factors) or '0'})/{_USUAL:g})"
             parts = {"formula": formula, "hidden": sensor.hidden}
@@ -158,13 +165,16 @@ class Laboratory:
                 Formula.parse(text, f"sensors.{name}.{key}", known) for key, text in parts.items() if text
             )
         for where, given in (("sources", self._truth.sources), ("references", self._truth.references)):
-            known_keys(given, list(self._factors), where, "factors of this bench")
+            named = [*self._factors, *self._quantities] if where == "references" else list(self._factors)
+            known_keys(given, named, where, "factors of this bench")
         for key, tables in (("lags", self._truth.lags), ("draws", self._truth.draws)):
             for name, table in tables.items():
                 if table.of not in self._factors:
                     raise WorldError(f"{key}.{name}.of = {table.of!r} is not a factor of this bench")
-        for factor, table in bench.get("references", {}).items():
+        for factor, table in standards.items():
             text, of_bench = self._truth.references.get(factor, StandardTruth()).formula, table.get("formula")
+            if factor in self._quantities:
+                text = ""
             where = f"references.{factor}.formula"
             if not text and of_bench:
                 self._undone[factor] = Formula.parse(str(of_bench), where, {"reading"})
@@ -267,7 +277,8 @@ class Laboratory:
         for name, draw in self._truth.draws.items():
             found[name] = draw.sd * normal(self._truth.seed, f"draw {name}", event_at(self._steps(draw.of).since(t)))
         found |= self._changes
-        return found | {"elapsed_h": t / 3600.0, "lab_degC": self._lab.degC(t)}
+        found |= {"elapsed_h": t / 3600.0, "lab_degC": self._lab.degC(t)}
+        return found | {name: formula.value(found) for name, formula in self._quantities.items()}
 
     def clean(self, sensor: str, t0: float, t1: float) -> float:
         """Output of a sensor in the middle of a window, without noise, in its unit on the bench."""

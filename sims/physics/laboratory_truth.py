@@ -105,7 +105,8 @@ class StandardTruth:
 
     Attributes:
         formula: reading of its channel, from true values of factors; "" for the one that the formula of the bench file
-            makes the factor.
+            makes the factor. Of a quantity that a factor sets in another unit (`of` in the bench file) it is the true
+            value, from those of factors; "" for the number that was set.
         noise: standard deviation of a mean over 1 s.
     """
 

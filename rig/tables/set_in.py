@@ -1,0 +1,57 @@
+"""Quantities that a factor sets in another unit: a valve in V, whose flow a standard reads in kg/min.
+
+Their columns are those of any factor with a standard: what was read, its nominal value, and how it came to be set. The
+setting itself has a column of its own. A nominal value is the mean of what was read at one setting over the run.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from procedures.column_names import moves_of, stem_of, with_word
+from procedures.run_list import RunList
+from rig.run_file.documents import Stored
+
+_DIGITS = 4
+"""Digits of a nominal value."""
+
+
+def put_in_place(rows: Sequence[dict[str, float]], run_list: RunList, bench: Stored) -> dict[str, str]:
+    """Give every row these columns in place of the factor's own; returns columns of settings, by quantity."""
+    found = {}
+    for name, of in _read_of(run_list, bench):
+        factor = run_list.factor(of)
+        known = [row for row in rows if math.isfinite(row.get(name, math.nan))]
+        levels = sorted({row[of] for row in known})
+        if not levels:
+            continue
+        nominal = [float(f"{np.mean([row[name] for row in known if row[of] == v]):.{_DIGITS}g}") for v in levels]
+        found[name] = factor.set_name
+        rises = 1.0 if nominal[-1] >= nominal[0] else -1.0
+        (since, start), (own_since, own_start) = moves_of(of), moves_of(name)
+        for row in rows:
+            value = row[factor.set_name] = row.pop(of)
+            row[with_word(name, "set")] = _at(value, levels, nominal)
+            if since in row:
+                row |= {own_since: row.pop(since), own_start: _at(row.pop(start), levels, nominal)}
+            if f"{factor.axis}_side" in row:
+                row[f"{stem_of(name)}_side"] = rises * row.pop(f"{factor.axis}_side")
+    return found
+
+
+def _read_of(run_list: RunList, bench: Stored) -> Iterator[tuple[str, str]]:
+    factors = {factor.name for factor in run_list.factors}
+    for name, table in bench.table("references").tables():
+        if (of := table.text("of")) in factors and name not in factors:
+            yield name, of
+
+
+def _at(setting: float, levels: Sequence[float], nominal: Sequence[float]) -> float:
+    """The nominal value at any setting: linear between those of the run, and beyond them."""
+    if len(levels) == 1 or levels[0] <= setting <= levels[-1]:
+        return float(np.interp(setting, levels, nominal))
+    (a, b), (c, d) = (levels[:2], nominal[:2]) if setting < levels[0] else (levels[-2:], nominal[-2:])
+    return c + (setting - a) * (d - c) / (b - a)

@@ -1,0 +1,149 @@
+"""A source set in one unit, and a model of what a standard reads of it in another: a valve in V, flow in kg/min.
+
+The stranger's flow bench: the only way was to call volts kg/min.
+"""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from command import rig
+from test_moves import BENCH, PROCEDURE
+
+from rig.config import parse_bench
+from rig.errors import ConfigurationError
+from rig.tables.table_of_run import run_table
+
+STANDARD = """
+[instruments.coriolis]
+driver = "scpi-meter"
+address = "socket://192.0.2.33:5025"
+maker = "EMERSON"
+model = "CMF010"
+asset = "REF-01"
+unit = "kg_per_min"
+fetch = "READ?"
+reading_s = 1
+[references.flow_kg_per_min]
+reader = "coriolis"
+of = "valve_V"
+"""
+BENCH = BENCH.replace('unit = "kg_per_min"', 'unit = "V"').replace("flow_kg_per_min", "valve_V") + STANDARD
+PROCEDURE = (
+    PROCEDURE.replace("[factors.flow_kg_per_min]", "[factors.valve_V]")
+    .replace("[0.5, 1, 1.5, 2, 2.5, 3, 3.5]", "[1, 2.5, 4, 5.5, 7, 8.5, 10]")
+    .replace("180*flow_kg_per_min", "180*valve_V/2")
+)
+WORLD = """
+seed = 5
+[references.flow_kg_per_min]
+formula = "0.5*valve_V - 0.012*valve_V^2"
+noise = 0.0002
+[sensors.mfs]
+formula = "50 + 180*flow_kg_per_min + -3*flow_kg_per_min^2"
+noise = 0.1
+hidden = "0.15*flow_kg_per_min^3"
+"""
+EQUIPMENT = """
+name = "flow laboratory"
+[equipment.REF-01]
+maker = "EMERSON"
+model = "CMF010"
+serial = "1"
+[equipment.REF-01.certificate]
+number = "C1"
+laboratory = "an institute"
+date = 2025-12-01
+due = 2027-06-30
+[[equipment.REF-01.says]]
+quantity = "flow_kg_per_min"
+behaves = "gain"
+unit = "%"
+half_width = 0.1
+[equipment.DC-01]
+[equipment.CNT-01]
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("valve")
+    for file, text in (("bench.toml", BENCH), ("procedure.toml", PROCEDURE), ("world.toml", WORLD)):
+        (folder / file).write_text(text)
+    (folder / "register.toml").write_text(EQUIPMENT)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def path(folder):
+    done = rig("run", "procedure.toml", "--bench", "bench.toml", "--dry", "--world", "world.toml", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    (path,) = folder.glob("**/*.sqlite")
+    return path
+
+
+def test_it_is_planned(folder):
+    told = rig("plan", "procedure.toml", "--bench", "bench.toml", cwd=folder)
+    assert told.returncode == 0, told.stderr
+    assert "no precision is predicted: flow_kg_per_min of its model is only known when read" in told.stdout
+    assert "valve_V is varied and in no sensor's model" not in told.stdout
+
+
+def test_both_the_setting_and_what_was_read_are_in_the_table(path):
+    table = run_table(path)
+    assert table.factors == ("flow_kg_per_min",)
+    columns = table.columns
+    volts, flow = columns["valve_set_V"], columns["flow_kg_per_min"]
+    assert sorted(set(volts.tolist())) == [1, 2.5, 4, 5.5, 7, 8.5, 10]
+    np.testing.assert_allclose(flow, 0.5 * volts - 0.012 * volts**2, atol=0.001)
+    nominal = {v: set(columns["flow_set_kg_per_min"][volts == v].tolist()) for v in set(volts.tolist())}
+    assert all(len(one) == 1 for one in nominal.values()), "one nominal value at each setting"
+    assert min(nominal[10.0]) == pytest.approx(3.8, abs=0.002)
+    rising = np.diff(volts) > 0
+    assert np.all(columns["flow_side"][1:][rising] == 1.0)
+
+
+def test_it_is_fitted_and_traced_in_the_unit_of_the_standard(path):
+    told = json.loads(rig("fit", path, "--json").stdout)
+    terms = told["coefficients"]
+    assert set(terms) == {"1", "flow_kg_per_min", "flow_kg_per_min^2"}
+    found = json.loads(rig("trace", path, "--json").stdout)["sensors"]["mfs_Hz"]
+    cubic = next(one for one in found["effects"] if one["effect"] == "third-order:flow_kg_per_min")
+    assert abs(cubic["coefficients"][0] - 0.15) < 3.0 * cubic["stderr"][0]
+    assert not any("valve" in one["effect"] for one in found["effects"])
+
+
+def test_its_standard_counts_in_the_budget(path, folder):
+    told = json.loads(
+        rig("budget", path, "--equipment", folder / "register.toml", "--at", "flow_kg_per_min=2", "--json").stdout
+    )
+    result = next(one for one in told["results"] if "output at flow 2 kg/min" in one["name"])
+    gain = next(one for one in result["contributions"] if one["name"] == "REF-01 gain of flow_kg_per_min")
+    assert gain["standard_uncertainty"] == pytest.approx(2.0 * 0.001 / 3**0.5 * 168.0, rel=0.05), "flow times slope"
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (
+            ('of = "valve_V"', ""),
+            r"is not a factor \(valve_V\), and the bench does not read it as what one of them sets",
+        ),
+        (('of = "valve_V"', 'of = "pump_V"'), r"references.flow_kg_per_min.of = 'pump_V' is not a factor here"),
+        (('unit = "kg_per_min"', 'unit = "g_per_s"'), "channel input of coriolis reads g_per_s, not kg_per_min"),
+    ],
+)
+def test_what_does_not_fit_is_said_by_plan(folder, tmp_path, change, says):
+    (tmp_path / "bench.toml").write_text(BENCH.replace(*change))
+    (tmp_path / "procedure.toml").write_text(PROCEDURE)
+    told = rig("plan", "procedure.toml", "--bench", "bench.toml", cwd=tmp_path)
+    assert told.returncode == 78
+    assert says.replace("\\", "") in told.stderr
+
+
+def test_what_a_factor_sets_itself_is_not_read_of_another():
+    twice = BENCH.replace('valve_V = "valve"', 'valve_V = "valve"\nflow_kg_per_min = "valve"')
+    with pytest.raises(ConfigurationError, match=r"and factors\.flow_kg_per_min sets it itself"):
+        parse_bench(twice, "bench.toml")
