@@ -62,7 +62,11 @@ class DescribedMeter:
         numbered: bool = Field(
             True, description="number measurements in *SRE, so that late and other readings are recognised"
         )
-        overload: float = Field(9.9e37, gt=0.0, description="readings of this size or larger are outside the range")
+        overload: float = Field(
+            9.9e37,
+            gt=0.0,
+            description="readings of this size or larger are outside the range; the twin's range ends there",
+        )
 
     def __init__(self, name: str, address: str, options: Options, wires: Wires, clock: Clock) -> None:
         self.name = name

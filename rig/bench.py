@@ -55,7 +55,7 @@ class Bench:
         references: (instrument, channel) of reference standards, by factor.
         standards: factor from the reading of its reference standard, by factor.
         answered: last identities of the instruments.
-        person: a simulated person; None where real people are asked.
+        person: a simulated person, or the bench of `rig sim`; None on a real bench.
         forecast: whether only times are wanted of it: then it is looked at less often while something settles.
     """
 

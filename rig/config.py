@@ -133,6 +133,8 @@ class LiveConfig(_Strict):
     speed: float = Field(gt=0)
     epoch_utc: float
     started_utc: float
+    world: str | None = Field(None, description="text of its world file; empty for the default world")
+    by_hand: str = Field("", description="where it is told what a person has done")
 
 
 class BenchConfig(_Strict):

@@ -32,6 +32,7 @@ from rig.engine.session import Nobody, Observer, Outcome, Progress, Session, Sig
 from rig.engine.states import State
 from rig.errors import BenchFault, UsageError
 from rig.locks import locked_addresses
+from rig.person import ServedBench
 from rig.plans import PREVIOUS, Plan, stored_plan
 from rig.regular import real_path
 from rig.run_file.bodies import COUNT
@@ -112,6 +113,8 @@ def opened(plan: Plan, *, start: float = 0.0) -> Iterator[tuple[Bench, Clock, st
     boot = f"{boot_id()}*{live.speed:g}" if live else boot_id()
     with locked_addresses(plan.bench.instruments):
         bench = open_bench(plan.bench, check_options(plan.bench, "bench"), clock, Wires(clock))
+        if live is not None and live.by_hand:
+            bench.person = ServedBench(live.by_hand)
         try:
             yield bench, clock, boot
         finally:

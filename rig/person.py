@@ -1,13 +1,21 @@
 """The role of a person at a bench: does what no instrument can do.
 
-A real person answers by `rig done`. A simulated one (`rig.simulated.person`) does it in the simulated bench.
+A real person answers by `rig done`. A simulated one (`rig.simulated.person`) does it in the simulated bench. A bench of
+`rig sim` is told of what a real person says (`ServedBench`).
 """
 
 from __future__ import annotations
 
-from typing import Protocol
+import json
+import socket
+from typing import Any, Protocol
 
+from drivers.errors import Unreachable
 from procedures.by_hand import HandStep
+from rig.errors import BenchFault
+
+_REAL_S = 5.0
+"""Seconds, of real time, for a simulated bench to take what it is told."""
 
 
 class Person(Protocol):
@@ -32,3 +40,64 @@ class Person(Protocol):
     def recall(self, change: str, number: float | None) -> None:
         """A step was done in an earlier session: the bench is still changed."""
         ...
+
+    def done(self, change: str, number: float | None) -> None:
+        """A real person has done a step at a simulated bench."""
+        ...
+
+
+class ServedBench:
+    """A bench of `rig sim`, which follows what real people say they have done; see `Person`.
+
+    Args:
+        address: where it is told, HOST:PORT.
+
+    """
+
+    def __init__(self, address: str) -> None:
+        self._address = address
+        self._new: bool | None = None  # whether nothing had been changed when the session began
+
+    def asked(self, step: HandStep) -> bool:
+        """Nobody simulated comes."""
+        return False
+
+    def asked_to_set(self, factor: str, value: float) -> bool:
+        """Nobody simulated comes."""
+        return False
+
+    def answer(self) -> tuple[str | None, str] | None:
+        """None: a real person answers."""
+        return None
+
+    def recall_setting(self, factor: str, value: float) -> None:
+        """See `Person.recall_setting`. Raises `Unreachable`."""
+        self._tell({"factor": factor, "value": value})
+
+    def recall(self, change: str, number: float | None) -> None:
+        """See `Person.recall`: a bench that was not started anew is changed already. Raises `BenchFault`."""
+        try:
+            if self._new is None:
+                self._new = self._tell({}) == 0
+            if self._new:
+                self.done(change, number)
+        except Unreachable as error:  # before the session has begun
+            raise BenchFault(str(error)) from error
+
+    def done(self, change: str, number: float | None) -> None:
+        """See `Person.done`. Raises `Unreachable`."""
+        self._tell({"change": change, "number": number})
+
+    def _tell(self, what: dict[str, Any]) -> int:
+        """Tell the bench; returns the number of its changes. Raises `Unreachable`."""
+        host, _, port = self._address.rpartition(":")
+        try:
+            with socket.create_connection((host, int(port)), _REAL_S) as line, line.makefile("rwb") as file:
+                file.write(json.dumps(what).encode() + b"\n")
+                file.flush()
+                return int(file.readline(20))
+        except (OSError, ValueError) as error:
+            raise Unreachable(
+                f"the simulated bench does not take at {self._address} what a person has done ({error}): is rig sim "
+                f"still running? LIVE.toml is written anew when it starts: rig resume RUN --bench LIVE.toml"
+            ) from error

@@ -141,6 +141,9 @@ def _plan(documents: Mapping[str, str], dry: bool, where: Mapping[str, str], *, 
             raise ConfigurationError(f"{next(iter(where.values()), 'it')}: there is no {name}, which every run has")
     named = parse_bench(documents["bench.toml"], where["bench.toml"], strict=strict)
     config = with_files(named, documents, where["bench.toml"])
+    if "world.toml" not in documents and config.live is not None and config.live.world is not None:
+        documents = {**documents, "world.toml": config.live.world}  # so that a run over `rig sim` has its world
+        where = {**where, "world.toml": f"{where['bench.toml']}: live.world"}
     checked = check_options(config, where["bench.toml"], strict=strict)
     if not strict:
         config = _as_checked(config, checked)

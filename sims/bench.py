@@ -57,6 +57,7 @@ class SimBench:
         plant: the physical state.
         cables: serial cables by instrument.
         faults: the planned faults, and those that have happened.
+        steps: number of changes that a person has made.
 
     Raises:
         sims.physics.WorldError: the world file is wrong.
@@ -76,7 +77,7 @@ class SimBench:
         self.world = world
         heads = [name for name, one in bench["instruments"].items() if "head" in twin_classes[one["driver"]].roles]
         self.plant = Plant(world, truth, bench, heads)
-        self._key = key
+        self._key, self.steps = key, 0
         self._twins: dict[str, Any] = {}
         for name, instrument in bench["instruments"].items():
             options = {k: v for k, v in instrument.items() if k not in _OF_THE_BENCH}
@@ -138,6 +139,7 @@ class SimBench:
             change: the word of the procedure file.
             number: the number that the person states; None for none.
         """
+        self.steps += 1
         self.plant.by_hand(change)
         for twin in self._twins.values():
             if isinstance(twin, Changing):

@@ -36,6 +36,7 @@ def serve(
     twin_classes: Mapping[str, MakesTwins],
     live: Path,
     *,
+    world_text: str = "",
     speed: float = 1.0,
     seconds: float | None = None,
     tape: Path | None = None,
@@ -48,6 +49,7 @@ def serve(
         truth: the world file as plain values.
         twin_classes: twin class by driver name.
         live: the bench file with the served addresses; written after all ports are open, removed at the end.
+        world_text: text of the world file, for `live`.
         speed: virtual seconds per real second.
         seconds: real seconds after which to stop; None for no limit.
         tape: file to which all answers and true events are appended; see `sims.tape_file`. None for no tape.
@@ -81,8 +83,11 @@ def serve(
             for name, address in addresses.items():
                 instruments[name] = {**given[name], "address": address}
                 announce(f"{name}: {address}")
-        times = {"speed": speed, "epoch_utc": pace.epoch_utc, "started_utc": pace.started_utc}
-        _write(live, toml({**bench, "simulated": True, "instruments": instruments, "live": times}))
+        hands = TcpPort(selector, lambda: Hands(sim).on_rx)
+        ports.append(hands)
+        about: dict[str, Any] = {"speed": speed, "epoch_utc": pace.epoch_utc, "started_utc": pace.started_utc}
+        about |= {"world": world_text, "by_hand": hands.address}
+        _write(live, toml({**bench, "simulated": True, "instruments": instruments, "live": about}))
         held.callback(live.unlink, missing_ok=True)
         announce(f"serving until Ctrl-C; use --bench {live}")
         while not told & _STOP and (seconds is None or pace.real_s() < seconds):
@@ -98,6 +103,35 @@ def serve(
             for key, _ in ready:
                 pace.catch_up()
                 key.data()
+
+
+class Hands:
+    """One connection of a controller that tells what a person has done: a JSON object a line.
+
+    `{"factor": "mass_g", "value": 20.0}` sets a factor, `{"change": "remount", "number": null}` is a step by hand, and
+    `{}` only asks. Each is answered by the number of steps so far.
+
+    Args:
+        sim: the bench.
+    """
+
+    def __init__(self, sim: SimBench) -> None:
+        self._sim, self._heard = sim, b""
+
+    def on_rx(self, data: bytes, tx: Callable[[bytes], None]) -> None:
+        """Take bytes of the connection; what makes no sense is answered by "?"."""
+        *lines, self._heard = (self._heard + data).split(b"\n")
+        for line in lines:
+            try:
+                told = dict(json.loads(line))
+                if "factor" in told:
+                    self._sim.plant.set_by_hand(str(told["factor"]), float(told["value"]))
+                elif "change" in told:
+                    self._sim.by_hand(str(told["change"]), told["number"])
+            except (ValueError, LookupError, TypeError):
+                tx(b"?\n")
+            else:
+                tx(f"{self._sim.steps}\n".encode())
 
 
 def _close(ports: list[Port]) -> None:
@@ -224,7 +258,7 @@ def _key(key: str) -> str:
 
 
 def _string(text: str) -> str:
-    return json.dumps(text).replace("\x7f", "\\u007f")
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def _value(value: object) -> str:

@@ -74,7 +74,7 @@ def served(folder, speed=SPEED, seconds=50.0):
             if line.startswith("serving"):
                 break
         bench = tomllib.loads(live.read_text())
-        clock = ScaledClock(**bench["live"])
+        clock = ScaledClock(*(bench["live"][key] for key in ("speed", "epoch_utc", "started_utc")))
         wires = Wires(clock)
         try:
             yield SimpleNamespace(process=server, live=live, bench=bench, clock=clock, wires=wires)

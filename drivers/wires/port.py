@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 from typing import Protocol
 
 
@@ -27,3 +28,14 @@ class Port(Protocol):
     def close(self) -> None:
         """Release it."""
         ...
+
+
+def without_delay(port: Port) -> Port:
+    """A port that sends each line at once. Raises `OSError`.
+
+    TCP would hold back a line until the one before is acknowledged, which takes up to 40 ms; pyserial leaves it so.
+    """
+    over_tcp = getattr(port, "_socket", None)
+    if isinstance(over_tcp, socket.socket):
+        over_tcp.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    return port

@@ -21,7 +21,7 @@ from drivers.clock import Clock
 from drivers.errors import BadReply, NoReply, Unreachable
 from drivers.wires.addresses import text_address
 from drivers.wires.parity import WRONG_PARITY, opener
-from drivers.wires.port import Port
+from drivers.wires.port import Port, without_delay
 from drivers.wires.serial_options import Flow, flow_arguments, flow_refused
 
 try:
@@ -276,7 +276,7 @@ class SerialLine:
                 exclusive=True,
                 **flow_arguments("none" if terminal else settings.flow),
             )
-            return cast(Port, port)
+            return without_delay(cast(Port, port))
         except _OPEN_ERRORS as error:
             raise Unreachable(
                 f"{self.where} cannot be opened ({error}); check power, cable, address and permissions"

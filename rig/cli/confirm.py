@@ -105,7 +105,7 @@ def confirm(
     _check_options(by, after, write, report, out_dir, only_list=only_list, take=take, runs=runs)
     texts = _texts({"bench": bench, "world": world})
     if not by:
-        check_way(run_file, dry=dry or only_list or write is not None, rehearsed=dry)
+        check_way(run_file, dry=dry or only_list or write is not None, rehearsed=dry, world=world is not None)
     first = _opened(run_file, given)
     if not as_json:
         headline(run_file.name, first.traced.table)

@@ -199,6 +199,10 @@ def resume(
     return code
 
 
+MOST_LOST = 0.1
+"""Part of the points that a complete run may have lost and still end in 0."""
+
+
 def _warn(text: str) -> None:
     err.print(f"[bold yellow]{escape(text)}[/]", soft_wrap=True)
 
@@ -240,8 +244,16 @@ def conclude(result: Result) -> int:
             )
         if result.outcome in (Outcome.INTERRUPTED, Outcome.STOPPED):
             err.print(f"continue with: rig resume {escape(shell_word(result.path))}", soft_wrap=True, highlight=False)
-        if result.outcome is Outcome.COMPLETE and (not state.accepted or _outside_acceptance(result)):
-            return ExitCode.OUTSIDE_ACCEPTANCE
+        if result.outcome is Outcome.COMPLETE:
+            outside = bool(state.accepted) and _outside_acceptance(result)
+            lost = len(state.skipped)
+            if lost:  # the last line
+                words = (
+                    f"{lost} of {state.points} points were lost, and are in no table: the first, {min(state.skipped)}, "
+                )
+                err.print(f"[bold red]{words}{escape(state.skipped[min(state.skipped)])}[/]", soft_wrap=True)
+            if outside or lost > MOST_LOST * state.points:
+                return ExitCode.OUTSIDE_ACCEPTANCE
     return _EXIT[result.outcome]
 
 

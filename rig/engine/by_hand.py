@@ -33,7 +33,7 @@ class ByHand:
         clock: bench time.
         path: the run file, for the command that a person types.
         stop_motion: stops all motion.
-        person: a simulated person; None on a bench with real people.
+        person: a simulated person, or the bench of `rig sim`; None on a real bench.
         hold_max_s: longest wait for a step without a time-out of its own, seconds.
         settings: factors that a person sets.
 
@@ -182,7 +182,7 @@ class ByHand:
             self._settings.made(step, number)
             return True
         if by_request and person is not None:
-            person.recall(step.change, number)  # a real person says that it was done on a simulated bench
+            person.done(step.change, number)  # a real person says that it was done on a simulated bench
         self._journal.write(
             DoneByHand(
                 step=self._number,

@@ -70,3 +70,7 @@ class SimulatedPerson:
     def recall(self, change: str, number: float | None) -> None:
         """See `Person.recall`."""
         self._sim.by_hand(change, number)
+
+    def done(self, change: str, number: float | None) -> None:
+        """See `Person.done`."""
+        self._sim.by_hand(change, number)

@@ -46,7 +46,8 @@ def serve_bench(
         check_added_to(tape, [bench, world, live])
     config, _ = read_bench(bench)
     check_options(config, str(bench))
-    truth = {} if world is None else parse_toml(read_text(world, "world"), str(world))
+    text = "" if world is None else read_text(world, "world")
+    truth = parse_toml(text, str(world))
     announce("SIMULATED bench; no instrument is real")
     try:
         serve(
@@ -54,6 +55,7 @@ def serve_bench(
             truth,
             twin_classes(config),
             live,
+            world_text=text,
             speed=speed,
             seconds=seconds,
             tape=tape,

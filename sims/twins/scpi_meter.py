@@ -18,7 +18,6 @@ from sims.world import World
 
 _INPUT = "input"
 _NOISE = 1e-6  # standard deviation of a reading, V
-_SPAN_V = 1200.0
 
 
 class DescribedMeterTwin(DescribedTwin):
@@ -42,6 +41,7 @@ class DescribedMeterTwin(DescribedTwin):
         self._start = units(str(options.get("start") or ""))
         self._fetch = header(str(options.get("fetch", "READ?")))
         self._abort = units(str(options.get("abort") or ""))[0][0]
+        self._span = float(str(options.get("overload", OVERLOAD)))
         self._most = int(str(options.get("most", 1000)))
         super().__init__(name, options, world, serial)
 
@@ -119,4 +119,4 @@ class DescribedMeterTwin(DescribedTwin):
         noise = _NOISE * normal(self.plant.truth.seed, f"{self.name}/{_INPUT}/converter", event_at(t0))
         found = self.plant.channel_V(self.name, _INPUT, t0, t1) + noise
         said = self.inputs.given(_INPUT, "V", t0, t1, found)
-        return f"{said if abs(said) < _SPAN_V else OVERLOAD * (1 if said > 0 else -1):+.9E}"
+        return f"{said if abs(said) < self._span else OVERLOAD * (1 if said > 0 else -1):+.9E}"

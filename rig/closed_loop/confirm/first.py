@@ -41,7 +41,7 @@ class First:
         bench: its bench.
         dry: whether it used twins.
         began_utc_s: time of its begin.
-        world_s: for a dry run, age of its world at the begin.
+        world_s: age of its simulated world at the begin.
         read: gives the table of a run file, that of later runs, too.
     """
 
@@ -78,26 +78,32 @@ def check_run_file(path: Path) -> None:
         )
 
 
-def check_way(path: Path, *, dry: bool, rehearsed: bool) -> None:
+def check_way(path: Path, *, dry: bool, rehearsed: bool, world: bool) -> None:
     """Refuse a further run on another sort of bench than that of the first run: it is known before the trace.
 
     Args:
         path: the first run.
         dry: whether simulated instruments are permitted.
         rehearsed: whether the further run is made on them.
+        world: whether their world file is given.
 
     Raises:
-        UsageError: it is no run file, or one is simulated and the other is not.
+        UsageError: it is no run file, one is simulated and the other is not, or the world of the first is not known.
     """
     check_run_file(path)
     with RunReader.open(path) as reader:
-        run = reader.about()
+        run, has_world = reader.about(), "world.toml" in reader.documents()
     if run.runs_dry and not dry:
         raise UsageError(f"{path} is a dry run; a run that confirms it must be a dry run too: add --dry")
     if rehearsed and not run.simulated:
         raise UsageError(
             f"{path} was made on real instruments: simulated readings do not describe it. Omit --dry, or "
             f"rehearse with --write FILE and `rig run FILE --dry`"
+        )
+    if rehearsed and not (run.runs_dry or has_world or world):
+        raise UsageError(
+            f"{path} was made over `rig sim`, and does not hold its world: name the world file that was given to "
+            f"`rig sim` with --world; in another world nothing that was found needs to hold"
         )
 
 
@@ -122,7 +128,7 @@ def open_traced(path: Path, read: Callable[[Path], Table] = run_table, /, **opti
     reason = kind.cannot_confirm(table, kind.trace_options(**options))
     if reason:
         raise UsageError(f"{path}: {reason}")
-    traced = trace_table(table, **options)
+    traced, live = trace_table(table, **options), plan.bench.live
     confirming = kind.confirming(traced)
     if confirming is None:
         raise UsageError(f"{path}: no further run is made of {kind.title}")
@@ -136,7 +142,7 @@ def open_traced(path: Path, read: Callable[[Path], Table] = run_table, /, **opti
         bench=plan.bench,
         dry=plan.dry,
         began_utc_s=began_utc_s,
-        world_s=run.world_start_s or 0.0,
+        world_s=began_utc_s - live.epoch_utc if live is not None else run.world_start_s or 0.0,
         read=read,
     )
 

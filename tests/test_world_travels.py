@@ -1,0 +1,220 @@
+"""Runs over `rig sim`: the world goes with the run, people change it, time keeps its speed, ranges are the bench's."""
+
+from __future__ import annotations
+
+import csv
+import json
+import signal
+import socket
+import socketserver
+import threading
+import tomllib
+from pathlib import Path
+
+import pytest
+from command import rig
+from test_scpi_described import METER, Bench
+
+from drivers.clock import RealClock
+from drivers.errors import Unreachable
+from drivers.roles import OVERLOAD
+from drivers.wires import SerialSettings, Wires
+from proving.crashes.kills import rig as process
+from proving.crashes.kills import wait_for
+from rig.closed_loop.confirm.first import check_way
+from rig.config import parse_bench
+from rig.errors import BenchFault, UsageError
+from rig.person import ServedBench
+from rig.plans import load_plan
+from rig.run_file.creation import Genesis, create
+from rig.run_file.reader import RunReader
+from rig.simulated.dry_run import DryBench
+from sims.serve import Hands, toml
+
+BENCH = """name = "a balance"
+[instruments.operator]
+driver = "person"
+[instruments.balance]
+driver = "scpi-meter"
+address = "socket://192.0.2.77:4001"
+model = "XP205"
+unit = "g"
+reading_s = 1
+{more}
+[sensors.balance]
+reader = "balance"
+unit = "g"
+[factors]
+mass_g = "operator"
+[limits]
+mass_g = [0, 200]
+"""
+PROCEDURE = """kind = "general"
+name = "weights"
+seed = 1
+replications = 1
+[factors.mass_g]
+levels = {levels}
+order = "as written"
+[settle]
+dwell_s = 1
+[model]
+formula = "1 + mass_g"
+"""
+WORLD = """# a balance \U0001f642
+seed = 3
+[sensors.balance]
+formula = "0.002 + 1.00003*mass_g"
+noise = 0.0005
+"""
+LIVE = {"speed": 50.0, "epoch_utc": 1.8e9, "started_utc": 1.9e9}
+
+
+def plan_on(folder, bench):
+    (folder / "bench.toml").write_text(bench, encoding="utf-8")
+    (folder / "procedure.toml").write_text(PROCEDURE.format(levels=[0, 50, 100]))
+    return load_plan(folder / "procedure.toml", folder / "bench.toml")
+
+
+def served(**live):
+    return toml({**tomllib.loads(BENCH.format(more="")), "simulated": True, "live": {**LIVE, **live}})
+
+
+# --- the world ----------------------------------------------------------------------------------------------------
+
+
+def test_a_run_over_rig_sim_has_its_world(tmp_path):
+    plan = plan_on(tmp_path, served(world=WORLD))
+    assert plan.documents["world.toml"] == WORLD
+    assert plan.truth["sensors"]["balance"]["noise"] == 0.0005
+    assert plan_on(tmp_path, served(world="")).documents["world.toml"] == "", "the default world"
+    assert "world.toml" not in plan_on(tmp_path, served()).documents, "served by an earlier version"
+
+
+def test_a_further_run_in_an_unknown_world_is_refused_with_what_to_do(tmp_path):
+    paths = []
+    for bench in (served(), served(world=WORLD)):
+        plan = plan_on(tmp_path, bench)
+        paths.append(tmp_path / f"{len(paths)}.sqlite")
+        about = {"dry": False, "procedure": "weights", "bench": "a balance"}
+        create(paths[-1], Genesis("x", plan.documents, plan.run_list, True, about), elapsed_s=0.0, utc_s=1.8e9)
+    with pytest.raises(UsageError, match=r"does not hold its world: name the world file .* with --world"):
+        check_way(paths[0], dry=True, rehearsed=True, world=False)
+    check_way(paths[0], dry=True, rehearsed=True, world=True)
+    check_way(paths[1], dry=True, rehearsed=True, world=False)
+    check_way(paths[0], dry=True, rehearsed=False, world=False)  # --list
+
+
+# --- people -------------------------------------------------------------------------------------------------------
+
+
+def test_a_served_bench_follows_what_it_is_told():
+    dry = DryBench(parse_bench(BENCH.format(more=""), "bench.toml"), tomllib.loads(WORLD))
+    try:
+        hands, said = Hands(dry.sim), []
+        for told in (
+            b"{}\n",
+            b'{"factor": "mass_g", "va',
+            b'lue": 20.5}\n',
+            b'{"change": "remount", "number": null}\n',
+        ):
+            hands.on_rx(told, said.append)
+        for nonsense in (b"\n", b"[1]\n", b'{"factor": "mass_g"}\n', b"\xff\n"):
+            hands.on_rx(nonsense, said.append)
+        assert said == [b"0\n", b"0\n", b"1\n", *[b"?\n"] * 4]
+        assert dry.sim.plant.laboratory.true("mass_g", 1.0) == 20.5
+    finally:
+        dry.close()
+
+
+@pytest.mark.parametrize(("steps", "heard"), [(0, [{}, "a", "b", "c"]), (2, [{}, "c"])])
+def test_a_bench_that_was_not_started_anew_is_changed_already(steps, heard):
+    lines = []
+
+    class Told(socketserver.StreamRequestHandler):
+        def handle(self):
+            lines.append(json.loads(self.rfile.readline()))
+            self.wfile.write(f"{steps}\n".encode())
+
+    with socketserver.TCPServer(("127.0.0.1", 0), Told) as server:
+        threading.Thread(target=server.serve_forever, args=(0.01,), daemon=True).start()
+        bench = ServedBench(f"127.0.0.1:{server.server_address[1]}")
+        for change in "ab":
+            bench.recall(change, None)
+        bench.done("c", None)
+        server.shutdown()
+    assert [line.get("change", line) for line in lines] == heard
+
+
+def test_a_bench_that_is_gone_is_said():
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        address = f"127.0.0.1:{free.getsockname()[1]}"
+    with pytest.raises(Unreachable, match=r"what a person has done .* is rig sim still running\?"):
+        ServedBench(address).recall_setting("mass_g", 1.0)
+    with pytest.raises(BenchFault, match="is rig sim still running"):
+        ServedBench(address).recall("remount", None)
+
+
+def test_weights_that_are_put_on_by_hand_are_read_over_rig_sim(tmp_path):
+    (tmp_path / "bench.toml").write_text(BENCH.format(more=""))
+    (tmp_path / "world.toml").write_text(WORLD, encoding="utf-8")
+    (tmp_path / "procedure.toml").write_text(PROCEDURE.format(levels=[0, 50, 100]))
+    live = tmp_path / "LIVE.toml"
+    world = ("--world", tmp_path / "world.toml", "--speed", 200, "--live", live, "--for", 60)
+    server = process("sim", tmp_path / "bench.toml", *world)
+    try:
+        wait_for(live.exists, server)
+        run = process("run", tmp_path / "procedure.toml", "--bench", live, "--out", tmp_path)
+        path = run.stdout.readline().strip()
+        for mass in ("0", "50", "100.5"):
+            wait_for(lambda mass=mass: rig("done", path, "--value", mass).returncode == 0, run)
+        run.communicate(timeout=30)
+    finally:
+        server.send_signal(signal.SIGTERM)
+        server.communicate(timeout=10)
+    out = tmp_path / "out.csv"
+    assert rig("export", path, "--out", out).returncode == 0
+    with out.open() as file:
+        read = [float(row["balance_g"]) for row in csv.DictReader(file)]
+    assert read == pytest.approx([0.002, 50.0035, 100.505], abs=0.002)
+    with RunReader.open(Path(path)) as reader:
+        assert reader.documents()["world.toml"] == WORLD
+
+
+# --- time and ranges ------------------------------------------------------------------------------------------------
+
+
+def test_lines_over_tcp_are_sent_at_once():
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        wires = Wires(RealClock())
+        try:
+            line = wires.serial(f"socket://127.0.0.1:{server.getsockname()[1]}", SerialSettings(9600), "it")
+            line.write("*CLS")
+            assert line._port._socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
+        finally:
+            wires.close()
+
+
+@pytest.mark.parametrize(("more", "reads"), [({}, 1970.0), ({"overload": 1500.0}, OVERLOAD)])
+def test_the_range_of_a_twin_is_that_of_the_bench_file(monkeypatch, more, reads):
+    it = Bench(METER | more)
+    try:
+        monkeypatch.setattr(it.twin.plant, "channel_V", lambda *_: 1970.0)
+        it.it.prepare()
+        it.it.start(1)
+        assert it.it.fetch() == {"input": [pytest.approx(reads)]}
+    finally:
+        it.dry.close()
+
+
+@pytest.mark.parametrize(("levels", "code"), [([1, 2, 190], 3), ([*range(1, 20), 190], 0)])
+def test_a_run_that_lost_points_says_so_in_its_last_line(tmp_path, levels, code):
+    (tmp_path / "bench.toml").write_text(BENCH.format(more="overload = 150"))
+    (tmp_path / "world.toml").write_text(WORLD, encoding="utf-8")
+    (tmp_path / "procedure.toml").write_text(PROCEDURE.format(levels=levels))
+    files = ("procedure.toml", "--bench", "bench.toml", "--dry", "--world", "world.toml")
+    done = rig("run", *files, cwd=tmp_path)
+    last = " ".join(done.stderr.split()).rpartition("detect changes of the file")[2]
+    assert last.strip().startswith(f"1 of {len(levels)} points were lost, and are in no table: the first, ")
+    assert "balance_g out of range" in last
+    assert done.returncode == code
