@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
@@ -103,6 +103,8 @@ def hp_dialect(interface: Interface, *, clear_with_dtr: bool = False) -> Dialect
 class ScpiMeter(ABC):
     """A meter that is started with INITiate and asked for its readings with FETCh?, or as in its dialect.
 
+    It satisfies `drivers.roles.Restartable` and `SelfChecking`.
+
     Args:
         line: its open line.
         clock: bench time.
@@ -119,6 +121,7 @@ class ScpiMeter(ABC):
         self._count = 0
         self._due = 0.0
         self._mark = 0
+        self._declared: Mapping[str, float | str] = {}
 
     @abstractmethod
     def channels(self) -> Sequence[str]:
@@ -164,6 +167,14 @@ class ScpiMeter(ABC):
             return whole(answer) != PREPARED
         except ValueError:
             raise self._line.bad_reply("*ESE?", answer, "a number") from None
+
+    def wrong(self) -> Sequence[str]:
+        """See `SelfChecking.wrong`: the settings of `prepare`. Nothing is asked of a meter with a command for remote
+        control: its panel is locked, and set to local it refuses to measure.
+        """
+        if self._remote:
+            return ()
+        return [f"{q} answers {answer}, not {wanted}" for q, wanted, answer in self._differing(self._declared)]
 
     def start(self, count: int) -> float:
         """See `Reader.start`.
@@ -235,6 +246,7 @@ class ScpiMeter(ABC):
     def _configure(self, commands: Iterable[str]) -> None:
         """Reset to a known state, send commands one by one, and check that none was refused."""
         self._clear()
+        self._declared = {}
         remote = (self._remote,) if self._remote else ()
         for command in (*remote, "*RST", "*CLS", *commands):
             self._line.write(command)
@@ -249,15 +261,25 @@ class ScpiMeter(ABC):
 
     def _verify(self, wanted: Mapping[str, float | str]) -> None:
         """Read settings back. Raises `BadReply` with the first wrong one."""
+        self._declared = {**self._declared, **wanted}
+        for question, value, answer in self._differing(wanted):
+            raise BadReply(f"{self._line.where}: {question} should answer {value} and answers {answer!r}")
+
+    def _differing(self, wanted: Mapping[str, float | str]) -> Iterator[tuple[str, float | str, str]]:
+        """Questions with another answer than the wanted one, also when asked again; with both."""
         for question, value in wanted.items():
-            answer = self._line.query(question)
-            parts = [answer] if isinstance(value, str) else answer.split(",")  # one number for each channel
-            if not all(agrees(part, value) for part in parts):
-                raise BadReply(f"{self._line.where}: {question} should answer {value} and answers {answer!r}")
+            answers = (self._line.query(question) for _ in range(2))
+            if not any(_agree(answer := one, value) for one in answers):
+                yield question, value, answer
 
     def _raise_errors(self) -> None:
         """See `raise_errors`."""
         raise_errors(self._line, lambda: self._line.query("SYST:ERR?", repeat=False), _MOST_ERRORS)
+
+
+def _agree(answer: str, wanted: float | str) -> bool:
+    """Whether an answer is as wanted, with one number for each channel."""
+    return all(agrees(part, wanted) for part in ([answer] if isinstance(wanted, str) else answer.split(",")))
 
 
 def raise_errors(line: SerialLine, ask: Callable[[], str], most: int, question: str = "SYST:ERR?") -> None:

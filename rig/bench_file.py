@@ -93,7 +93,13 @@ def playing(config: BenchConfig, role: type[Any]) -> list[str]:
 
 def unasked(config: BenchConfig) -> list[str]:
     """Names of the instruments that could be asked whether somebody has changed them, and have no question for it."""
-    return [name for name in playing(config, SelfChecking) if not config.instruments[name].options.get("check")]
+    instruments = config.instruments
+    return [
+        name
+        for name in playing(config, SelfChecking)
+        if "check" in driver_class(instruments[name].driver).Options.model_fields
+        and not instruments[name].options.get("check")
+    ]
 
 
 def _quantities(config: BenchConfig) -> list[str]:

@@ -12,11 +12,15 @@ from few_points import accepted, records
 from foreign_instruments import BENCH, PROCEDURE, Foreign
 
 from drivers.scpi_learned import PrintedForm, same_unit, unit_after
+from rig.bench import open_bench
+from rig.bench_file import check_options
+from rig.config import parse_bench
 from rig.controller import resume_run, start_run
 from rig.engine.session import Outcome, Signals
 from rig.plans import load_plan
 from rig.run_file.reader import RunReader
 from rig.run_file.sense import judged
+from rig.simulated.dry_run import DryBench
 from rig.tables import run_table
 
 UNIT = 'prepare = ["UNIT:TEMP C"]\ncheck = { "UNIT:TEMP?" = "C" }'
@@ -251,3 +255,27 @@ def test_a_meter_without_one_form_is_never_refused(numbers):
     form = PrintedForm()
     assert form.strange(numbers) == ""
     assert form.strange(["25", "1e3", "-0.5"]) == ""
+
+
+# --- meters with a driver of their own --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("address", ["visa://GPIB0::22::INSTR", "/dev/rig/dvm"])
+def test_a_meter_on_gpib_is_asked_for_its_settings_and_one_with_a_locked_panel_is_not(address):
+    text = f'name = "x"\n[instruments.it]\ndriver = "keysight-34401a"\naddress = "{address}"\n'
+    text += '[sensors.x]\naxis = "x"\nreader = "it"\n'
+    sent = []
+    dry = DryBench(
+        parse_bench(text, "bench.toml"), {}, tap=lambda _, way, data: sent.append(data) if way == "tx" else None
+    )
+    try:
+        it = open_bench(dry.config, check_options(dry.config, "x"), dry.world, dry.wires).instruments["it"]
+        it.prepare()
+        assert not it.wrong()
+        sent.clear()
+        dry.sim.twin("it").switch_on()  # as if *RST had been pressed at the panel
+        said = it.wrong()
+        assert bool(said) is bool(sent) is address.startswith("visa")
+        assert not said or any("VOLT:DC:NPLC?" in one or "RANG" in one for one in said)
+    finally:
+        dry.close()
