@@ -218,3 +218,12 @@ def test_a_run_that_lost_points_says_so_in_its_last_line(tmp_path, levels, code)
     assert last.strip().startswith(f"1 of {len(levels)} points were lost, and are in no table: the first, ")
     assert "balance_g out of range" in last
     assert done.returncode == code
+
+
+def test_the_plan_sees_outputs_beyond_the_range(tmp_path):
+    (tmp_path / "bench.toml").write_text(BENCH.format(more="overload = 150"))
+    expected = '[expect]\noutput = { balance = "1.001*mass_g" }\n'
+    for levels, told in (([1, 190], True), ([1, 140], False)):
+        (tmp_path / "procedure.toml").write_text(PROCEDURE.format(levels=levels) + expected)
+        done = rig("plan", "procedure.toml", "--bench", "bench.toml", cwd=tmp_path)
+        assert ("goes to 190 g, 1.3e+02 % of the range of balance, 150 g" in " ".join(done.stdout.split())) is told

@@ -13,7 +13,7 @@ from procedures.errors import DataError
 from procedures.kinds import kind_of
 from rig.dcc.si_units import si_unit
 from rig.errors import UsageError
-from rig.quantities import per_volt, scale
+from rig.quantities import VOLT, per_volt, scale
 
 if TYPE_CHECKING:
     from rig.plans import Plan
@@ -27,7 +27,7 @@ _OTHERS = (
 _USUAL = ("Nm", "kNm", "kN", "mN", "V", "mV", "uV", "mA", "A", "degC", "K", "deg", "kPa", "hPa", "Pa", "bar", "mbar",
           "psi", "mm", "um", "kg", "g", "ohm", "kohm", "Hz", "kHz", "W", "mV_per_V")  # fmt: skip
 """Units that a misspelt one may be meant for."""
-_LEAST_OF_RANGE = 1 / 500
+_LEAST_OF_RANGE, _MOST_OF_RANGE = 1 / 500, 1.2
 
 
 def unit_doubts(plan: Plan) -> Iterator[str]:
@@ -72,23 +72,28 @@ def _outputs(plan: Plan) -> Iterator[str]:
     except (DataError, FitError):
         return  # nothing is expected, which is said elsewhere
     for name, sensor in plan.bench.sensors.items():
-        span, volts = _range_volts(plan, sensor.reader, sensor.channel), per_volt(sensor.unit)
         values = table.columns.get(f"{name}_{sensor.unit}")
-        if span is None or volts is None or values is None:
+        if values is None:
             continue
         most = float(np.abs(values).max())
-        share = most / volts / span
-        if not _LEAST_OF_RANGE <= share <= 1.2:
-            yield (
-                f"{name}: its expected output goes to {most:.3g} {sensor.unit}, {100 * share:.2g} % of the range of "
-                f"{sensor.reader}, {span:g} V: is it in {sensor.unit}, the unit of sensors.{name}?"
-            )
+        for span, unit, least, greatest in _ranges(plan, sensor.reader, sensor.channel):
+            per = scale(unit, sensor.unit)
+            share = 1.0 if per is None else most / per / span
+            if not least <= share <= greatest:
+                own = spelled(sensor.unit)
+                yield (
+                    f"{name}: its expected output goes to {most:.3g} {own}, {100 * share:.2g} % of the range of "
+                    f"{sensor.reader}, {span:g} {spelled(unit)}: is it in {own}, the unit of sensors.{name}?"
+                )
 
 
-def _range_volts(plan: Plan, reader: str, channel: str) -> float | None:
-    """Declared measuring range of a channel, volts; None if the bench file has none."""
+def _ranges(plan: Plan, reader: str, channel: str) -> Iterator[tuple[float, str, float, float]]:
+    """Declared ranges of a channel: size, unit, and the smallest and largest part of it that an output should use."""
     options = plan.bench.instruments[reader].options
     ranges = options.get("ranges")
     found = ranges.get(channel) if isinstance(ranges, dict) else None
     found = options.get("range_V") if found is None else found
-    return float(found) if isinstance(found, int | float) else None
+    if isinstance(found, int | float):
+        yield float(found), VOLT, _LEAST_OF_RANGE, _MOST_OF_RANGE
+    if isinstance(end := options.get("overload"), int | float):
+        yield float(end), str(options.get("unit", VOLT)), 0.0, 1.0
