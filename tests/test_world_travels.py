@@ -222,7 +222,7 @@ def test_a_run_that_lost_points_says_so_in_its_last_line(tmp_path, levels, code)
 
 def test_the_plan_sees_outputs_beyond_the_range(tmp_path):
     (tmp_path / "bench.toml").write_text(BENCH.format(more="overload = 150"))
-    expected = '[expect]\noutput = { balance = "1.001*mass_g" }\n'
+    expected = '[expect]\nsigma = { balance = 0.001 }\noutput = { balance = "1.001*mass_g" }\n'
     for levels, told in (([1, 190], True), ([1, 140], False)):
         (tmp_path / "procedure.toml").write_text(PROCEDURE.format(levels=levels) + expected)
         done = rig("plan", "procedure.toml", "--bench", "bench.toml", cwd=tmp_path)
