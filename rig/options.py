@@ -24,8 +24,11 @@ def chosen(source: Source, given: Mapping[str, Any], choose: Choose) -> tuple[Ki
         UsageError: no kind matches the table, or its kind does not have an option.
     """
     known = kinds()
+    own = known.get(source.table.kind) if source.is_run else None
     for name in given:
-        _check_asked(name, given, [one for one in known.values() if name in choose(one).model_fields])
+        owners = [one for one in known.values() if name in choose(one).model_fields]
+        if own not in owners:
+            _check_asked(name, given, owners)
     kind = next((one for one in known.values() if one.asked_by & given.keys()), None) or known_kind(source.table)
     return kind, options_of(kind, given, choose, f"{source.name} is taken for {kind.title}")
 

@@ -15,7 +15,7 @@ from rig.controller import resume_run
 from rig.engine.session import Outcome, Signals
 from rig.errors import ConfigurationError
 from rig.report.budget import shares
-from rig.results.budget import budget, points
+from rig.results.budget import budget
 from sims.twins.keysight_34401a import Keysight34401ATwin
 from tests.command import rig
 from tests.general_lab import BENCH, run_dry
@@ -141,7 +141,6 @@ def test_what_cannot_be_budgeted_is_said(run, tmp_path):
     assert "is no run file" in rig("budget", table).stderr
     assert "the run has no force_N; its factors are force_kN" in rig("budget", run, "--at", "force_N=4").stderr
     assert "is not a quantity and its value" in rig("budget", run, "--at", "force_kN").stderr
-    assert points(["a=1,b=2"]) == [{"a": 1.0, "b": 2.0}]
 
 
 def test_a_register_that_contradicts_the_bench_of_the_run_is_refused(run, tmp_path):

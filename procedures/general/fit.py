@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import PurePath
@@ -24,7 +24,7 @@ from procedures.file_rows import rows_of_file
 from procedures.general.declared import Declared, Model, model_of
 from procedures.general.infer import CurveCalibration, Factored
 from procedures.general.iso376 import figures, rising
-from procedures.general.judged import derived_table, judged_fit, prediction_table, within_tolerance
+from procedures.general.judged import derived_table, judged_fit, predicted_at, prediction_table, within_tolerance
 from procedures.left_out import FitSummary, LeaveOut, Where, kept_with, not_searched, search
 from procedures.results import PlainFitted
 from procedures.table import Reader, Table
@@ -42,6 +42,7 @@ def fit_general(
     tolerance: float | None = None,
     *,
     between: tuple[float, float] | None = None,
+    at: Sequence[Mapping[str, float]] = (),
     first_look: bool = False,
 ) -> dict[str, Any]:
     """Fit a declared model to a column of a CSV table; returns JSON values.
@@ -57,6 +58,7 @@ def fit_general(
         declared: the model and the errors of the rows, in place of `formula`.
         tolerance: largest accepted half-width of the 95 % interval of an inferred value, in units of the abscissa.
         between: range of the abscissa for which `tolerance` holds; None for all of it.
+        at: values of the model's columns at which the response is predicted.
         first_look: whether nothing but the coefficients is wanted, so that gross errors need not be searched.
 
     Raises:
@@ -108,7 +110,7 @@ def fit_general(
         **found,
         **judged.figures,
         **derived_table(model.curve, calibration),
-        **prediction_table(calibration),
+        **(predicted_at(calibration, at, table.source) if at else prediction_table(calibration)),
         **within_tolerance(calibration, tolerance, table.source, between),
         **of_series,
         "notes": [*found["notes"], *calibration.notes],

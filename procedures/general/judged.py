@@ -167,6 +167,53 @@ def prediction_table(calibration: CurveCalibration) -> dict[str, Any]:
     }
 
 
+def predicted_at(calibration: CurveCalibration, points: Sequence[Mapping[str, float]], source: str) -> dict[str, Any]:
+    """The response at points that were asked for, with the uncertainty of the curve and of one new reading.
+
+    The standard uncertainty of the curve counts the correlation of its coefficients (JCGM 100, H.3.4).
+
+    Args:
+        calibration: of any number of variables.
+        points: values of all of them, at each point.
+        source: of the table, for messages.
+
+    Raises:
+        DataError: a point lacks a variable, or has others, or the curve has no value there.
+    """
+    names = list(calibration.formula.names)
+    for point in points:
+        if set(point) != set(names):
+            given, needed = ", ".join(point), ", ".join(names)
+            raise DataError(
+                f"{source}: --at has {given}, and the model is of {needed}: give a value of each, no others"
+            )
+    columns = {name: np.array([point[name] for point in points]) for name in names}
+    try:
+        values = calibration.formula.value(calibration.coefficients, columns)
+        rows = calibration.formula.rows(calibration.coefficients, columns)
+    except FitError as error:
+        raise DataError(f"{source}: --at: {error}") from error
+    variance, df = calibration.curve_variance(rows)
+    known = len(calibration.variances) > 0
+    u = np.sqrt(variance) if known else np.full(len(points), np.nan)
+    half = calibration.half_width(rows) if known else u
+    own = student(df) * u
+    return {
+        "predictions": [
+            {
+                **point,
+                "value": if_finite(float(values[k])),
+                "standard_uncertainty": if_finite(float(u[k])),
+                "df": if_finite(float(df[k])),
+                "confidence95": if_finite(float(own[k])),
+                "prediction95": if_finite(float(half[k])),
+                "outside": [n for n in names if not calibration.ranges[n][0] <= point[n] <= calibration.ranges[n][1]],
+            }
+            for k, point in enumerate(points)
+        ]
+    }
+
+
 def within_tolerance(
     calibration: CurveCalibration, tolerance: float | None, source: str, between: tuple[float, float] | None = None
 ) -> dict[str, Any]:

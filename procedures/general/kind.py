@@ -65,17 +65,24 @@ class GeneralKind(Kind):
         self, source: Source, options: FitOptions, *, leave_out: Sequence[str], own: Sequence[Entry], keep: bool
     ) -> Fitted:
         """A formula to one column, or the declared models to all sensors of a run."""
+        from procedures.points import points  # noqa: PLC0415
+
         read: Reader = source.read
         if source.is_run:
             from procedures.general.of_runs import Asked, fit_run, reader_of  # noqa: PLC0415
 
             asked = Asked.of(source.table, options.response, options.formula)
-            if asked is not None and set(_given(options)) <= {*_OF_RUNS, "traced"}:
+            at = points(options.at or ())
+            if (
+                asked is not None
+                and set(_given(options)) <= {*_OF_RUNS, "traced", "at"}
+                and not (options.traced and at)
+            ):
                 if options.traced:
                     from procedures.general.traced import fit_traced  # noqa: PLC0415
 
                     return fit_traced(asked, leave_out, own)
-                return fit_run(asked, leave_out)
+                return fit_run(asked, leave_out, at)
             read = reader_of(source.table)
         if options.traced:
             raise DataError(
@@ -109,6 +116,7 @@ class GeneralKind(Kind):
             declared,
             options.tolerance,
             between=options.between,
+            at=points(options.at or ()),
         )
         return GeneralFitted(result)
 

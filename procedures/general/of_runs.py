@@ -165,8 +165,8 @@ def noted_of(fitted: RunFitted, notes: Mapping[str, Sequence[str]]) -> RunFitted
     return RunFitted(next(iter(found.values())))
 
 
-def fit_run(asked: Asked, leave_out: Sequence[str] = ()) -> RunFitted:
-    """Fit the declared model to every sensor.
+def fit_run(asked: Asked, leave_out: Sequence[str] = (), at: Sequence[Mapping[str, float]] = ()) -> RunFitted:
+    """Fit the declared model to every sensor, and predict its output at points.
 
     Raises:
         DataError: the rows do not determine a model, or it cannot be read.
@@ -177,7 +177,7 @@ def fit_run(asked: Asked, leave_out: Sequence[str] = ()) -> RunFitted:
     found = {}
     for column, model in asked.models.items():
         declared = declared_of(model, table)
-        found[column] = _noted(fit_general(read, column, None, plots, None, leave_out, declared), notes)
+        found[column] = _noted(fit_general(read, column, None, plots, None, leave_out, declared, at=at), notes)
     if len(found) == 1:
         return RunFitted(next(iter(found.values())))
     first = next(iter(found.values()))

@@ -47,6 +47,12 @@ class FitOptions(Options):
         None, description="with --tolerance, for a curve that turns: the range in which values are inferred"
     )
 
+    at: list[str] | None = Field(
+        None,
+        description="values of the model's columns at which the response is predicted, with its uncertainty: x=30, or "
+        "x=30,t_degC=20; repeatable",
+    )
+
 
 class BudgetOptions(Options):
     """Options of `rig budget`."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from rich.markup import escape
@@ -15,6 +15,10 @@ from procedures.general.evaluate import GeneralTraced
 from procedures.gross_shown import show_gross, show_left_out
 from procedures.numbers import number
 from procedures.words import verdict_of
+
+_PREDICTED = {"value", "standard_uncertainty", "df", "confidence95", "prediction95", "outside"}
+_MOST_CORRELATED = 6
+"""Coefficients at most whose correlations are shown; the JSON has them of all."""
 
 
 def show_general_trace(traced: GeneralTraced) -> Iterator[Block]:
@@ -92,19 +96,33 @@ def _tests(result: Mapping[str, Any]) -> Iterator[Block]:
 
 
 def _predictions(result: Mapping[str, Any]) -> Iterator[Block]:
-    """The curve over its range, with intervals."""
+    """The curve over its range, or at points that were asked for, with intervals."""
     rows = result.get("predictions", ())
     if not rows:
         return
-    name = next(iter(rows[0]))
-    table = Grid((escape(name), escape(result["response"]), "95 %: curve +-", "one reading +-"))
+    asked = "standard_uncertainty" in rows[0]
+    names = [name for name in rows[0] if name not in _PREDICTED]
+    own = ("standard uncertainty",) if asked else ()
+    table = Grid((*map(escape, names), escape(result["response"]), *own, "95 %: curve +-", "one reading +-"))
     for row in rows:
-        table.add_row(
-            number(row[name], 6),
-            *with_error(row["value"], row["confidence95"]),
-            with_error(row["value"], row["prediction95"])[1],
-        )
+        value, error = with_error(row["value"], row["standard_uncertainty" if asked else "confidence95"])
+        intervals = [with_error(row["value"], row[key])[1] for key in ("confidence95", "prediction95")]
+        table.add_row(*(number(row[name], 6) for name in names), value, *([error] if asked else []), *intervals)
     yield table
+    for row in rows:
+        if outside := row.get("outside"):
+            place = ", ".join(f"{name} = {number(row[name], 6)}" for name in outside)
+            yield Line(f"  [yellow]{escape(place)} is outside what was measured: the model is taken to hold there[/]")
+    if asked and result.get("correlation") and len(result["coefficients"]) <= _MOST_CORRELATED:
+        yield _correlations(list(result["coefficients"]), result["correlation"])
+
+
+def _correlations(terms: Sequence[str], values: Sequence[Sequence[float]]) -> Grid:
+    """Correlations of the coefficients."""
+    table = Grid(("correlation", *map(escape, terms)))
+    for term, row in zip(terms, values, strict=True):
+        table.add_row(escape(term), *(f"{value:.3f}" for value in row))
+    return table
 
 
 def _of_series(result: Mapping[str, Any]) -> Iterator[Block]:

@@ -74,8 +74,8 @@ def budget(
 
     Example: `rig budget RUN --equipment equipment.toml --at force_kN=2.5`
     """
+    from procedures.points import points  # noqa: PLC0415
     from rig.results.budget import budget as budget_run  # noqa: PLC0415
-    from rig.results.budget import points  # noqa: PLC0415
 
     check_files([report], [run_file, *filter(None, (equipment,))])
     check_format(report, ".html", ".htm")

@@ -205,21 +205,3 @@ def budget(
         "after_days": after_days,
     }
     return Budget(budget_of(of, **asked, trials=trials, seed=seed, each=each))
-
-
-def points(texts: Sequence[str]) -> list[dict[str, float]]:
-    """Points of `--at`: "force_kN=2.5". Raises `UsageError`."""
-    found = []
-    for text in texts:
-        point: dict[str, float] = {}
-        for part in text.split(","):
-            name, _, value = part.partition("=")
-            try:
-                point[name.strip()] = float(value)
-            except ValueError:
-                raise UsageError(
-                    f"--at {text}: {part!r} is not a quantity and its value, such as force_kN=2.5; several are "
-                    f"separated by commas"
-                ) from None
-        found.append(point)
-    return found
