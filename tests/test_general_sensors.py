@@ -85,7 +85,7 @@ def test_a_run_is_fitted_like_any_other_table_if_its_columns_are_asked_for(run):
     [
         (("--response", "cel_V"), "has no output cel_V; its sensors are other_V, cell_V"),
         (("--formula", "1 + force"), "has no column force"),
-        (("--model", "callendar"), "--model: any other table is fitted with --response"),
+        (("--model", "callendar"), "--model needs --response, the column to be explained"),
     ],
 )
 def test_what_a_run_does_not_have_is_said(run, arguments, said):
