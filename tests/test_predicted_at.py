@@ -58,7 +58,7 @@ def test_a_run_of_sensors_is_predicted_too(tmp_path):
     told = json.loads(rig("fit", run_of(tmp_path, "run"), "--at", "flow_kg_per_min=2.2", "--json").stdout)
     (one,) = told["predictions"]
     assert one["value"] == pytest.approx(50.0 + 180.0 * 2.2 - 3.0 * 2.2**2, abs=1.0)
-    assert 0.0 < one["standard_uncertainty"] < 0.5
+    assert 0.0 < one["standard_uncertainty"] < 1.0, "a lag that is not in the model scatters by 2.6 Hz"
 
 
 @pytest.mark.parametrize(
