@@ -227,3 +227,14 @@ def test_the_plan_sees_outputs_beyond_the_range(tmp_path):
         (tmp_path / "procedure.toml").write_text(PROCEDURE.format(levels=levels) + expected)
         done = rig("plan", "procedure.toml", "--bench", "bench.toml", cwd=tmp_path)
         assert ("goes to 190 g, 1.3e+02 % of the range of balance, 150 g" in " ".join(done.stdout.split())) is told
+
+
+def test_the_log_says_how_many_points_were_lost(tmp_path):
+    (tmp_path / "bench.toml").write_text(BENCH.format(more="overload = 150"))
+    (tmp_path / "world.toml").write_text(WORLD, encoding="utf-8")
+    (tmp_path / "procedure.toml").write_text(PROCEDURE.format(levels=[1, 2, 190]))
+    files = ("procedure.toml", "--bench", "bench.toml", "--dry", "--world", "world.toml", "--log", "run.log")
+    rig("run", *files, cwd=tmp_path)
+    log = (tmp_path / "run.log").read_text()
+    assert "complete, 2 of 3 points in " in log
+    assert "1 of 3 points were lost" in log

@@ -33,7 +33,8 @@ from rig.cli.unattended import (
     facts_of,
     heard,
     listening,
-    outside,
+    remarks,
+    too_few,
 )
 from rig.controller import Result, resume_run, start_run
 from rig.engine.early_warning import warnings_in
@@ -128,7 +129,7 @@ def run(
             )
             return ExitCode.DONE
         code = conclude(result)
-        listeners.ended(result.outcome, result.message, note=outside(code), head=result.head)
+        listeners.ended(result.outcome, result.message, **remarks(code, result.state), head=result.head)
     return code
 
 
@@ -195,12 +196,8 @@ def resume(
                 by=by,
             )
         code = conclude(result)
-        listeners.ended(result.outcome, result.message, note=outside(code), head=result.head)
+        listeners.ended(result.outcome, result.message, **remarks(code, result.state), head=result.head)
     return code
-
-
-MOST_LOST = 0.1
-"""Part of the points that a complete run may have lost and still end in 0."""
 
 
 def _warn(text: str) -> None:
@@ -252,7 +249,7 @@ def conclude(result: Result) -> int:
                     f"{lost} of {state.points} points were lost, and are in no table: the first, {min(state.skipped)}, "
                 )
                 err.print(f"[bold red]{words}{escape(state.skipped[min(state.skipped)])}[/]", soft_wrap=True)
-            if outside or lost > MOST_LOST * state.points:
+            if outside or too_few(state):
                 return ExitCode.OUTSIDE_ACCEPTANCE
     return _EXIT[result.outcome]
 

@@ -7,13 +7,14 @@ import faulthandler
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, TypedDict
 
 import typer
 
 from rig.engine.session import Progress
 from rig.errors import ConfigurationError, ExitCode
 from rig.run_file.reader import RunReader
+from rig.run_file.state import RunState
 from rig.unattended import Listeners, Log, RunFacts, ServiceManager
 from rig.unattended.earlier import ended_without_a_word
 from rig.unattended.logs import LogFormat, default_log, file_writer, logged_by_journal, stderr_writer
@@ -113,9 +114,27 @@ def facts_of(run_file: Path) -> RunFacts:
         )
 
 
-def outside(code: int) -> str:
-    """Additional words for a log and a message besides the outcome."""
-    return "outside acceptance" if code == ExitCode.OUTSIDE_ACCEPTANCE else ""
+MOST_LOST = 0.1
+"""Part of the points that a complete run may have lost and still end in 0."""
+
+
+def too_few(state: RunState) -> bool:
+    """Whether a complete run lost so many points that it does not end in 0."""
+    return len(state.skipped) > MOST_LOST * state.points
+
+
+class Remarks(TypedDict):
+    """Additional arguments of `Listeners.ended`."""
+
+    note: str
+    lost: int
+
+
+def remarks(code: int, state: RunState) -> Remarks:
+    """What a log and a message say besides the outcome."""
+    lost = [f"{len(state.skipped)} of {state.points} points were lost"] if state.skipped else []
+    outside = ["outside acceptance"] if code == ExitCode.OUTSIDE_ACCEPTANCE and not too_few(state) else []
+    return {"note": "; ".join([*lost, *outside]), "lost": len(state.skipped)}
 
 
 def _add_logs(listeners: Listeners, asked: Listening) -> None:

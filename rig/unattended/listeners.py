@@ -102,7 +102,7 @@ class Listeners:
         except Exception as error:
             self._in_trouble(error)
 
-    def ended(self, outcome: Outcome, message: str, *, note: str = "", head: str = "") -> None:
+    def ended(self, outcome: Outcome, message: str, *, note: str = "", head: str = "", lost: int = 0) -> None:
         """Report the end of the session, after the safe state.
 
         Args:
@@ -110,10 +110,14 @@ class Listeners:
             message: reason, "" if none is needed.
             note: further remark: "outside acceptance".
             head: hash of the run file's last record, "" if there is none.
+            lost: number of points that were given up for good.
 
         """
         kind, level = _ENDINGS[outcome]
         news = self._last
+        if news is not None and lost:
+            self.progress(news._replace(done=news.done - lost))
+            news = self._last
         done = "" if news is None else f", {news.done} of {news.total} points in {duration(news.elapsed_s)}"
         text = "; ".join(part for part in (f"{outcome.value}{done}", note, head and f"head {head}", message) if part)
         if self._utc_minus_elapsed is None:  # nothing was done in this session: the run was complete already

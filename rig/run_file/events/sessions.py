@@ -227,8 +227,6 @@ class Ended(
     Event,
     kind="end",
     matters=Importance("session", ""),
-    ends="{how}",
-    says="{how}: {accepted} points observed, {records} records before this one",
 ):
     """The run is complete.
 
@@ -250,6 +248,16 @@ class Ended(
     lost: Texts | None = None
     records: Count
     head: Text
+
+    @property
+    def ending(self) -> str:
+        """See `Event.ending`; lost points are said."""
+        return f"{self.how}, without {len(self.skipped)} of its points" if self.skipped else self.how
+
+    def sentence(self, record: Record) -> str:
+        """How many points it has, and how many were lost."""
+        lost = f", {len(self.skipped)} lost" if self.skipped else ""
+        return f"{self.how}: {self.accepted} points observed{lost}, {self.records} records before this one"
 
 
 @dataclass(frozen=True, kw_only=True)
