@@ -131,7 +131,7 @@ class Remarks(TypedDict):
 
 
 def remarks(code: int, state: RunState) -> Remarks:
-    """What a log and a message say besides the outcome."""
+    """Words for a log and a message besides the outcome."""
     lost = [f"{len(state.skipped)} of {state.points} points were lost"] if state.skipped else []
     outside = ["outside acceptance"] if code == ExitCode.OUTSIDE_ACCEPTANCE and not too_few(state) else []
     return {"note": "; ".join([*lost, *outside]), "lost": len(state.skipped)}
