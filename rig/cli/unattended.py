@@ -119,7 +119,7 @@ MOST_LOST = 0.1
 
 
 def too_few(state: RunState) -> bool:
-    """Whether a complete run lost so many points that it does not end in 0."""
+    """Whether a complete run has lost more points than one that ends in 0 may."""
     return len(state.skipped) > MOST_LOST * state.points
 
 
