@@ -8,10 +8,16 @@ import pytest
 from procedures.general.column_roles import Roles
 from procedures.general.common import common_of
 from procedures.general.evaluate import trace_general_table
+from procedures.general.trace import family
 from procedures.table import Table
 
 SLOPES = {"a_Hz": 100.0, "b_Hz": 180.0, "c_Hz": 260.0}
 NOISE = 0.1
+
+
+@pytest.fixture(autouse=True)
+def _few_draws(monkeypatch):
+    monkeypatch.setattr(family, "MOST", 500)
 
 
 def traced(error, noise=NOISE):
