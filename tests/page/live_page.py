@@ -41,7 +41,7 @@ SHORT = {
     "[settle]\ndwell_s = 20\n[measure]\nreadings = 4\n[environment]\nsetpoint_degC = 23\ndwell_s = 60\n",
     "pressure-lab": '\n[design]\ntype = "list"\ntemperatures_degC = [[10, 20], [20, 10], [20, 30], [30, 20]]\n'
     "pressures_psia = [0.12, 0.5, 1.0, 2.5]\nrepeated_psia = [0.5]\n[soak]\ndwell_s = 120\ndrift_degC_per_h = 5\n"
-    "[settle]\ndwell_s = 40\n[measure]\nreadings = 2\n",
+    '[settle]\ndwell_s = 40\n[measure]\nreadings = 2\n[model]\nformula = "1 + P + P^2"\n',
 }
 KIND = {"attitude-lab": "pitch-roll", "pressure-lab": "whole-plot"}
 
