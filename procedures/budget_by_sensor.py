@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import Protocol
 
@@ -29,6 +29,10 @@ class Calibrated(Protocol):
     @property
     def readings(self) -> FloatArray:
         """(p,) outputs at the points; none if the points are not given for its model."""
+
+    @property
+    def places(self) -> Sequence[Mapping[str, float]]:
+        """Settings at each of the (p,) points."""
 
     def values(self, coefficients: FloatArray, readings: FloatArray) -> FloatArray:
         """Its results: coefficients, outputs, and inferred values of (p,) readings."""
@@ -75,4 +79,13 @@ class EvaluationBySensor(Evaluation):
         names, units, sensors = zip(*named, strict=True)
         parts = [one.scatter() for one in self.each]
         type_a = TypeA(together([p[0] for p in parts]), np.concatenate([p[1] for p in parts]), *SCATTER)
-        return Results(names, units, values, type_a, sensors, np.concatenate([p[2] for p in parts]))
+        at = [place for one in self.each for place in _places(one)]
+        return Results(names, units, values, type_a, sensors, np.concatenate([p[2] for p in parts]), tuple(at))
+
+
+def _places(one: Calibrated) -> Iterator[Mapping[str, float]]:
+    """Settings of each of its results: none of coefficients, then those of the points, for every sort of result."""
+    k, every = len(one.fitted), len(list(one.named()))
+    yield from ({} for _ in range(k))
+    if one.places:
+        yield from (place for _ in range((every - k) // len(one.places)) for place in one.places)

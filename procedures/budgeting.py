@@ -56,6 +56,7 @@ class Results:
         type_a: covariance by statistics of the run; that of inferred values includes the scatter of one reading in use.
         sensors: sensor of each result; "" for those of several.
         of_fit: (m,) part of the variance that more observations make smaller.
+        at: settings at the point of each result, by column; none for a coefficient. () where a kind does not say.
     """
 
     names: tuple[str, ...]
@@ -64,6 +65,7 @@ class Results:
     type_a: TypeA
     sensors: tuple[str, ...]
     of_fit: FloatArray
+    at: tuple[Mapping[str, float], ...] = ()
 
 
 SCATTER = ("scatter of readings", "the run")

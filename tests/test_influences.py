@@ -263,3 +263,20 @@ def test_replications_average_errors_that_are_made_anew():
 def test_evaluations_without_a_change_are_their_results():
     for evaluation in (attitude(), pressure(), general()):
         assert evaluation.evaluate(Shift()) == pytest.approx(evaluation.results.values, rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("made", "place"),
+    [
+        (attitude, {"pitch_deg": 30.0, "roll_deg": 40.0}),
+        (pressure, {"pressure_psia": 4.0, "sensor_temperature_degC": -100.0, "sse_temperature_degC": 10.0}),
+        (general, {"force_kN": 4.0}),
+    ],
+)
+def test_every_result_at_a_point_has_its_settings_and_a_coefficient_none(made, place):
+    results = made().results
+    away = {"attitude": AWAY, "pressure": "at 4 psia", "general": "at force 4 kN"}[made.__name__]
+    assert len(results.at) == len(results.names)
+    for name, at in zip(results.names, results.at, strict=True):
+        assert (dict(at) == place) == (away in name)
+        assert bool(at) == (" at " in name)

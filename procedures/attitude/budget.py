@@ -71,17 +71,17 @@ class Model:
         extra = [one.beyond(g.T, np.zeros(len(g))) for one in calibration.sensors]
         return np.asarray(calibration.offsets_V + g @ calibration.matrix.T + np.column_stack(extra))
 
-    def named(self) -> Iterable[tuple[str, str, str]]:
-        """Name, unit and sensor of every result."""
+    def named(self) -> Iterable[tuple[str, str, str, Mapping[str, float]]]:
+        """Name, unit, sensor and settings of every result; a coefficient has none."""
         for one in self.calibration.names:
-            yield f"{one} offset", "V", one
-            yield f"{one} sensitivity per local g", "V", one
+            yield f"{one} offset", "V", one, {}
+            yield f"{one} sensitivity per local g", "V", one, {}
             if self.gravity is not None:
-                yield f"{one} sensitivity per standard gravity", "V", one
-            yield from ((f"{one} {axis}", "V", one) for axis in ("mx", "my", "mz"))
-        where = [f"at pitch {a:g} deg, roll {r:g} deg" for a, r in self.at_deg.tolist()]
-        yield from ((f"{one} output {place}", "V", one) for place in where for one in self.calibration.names)
-        yield from ((f"inferred {angle} {place}", "deg", "") for place in where for angle in self.angles)
+                yield f"{one} sensitivity per standard gravity", "V", one, {}
+            yield from ((f"{one} {axis}", "V", one, {}) for axis in ("mx", "my", "mz"))
+        where = [(f"at pitch {a:g} deg, roll {r:g} deg", {PITCH: a, ROLL: r}) for a, r in self.at_deg.tolist()]
+        yield from ((f"{one} output {label}", "V", one, at) for label, at in where for one in self.calibration.names)
+        yield from ((f"inferred {angle} {label}", "deg", "", at) for label, at in where for angle in self.angles)
 
     def values(self, coefficients: FloatArray, readings: FloatArray, gravity: float | None) -> FloatArray:
         """(m,) results.
@@ -257,11 +257,11 @@ class AttitudeEvaluation(Evaluation):
         values = model.values(self._base, model.readings, model.gravity)
         known = np.isfinite(values)
         if not known.all():
-            lost = next(name for (name, _, _), one in zip(named, known, strict=True) if not one)
+            lost = next(name for (name, *_), one in zip(named, known, strict=True) if not one)
             raise FitError(f"{lost}: these sensors do not determine it there; choose another point with --at")
-        names, units, sensors = zip(*named, strict=True)
+        names, units, sensors, at = zip(*named, strict=True)
         type_a, of_fit = self._type_a(values)
-        return Results(names, units, values, type_a, sensors, of_fit)
+        return Results(names, units, values, type_a, sensors, of_fit, at)
 
     @cached_property
     def _scatter(self) -> Mapping[str, Scatter]:
@@ -332,7 +332,7 @@ class AttitudeEvaluation(Evaluation):
             J[:, i] = (up - down) / (2 * step[i])
         found = J @ covariance @ J.T
         of_fit = np.diag(found).copy()
-        every = np.array([df.get(sensor, np.inf) for _, _, sensor in model.named()])
+        every = np.array([df.get(sensor, np.inf) for _, _, sensor, _ in model.named()])
         answer = model.infer(calibration, model.readings)
         sd = np.column_stack([answer.pitch_sd_deg, answer.roll_sd_deg])[:, : len(model.angles)].ravel()
         inferred = np.arange(len(values) - last, len(values))

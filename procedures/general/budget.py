@@ -166,6 +166,13 @@ class Sensor:
             return np.zeros(0)
         return self.calibration.formula.value(self.calibration.coefficients, self._given)
 
+    @property
+    def places(self) -> Sequence[Mapping[str, float]]:
+        """Settings at each of the (p,) points."""
+        given = self.at if self.has_points else {}
+        every = zip(*(values.tolist() for values in given.values()), strict=True)
+        return [dict(zip(given, values, strict=True)) for values in every]
+
     @cached_property
     def rows(self) -> FloatArray:
         """(p, k) derivative of the outputs by the coefficients."""

@@ -89,6 +89,11 @@ class Transducer:
         derivative = self.calibration.formula.derivative({"P": P, "T_sensor": sensor, "T_SSE": sse}, "P")
         return np.asarray(derivative @ self.calibration.coefficients)
 
+    @property
+    def places(self) -> Sequence[Mapping[str, float]]:
+        """Settings at each of the (p,) points."""
+        return [dict(zip((PRESSURE, SENSOR, SSE), one, strict=True)) for one in self.at.tolist()]
+
     @cached_property
     def readings(self) -> FloatArray:
         """(p,) outputs at the points, mV."""

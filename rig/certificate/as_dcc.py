@@ -235,7 +235,10 @@ def _conformity(parent: ET.Element, statement: Statement, document: Document) ->
     _words(one, "name", f"{statement.sensor}: {statement.what}")
     _add(one, "convention", _solid(statement.rule))
     _add(one, "norm", "JCGM 106:2012")
-    told = f"{statement.sentence} Tolerance {statement.tolerance}; probability of conformity {statement.probability}."
+    by = statement.basis and f" ({statement.basis})"
+    told = (
+        f"{statement.sentence} Tolerance {statement.tolerance}{by}; probability of conformity {statement.probability}."
+    )
     _words(one, "declaration", told.strip())
     _add(one, "conformity", statement.verdict)
 

@@ -9,20 +9,17 @@ from pathlib import Path
 import numpy as np
 
 from fitter.budget import NEAR_95, Budgeted, Shapes
-from fitter.decision import decide
 from fitter.rounding import rounded, rounded_df, rounded_factor, rounded_to, rounded_uncertainty
 from fitter.trace.outcome import Finding, Outcome
 from rig.certificate import words
-from rig.certificate.document import Budget, Condition, Contribution, Effect, Result, ResultTable, Stage, Statement
+from rig.certificate.document import Budget, Condition, Contribution, Effect, Result, ResultTable, Stage
 from rig.certificate.numbers import raised
-from rig.certificate.settings import CertificateSettings, ToleranceSettings
 from rig.closed_loop.budget import RunBudget
 from rig.closed_loop.confirm import Confirmed
 from rig.dcc.si_units import per_term
 
 SMALL = 1e-3
 """Share of the variance below which an influence is not listed."""
-_ITS_POINT = "its value is the point by definition, whatever the item does, so every item would conform"
 _SHARED = "Quantities inferred from all items together"
 _OF_TEMPERATURES = -2
 """Last printed place of recorded temperatures: that of meters of temperatures, and of tables."""
@@ -38,7 +35,7 @@ def sensor_of(name: str, run: RunBudget) -> str:
     return run.of.table.outputs.get(name, name)
 
 
-def _label(one: Budgeted, column: str, run: RunBudget) -> str:
+def label_of(one: Budgeted, column: str, run: RunBudget) -> str:
     """Name of a result without that of its sensor."""
     for name in (column, sensor_of(column, run)):
         if name and one.name.startswith(f"{name} "):
@@ -51,7 +48,7 @@ def _result(one: Budgeted, column: str, run: RunBudget) -> Result:
     power = f"e{both.exponent:+03d}" if both.exponent else ""
     return Result(
         name=one.name,
-        label=_label(one, column, run),
+        label=label_of(one, column, run),
         at=(),
         value=f"{both.value_text}{power}",
         expanded=f"{both.uncertainty_text}{power}",
@@ -91,7 +88,7 @@ def notes(run: RunBudget) -> Iterator[str]:
         first = note.partition(" ")[0]
         told = f"{note[0].upper()}{note[1:]}" if first.isalpha() else note
         for column, one in pairs:  # as the tables call them
-            told = told.replace(one.name, f"{sensor_of(column, run)} {_label(one, column, run)}") if column else told
+            told = told.replace(one.name, f"{sensor_of(column, run)} {label_of(one, column, run)}") if column else told
         yield told if told.endswith(".") else f"{told}."
 
 
@@ -108,7 +105,7 @@ def _largest(ones: Sequence[Budgeted], column: str, run: RunBudget) -> Iterator[
     """Of results whose labels begin alike, such as all outputs, and that are in the unit of the first one."""
     sorts: dict[str, list[Budgeted]] = {}
     for one in ones:
-        sorts.setdefault(_label(one, column, run).partition(" ")[0], []).append(one)
+        sorts.setdefault(label_of(one, column, run).partition(" ")[0], []).append(one)
     for alike in sorts.values():
         same = (one for one in alike if one.unit == alike[0].unit)
         yield max(same, key=lambda one: one.expanded_uncertainty)
@@ -156,110 +153,6 @@ def decimal_text(number: Decimal) -> str:
 def repeatability_only(run: RunBudget) -> tuple[str, ...]:
     """Results whose uncertainty has nothing but the scatter of the run."""
     return tuple(one.name for one in run.budgets if not any(line.kind == "B" for line in one.contributions))
-
-
-def statements(run: RunBudget, stage: Stage, settings: CertificateSettings) -> Iterator[Statement]:
-    """Statements of conformity, one for each tolerance and result. Raises `FitError` if the rule cannot be applied."""
-    for tolerance in settings.tolerance:
-        for column, one in _judged(run, tolerance):
-            yield _statement(one, column, run, stage, tolerance, settings)
-
-
-def without_result(run: RunBudget, settings: CertificateSettings) -> Iterator[str]:
-    """Tolerances that belong to no result, to one that is its point, or are in another unit, one sentence each."""
-    for one in settings.tolerance:
-        found = list(_judged(run, one))
-        where = f"tolerance of {one.result!r}" + (f" of {one.sensor!r}" if one.sensor else "")
-        if not found:
-            known = "; ".join(label for label in _labels(run) if not _is_its_point(label))
-            yield f"{where}: no result has that label; there are: {known}"
-        elif _is_its_point(one.result):
-            yield f"{where}: {_ITS_POINT}; {_instead(one.result, run)}"
-            continue
-        for _, budget in found:
-            unit = per_term(budget.unit)
-            if unit != one.unit:
-                yield f"{where}: unit = {one.unit!r}, and {budget.name} is in {unit!r}: convert the limits"
-
-
-def _labels(run: RunBudget) -> Iterable[str]:
-    return dict.fromkeys(_label(b, c, run) for c, b in zip(run.sensors, run.budgets, strict=True))
-
-
-def _is_its_point(label: str) -> bool:
-    """Whether the value of a result is the point at which it is given, whatever the item does."""
-    return label.startswith("inferred ")
-
-
-def _instead(label: str, run: RunBudget) -> str:
-    """What has a tolerance in place of an inferred value: the outputs at its point."""
-    place = f" {label[label.find('at ') :]}"
-    ends = [one for one in _labels(run) if not _is_its_point(one) and one.endswith(place)]
-    named = " or ".join(map(repr, ends)) or "an output or a coefficient"
-    return f"state the nominal output there, with its tolerance in the output's unit: result = {named}"
-
-
-def _judged(run: RunBudget, tolerance: ToleranceSettings) -> Iterator[tuple[str, Budgeted]]:
-    for column, one in zip(run.sensors, run.budgets, strict=True):
-        names = (sensor_of(column, run), column)
-        if _label(one, column, run) == tolerance.result and (not tolerance.sensor or tolerance.sensor in names):
-            yield column, one
-
-
-def _statement(
-    one: Budgeted,
-    column: str,
-    run: RunBudget,
-    stage: Stage,
-    tolerance: ToleranceSettings,
-    settings: CertificateSettings,
-) -> Statement:
-    interval = tolerance.tolerance
-    made = decide(
-        one.value,
-        one.standard_uncertainty,
-        interval,
-        settings.decision.made,
-        expanded_uncertainty=one.expanded_uncertainty,
-        df=one.df,
-    )
-    unit = per_term(one.unit)
-    ends = (interval.lower, interval.upper)
-    limits = (
-        f"{tolerance.nominal:g} ± {tolerance.deviation:g} {unit}"
-        if tolerance.nominal is not None
-        else f"{_end(ends[0], 'from')}{_end(ends[1], 'to' if np.isfinite(ends[0]) else 'up to')}{unit}".strip()
-    )
-    what = _label(one, column, run)
-    return Statement(
-        sensor=sensor_of(column, run),
-        what=what,
-        tolerance=limits,
-        rule=settings.decision.words,
-        verdict=made.word,
-        probability=_probability(made.conformity_probability),
-        sentence=_SENTENCES[made.word].format(what),
-        stage=stage,
-    )
-
-
-def _end(value: float, word: str) -> str:
-    return f"{word} {value:g} " if np.isfinite(value) else ""
-
-
-def _probability(value: float) -> str:
-    """A probability with three digits, never rounded to certainty."""
-    return "> 0.999" if value > 0.9995 else "< 0.001" if value < 0.0005 else f"{value:.3f}"
-
-
-_SENTENCES = {
-    "pass": "{} conforms with its tolerance.",
-    "fail": "{} does not conform with its tolerance.",
-    "conditionalPass": "{} is within its tolerance, but nearer to a limit than the guard band.",
-    "conditionalFail": "{} is outside its tolerance, but nearer to a limit than the guard band.",
-    "noPass": "conformity of {} is not stated; it is rather within its tolerance.",
-    "noFail": "conformity of {} is not stated; it is rather outside its tolerance.",
-}
 
 
 def conditions(run: RunBudget, stage: Stage) -> tuple[Condition, ...]:

@@ -288,6 +288,7 @@ class Statement:
         probability: that the quantity is within the tolerance, as a text.
         sentence: the statement, without the name of the sensor.
         stage: as found or as left.
+        basis: by what the tolerance follows from the settings, as words; "" where it is stated as numbers.
     """
 
     sensor: str
@@ -298,6 +299,7 @@ class Statement:
     probability: str
     sentence: str
     stage: Stage = ""
+    basis: str = ""
 
 
 @dataclass(frozen=True)

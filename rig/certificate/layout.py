@@ -258,7 +258,8 @@ def _conformity(document: Document) -> Iterator[Block]:
         for one in document.statements
     ]
     rules = tuple(dict.fromkeys(one.rule for one in document.statements))
-    yield _texts("", heads, rows, notes=(*(f"Decision rule: {rule}" for rule in rules), *words.CONFORMITY))
+    by = dict.fromkeys(f"Tolerance of {one.basis}." for one in document.statements if one.basis)
+    yield _texts("", heads, rows, notes=(*by, *(f"Decision rule: {rule}" for rule in rules), *words.CONFORMITY))
     yield Sentences(tuple(_stated(document)))
 
 

@@ -8,45 +8,12 @@ from typing import Literal, Self
 
 from pydantic import Field, model_validator
 
-from fitter.decision import GuardBand, ProbabilityLimit, Rule, SharedRisk, SimpleAcceptance, Tolerance
-from fitter.errors import FitError
+from fitter.decision import GuardBand, ProbabilityLimit, Rule, SharedRisk, SimpleAcceptance
 from procedures.settings import Strict
+from rig.certificate.tolerances import ToleranceSettings
 from rig.config import parse_toml, read_text, validated
 
 _COUNTRY = r"^[A-Z]{2}$"
-
-
-class ToleranceSettings(Strict):
-    """One `[[tolerance]]`: permitted values of one result."""
-
-    result: str = Field(min_length=1, description="label of the result in its table, such as `offset`")
-    sensor: str = Field("", description="of this sensor only; left out: of every sensor that has such a result")
-    unit: str = Field(description="unit of the limits: that of the result")
-    lower: float | None = Field(None, description="lowest permitted value")
-    upper: float | None = Field(None, description="highest permitted value")
-    nominal: float | None = Field(None, description="with `deviation`, instead of lower and upper")
-    deviation: float | None = Field(None, gt=0, description="largest permitted deviation from `nominal`")
-
-    @model_validator(mode="after")
-    def _one_way(self) -> Self:
-        limits, around = (self.lower, self.upper), (self.nominal, self.deviation)
-        if (None in around) == (limits == (None, None)):
-            raise ValueError("a tolerance is lower or upper or both, or nominal with deviation")
-        if None in around and around != (None, None):
-            raise ValueError("nominal and deviation belong together")
-        try:
-            self.tolerance  # noqa: B018
-        except FitError as error:
-            raise ValueError(str(error)) from None
-        return self
-
-    @property
-    def tolerance(self) -> Tolerance:
-        """The interval. Raises `FitError` if it is none."""
-        if self.nominal is not None and self.deviation is not None:
-            return Tolerance.around(self.nominal, self.deviation)
-        limits = {"lower": self.lower, "upper": self.upper}
-        return Tolerance(**{name: value for name, value in limits.items() if value is not None})
 
 
 class DecisionSettings(Strict):

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from fitter.errors import FitError
 from procedures.errors import DataError
 from procedures.shell import shell_word
-from rig.certificate import about, assembly
+from rig.certificate import about, assembly, conformity
 from rig.certificate.document import Dates, Document, Stage
 from rig.certificate.settings import CertificateSettings, read_settings
 from rig.closed_loop.budget import Checked, OfRun, RunBudget, budget_of, checked_run
@@ -234,7 +234,7 @@ def _budget(run: _Run, asked: Asked, settings: CertificateSettings, reasons: lis
         with_effects = budget_of(run.of, **more, options={"traced": True})
         made = with_undeclared(made, with_effects, found, more["shapes"])
     run.budget = made
-    reasons.extend(_of_budget(made, settings, stated=run.stated))
+    reasons.extend(_of_budget(made, settings, str(asked.settings or SETTINGS), stated=run.stated))
 
 
 def _trace(run: _Run, later: Sequence[Path], reasons: list[str]) -> None:
@@ -248,10 +248,10 @@ def _trace(run: _Run, later: Sequence[Path], reasons: list[str]) -> None:
     reasons.extend(_doubts(run))
 
 
-def _of_budget(budget: RunBudget, settings: CertificateSettings, *, stated: bool) -> Iterator[str]:
+def _of_budget(budget: RunBudget, settings: CertificateSettings, where: str, *, stated: bool) -> Iterator[str]:
     for point in budget.outside:
         yield f"{point}; correct `at`"
-    yield from assembly.without_result(budget, settings)
+    yield from conformity.without_result(budget, settings, where)
     if not stated:
         return
     for name in assembly.repeatability_only(budget):
@@ -336,7 +336,7 @@ def _document(
         reasons.extend(_of_two(of, asked.adjustment))
     with_budget = [(one, one.budget) for one in runs if one.budget is not None]
     try:
-        statements = [s for one, b in with_budget for s in assembly.statements(b, one.stage, settings)]
+        statements = [s for one, b in with_budget for s in conformity.statements(b, one.stage, settings)]
     except FitError as error:
         statements = []
         reasons.append(f"no statement of conformity: {error}; correct [decision] in {origin.settings}")
