@@ -8,6 +8,9 @@ below step / sqrt(12).
 
 from __future__ import annotations
 
+import math
+from bisect import bisect_left
+
 import numpy as np
 from scipy import special
 
@@ -18,7 +21,6 @@ LARGEST = 2.0**50
 """Integers up to this are exact in a double, with a margin for rounding errors."""
 TIED = 0.5
 """If the number of different values is below this share of all, they may lie on a lattice that is not decimal."""
-BISECTIONS = 60
 
 
 def resolution(values: FloatArray) -> float:
@@ -69,21 +71,37 @@ def robust_sd(residual: FloatArray, step: float | FloatArray = 0.0, inside: floa
     normal = special.ndtri(0.5 + 0.5 * inside)
     if not np.any(step):
         return float(np.quantile(size, inside) / normal)
-    half = np.broadcast_to(0.5 * np.asarray(step, np.float64), size.shape)
-    low, high = 0.0, float(np.max(size + half))
-    for _ in range(BISECTIONS):
-        middle = 0.5 * (low + high)
-        if _share_inside(middle, size, half) < inside:
-            low = middle
-        else:
-            high = middle
-    floor = least_sd(step)
-    return float(np.sqrt(max((high / normal) ** 2 - floor**2, floor**2)))
+    floor, half = least_sd(step), np.broadcast_to(0.5 * np.asarray(step, np.float64), size.shape)
+    return float(np.sqrt(max((_limit(size, half, inside) / normal) ** 2 - floor**2, floor**2)))
 
 
-def _share_inside(limit: float, size: FloatArray, half: FloatArray) -> float:
-    """Share of residuals, each distributed evenly over its step, between -limit and limit."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        covered = np.minimum(limit, size + half) - np.maximum(-limit, size - half)
-        spread = np.where(half > 0, np.clip(covered / (2.0 * half), 0.0, 1.0), size <= limit)
-    return float(np.mean(spread))
+def _limit(size: FloatArray, half: FloatArray, inside: float) -> float:
+    """Least limit within which is a share of residuals of these sizes, each distributed evenly over `half` either way.
+
+    The share grows linearly between the ends of intervals. All but few rows are inside as a whole, or outside.
+    """
+    n, starts, ends = size.size, size - half, size + half
+    count = min(math.ceil(inside * n), n) - 1
+    low, high = max(float(np.partition(starts, count)[count]), 0.0), float(ends.max())
+    tried = float(np.partition(ends, min(count + 1, n - 1))[min(count + 1, n - 1)])
+    if np.mean(_inside(tried, starts, ends, half)) >= inside:
+        high = tried
+    whole = float(np.sum(_inside(high, starts, ends, half)[ends <= low]))
+    part = (starts < high) & (ends > low)
+    starts, ends, half = starts[part], ends[part], half[part]
+
+    def share(limit: float) -> float:
+        return (whole + float(np.sum(_inside(limit, starts, ends, half)))) / n
+
+    kinks = np.sort(np.concatenate([[low, high], np.clip(np.abs(starts), low, high), np.clip(ends, low, high)]))
+    above = bisect_left(kinks, inside, key=share)
+    if above == 0 or above == kinks.size:
+        return float(kinks[0] if above == 0 else high)
+    first, last = share(kinks[above - 1]), share(kinks[above])
+    return float(kinks[above - 1] + (inside - first) / (last - first) * (kinks[above] - kinks[above - 1]))
+
+
+def _inside(limit: float, starts: FloatArray, ends: FloatArray, half: FloatArray) -> FloatArray:
+    """Share of each residual, distributed evenly from its start to its end, between -limit and limit."""
+    covered = np.minimum(limit, ends) - np.maximum(-limit, starts)
+    return np.clip(covered / (2.0 * half), 0.0, 1.0)

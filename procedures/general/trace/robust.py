@@ -46,7 +46,8 @@ def apart_from(left: FloatArray, off: FloatArray, near: IntArray, step: FloatArr
 
     Those have about the same settings: readings that deviate together with them are a shape, such as a peak.
     """
-    return np.where(np.abs(left - np.median(left[near], axis=1)) > _limit(left, step), off, 0.0)
+    apart = np.abs(left - np.median(left[near], axis=1))
+    return np.where(apart > _alone(len(left)) * scale(left, step), off, 0.0)
 
 
 def running_median(values: FloatArray) -> FloatArray:
@@ -60,9 +61,9 @@ def _beyond(deviation: FloatArray, step: FloatArray | float) -> FloatArray:
     """Part of each deviation beyond `HELD`, for those beyond `ALONE`."""
     sd = scale(deviation, step)
     held = np.clip(deviation, -HELD * sd, HELD * sd)
-    return np.where(np.abs(deviation) > _limit(deviation, step), deviation - held, 0.0)
+    return np.where(np.abs(deviation) > _alone(len(deviation)) * sd, deviation - held, 0.0)
 
 
-def _limit(deviation: FloatArray, step: FloatArray | float) -> float:
-    """Size from which on a deviation is isolated."""
-    return ALONE * (1.0 + FEW / len(deviation)) * scale(deviation, step)
+def _alone(rows: int) -> float:
+    """Robust standard deviations from which on a deviation of so many rows is isolated."""
+    return ALONE * (1.0 + FEW / rows)
