@@ -95,7 +95,7 @@ def _limit(size: FloatArray, half: FloatArray, inside: float) -> float:
 
     kinks = np.sort(np.concatenate([[low, high], np.clip(np.abs(starts), low, high), np.clip(ends, low, high)]))
     above = bisect_left(kinks, inside, key=share)
-    if above == 0 or above == kinks.size:
+    if above in (0, kinks.size):
         return float(kinks[0] if above == 0 else high)
     first, last = share(kinks[above - 1]), share(kinks[above])
     return float(kinks[above - 1] + (inside - first) / (last - first) * (kinks[above] - kinks[above - 1]))

@@ -130,7 +130,7 @@ def test_the_family_holds_what_it_promises():
     family = family_of(problem, 0, np.ones(len(names)), 1, without=only, beside=only)
     view, best = View.of(problem, 0), []
     for _ in range(400):
-        found, _ = score(view, rng.standard_normal(30), ())
+        found, _ = score(view, rng.standard_normal(30), (), range(len(problem.candidates)))
         p = fdtrc(found.rank, found.df, found.ratio / found.scatter)
         best.append(min(family.adjust(name, -np.log(one)) for name, one in zip(names, p, strict=True)))
     assert 0.05 * 400 - 3 * np.sqrt(19) < np.sum(np.array(best) <= 0.05) < 0.05 * 400 + 3 * np.sqrt(19)

@@ -232,9 +232,10 @@ class TableTerm:
         """All its formulas."""
         return ", ".join(self.labels)
 
-    def rows(self, kept: IntArray) -> TableTerm:
-        """The same for some of the rows."""
-        return replace(self, columns=self.columns[kept], profile=self.profile and self.profile.rows(kept))
+    def rows(self, kept: IntArray, columns: FloatArray | None = None) -> TableTerm:
+        """The same for some of the rows, with these `columns` if they are known."""
+        columns = self.columns[kept] if columns is None else columns
+        return replace(self, columns=columns, profile=self.profile and self.profile.rows(kept))
 
     @cached_property
     def price(self) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from itertools import accumulate
 
 import numpy as np
 
@@ -200,19 +201,13 @@ def lagging(v: FloatArray, gap: FloatArray, tau: float, stood: Stood | None = No
         stood: how each value came to be, if known: by a step; without it, v is linear between rows.
     """
     since, start = stood or (None, None)
-    out, state = np.empty_like(v), float(v[0])
-    before = v[:-1] if start is None else start[1:]
-    if since is not None and start is not None:
-        state += float((start[0] - v[0]) * np.exp(-max(since[0], 0.0) / tau))
-    out[0] = state
-    for i, dt in enumerate(gap):
-        r = dt / tau
-        decay = float(np.exp(-r))
-        if since is not None:
-            after = float(np.exp(-min(max(since[i + 1], 0.0), dt) / tau))
-            state = decay * state + (after - decay) * before[i] + (1.0 - after) * v[i + 1]
-        else:
-            slope = (1.0 - decay) / r if r > 1e-9 else 1.0
-            state = decay * state + (slope - decay) * v[i] + (1.0 - slope) * v[i + 1]
-        out[i + 1] = state
-    return out
+    r, first = gap / tau, float(v[0])
+    decay, before = np.exp(-r), v[:-1] if start is None else start[1:]
+    if since is None:
+        after = np.divide(1.0 - decay, r, out=np.ones_like(r), where=r > 1e-9)
+    else:
+        after = np.exp(-np.minimum(np.maximum(since[1:], 0.0), gap) / tau)
+        if start is not None:
+            first += float((start[0] - v[0]) * np.exp(-max(since[0], 0.0) / tau))
+    steps = zip(decay.tolist(), ((after - decay) * before + (1.0 - after) * v[1:]).tolist(), strict=True)
+    return np.array(list(accumulate(steps, lambda state, step: step[0] * state + step[1], initial=first)))

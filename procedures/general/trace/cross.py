@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,13 +10,12 @@ from numpy.typing import NDArray
 from fitter.arrays import IntArray
 from fitter.linear import orthonormal
 from fitter.trace.search import search_and_name
-from procedures.general.effects.scene import TableTerm
 from procedures.general.effects.time_columns import of_start
 from procedures.general.trace.estimate import estimate
 from procedures.general.trace.family import TableFamily
 from procedures.general.trace.judge import TableJudge
 from procedures.general.trace.noise import Wandering
-from procedures.general.trace.problem import Problem
+from procedures.general.trace.problem import Candidate, Problem
 from procedures.general.trace.refine import refined
 from procedures.general.trace.rivalry import Rivalry
 from procedures.general.trace.shared import Shared
@@ -60,31 +58,32 @@ def left_out(
             return None
         own = TableJudge(held.rows(kept), families)
         _, found = search_and_name(own, lead=own.lead)
-        fitted = TableJudge(refined(own, found), families)
-        moved = problem.with_terms({j: _whole(problem, fitted, j) for j in found})
-        for i, terms in enumerate(((), found)):
-            errors[i, out] = problem.y[out] - moved.model(terms)[out] @ estimate(fitted, terms).coefficients
-        counted[out] = ~_undetermined(moved, found, kept)[out]
+        fitted = refined(own, found).only(found)
+        whole = tuple(_whole(problem.candidates[j], c) for j, c in zip(found, fitted.candidates, strict=True))
+        moved, last = replace(problem, candidates=whole), TableJudge(fitted)
+        for i, terms in enumerate(((), tuple(range(len(found))))):
+            errors[i, out] = problem.y[out] - moved.model(terms)[out] @ estimate(last, terms).coefficients
+        counted[out] = ~_undetermined(moved, kept)[out]
     if not np.any(counted):
         return None
     before, after = np.sqrt(np.mean(errors[:, counted] ** 2, axis=1)).tolist()
     return (before, after), words, int(np.sum(~counted[fold >= 0]))
 
 
-def _undetermined(problem: Problem, found: Sequence[int], kept: IntArray) -> NDArray[np.bool_]:
+def _undetermined(problem: Problem, kept: IntArray) -> NDArray[np.bool_]:
     """(n,) rows in which what a later session remembered of its start is far more than in any kept row."""
     far = np.zeros(problem.n, np.bool_)
-    for term in (problem.candidates[j].term for j in found):
+    for term in (candidate.term for candidate in problem.candidates):
         for label, column in zip(term.labels, term.columns.T, strict=True):
             if of_start(label):
                 far |= np.abs(column) > FAR * np.abs(column[kept]).max()
     return far
 
 
-def _whole(problem: Problem, fitted: TableJudge, j: int) -> TableTerm:
-    """A term for all rows, with the constant estimated from a part of them."""
-    own, part = problem.candidates[j].term, fitted.candidates[j].term.profile
-    return own if own.profile is None or part is None else own.profile.at(part.value)
+def _whole(candidate: Candidate, part: Candidate) -> Candidate:
+    """A candidate for all rows, with the constant estimated from a part of them."""
+    own, fitted = candidate.term.profile, part.term.profile
+    return candidate if own is None or fitted is None else replace(candidate, term=own.at(fitted.value))
 
 
 def _folds(problem: Problem, at: int) -> tuple[IntArray, str]:

@@ -39,8 +39,16 @@ TRIED = 60
 """Number of draws to find covariances that are never near the best."""
 BEHIND = 12.0
 """Difference of twice the log-likelihood: a covariance further behind in all of `TRIED` draws is left out."""
+FIRST, FAR = 4, 10.0 * BEHIND
+"""Number of draws after which those are left out that are this far behind in all of them."""
 TAIL = 40
 """Number of draws beyond which the tail of an effect's score is continued as an exponential."""
+CERTAIN = 60.0
+"""Score that no draw comes near: its p is the least that a simulation can tell. (A normal one has p = 1e-26, of
+thousands of candidates; the tails simulated for sixty tables ended at 27.)
+"""
+ALL_BUT = 0.9
+"""Share of candidates' columns that count under every covariance."""
 KEPT_BYTES = 50_000_000
 _TINY = np.finfo(np.float32).tiny
 _LEAST = 1e-290
@@ -117,9 +125,11 @@ class Bases:
 
     Attributes:
         problem: the table.
+        views: of it, by covariance, as far as they are known.
     """
 
     problem: Problem
+    views: dict[int, View] = field(default_factory=dict)
     _kept: dict[int, tuple[FloatArray, Blocks]] = field(default_factory=dict)
 
     def of(self, at: int) -> tuple[FloatArray, Blocks]:
@@ -128,9 +138,8 @@ class Bases:
         """
         if at in self._kept:
             return self._kept[at]
-        view = View.of(self.problem, at)
-        found = view.blocks(())
-        own = view.basis, Blocks(found.units.astype(np.float32), found.start)
+        view = self.views[at] if at in self.views else View.of(self.problem, at)
+        own = view.basis, view.units()
         if (len(self._kept) + 1) * own[1].units.nbytes <= KEPT_BYTES:
             self._kept[at] = own
         return own
@@ -140,6 +149,20 @@ def evidence(ratio: FloatArray, rank: int, df: int) -> FloatArray:
     """Score of an F of `rank` and `df` degrees of freedom: -log p; below zero if it is worse than its rival."""
     p = special.fdtrc(rank, df, np.maximum(ratio, 0.0))
     return np.asarray(np.minimum(ratio, 0.0) - np.log(np.maximum(p, _LEAST)))
+
+
+def _fewest(problem: Problem) -> int:
+    """Number of draws of a large table."""
+    return max(FEWEST, math.ceil(TWICE * problem.sensors / ALPHA))
+
+
+def least_of(problem: Problem, width: int) -> float | None:
+    """`TableFamily.least` of every family of a table whose candidates have this many columns beside the declared ones.
+
+    None where it takes a simulation to know the number of draws.
+    """
+    fewest = _fewest(problem)
+    return of_all(1.0 / (1.0 + fewest), problem.sensors) if ALL_BUT * problem.n * width > WORK / fewest else None
 
 
 def family_of(
@@ -173,7 +196,7 @@ def family_of(
         return TableFamily({}, np.ones(1), problem.sensors)
     rng = np.random.default_rng(seed)
     near = [_near(problem, at, possible, rng) for possible in (without, beside)]
-    fewest = max(FEWEST, math.ceil(TWICE * problem.sensors / ALPHA))
+    fewest = _fewest(problem)
     draws = int(np.clip(WORK / max(found.units.size * len(near[1]), 1), fewest, max(MOST, fewest)))
     errors = rng.standard_normal((n, draws))
     ratio = _ratios(bases, near[0], near[1], problem.noise.colour(at, errors), found.rank, df)
@@ -198,9 +221,11 @@ def _near(problem: Problem, at: int, possible: BoolArray, rng: np.random.Generat
     if len(every) == 1:
         return every
     drawn = problem.noise.colour(at, rng.standard_normal((problem.n, TRIED)))
-    deviance = np.array([_deviance(problem, g, drawn) for g in every.tolist()])
-    behind = np.min(deviance - deviance.min(axis=0), axis=1)
-    return np.asarray(every[(behind < BEHIND) | (every == at)])
+    for some, behind in ((drawn[:, :FIRST], FAR), (drawn, BEHIND)):
+        deviance = np.array([_deviance(problem, g, some) for g in every.tolist()])
+        least = np.min(deviance - deviance.min(axis=0), axis=1)
+        every = every[(least < behind) | (every == at)]
+    return every
 
 
 def _deviance(problem: Problem, g: int, drawn: FloatArray) -> FloatArray:

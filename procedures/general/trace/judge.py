@@ -11,7 +11,7 @@ import numpy as np
 from fitter.arrays import FloatArray
 from fitter.trace.aliases import PER_COLUMN, Rival
 from fitter.trace.chance import ALPHA
-from procedures.general.trace.family import Bases, TableFamily, evidence, family_of
+from procedures.general.trace.family import CERTAIN, Bases, TableFamily, evidence, family_of, least_of
 from procedures.general.trace.likelihood import Beside, Grid, ratio
 from procedures.general.trace.problem import Candidate, Problem
 from procedures.general.trace.rivalry import Rivalry, Trial, possible_of
@@ -129,7 +129,7 @@ class TableJudge:
 
     def is_bound(self, p: float) -> bool:
         """Whether no simulated table had such a score."""
-        return any(p == family.least for family in self.families.values())
+        return p == self._least or any(p == family.least for family in self.families.values())
 
     def rivals(self, chosen: tuple[int, ...], effect: str) -> tuple[Rival, ...]:
         """All explanations for the terms of `effect` among `chosen`, best first."""
@@ -165,13 +165,16 @@ class TableJudge:
             return self._grids[key].beside(extra)
         if key not in self._besides:
             if key not in self._grids:
-                self._grids[key] = self._grid(key, self.held(key))
+                sd = self.problem.sd
+                self._grids[key] = Grid.of(
+                    self.problem.noise, self.held(key) / sd, self.problem.model(key) / sd[:, None]
+                )
             self._besides[key] = self._grids[key].beside()
         return self._besides[key]
 
     @cached_property
     def _bases(self) -> Bases:
-        return Bases(self.problem)
+        return Bases(self.problem, self._views)
 
     def view(self, at: int) -> View:
         """The problem whitened by covariance `at`."""
@@ -252,6 +255,8 @@ class TableJudge:
         if rival != "slow":
             f /= float(scores.scatter[0])
         name, own = self.candidates[j].effect.name, float(evidence(np.array(f), rank, df))
+        if own > CERTAIN and self._least is not None:
+            return self._least
         p = self.family(trial.without.best_of(possible[0]), rival).adjust(name, own)
         if p > CLOSE or rival == "slow":
             return p
@@ -277,6 +282,11 @@ class TableJudge:
         return sorted(shortlist, key=lambda j: -shortlist[j])
 
     @cached_property
+    def _least(self) -> float | None:
+        """The least p of every family, if it is known without one."""
+        return least_of(self.problem, self.view(0).width)
+
+    @cached_property
     def _weight(self) -> FloatArray:
         """(J,) factor of p before effects are compared."""
         doubtful = [self.problem.presumed and c.effect.source == "time" for c in self.candidates]
@@ -285,9 +295,6 @@ class TableJudge:
     @cached_property
     def _price(self) -> FloatArray:
         return np.array([c.term.price for c in self.candidates], np.float64)
-
-    def _grid(self, key: Key, y: FloatArray) -> Grid:
-        return Grid.of(self.problem.noise, y / self.problem.sd, self.problem.model(key) / self.problem.sd[:, None])
 
     def _trial(self, chosen: tuple[int, ...], j: int) -> Trial:
         """`j` beside those `chosen`; a reading is reduced only as far as it is isolated both without and with `j`."""
@@ -302,7 +309,8 @@ class TableJudge:
             if held is self.held(key):
                 without, grid = self.beside(key), self._grids[key]
             else:
-                grid = self._grid(key, held)
+                self.beside(key)
+                grid = self._grids[key].of_response(held / self.problem.sd)
                 without = grid.beside()
             columns = self.problem.of((j,)) / self.problem.sd[:, None]
             self._trials[key, j] = Trial(held, without, grid.beside(columns))

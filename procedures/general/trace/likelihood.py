@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -81,9 +81,14 @@ class Grid:
     @classmethod
     def of(cls, noise: Noise, y: FloatArray, model: FloatArray) -> Grid:
         """Whiten response (n,) and columns (n, k), which are already divided by each row's own sd."""
-        white = noise.whiten(np.arange(len(noise.prior)), np.column_stack([model, y]))
-        basis, det = _bases(white[:, :, :-1], np.linalg.norm(white[:, :, :-1], axis=1))
-        return cls(noise, basis, _off(basis, white[:, :, -1:])[:, :, 0], det)
+        white = noise.whiten(np.arange(len(noise.prior)), model)
+        basis, det = _bases(white, np.linalg.norm(white, axis=1))
+        return cls(noise, basis, np.empty(0), det).of_response(y)
+
+    def of_response(self, y: FloatArray) -> Grid:
+        """The same of another response."""
+        white = self.noise.whiten(np.arange(len(self.basis)), y[:, None])
+        return replace(self, left=_off(self.basis, white)[:, :, 0])
 
     def beside(self, extra: FloatArray | None = None) -> Beside:
         """Likelihoods with the model and further columns (n, d), which are already divided by each row's own sd."""
@@ -107,7 +112,12 @@ def _off(basis: FloatArray, columns: FloatArray) -> FloatArray:
 
 def _bases(columns: FloatArray, length: FloatArray) -> tuple[FloatArray, FloatArray]:
     """(G, n, d) orthonormal bases of columns (G, n, d), zero for dependent ones, and (G,) log |X'X|."""
-    q, r = np.linalg.qr(columns / np.maximum(length, _TINY)[:, None, :])
+    columns = columns / np.maximum(length, _TINY)[:, None, :]
+    if columns.shape[2] == 1:  # most calls
+        r = np.linalg.norm(columns, axis=1)[:, :, None]
+        q = columns / np.maximum(r, _TINY)
+    else:
+        q, r = np.linalg.qr(columns)
     own = np.abs(np.diagonal(r, axis1=1, axis2=2))
     kept = own > _ALIKE
     det = 2.0 * np.sum(np.log(np.maximum(own, _ALIKE)) + np.log(np.maximum(length, _TINY)), axis=1)

@@ -118,7 +118,7 @@ class Independent:
 
     def whiten(self, which: IntArray, columns: FloatArray) -> FloatArray:
         """See `Noise`."""
-        return columns[None][which]
+        return columns[None]
 
     def colour(self, at: int, white: FloatArray) -> FloatArray:
         """See `Noise`."""
@@ -235,24 +235,30 @@ class Wandering:
         return decay, gain, sd
 
     @cached_property
+    def _steps(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """(G, n) share of the state that is kept from row to row, gain, what a row sees of it, and sd."""
+        decay, gain, sd = (np.ascontiguousarray(part.T) for part in self._filter)
+        return decay * (1.0 - gain * self._share), gain, decay * self._share, sd
+
+    @cached_property
     def log_det(self) -> FloatArray:
         """See `Noise`."""
         return np.asarray(2.0 * np.sum(np.log(self._filter[2]), axis=0))
 
     def whiten(self, which: IntArray, columns: FloatArray) -> FloatArray:
         """See `Noise`."""
-        decay, gain, sd = self._filter
+        kept, gain, own, sd = self._steps
         out = np.empty((len(which), *columns.shape))
         for i, g in enumerate(which.tolist()):
             if self._grid[0][g] == 0.0:
                 out[i] = columns
                 continue
-            state = _recursion(decay[:, g] * (1.0 - gain[:, g] * self._share), gain[:, g, None] * columns)
+            state = _recursion(kept[g], gain[g, :, None] * columns)
             white = out[i]
             white[0] = columns[0]
-            np.multiply((decay[1:, g] * self._share[1:])[:, None], state[:-1], out=white[1:])
+            np.multiply(own[g, 1:, None], state[:-1], out=white[1:])
             np.subtract(columns[1:], white[1:], out=white[1:])
-            white /= sd[:, g, None]
+            white /= sd[g, :, None]
         return out
 
     def colour(self, at: int, white: FloatArray) -> FloatArray:

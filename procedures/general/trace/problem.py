@@ -109,23 +109,36 @@ class Problem:
 
     def rows(self, kept: IntArray) -> Problem:
         """The same for some of the rows."""
-        candidates = tuple(replace(c, term=c.term.rows(kept)) for c in self.candidates)
+        columns, ends = self.columns[kept], self.start[1:-1]
+        each = np.split(columns, ends, axis=1) if self.candidates else []
         return replace(
             self,
             y=self.y[kept],
             declared=self.declared[kept],
-            candidates=candidates,
+            candidates=tuple(
+                replace(c, term=c.term.rows(kept, own)) for c, own in zip(self.candidates, each, strict=True)
+            ),
             noise=self.noise.rows(kept),
             sd=self.sd[kept],
             quantities=None if self.quantities is None else self.quantities[kept],
-        )
+        )._stacked(columns)
 
     def with_terms(self, terms: dict[int, TableTerm]) -> Problem:
-        """The same with other terms in place of some candidates."""
-        candidates = list(self.candidates)
+        """The same with other terms in place of some candidates, each of as many columns."""
+        candidates, columns = list(self.candidates), self.columns.copy()
         for j, term in terms.items():
             candidates[j] = replace(candidates[j], term=term)
-        return replace(self, candidates=tuple(candidates))
+            columns[:, self.start[j] : self.start[j + 1]] = term.columns
+        return replace(self, candidates=tuple(candidates))._stacked(columns)
+
+    def only(self, terms: Sequence[int]) -> Problem:
+        """The same with some of the candidates alone."""
+        return replace(self, candidates=tuple(self.candidates[j] for j in terms))
+
+    def _stacked(self, columns: FloatArray) -> Problem:
+        """This problem, whose `columns` are known."""
+        vars(self)["columns"] = columns
+        return self
 
 
 def _of_scatter(scene: TableScene, effect: TableEffect, term: TableTerm) -> bool:

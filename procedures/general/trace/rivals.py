@@ -77,9 +77,8 @@ class _Path:
 
     def price(self, terms: tuple[int, ...]) -> float:
         """Residual sum of squares with `terms` minus that without, plus the price of the columns."""
-        basis = self.view.taken((*self.rest, *terms))
         columns = sum(self.candidates[j].term.price for j in terms)
-        return float(-np.sum((basis.T @ self.y) ** 2)) / self.variance + PER_COLUMN * columns
+        return -self.view.gain((*self.rest, *terms), self.y) / self.variance + PER_COLUMN * columns
 
     def longer(self, first: int, most: int) -> list[tuple[tuple[int, ...], float]]:
         """Up to `most` terms of the effect of `first`, each with the largest reduction, and their price."""
@@ -90,7 +89,7 @@ class _Path:
         while len(held) < min(most, len(terms)):
             taken = self.view.taken((*self.rest, *held))
             others = [j for j in terms if j not in held]
-            gains = self.view.blocks((*self.rest, *held), others).gains(self.y - taken @ (taken.T @ self.y))
-            held = (*held, others[int(np.argmax(gains))])
+            gains, _ = self.view.gains((*self.rest, *held), self.y - taken @ (taken.T @ self.y))
+            held = (*held, others[int(np.argmax(gains[others]))])
             steps.append((held, self.price(held)))
         return steps

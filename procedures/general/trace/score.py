@@ -8,12 +8,13 @@ leverage taken out, MacKinnon and White, J. Econometrics 29 (1985) 305).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg.lapack import dpstrf, dtrtrs
 
 from fitter.arrays import FloatArray, IntArray
 from fitter.linear import orthonormal
@@ -27,6 +28,10 @@ NOTHING_LEFT = 1e-3
 RESOLVED = 1e-12
 """Relative size of the response's range below which differences are rounding."""
 FEWEST_FOR_SCATTER = 20
+KEPT = 8
+"""Bases of candidates that are kept: most are asked for a few times in turn."""
+AT_ONCE = 32
+"""Rows of all candidates that fit the cache."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,57 +70,6 @@ class Blocks:
             wide = rank > k
             out[wide] += values[start[wide] + k]
         return out
-
-
-def blocks(columns: FloatArray, start: IntArray, length: FloatArray, taken: FloatArray) -> Blocks:
-    """Orthonormal bases of candidates beside columns already in the model.
-
-    Args:
-        columns: (n, D) whitened.
-        start: (J + 1,) where each candidate's begin.
-        length: (D,) reference lengths.
-        taken: (n, q) orthonormal basis of what the columns have not been freed of yet.
-    """
-    own = columns
-    if taken.shape[1]:
-        own = columns - taken @ (taken.T @ columns)
-        own -= taken @ (taken.T @ own)
-    norm = _lengths(own)
-    kept = norm > NOTHING_LEFT * length
-    widths = np.diff(start)
-    unit = _over(own, norm, kept)
-    first = start[:-1][widths == 2]
-    if first.size:
-        unit[:, first], unit[:, first + 1], kept[first], kept[first + 1] = _pairs(own, length, first)
-    for j in np.flatnonzero(widths > 2):
-        span = slice(int(start[j]), int(start[j + 1]))
-        basis = orthonormal(own[:, span], length[span], NOTHING_LEFT)
-        kept[span] = np.arange(widths[j]) < basis.shape[1]
-        unit[:, start[j] : start[j] + basis.shape[1]] = basis
-    ranks = np.diff(np.concatenate([[0], np.cumsum(kept)])[start])
-    return Blocks(unit if kept.all() else unit[:, kept], np.concatenate([[0], np.cumsum(ranks)]).astype(np.int64))
-
-
-def _pairs(own: FloatArray, length: FloatArray, first: IntArray) -> tuple[FloatArray, FloatArray, BoolArray, BoolArray]:
-    """Orthonormal bases of pairs of columns, the longer of each first, and which of the two are independent."""
-    scale = np.maximum(length, np.finfo(float).tiny)
-    a, b = own[:, first] / scale[first], own[:, first + 1] / scale[first + 1]
-    size_a, size_b = np.linalg.norm(a, axis=0), np.linalg.norm(b, axis=0)
-    swapped = size_b > size_a
-    if swapped.any():
-        a[:, swapped], b[:, swapped] = b[:, swapped], a[:, swapped]
-    size = np.where(swapped, size_b, size_a)
-    long_kept = size > NOTHING_LEFT
-    long = _over(a, size, long_kept)
-    short = b - long * np.sum(long * b, axis=0)
-    size = np.linalg.norm(short, axis=0)
-    short_kept = long_kept & (size > NOTHING_LEFT)
-    return long, _over(short, size, short_kept), long_kept, short_kept
-
-
-def _over(columns: FloatArray, size: FloatArray, kept: BoolArray) -> FloatArray:
-    """Columns over their size, zero where they are not kept."""
-    return columns / size if kept.all() else np.divide(columns, size, out=np.zeros_like(columns), where=kept)
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,13 +112,23 @@ class View:
     columns: FloatArray
     length: FloatArray
     start: IntArray
+    _extra: dict[tuple[int, ...], FloatArray] = field(default_factory=dict)
 
     @cached_property
     def _products(self) -> tuple[FloatArray, FloatArray, IntArray]:
         """(D,) sums of squares of the columns, (p,) products within each pair, and (p,) where the pairs begin."""
         first = self.start[:-1][np.diff(self.start) == 2]
-        squares = np.einsum("ij,ij->j", self.columns, self.columns)
-        return squares, np.einsum("ij,ij->j", self.columns[:, first], self.columns[:, first + 1]), first
+        squares, across = np.zeros(self.columns.shape[1]), np.zeros(first.size)
+        for rows in _stretches(len(self.columns)):
+            some = self.columns[rows]
+            squares += np.einsum("ij,ij->j", some, some)
+            across += np.einsum("ij,ij->j", some[:, first], some[:, first + 1])
+        return squares, across, first
+
+    @property
+    def width(self) -> int:
+        """Number of columns of candidates beside the declared ones."""
+        return int(np.count_nonzero(self._apart(self.basis[:, :0])[1]))
 
     @property
     def rounding(self) -> float:
@@ -174,14 +138,15 @@ class View:
     @classmethod
     def of(cls, problem: Problem, at: int) -> View:
         """Whiten a problem by covariance `at` of its noise."""
-        k = problem.declared.shape[1]
-        every = np.column_stack([problem.y, problem.declared, problem.columns]) / problem.sd[:, None]
-        white = problem.noise.whiten(np.array([at]), every)[0]
-        basis, columns = orthonormal(white[:, 1 : 1 + k]), np.ascontiguousarray(white[:, 1 + k :])
+        which, sd = np.array([at]), problem.sd[:, None]
+        own = problem.noise.whiten(which, np.column_stack([problem.y, problem.declared]) / sd)[0]
+        basis, columns = orthonormal(own[:, 1:]), problem.noise.whiten(which, problem.columns / sd)[0]
         length = _about(columns)
         for _ in range(2):  # once leaves rounding errors of a column that is nearly declared
-            columns -= basis @ (basis.T @ columns)
-        return cls(white[:, 0], basis, columns, length, problem.start)
+            along = basis.T @ columns
+            for rows in _stretches(len(columns)):
+                columns[rows] -= basis[rows] @ along
+        return cls(own[:, 0], basis, columns, length, problem.start)
 
     def taken(self, chosen: Sequence[int]) -> FloatArray:
         """(n, q) orthonormal basis of the declared columns and some candidates."""
@@ -191,21 +156,63 @@ class View:
 
     def extra(self, chosen: Sequence[int]) -> FloatArray:
         """(n, q) orthonormal basis of some candidates beside the declared columns."""
+        key = tuple(chosen)
+        if key not in self._extra:
+            picked = self.picked(chosen)
+            if len(self._extra) == KEPT:
+                self._extra.clear()
+            self._extra[key] = orthonormal(self.columns[:, picked], self.length[picked], NOTHING_LEFT)
+        return self._extra[key]
+
+    def gain(self, chosen: Sequence[int], left: FloatArray) -> float:
+        """Reduction of the sum of squares of a residual (n,) beside the declared columns by some candidates.
+
+        That of `extra`, from products of columns: Cholesky's triangle with pivoting is that of the basis.
+        """
         picked = self.picked(chosen)
-        return orthonormal(self.columns[:, picked], self.length[picked], NOTHING_LEFT)
+        columns = self.columns[:, picked] / np.maximum(self.length[picked], np.finfo(float).tiny)
+        triangle, order, rank, _ = dpstrf(columns.T @ columns, tol=NOTHING_LEFT**2, lower=True)
+        along = (columns.T @ left)[order[:rank] - 1]
+        return float(np.sum(dtrtrs(triangle[:rank, :rank], along, lower=True)[0] ** 2)) if rank else 0.0
 
     def picked(self, chosen: Sequence[int]) -> IntArray:
         """Columns of some candidates."""
         ranges = [np.arange(self.start[j], self.start[j + 1]) for j in chosen]
         return np.concatenate(ranges) if ranges else np.empty(0, np.int64)
 
-    def blocks(self, chosen: Sequence[int], of: Sequence[int] | None = None) -> Blocks:
-        """Bases of candidates beside the declared columns and the `chosen`."""
-        if of is None:
-            return blocks(self.columns, self.start, self.length, self.extra(chosen))
-        picked = self.picked(of)
-        start = np.concatenate([[0], np.cumsum(np.diff(self.start)[list(of)])]).astype(np.int64)
-        return blocks(self.columns[:, picked], start, self.length[picked], self.extra(chosen))
+    def blocks(self, chosen: Sequence[int], of: Sequence[int]) -> Blocks:
+        """Bases of a few candidates beside the declared columns and the `chosen`."""
+        picked, extra = self.picked(of), self.extra(chosen)
+        own, length = self.columns[:, picked], self.length[picked]
+        for _ in range(2 if extra.shape[1] else 0):
+            own = own - extra @ (extra.T @ own)
+        ends = np.cumsum(np.diff(self.start)[list(of)])[:-1]
+        bases = [
+            orthonormal(some, size, NOTHING_LEFT)
+            for some, size in zip(np.split(own, ends, axis=1), np.split(length, ends), strict=True)
+        ]
+        start = np.cumsum([0, *(basis.shape[1] for basis in bases)])
+        return Blocks(np.hstack([own[:, :0], *bases]), start.astype(np.int64))
+
+    def units(self) -> Blocks:
+        """Bases of all candidates beside the declared columns, in single precision.
+
+        From products of columns, as in `gains`, a stretch of rows at a time: all of it stays in the cache.
+        """
+        squares, kept, one, two, slope = self._apart(self.basis[:, :0])
+        own = {j: self.blocks((), (j,)).units for j in np.flatnonzero(np.diff(self.start) > 2).tolist()}
+        for j, basis in own.items():
+            kept[self.start[j] : self.start[j + 1]] = np.arange(self.start[j + 1] - self.start[j]) < basis.shape[1]
+        size = np.sqrt(np.where(kept, squares, 1.0))
+        picked, out = np.flatnonzero(kept), np.empty((len(self.y), int(kept.sum())), np.float32)
+        for rows in _stretches(len(out)):
+            some = self.columns[rows] / size
+            some[:, two] -= some[:, one] * (slope * size[one] / size[two])
+            out[rows] = some[:, picked]
+        start = np.concatenate([[0], np.cumsum(kept)])[self.start].astype(np.int64)
+        for j, basis in own.items():
+            out[:, start[j] : start[j + 1]] = basis
+        return Blocks(out, start)
 
     def gains(self, chosen: Sequence[int], left: FloatArray) -> tuple[FloatArray, IntArray]:
         """(J,) reductions of the sum of squares of the residual beside the `chosen` by each candidate, and ranks.
@@ -213,22 +220,10 @@ class View:
         The same as those of `blocks`, from products of columns: no basis of all candidates is made. A column that the
         others nearly replace keeps a millionth of its sum of squares, so cancellation leaves ten digits.
         """
-        extra = self.extra(chosen)
-        squares, across, first = self._products
-        along, second = left @ self.columns, first + 1
-        beside = extra.T @ self.columns
-        squares = squares - np.einsum("ij,ij->j", beside, beside)
-        kept = squares > (NOTHING_LEFT * self.length) ** 2
+        squares, kept, one, two, slope = self._apart(self.extra(chosen))
+        along = left @ self.columns
+        along[two] -= slope * along[one]
         gain = np.divide(along**2, squares, out=np.zeros_like(squares), where=kept)
-        if first.size:
-            across = across - np.einsum("ij,ij->j", beside[:, first], beside[:, second])
-            swapped = _scaled(squares, self.length, second) > _scaled(squares, self.length, first)
-            one, two = np.where(swapped, second, first), np.where(swapped, first, second)
-            slope = np.divide(across, squares[one], out=np.zeros_like(across), where=kept[one])
-            short = squares[two] - slope * across
-            kept[two] = kept[one] & (short > (NOTHING_LEFT * self.length[two]) ** 2)
-            rest = (along[two] - slope * along[one]) ** 2
-            gain[two] = np.divide(rest, short, out=np.zeros_like(short), where=kept[two])
         ends = np.concatenate([[0], np.cumsum(kept)])[self.start]
         sums = np.concatenate([[0.0], np.cumsum(gain)])[self.start]
         ranks, out = np.diff(ends).astype(np.int64), np.diff(sums)
@@ -237,6 +232,24 @@ class View:
             own = self.blocks(chosen, wide.tolist())
             ranks[wide], out[wide] = own.rank, own.gains(left)
         return out, ranks
+
+    def _apart(self, extra: FloatArray) -> tuple[FloatArray, NDArray[np.bool_], IntArray, IntArray, FloatArray]:
+        """Columns of candidates of one or two, each beside `extra` ones (n, q) and the longer one of its pair.
+
+        (D,) what is left of their sums of squares, and whether that is enough; (p,) the longer one of each pair, the
+        other, and the slope (p,) of the other along it.
+        """
+        squares, across, first = self._products
+        beside, second = extra.T @ self.columns, first + 1
+        squares = squares - np.einsum("ij,ij->j", beside, beside)
+        kept = squares > (NOTHING_LEFT * self.length) ** 2
+        across = across - np.einsum("ij,ij->j", beside[:, first], beside[:, second])
+        swapped = _scaled(squares, self.length, second) > _scaled(squares, self.length, first)
+        one, two = np.where(swapped, second, first), np.where(swapped, first, second)
+        slope = np.divide(across, squares[one], out=np.zeros_like(across), where=kept[one])
+        squares[two] -= slope * across
+        kept[two] = kept[one] & (squares[two] > (NOTHING_LEFT * self.length[two]) ** 2)
+        return squares, kept, one, two, slope
 
 
 def ranked(view: View, y: FloatArray, chosen: Sequence[int]) -> Scores:
@@ -247,8 +260,8 @@ def ranked(view: View, y: FloatArray, chosen: Sequence[int]) -> Scores:
     return _scores(view, left, len(y) - taken.shape[1], gain, rank)[0]
 
 
-def score(view: View, y: FloatArray, chosen: Sequence[int], of: Sequence[int] | None = None) -> tuple[Scores, Blocks]:
-    """Score candidates beside the `chosen`; a whitened response `y` (n,) replaces the view's own."""
+def score(view: View, y: FloatArray, chosen: Sequence[int], of: Sequence[int]) -> tuple[Scores, Blocks]:
+    """Score a few candidates beside the `chosen`; a whitened response `y` (n,) replaces the view's own."""
     taken = view.taken(chosen)
     left = y - taken @ (taken.T @ y)
     found = view.blocks(chosen, of)
@@ -292,17 +305,22 @@ def _scatter(found: Blocks, left: FloatArray, variance: FloatArray) -> FloatArra
 
 
 def _about(columns: FloatArray) -> FloatArray:
-    """(D,) lengths of columns about their means: their constant part is irrelevant.
+    """(D,) lengths of columns (n, D) about their means: their constant part is irrelevant.
 
     For a constant a millionth of its length; otherwise its rounding errors would count as a column.
     """
-    about = _lengths(columns - columns.mean(axis=0))
-    return np.asarray(np.maximum(about, 1e-6 * _lengths(columns)))
+    means, about, every = columns.mean(axis=0), np.zeros(columns.shape[1]), np.zeros(columns.shape[1])
+    for rows in _stretches(len(columns)):
+        some = columns[rows]
+        every += np.einsum("ij,ij->j", some, some)
+        some = some - means
+        about += np.einsum("ij,ij->j", some, some)
+    return np.asarray(np.sqrt(np.maximum(about, 1e-12 * every)))
 
 
-def _lengths(columns: FloatArray) -> FloatArray:
-    """(D,) lengths of columns; `numpy.linalg.norm` takes four times as long over rows."""
-    return np.asarray(np.sqrt(np.einsum("ij,ij->j", columns, columns)))
+def _stretches(n: int) -> list[slice]:
+    """Rows a few at a time, so that they stay in the cache while they are used."""
+    return [slice(first, first + AT_ONCE) for first in range(0, n, AT_ONCE)]
 
 
 def _scaled(squares: FloatArray, length: FloatArray, at: IntArray) -> FloatArray:
