@@ -268,6 +268,20 @@ def _trace_pressure(_: Path) -> Pair:
     return Pair(lambda: trace_whole_plots(data), lambda: [look() for _ in range(1000)], (1, 1000))
 
 
+@ratio("trace-table", "trace of 4,800 rows of seven columns with a drift / numpy.linalg.lstsq of 24 columns", 3)
+def _trace_table(_: Path) -> Pair:
+    from procedures.general.column_roles import Roles, roles_of
+    from procedures.general.trace import trace_general
+    from procedures.table import Table
+    from proving.truth.table import MISSING, Lab, options, simulate
+
+    lab = Lab(4800, 4, clock=True)
+    columns = simulate(lab, 1, MISSING["drift"].at(1.0))
+    data, _ = roles_of(Table("simulated", columns, True, {}), Roles(**options(lab)))
+    look = yardstick(4800, 24)
+    return Pair(lambda: trace_general(data), lambda: [look() for _ in range(100)], (1, 100))
+
+
 @ratio("start-up", "`rig --help` / Python that does nothing (processor time)")
 def _start_up(_: Path) -> Pair:
     rig = str(Path(sys.executable).with_name("rig"))

@@ -49,7 +49,7 @@ thousands of candidates; the tails simulated for sixty tables ended at 27.)
 """
 ALL_BUT = 0.9
 """Share of candidates' columns that count under every covariance."""
-KEPT_BYTES = 50_000_000
+KEPT_BYTES = 150_000_000
 _TINY = np.finfo(np.float32).tiny
 _LEAST = 1e-290
 _MOST = 80.0

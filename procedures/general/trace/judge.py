@@ -16,7 +16,7 @@ from procedures.general.trace.likelihood import Beside, Grid, ratio
 from procedures.general.trace.problem import Candidate, Problem
 from procedures.general.trace.rivalry import Rivalry, Trial, possible_of
 from procedures.general.trace.rivals import rivals
-from procedures.general.trace.robust import apart_from, excess
+from procedures.general.trace.robust import excess
 from procedures.general.trace.score import View, ranked, score
 
 SHORTLIST = 8
@@ -194,10 +194,8 @@ class TableJudge:
         view = self.view(0)
         taken = view.taken(chosen)
         left = view.y - taken @ (taken.T @ view.y)
-        off = excess(left, ordered=self.problem.ordered, step=self.problem.step)
-        if np.any(off) and self.problem.near is not None:
-            off = apart_from(left, off, self.problem.near, self.problem.step)
-        return off * self.problem.sd
+        own = self.problem
+        return excess(left, ordered=own.ordered, step=own.step, near=lambda: own.near) * own.sd
 
     def white(self, at: int, chosen: tuple[int, ...]) -> FloatArray:
         """(n,) `held`, whitened by covariance `at`."""

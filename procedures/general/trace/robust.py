@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from fitter.arrays import FloatArray, IntArray
@@ -20,34 +22,38 @@ deviate.
 FEWEST = 15
 
 
-def excess(left: FloatArray, *, ordered: bool, step: FloatArray | float = 0.0) -> FloatArray:
+def excess(
+    left: FloatArray,
+    *,
+    ordered: bool,
+    step: FloatArray | float = 0.0,
+    near: Callable[[], IntArray | None] = lambda: None,
+) -> FloatArray:
     """(n,) reduction of isolated residuals (n,), over each row's sd; zero for all others.
 
     A reading is isolated only if it deviates from the model and, if the order of measurement is known, from its
-    neighbours too: a level common to several readings is an effect. `step` is the rounding step of the values, one or
-    (n,), in the unit of the residual.
+    neighbours too: a level common to several readings is an effect. So is one that deviates together with the rows
+    (n, k) `near` it, which have about the same settings: they are a shape, such as a peak. Where none deviates, `near`
+    is not asked. `step` is the rounding step of the values, one or (n,), in the unit of the residual.
     """
     if len(left) < FEWEST:
         return np.zeros_like(left)
-    off = _beyond(left, step)
+    off, limit = _beyond(left, step)
+    if not np.any(off):
+        return off
     if ordered and len(left) > 4 * NEIGHBOURS:
-        local = _beyond(left - running_median(left), step)
+        local, _ = _beyond(left - running_median(left), step)
         off = np.where(np.abs(local) < np.abs(off), local, off)
+    around = near()
+    if around is not None:
+        rows = np.flatnonzero(off)
+        off[rows[np.abs(left[rows] - np.median(left[around[rows]], axis=1)) <= limit]] = 0.0
     return off
 
 
 def scale(left: FloatArray, step: FloatArray | float = 0.0) -> float:
     """Standard deviation by the median of absolute values, at least a fifth of the rms and that of rounding."""
     return float(max(robust_sd(left, step), 0.2 * np.sqrt(np.mean(left**2))))
-
-
-def apart_from(left: FloatArray, off: FloatArray, near: IntArray, step: FloatArray | float = 0.0) -> FloatArray:
-    """(n,) `off`, the reduction of isolated residuals (n,), where these are as far from rows (n, k) `near` to them.
-
-    Those have about the same settings: readings that deviate together with them are a shape, such as a peak.
-    """
-    apart = np.abs(left - np.median(left[near], axis=1))
-    return np.where(apart > _alone(len(left)) * scale(left, step), off, 0.0)
 
 
 def running_median(values: FloatArray) -> FloatArray:
@@ -57,13 +63,8 @@ def running_median(values: FloatArray) -> FloatArray:
     return np.asarray(np.median(windows, axis=1))
 
 
-def _beyond(deviation: FloatArray, step: FloatArray | float) -> FloatArray:
-    """Part of each deviation beyond `HELD`, for those beyond `ALONE`."""
+def _beyond(deviation: FloatArray, step: FloatArray | float) -> tuple[FloatArray, float]:
+    """Part of each deviation beyond `HELD`, for those beyond `ALONE`; and the size from which on these are isolated."""
     sd = scale(deviation, step)
-    held = np.clip(deviation, -HELD * sd, HELD * sd)
-    return np.where(np.abs(deviation) > _alone(len(deviation)) * sd, deviation - held, 0.0)
-
-
-def _alone(rows: int) -> float:
-    """Robust standard deviations from which on a deviation of so many rows is isolated."""
-    return ALONE * (1.0 + FEW / rows)
+    held, limit = np.clip(deviation, -HELD * sd, HELD * sd), ALONE * (1.0 + FEW / len(deviation)) * sd
+    return np.where(np.abs(deviation) > limit, deviation - held, 0.0), limit

@@ -12,6 +12,7 @@ from fitter.linear import orthonormal
 from fitter.trace.flexible import Block, orders_of, waves
 from fitter.trace.jointly import PER_COLUMN, Jointly, Metric, jointly, polynomials, spread_evenly
 from procedures.general.trace.judge import TableJudge
+from procedures.general.trace.noise import Noise
 from procedures.general.trace.places import Place
 from procedures.general.trace.run import TableData
 
@@ -67,8 +68,9 @@ def _asked(
 ) -> Jointly | None:
     """The least significant of the shapes under several covariances; None as soon as one has none."""
     worst: Jointly | None = None
+    noise = judge.problem.noise.over(sd)
     for at in under:
-        found = jointly(_metric(judge, chosen, sd, at), values, limit)
+        found = jointly(_metric(judge, chosen, sd, noise, at), values, limit)
         if found is None:
             return None
         worst = found if worst is None or found.p > worst.p else worst
@@ -94,10 +96,9 @@ def _told(found: Jointly, over: dict[str, FloatArray]) -> Together:
     )
 
 
-def _metric(judge: TableJudge, chosen: tuple[int, ...], sd: FloatArray, at: int) -> Metric:
+def _metric(judge: TableJudge, chosen: tuple[int, ...], sd: FloatArray, noise: Noise, at: int) -> Metric:
     """The residual beside some effects under one covariance, with rows divided by (n,) standard deviations."""
-    problem = judge.problem
-    noise, which = problem.noise.over(sd), np.array([at])
+    problem, which = judge.problem, np.array([at])
 
     def white(columns: FloatArray) -> FloatArray:
         return np.asarray(noise.whiten(which, columns / sd[:, None])[0])

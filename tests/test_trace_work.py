@@ -1,0 +1,155 @@
+"""What a trace of a table works out at once, or not at all, is what it would be each time by itself."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fitter.linear import orthonormal
+from fitter.resolution import robust_sd
+from procedures.general.column_roles import Roles, roles_of
+from procedures.general.effects.time_columns import lagging
+from procedures.general.trace import cross, family, judge
+from procedures.general.trace.judge import TableJudge
+from procedures.general.trace.likelihood import Grid
+from procedures.general.trace.run import problem_of
+from procedures.general.trace.score import View
+from procedures.table import Table
+from proving.truth.table import MISSING, Lab, options, simulate
+
+LARGE = Lab(2600, 4, clock=True)
+"""So many rows and candidates that every family has the fewest draws."""
+
+
+def data_of(lab, seed=1, effect=None):
+    columns = simulate(lab, seed, effect)
+    return roles_of(Table("simulated", columns, True, {}), Roles(**options(lab)))[0]
+
+
+def test_a_certain_score_needs_no_simulation_and_has_the_p_of_one(monkeypatch):
+    """A drift of one sd in 2,600 rows."""
+    asked = []
+    simulated = judge.family_of
+    monkeypatch.setattr(judge, "family_of", lambda *args, **told: asked.append(args[1]) or simulated(*args, **told))
+    problem = problem_of(data_of(LARGE, effect=MISSING["drift"].at(1.0)))
+    quick = TableJudge(problem)
+    found = quick.best(())
+    p = quick.p_adjusted(found, found[0])
+    assert [problem.candidates[j].effect.name for j in found] == ["drift:t_s"]
+    assert not asked
+    assert quick.is_bound(p)
+    monkeypatch.setattr(judge, "CERTAIN", np.inf)
+    slow = TableJudge(problem)
+    assert slow.best(()) == found
+    assert slow.p_adjusted(found, found[0]) == p
+    assert asked
+
+
+def test_a_score_is_certain_only_where_the_number_of_draws_is_known():
+    """In a small table it depends on covariances that a simulation tells."""
+    assert family.least_of(problem_of(data_of(Lab(60))), 500) is None
+    problem = problem_of(data_of(LARGE))
+    assert family.least_of(problem, View.of(problem, 0).width) == pytest.approx(1.0 / (1.0 + family.FEWEST))
+
+
+def test_each_part_of_the_rows_is_whitened_once(monkeypatch):
+    views = []
+    of = View.of.__func__
+    monkeypatch.setattr(View, "of", classmethod(lambda cls, *args: views.append(args) or of(cls, *args)))
+    data = data_of(Lab(200, 2, clock=True), effect=MISSING["temperature"].at(1.0))
+    problem = problem_of(data)
+    whole = TableJudge(problem)
+    found = whole.best(())
+    whole.family(whole.beside(found).best)
+    views.clear()
+    errors, words, _ = cross.left_out(problem, whole, found, np.empty(0, np.int64))
+    assert words == "random rows"
+    assert errors[1] < errors[0]
+    every = [one for one, _ in views if len(one.candidates) == len(problem.candidates)]
+    assert len(every) == cross.FOLDS
+
+
+@pytest.fixture(scope="module")
+def problem():
+    """With pairs of columns, blocks of three or more, and a candidate that is nearly declared."""
+    return problem_of(data_of(Lab(150, 2, groups=5, clock=True), effect=MISSING["group gain"].at(0.5)))
+
+
+@pytest.mark.parametrize("at", [0, 20])
+def test_bases_of_all_candidates_are_those_of_each(problem, at):
+    view = View.of(problem, at)
+    every, each = view.units(), view.blocks((), range(len(problem.candidates)))
+    assert {1, 2, 4} <= set(every.rank.tolist())
+    assert every.rank.tolist() == each.rank.tolist()
+    left = np.random.default_rng(1).standard_normal((problem.n, 3))
+    assert every.gains(left) == pytest.approx(each.gains(left), rel=1e-4, abs=1e-5)
+    assert view.width == each.units.shape[1]
+
+
+def test_lengths_and_remainders_are_those_of_whole_columns(problem):
+    view, columns = View.of(problem, 0), problem.columns
+    basis = orthonormal(problem.declared)
+    assert view.columns == pytest.approx(columns - basis @ (basis.T @ columns), abs=1e-7 * np.abs(columns).max())
+    about = np.linalg.norm(columns - columns.mean(axis=0), axis=0)
+    assert view.length == pytest.approx(np.maximum(about, 1e-6 * np.linalg.norm(columns, axis=0)), rel=1e-9)
+
+
+def test_the_gain_of_several_candidates_is_that_of_their_basis(problem):
+    """Also of one that the others nearly replace."""
+    view, rng = View.of(problem, 20), np.random.default_rng(2)
+    left = rng.standard_normal(problem.n)
+    for _ in range(30):
+        some = rng.choice(len(problem.candidates), 6, replace=False).tolist()
+        assert view.gain(some, left) == pytest.approx(float(np.sum((view.extra(some).T @ left) ** 2)), rel=1e-6)
+    assert view.gain((), left) == 0.0
+
+
+def test_another_response_has_the_same_grid(problem):
+    y, other = np.random.default_rng(3).standard_normal((2, problem.n))
+    once = Grid.of(problem.noise, y, problem.declared).of_response(other).beside(problem.of((3,)))
+    fresh = Grid.of(problem.noise, other, problem.declared).beside(problem.of((3,)))
+    assert once.reml == pytest.approx(fresh.reml, rel=1e-12)
+
+
+def test_a_part_of_a_problem_stacks_no_columns_and_has_the_same(problem):
+    kept = np.arange(0, problem.n, 2)
+    part = problem.rows(kept)
+    assert np.array_equal(part.columns, problem.columns[kept])
+    assert np.array_equal(part.columns, part.of(range(len(part.candidates))))
+    other = problem.candidates[5].term
+    moved = problem.with_terms({4: other}) if other.columns.shape == problem.candidates[4].term.columns.shape else part
+    assert np.array_equal(moved.columns, moved.of(range(len(moved.candidates))))
+
+
+@pytest.mark.parametrize("known", [False, True])
+def test_a_lag_is_its_recursion(known):
+    rng = np.random.default_rng(4)
+    v, gap, tau = rng.standard_normal(50), rng.random(49) * (rng.random(49) > 0.1), 0.7
+    since = rng.random(50) if known else None
+    state = [v[0]]
+    for i, dt in enumerate(gap):
+        decay = np.exp(-dt / tau)
+        slope = np.exp(-min(since[i + 1], dt) / tau) if known else (1.0 - decay) / (dt / tau) if dt else 1.0
+        state.append(decay * state[-1] + (slope - decay) * v[i] + (1.0 - slope) * v[i + 1])
+    assert lagging(v, gap, tau, since) == pytest.approx(np.array(state), rel=1e-14, abs=1e-14)
+
+
+@pytest.mark.parametrize("inside", [0.5, 0.95])
+@pytest.mark.parametrize("step", [1e-15, 0.01, 1.0])
+def test_the_limit_of_a_robust_scale_is_that_of_bisection(step, inside):
+    """Of steps of the size of rounding errors, of small and of large ones; one for all rows, or one for each."""
+    rng = np.random.default_rng(5)
+    for n in (3, 20, 301):
+        left = np.round(rng.standard_normal(n) / step) * step if step > 1e-9 else rng.standard_normal(n)
+        steps = np.full(n, step) if n % 2 else step / rng.uniform(0.3, 3.0, n)
+        size, half = np.abs(left), 0.5 * steps
+        low, high = 0.0, float(np.max(size + half))
+        for _ in range(60):
+            middle = 0.5 * (low + high)
+            covered = np.minimum(middle, size + half) - np.maximum(-middle, size - half)
+            enough = np.mean(np.clip(covered / (2.0 * half), 0.0, 1.0)) >= inside
+            low, high = (low, middle) if enough else (middle, high)
+        floor = np.sqrt(np.mean(steps**2) / 12.0)
+        normal = {0.5: 0.6744897501960817, 0.95: 1.959963984540054}[inside]
+        expected = np.sqrt(max((high / normal) ** 2 - floor**2, floor**2))
+        assert robust_sd(left, steps, inside) == pytest.approx(expected, rel=1e-12)
