@@ -8,6 +8,7 @@ import pytest
 from fitter.linear import orthonormal
 from fitter.resolution import robust_sd
 from procedures.general.column_roles import Roles, roles_of
+from procedures.general.effects.scene import Stood
 from procedures.general.effects.time_columns import lagging
 from procedures.general.trace import cross, family, judge
 from procedures.general.trace.judge import TableJudge
@@ -121,17 +122,18 @@ def test_a_part_of_a_problem_stacks_no_columns_and_has_the_same(problem):
     assert np.array_equal(moved.columns, moved.of(range(len(moved.candidates))))
 
 
-@pytest.mark.parametrize("known", [False, True])
+@pytest.mark.parametrize("known", [(), ("since",), ("since", "start")])
 def test_a_lag_is_its_recursion(known):
     rng = np.random.default_rng(4)
     v, gap, tau = rng.standard_normal(50), rng.random(49) * (rng.random(49) > 0.1), 0.7
-    since = rng.random(50) if known else None
-    state = [v[0]]
+    since, start = rng.random(50), rng.standard_normal(50) if "start" in known else np.concatenate([v[:1], v[:-1]])
+    state = [v[0] + (start[0] - v[0]) * np.exp(-since[0] / tau)]
     for i, dt in enumerate(gap):
         decay = np.exp(-dt / tau)
         slope = np.exp(-min(since[i + 1], dt) / tau) if known else (1.0 - decay) / (dt / tau) if dt else 1.0
-        state.append(decay * state[-1] + (slope - decay) * v[i] + (1.0 - slope) * v[i + 1])
-    assert lagging(v, gap, tau, since) == pytest.approx(np.array(state), rel=1e-14, abs=1e-14)
+        state.append(decay * state[-1] + (slope - decay) * start[i + 1] + (1.0 - slope) * v[i + 1])
+    stood = Stood(since, start if "start" in known else None) if known else None
+    assert lagging(v, gap, tau, stood) == pytest.approx(np.array(state), rel=1e-14, abs=1e-14)
 
 
 @pytest.mark.parametrize("inside", [0.5, 0.95])

@@ -236,7 +236,7 @@ class View:
     def _apart(self, extra: FloatArray) -> tuple[FloatArray, NDArray[np.bool_], IntArray, IntArray, FloatArray]:
         """Columns of candidates of one or two, each beside `extra` ones (n, q) and the longer one of its pair.
 
-        (D,) what is left of their sums of squares, and whether that is enough; (p,) the longer one of each pair, the
+        (D,) their remaining sums of squares, and whether these are enough; (p,) the longer one of each pair, the
         other, and the slope (p,) of the other along it.
         """
         squares, across, first = self._products
