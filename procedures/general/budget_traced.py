@@ -79,10 +79,22 @@ def _with_means(table: Table, at: Sequence[Mapping[str, float]]) -> list[Mapping
 
 
 def _difference(own: Sensor, other: Sensor) -> FloatArray:
-    """(m,) results of a sensor by another model, less its own; a coefficient that one of them has not differs by 0."""
+    """(m,) results of a sensor by another model, less its own; a coefficient that one of them has not differs by 0.
+
+    Where the other model has more variables, and infers none, the inferred value differs as its output does.
+    """
+    if not other.has_points:
+        raise FitError("the points do not give every variable of the other model")
     theirs = dict(zip(other.terms, other.fitted.tolist(), strict=True))
     kept = own.fitted.tolist()
     coefficients = [theirs.get(name, value) - value for name, value in zip(own.terms, kept, strict=True)]
     mine, found = own.values(own.fitted, own.readings), other.values(other.fitted, own.readings)
-    k, q = len(kept), len(theirs)
-    return np.concatenate([coefficients, found[q:] - mine[k:]])
+    k, q, p = len(kept), len(theirs), len(own.readings)
+    outputs = found[q : q + p] - mine[k : k + p]
+    if own.variable is None:
+        inferred = np.zeros(0)
+    elif own.variable == other.variable:
+        inferred = found[q + p :] - mine[k + p :]
+    else:
+        inferred = -outputs / own.slope
+    return np.concatenate([coefficients, outputs, inferred])

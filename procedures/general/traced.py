@@ -16,6 +16,7 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.effects.entry import Entry
+from fitter.linear import orthonormal
 from procedures.column_names import unit_of
 from procedures.general.confirming import usable_term
 from procedures.general.effects.columns import less, middle, origin
@@ -28,6 +29,8 @@ from procedures.table import Table
 
 HALF_WAY = "half-way between both directions"
 _NAME = re.compile(r"[^\W\d]\w*")
+_SPANNED = 1e-9
+"""Part of a column outside those of a model, below which the model has it already."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +94,7 @@ def with_effects(asked: Asked, own: Sequence[Entry], *, covered: bool = False) -
     replaced: list[tuple[str, str, str, Part]] = []
     for output, one in traced.each.items():
         for effect in one.trace.added:
-            part = _part(asked, output, one.trace, _candidates(one.trace, effect), np.array(effect.coefficients))
+            part = _part(asked, one.trace, _candidates(one.trace, effect), np.array(effect.coefficients))
             parts[output][effect.effect] = part
             used = _used(effect, part, output, asked.table)
             notes[output] += [told for told in (_doubt(effect, covered=covered), used) if told]
@@ -166,14 +169,13 @@ def _others(asked: Asked, output: str, trace: TableTrace, effect: FoundTableEffe
             continue
         columns = np.hstack([beside, problem.of(rival.terms)])
         fitted = np.asarray(np.linalg.lstsq(columns, problem.y, rcond=None)[0], np.float64)
-        yield rival.effect, _part(asked, output, trace, rival.terms, fitted[beside.shape[1] :])
+        yield rival.effect, _part(asked, trace, rival.terms, fitted[beside.shape[1] :])
 
 
-def _part(asked: Asked, output: str, trace: TableTrace, candidates: Sequence[int], coefficients: FloatArray) -> Part:
+def _part(asked: Asked, trace: TableTrace, candidates: Sequence[int], coefficients: FloatArray) -> Part:
     """An effect in the calibration, by its candidates; its contribution beyond that in use is taken off if it is no
     function of known quantities.
     """
-    formula = asked.models[output].formula or ""
     judge, columns = trace.search.judge, trace.search.judge.problem.of(candidates)
     labels = [label for j in candidates for label in judge.candidates[j].term.labels]
     known = (*asked.table.factors, *recorded(asked.table))
@@ -188,7 +190,7 @@ def _part(asked: Asked, output: str, trace: TableTrace, candidates: Sequence[int
         columns = columns - (v - v.mean())[:, None]
         columns = columns - columns[:1]
         at_rest = usable_term(less(name, middle(v)), known)
-        terms = (f"I({at_rest})",) if at_rest and name not in _NAME.findall(formula) else ()
+        terms = (f"I({at_rest})",) if at_rest and not _spanned(v, judge.problem.declared) else ()
         holds = f"at rest, when {name} has long been what it is"
     elif effect.kind.terms is previous:
         holds = f"for a {effect.columns[0]} that was the same before"
@@ -200,6 +202,12 @@ def _part(asked: Asked, output: str, trace: TableTrace, candidates: Sequence[int
         columns = columns - _mean_over_time(columns, [trace.variables[one] for one in effect.columns if one in known])
         holds = "for its mean over the run"
     return Part(terms, np.asarray(columns @ coefficients), holds)
+
+
+def _spanned(v: FloatArray, columns: FloatArray) -> bool:
+    """Whether (n,) v is a combination of columns (n, k): a model has it already, under whatever name."""
+    basis = orthonormal(columns)
+    return float(np.linalg.norm(v - basis @ (basis.T @ v))) <= _SPANNED * float(np.linalg.norm(v))
 
 
 def _mean_over_time(columns: FloatArray, settings: Sequence[FloatArray]) -> FloatArray:

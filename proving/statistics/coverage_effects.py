@@ -22,6 +22,7 @@ from fitter.decision import SimpleAcceptance, Tolerance, decide
 from procedures.attitude.budget import AttitudeEvaluation
 from procedures.attitude.budget_traced import TracedEvaluation as TracedAttitude
 from procedures.budgeting import Evaluation
+from procedures.column_names import spelled, stem_of, unit_of
 from procedures.errors import DataError
 from procedures.general.budget import general_evaluation
 from procedures.influences import explain, influences
@@ -34,7 +35,7 @@ from proving.ledger import Result
 from proving.statistics.frame import Figures, Part, Results, Study, pooled
 from proving.truth.attitude import D1, simulate, volts
 from proving.truth.attitude_hidden import HIDDEN, sized
-from proving.truth.stands import EFFECTS, USUAL_degC, stand
+from proving.truth.stands import EFFECTS, METERS, USUAL_degC, stand
 from proving.truth.whole_plot_hidden import hide
 from rig.closed_loop.budget import RunBudget
 from rig.closed_loop.undeclared import with_undeclared
@@ -56,27 +57,37 @@ def general() -> Study:
     return Study({name: partial(_general, name=name) for name in EFFECTS}, shares, pooled(shares))
 
 
-def _general(seed: int, name: str) -> Result:
-    rng = np.random.default_rng([410, seed, list(EFFECTS).index(name)])
-    one = stand(name, FORCES, rng, float(10.0 ** rng.uniform(0.0, 1.0)))
+def others() -> Study:
+    """Meters of no example (proving/truth/stands.py), with the same effects."""
+    cases = {f"{meter}, {name}": partial(_general, name=name, meter=meter) for meter in METERS for name in EFFECTS}
+    return Study(cases, shares, pooled(shares))
+
+
+def _general(seed: int, name: str, meter: str = "") -> Result:
+    rng = np.random.default_rng([410, seed, list(EFFECTS).index(name), *([list(METERS).index(meter)] if meter else [])])
+    other = METERS[meter] if meter else None
+    one = stand(name, FORCES, rng, float(10.0 ** rng.uniform(0.0, 1.0)), other)
     night = one.night
+    quantity, put = (other.quantity, other.set_to) if other else ("force_kN", np.array)
     columns = {
         "replicate": night.replicate,
         "elapsed_s": night.time,
-        "force_kN": night.force,
-        "force_side": night.side,
+        quantity: put(night.force),
+        f"{stem_of(quantity)}_side": night.side,
         "room_degC": night.room,
         "cell_V": one.volts,
     }
-    declared = {"formula": "1 + force_kN"}
+    declared = {"formula": other.declared if other else "1 + force_kN"}
     told: dict[str, Any] = {"declared": declared, "kind": "general", "outputs": {"cell_V": "cell"}}
-    table = Table("a stand", columns, simulated=True, provenance={}, factors=("force_kN",), **told)
-    at = [{"force_kN": force, "room_degC": USUAL_degC} for force in FORCES.tolist()]
+    table = Table("a stand", columns, simulated=True, provenance={}, factors=(quantity,), **told)
+    at = [{quantity: value, "room_degC": USUAL_degC} for value in put(FORCES).tolist()]
 
     def evaluate(*, traced: bool) -> Evaluation:
         return general_evaluation(table, at, traced=traced)
 
-    true = {f" output at force {force:g} kN": value for force, value in zip(FORCES, one.at_rest, strict=True)}
+    first = f"room {USUAL_degC:g} degC, " if declared["formula"].startswith("1 + I((room_degC") else ""
+    words = f"output at {first}{stem_of(quantity)} {{:g}} {spelled(unit_of(quantity))}"
+    true = {f" {words.format(value)}": rest for value, rest in zip(put(FORCES).tolist(), one.at_rest, strict=True)}
     return held(evaluate, true, rng)
 
 
@@ -198,5 +209,10 @@ def shares(results: Results) -> Figures:
     return {**found, "laboratories": len(results)}
 
 
-PARTS = {"general": Part(general, 150), "whole-plots": Part(whole_plots, 200), "attitude": Part(attitude, 100)}
+PARTS = {
+    "general": Part(general, 150),
+    "others": Part(others, 15),
+    "whole-plots": Part(whole_plots, 200),
+    "attitude": Part(attitude, 100),
+}
 """`python -m proving.statistics coverage-effects general`; proving/notes/coverage_effects.md."""

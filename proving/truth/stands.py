@@ -170,14 +170,78 @@ class Stand:
     at_rest: Array
 
 
-def stand(name: str, at: Array, rng: Rng, rms: float) -> Stand:
-    """A stand with so much of an effect that a straight line leaves `rms` times the scatter of readings."""
+@dataclass(frozen=True)
+class Meter:
+    """An instrument of another laboratory, by the law of its textbook.
+
+    Attributes:
+        quantity: column of what is set.
+        low: its value where a cell bears nothing.
+        high: that where a cell bears 10 kN.
+        declared: the model that its laboratory declares: its law, without the effect.
+        law: (n,) its output at values of the quantity and room temperatures, with two coefficients near one.
+    """
+
+    quantity: str
+    low: float
+    high: float
+    declared: str
+    law: Callable[[Array, Array, float, float], Array]
+
+    def set_to(self, force: Array) -> Array:
+        """(n,) what is set in place of forces."""
+        return self.low + (self.high - self.low) * force / 10.0
+
+
+METERS: Mapping[str, Meter] = {
+    # Nernst's slope of 198.4 uV/K and decade
+    "pH electrode": Meter(
+        "buffer_pH",
+        2.0,
+        12.0,
+        "1 + I((room_degC + 273.15) * (buffer_pH - 7))",
+        lambda x, room, a, b: 0.01 * a - 1.984e-4 * b * (room + 273.15) * (x - 7.0),
+    ),
+    # King (Phil. Trans. A 214 (1914) 373): the power of a hot wire, with the exponent that calibrations find
+    "hot-wire anemometer": Meter(
+        "speed_m_per_s", 0.5, 20.5, "1 + I(speed_m_per_s^0.45)", lambda x, _, a, b: 1.2 * a + 0.8 * b * x**0.45
+    ),
+    # a turbine turns in proportion to the flow, less what its bearing takes
+    "turbine flow meter": Meter(
+        "flow_m3_per_h",
+        1.0,
+        11.0,
+        "1 + flow_m3_per_h + I(1/flow_m3_per_h)",
+        lambda x, _, a, b: 0.2 * a * x - 0.05 * b / x,
+    ),
+}
+
+
+def stand(name: str, at: Array, rng: Rng, rms: float, meter: Meter | None = None) -> Stand:
+    """A stand with so much of an effect that the declared model leaves `rms` times the scatter of readings.
+
+    Args:
+        name: of the effect.
+        at: (p,) forces, or what stands for them of another meter.
+        rng: draws everything.
+        rms: size of the effect.
+        meter: in place of a load cell.
+    """
     one = EFFECTS[name]
     happened = night(rng, series=one.series)
     added, rests = one.effect(happened, at, rng)
-    line = np.column_stack([np.ones_like(happened.force), happened.force])
+    usual = np.full_like(at, USUAL_degC)
+    if meter is None:
+        start, slope = rng.normal(0.0, 0.01), rng.uniform(0.45, 0.55)
+        line = np.column_stack([np.ones_like(happened.force), happened.force])
+        output, still = start + slope * happened.force, start + slope * at
+    else:
+        a, b = rng.uniform(0.9, 1.1, 2)
+        x = meter.set_to(happened.force)
+        output, still = meter.law(x, happened.room, a, b), meter.law(meter.set_to(at), usual, a, b)
+        parts = [meter.law(x, happened.room, *one) for one in ((1.0, 0.0), (0.0, 1.0))]
+        line = np.column_stack([np.ones_like(x), *parts])
     left = added - line @ np.linalg.lstsq(line, added, rcond=None)[0]
     size = rms * NOISE_V / float(np.sqrt(np.mean(left**2))) * rng.choice([-1.0, 1.0])
-    start, slope = rng.normal(0.0, 0.01), rng.uniform(0.45, 0.55)
-    volts = start + slope * happened.force + size * added + rng.normal(0.0, NOISE_V, len(added))
-    return Stand(happened, volts, start + slope * at + size * rests)
+    volts = output + size * added + rng.normal(0.0, NOISE_V, len(added))
+    return Stand(happened, volts, still + size * rests)
