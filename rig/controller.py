@@ -34,6 +34,7 @@ from rig.errors import BenchFault, UsageError
 from rig.locks import locked_addresses
 from rig.person import ServedBench
 from rig.plans import PREVIOUS, Plan, stored_plan
+from rig.register import DOCUMENT
 from rig.regular import real_path
 from rig.run_file.bodies import COUNT
 from rig.run_file.creation import Genesis, create
@@ -77,12 +78,15 @@ class Result:
     parked: bool = False
 
 
-def _mounted(plan: Plan) -> Mapping[str, Any]:
-    """The world of a dry run, with the package mounted as the procedure requires."""
+def _world(plan: Plan) -> Mapping[str, Any]:
+    """The world of a dry run, on a day that the register covers, with the package mounted as the procedure requires."""
+    from rig.simulated.calendar import dated  # noqa: PLC0415 - a real run never loads the simulation
+
+    truth = dated(plan.truth, plan.bench, plan.documents.get(DOCUMENT))
     mounting = plan.procedure.conduct.mounting
     if not any(mounting.values()):
-        return plan.truth
-    return {**plan.truth, "mounting": {**plan.truth.get("mounting", {}), **mounting}}
+        return truth
+    return {**truth, "mounting": {**truth.get("mounting", {}), **mounting}}
 
 
 @contextlib.contextmanager
@@ -96,7 +100,7 @@ def opened(plan: Plan, *, start: float = 0.0) -> Iterator[tuple[Bench, Clock, st
     if plan.dry:
         from rig.simulated.dry_run import DryBench  # noqa: PLC0415 - a real run never loads the simulation
 
-        dry = DryBench(plan.bench, _mounted(plan), start=start)
+        dry = DryBench(plan.bench, _world(plan), start=start)
         bench = open_bench(dry.config, check_options(dry.config, "bench"), dry.clock, dry.wires)
         bench.person = dry.person
         try:

@@ -198,12 +198,12 @@ def test_without_a_register_a_plan_says_repeatability_only(tmp_path):
 
 def test_certificates_that_expire_before_the_end_are_named_where_the_bench_has_no_date(tmp_path):
     plan = attitude(tmp_path)
-    assert expired(plan, date(2027, 2, 1)) == []  # the bench file has the voltmeter's date
+    assert expired(plan, TODAY, date(2027, 2, 1)) == []  # the bench file has the voltmeter's date
     without = plan.bench.instruments["scanner"].model_copy(update={"due": None})
     bench = plan.bench.model_copy(update={"instruments": {**plan.bench.instruments, "scanner": without}})
     plan = replace(plan, bench=bench)
-    assert expired(plan, date(2027, 1, 31)) == []
-    (said,) = expired(plan, date(2027, 2, 1))
+    assert expired(plan, TODAY, date(2027, 1, 31)) == []
+    (said,) = expired(plan, TODAY, date(2027, 2, 1))
     assert said.startswith(
         "equipment.toml: equipment.DVM-0102.certificate.due = 2027-01-31, and this run would end on 2027"
     )

@@ -367,7 +367,7 @@ PUBLIC = {
     "open": "(path: 'str | Path', *, separator: 'str | None' = None, decimal: 'str | None' = None, "
     "encoding: 'str | None' = None, header: 'int | None' = None) -> 'Data'",
     "plan": "(procedure: 'str | Path', bench: 'str | Path', *, out: 'str | Path' = 'runs', usage: 'float | None' = "
-    "None, on_progress: 'Callable[[Progress], None]' = <lambda>) -> 'Plan'",
+    "None, world: 'str | Path | None' = None, on_progress: 'Callable[[Progress], None]' = <lambda>) -> 'Plan'",
     "run": "(procedure: 'str | Path', bench: 'str | Path', *, dry: 'bool' = True, world: 'str | Path | None' = None, "
     "out: 'str | Path' = 'runs', operator: 'str | None' = None, on_progress: 'Callable[[Progress], None]' = <lambda>)"
     " -> 'Run'",

@@ -35,6 +35,10 @@ def plan(
             show_default="that of the procedure",
         ),
     ] = None,
+    world: Annotated[
+        Path | None,
+        typer.Option(help="plan a dry run in this world: its day, its time constants", show_default="a real run"),
+    ] = None,
     plot: Annotated[
         Path | None, typer.Option(help="with --compare: a PNG of precision over the range of use", show_default=False)
     ] = None,
@@ -47,6 +51,8 @@ def plan(
     """
     if plot is not None and not compare:
         raise UsageError("--plot shows designs side by side: it requires --compare")
+    if compare and world is not None:
+        raise UsageError("--world plans one dry run: leave out --compare")
     if compare:
         from rig.cli.compare import compare_files  # noqa: PLC0415
 
@@ -55,6 +61,6 @@ def plan(
     from rig.results.planned import plan as plan_run  # noqa: PLC0415
 
     with run_progress(simulated=True) as progress:
-        planned = plan_run(procedure, bench, out=out_dir, usage=usage, on_progress=progress)
+        planned = plan_run(procedure, bench, out=out_dir, usage=usage, world=world, on_progress=progress)
     show_result(planned, as_json=as_json)
     return ExitCode.DONE

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from rich.markup import escape
 
-from drivers.clock import RealClock
+from drivers.clock import RealClock, ScaledClock
 from drivers.roles import ByHand, Chamber
 from fitter.errors import FitError
 from procedures.advice import Advice
@@ -30,8 +30,10 @@ from rig.forecast import ALLOWANCE, SOAK_ALLOWANCE, Forecast, rehearse
 from rig.plans import Plan as Checked
 from rig.plans import load_plan
 from rig.plugins import driver_class
+from rig.register import DOCUMENT
+from rig.results.dwells import short_dwells
 from rig.results.frames import Frame, of_rows
-from rig.results.promised import Promised, expired, promised
+from rig.results.promised import Promised, beside, expired, promised
 from rig.results.result import Plots, Result
 from rig.results.unit_doubts import unit_doubts
 from rig.scatter import without_limit
@@ -77,7 +79,7 @@ class Plan(Result):
     def overdue(self) -> Sequence[str]:
         """Instruments whose own calibration is due before the end, or has no known date, one sentence each."""
         on = self.finish_latest.date()
-        return [*_due(self.checked.bench, on), *expired(self.checked, on)]
+        return [*_due(self.checked.bench, on), *expired(self.checked, self.now.date(), on)]
 
     @property
     def _told(self) -> dict[str, Any]:
@@ -113,6 +115,7 @@ class Plan(Result):
             "scatter_without_limit": self._without_limit,
             "unasked": unasked(self.checked.bench),
             "overdue": self.overdue,
+            "not_on_bench": beside(self.checked),
             "disk_free_bytes": self.disk[0],
             "disk_needed_bytes": self.disk[1],
             "environment": _environment(self.checked),
@@ -168,7 +171,8 @@ class Plan(Result):
 
     def _time(self) -> Iterator[Block]:
         found = self.forecast
-        yield Line(f"  started now, it ends {_when(self.finish)} ({duration(found.total_s)}),")
+        begun = f"a dry run in this world begins {_when(self.now)} and" if self.checked.dry else "started now, it"
+        yield Line(f"  {begun} ends {_when(self.finish)} ({duration(found.total_s)}),")
         yield Line(f"  at the latest {_when(self.finish_latest)}")
         soaks = "" if found.soak_s is None else f", {duration(found.soak_s)} to set each whole plot"
         yield Line(
@@ -229,6 +233,8 @@ class Plan(Result):
         yield from (Line(f"  [yellow]{escape(line)}[/]") for line in self.overdue)
         if not self.overdue:
             yield Line("  the calibrations of all instruments are valid until then")
+        if names := beside(checked):
+            yield Line(f"  in the register and not on the bench: {escape(', '.join(names))}")
         free, needed = self.disk
         verdict = "ok" if free > needed else "[red]not enough[/]"
         yield Line(f"  disk: needs {needed / 1e6:.0f} MB, {free / 1e9:.1f} GB free: {verdict}")
@@ -265,6 +271,7 @@ def plan(
     *,
     out: str | Path = "runs",
     usage: float | None = None,
+    world: str | Path | None = None,
     on_progress: Callable[[Progress], None] = lambda _: None,
 ) -> Plan:
     """Forecast a run: number of points, time of its end, precision, and problems.
@@ -275,6 +282,7 @@ def plan(
         out: folder of the run file.
         usage: range of use of the sensors, plus and minus, degrees, for kinds that have one; that of the procedure if
             None.
+        world: a world file: the plan is of a dry run in it, on its day, with its time constants; None for a real run.
         on_progress: called with the progress of the rehearsal, as in a run.
 
     Raises:
@@ -282,21 +290,35 @@ def plan(
         UsageError: `usage` is given, and this kind has none.
         RigError: the rehearsal failed.
     """
-    checked = load_plan(Path(procedure), Path(bench))
+    checked = load_plan(
+        Path(procedure), Path(bench), dry=world is not None, world=None if world is None else Path(world)
+    )
     try:
         precise = kind_of(checked.procedure).precision(checked.procedure, checked.run_list)
     except FitError as error:
         why = f"the design does not determine a sensor: {error}; use more settings"
         raise ConfigurationError(f"{procedure}: {why}") from error
     doubts = [Advice(0, "units", False, sentence) for sentence in unit_doubts(checked)]
+    doubts += [Advice(0, "dwell", False, sentence) for sentence in short_dwells(checked)]
     advice = [*_advice(checked, usage), *doubts]
     forecast = rehearse(checked, on_progress)
-    now = datetime.fromtimestamp(RealClock().utc(), UTC).astimezone()
+    now = _now(checked)
     folder = Path(out)
     existing = next(p for p in (folder, *folder.absolute().parents) if p.exists())
     disk = shutil.disk_usage(existing).free, needed_bytes(len(checked.run_list))
     ends = now + timedelta(seconds=forecast.latest_s)
     return Plan(checked, precise, advice, forecast, now, disk, promised(checked, ends.date()))
+
+
+def _now(checked: Checked) -> datetime:
+    """Bench time at which a run would begin: of a dry run and of a bench of `rig sim`, that of its world."""
+    if checked.dry:
+        from rig.simulated.calendar import begins  # noqa: PLC0415 - few plans are of dry runs
+
+        return begins(checked.truth, checked.bench, checked.documents.get(DOCUMENT))
+    live = checked.bench.live
+    clock = ScaledClock(live.speed, live.epoch_utc, live.started_utc) if live else RealClock()
+    return datetime.fromtimestamp(clock.utc(), UTC).astimezone()
 
 
 def _advice(checked: Checked, usage_deg: float | None) -> Sequence[Advice]:

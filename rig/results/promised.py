@@ -101,8 +101,17 @@ def promised(plan: Plan, on: date) -> Promised:
     return Promised(found, tuple(notes), tuple(stated.what_is_lacking(unstated)))
 
 
-def expired(plan: Plan, on: date) -> list[str]:
-    """Certificates that will not be valid on a date, a sentence each: no budget is then made.
+def beside(plan: Plan) -> list[str]:
+    """Equipment of the register that nothing on the bench names."""
+    if DOCUMENT not in plan.documents:
+        return []
+    register = parse_register(plan.documents[DOCUMENT], DOCUMENT)
+    named = {one.asset for _, one in entries(plan.bench)}
+    return [asset for asset in register.equipment if asset not in named]
+
+
+def expired(plan: Plan, first: date, on: date) -> list[str]:
+    """Certificates that will not be valid from the first to the last date, a sentence each: no budget is then made.
 
     Those whose date is in the bench file, too, are left to it.
     """
@@ -112,9 +121,10 @@ def expired(plan: Plan, on: date) -> list[str]:
     told = {one.asset for _, one in entries(plan.bench) if getattr(one, "due", None) is not None}
     other = {asset: one for asset, one in register.equipment.items() if asset not in told}
     try:
-        check_validity(register.model_copy(update={"equipment": other}), plan.bench, DOCUMENT, on, on)
+        check_validity(register.model_copy(update={"equipment": other}), plan.bench, DOCUMENT, first, on)
     except ConfigurationError as error:
-        return [line.replace("the run ended on", "this run would end on") for line in str(error).splitlines()]
+        lines = str(error).replace("the run ended on", "this run would end on").splitlines()
+        return [line.replace("the run began on", "this run would begin on") for line in lines]
     return []
 
 

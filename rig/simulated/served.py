@@ -10,6 +10,8 @@ from rig.bench_file import check_options
 from rig.config import parse_toml, read_text
 from rig.contract_files import read_bench
 from rig.errors import ConfigurationError, RigError
+from rig.register import register_beside
+from rig.simulated.calendar import dated
 from rig.simulated.dry_run import plain, twin_classes
 from sims.physics import WorldError
 from sims.serve import serve
@@ -47,7 +49,8 @@ def serve_bench(
     config, _ = read_bench(bench)
     check_options(config, str(bench))
     text = "" if world is None else read_text(world, "world")
-    truth = parse_toml(text, str(world))
+    found = register_beside(config, bench)
+    truth = dated(parse_toml(text, str(world)), config, None if found is None else found[1])
     announce("SIMULATED bench; no instrument is real")
     try:
         serve(
