@@ -289,6 +289,15 @@ class ByHand(Instrument, Protocol):
 
 
 @runtime_checkable
+class Typing(Reader, Protocol):
+    """A reader without a wire: a person, who types what the run asks for."""
+
+    def take(self, typed: Mapping[str, Sequence[float]]) -> None:
+        """Take what was typed for the present point, by channel, in the channels' units; `fetch` returns it."""
+        ...
+
+
+@runtime_checkable
 class Restartable(Protocol):
     """An instrument that can detect that its power has been off."""
 

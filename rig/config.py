@@ -58,6 +58,11 @@ class InstrumentConfig(BaseModel):
     )
 
     @property
+    def by_hand(self) -> bool:
+        """Whether it is a person."""
+        return self.driver == "person"
+
+    @property
     def options(self) -> dict[str, Any]:
         """Options of the driver."""
         return dict(self.model_extra or {})
@@ -163,8 +168,20 @@ class BenchConfig(_Strict):
     live: LiveConfig | None = None
 
     def thermometers(self, factor: str) -> tuple[str, ...]:
-        """Temperature columns that are recorded in what sets a factor: of its name, or with it as their place."""
-        return tuple(name for name, one in self.temperatures.items() if factor in (name, one.place))
+        """Temperature columns that are recorded in what sets a factor: of its name, or with it as their place.
+
+        One that a person reads is not among them: a soak cannot wait for it.
+        """
+        every = ((name, one) for name, one in self.temperatures.items() if name not in self.typed)
+        return tuple(name for name, one in every if factor in (name, one.place))
+
+    @property
+    def typed(self) -> Mapping[str, tuple[str, str]]:
+        """Columns that a person reads and types: outputs, reference standards, thermometers, to (person, channel)."""
+        read = {f"{name}_{one.unit}": (one.reader, one.channel) for name, one in self.sensors.items()}
+        read |= {name: (one.reader, one.channel) for name, one in self.references.items()}
+        read |= {name: (one.reader, one.channel) for name, one in self.temperatures.items()}
+        return {name: by for name, by in read.items() if self.instruments[by[0]].by_hand}
 
     @property
     def read_only(self) -> tuple[str, ...]:

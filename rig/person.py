@@ -7,13 +7,16 @@ A real person answers by `rig done`. A simulated one (`rig.simulated.person`) do
 from __future__ import annotations
 
 import json
+import math
 import socket
 from typing import Any, Protocol
 
 from drivers.errors import Unreachable
 from procedures.by_hand import HandStep
 from rig.errors import BenchFault
+from rig.typed import TypedColumn
 
+SIMULATED = "simulated person"
 _REAL_S = 5.0
 """Seconds, of real time, for a simulated bench to take what it is told."""
 
@@ -31,6 +34,10 @@ class Person(Protocol):
 
     def asked_to_set(self, factor: str, value: float) -> bool:
         """The person reads to what a factor has to be set. Returns as `asked`; the answer is then that of `answer`."""
+        ...
+
+    def asked_to_read(self, column: TypedColumn) -> bool:
+        """The person reads what to read. Returns as `asked`; the answer is then that of `answer`."""
         ...
 
     def recall_setting(self, factor: str, value: float) -> None:
@@ -56,6 +63,7 @@ class ServedBench:
 
     def __init__(self, address: str) -> None:
         self._address = address
+        self._read: str | None = None
         self._new: bool | None = None  # whether nothing had been changed when the session began
 
     def asked(self, step: HandStep) -> bool:
@@ -66,9 +74,19 @@ class ServedBench:
         """Nobody simulated comes."""
         return False
 
+    def asked_to_read(self, column: TypedColumn) -> bool:
+        """See `Person.asked_to_read`: no real person can see a simulated dial, so the bench reads it, if its world's
+        person comes. Raises `Unreachable`.
+        """
+        self._read = None
+        found = self._tell({"reader": column.reader, "channel": column.channel})
+        if math.isfinite(found):
+            self._read = column.seen(found)
+        return self._read is not None
+
     def answer(self) -> tuple[str | None, str] | None:
-        """None: a real person answers."""
-        return None
+        """The reading; None for everything else: a real person answers."""
+        return None if self._read is None else (self._read, SIMULATED)
 
     def recall_setting(self, factor: str, value: float) -> None:
         """See `Person.recall_setting`. Raises `Unreachable`."""
@@ -88,14 +106,14 @@ class ServedBench:
         """See `Person.done`. Raises `Unreachable`."""
         self._tell({"change": change, "number": number})
 
-    def _tell(self, what: dict[str, Any]) -> int:
-        """Tell the bench; returns the number of its changes. Raises `Unreachable`."""
+    def _tell(self, what: dict[str, Any]) -> float:
+        """Tell the bench; returns its answer: the number of its changes, or a reading. Raises `Unreachable`."""
         host, _, port = self._address.rpartition(":")
         try:
             with socket.create_connection((host, int(port)), _REAL_S) as line, line.makefile("rwb") as file:
                 file.write(json.dumps(what).encode() + b"\n")
                 file.flush()
-                return int(file.readline(20))
+                return float(file.readline(40))
         except (OSError, ValueError) as error:
             raise Unreachable(
                 f"the simulated bench does not take at {self._address} what a person has done ({error}): is rig sim "

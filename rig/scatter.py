@@ -39,6 +39,11 @@ class MostScatter:
 
 
 def most_scatter(conduct: Conduct, config: BenchConfig) -> Mapping[str, MostScatter]:
+    """Limits of what instruments read, see `declared_scatter`; for what a person reads see `rig.typed`."""
+    return {name: most for name, most in declared_scatter(conduct, config).items() if name not in config.typed}
+
+
+def declared_scatter(conduct: Conduct, config: BenchConfig) -> Mapping[str, MostScatter]:
     """Limits by column: of a sensor or reference standard its own, else that of all voltages; others have none."""
     found = {}
     for name, sensor in config.sensors.items():
@@ -52,8 +57,8 @@ def most_scatter(conduct: Conduct, config: BenchConfig) -> Mapping[str, MostScat
 
 
 def without_limit(conduct: Conduct, config: BenchConfig) -> Sequence[str]:
-    """Columns whose readings have no limit of scatter: outputs, reference standards and thermometers."""
-    limited = most_scatter(conduct, config)
+    """Columns of instruments whose readings have no limit of scatter: outputs, reference standards, thermometers."""
+    limited = {*declared_scatter(conduct, config), *config.typed}
     outputs = (f"{name}_{sensor.unit}" for name, sensor in config.sensors.items())
     return [name for name in (*outputs, *config.references, *config.temperatures) if name not in limited]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from math import isfinite
 from typing import Any
 from zlib import crc32
 
@@ -144,6 +145,12 @@ class SimBench:
         for twin in self._twins.values():
             if isinstance(twin, Changing):
                 twin.by_hand(change, number)
+
+    def reads(self, instrument: str, channel: str) -> float:
+        """Reading of a person at one of their channels, a glance of a second: degC, or as `Plant.channel_V`."""
+        now = self.world.now()
+        degC = self.plant.channel_degC(instrument, channel, now)
+        return degC if isfinite(degC) else self.plant.channel_V(instrument, channel, now - 1.0, now)
 
     def power_cycle(self) -> None:
         """Switch every instrument off and on; the plant does not change."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 import os
 import re
 import selectors
@@ -109,7 +110,8 @@ class Hands:
     """One connection of a controller that tells what a person has done: a JSON object a line.
 
     `{"factor": "mass_g", "value": 20.0}` sets a factor, `{"change": "remount", "number": null}` is a step by hand, and
-    `{}` only asks. Each is answered by the number of steps so far.
+    `{}` only asks. Each is answered by the number of steps so far. `{"reader": "operator", "channel": "dial"}` is
+    answered by what is seen there, `nan` if the world's person does not come.
 
     Args:
         sim: the bench.
@@ -128,6 +130,10 @@ class Hands:
                     self._sim.plant.set_by_hand(str(told["factor"]), float(told["value"]))
                 elif "change" in told:
                     self._sim.by_hand(str(told["change"]), told["number"])
+                elif "reader" in told:
+                    comes = self._sim.plant.truth.person.comes
+                    tx(f"{self._sim.reads(told['reader'], told['channel']) if comes else math.nan!r}\n".encode())
+                    continue
             except (ValueError, LookupError, TypeError):
                 tx(b"?\n")
             else:

@@ -237,7 +237,7 @@ def _what(key: str) -> str:
 
 
 def _is_person(entry: Entry) -> bool:
-    return isinstance(entry, InstrumentConfig) and entry.driver == "person"
+    return isinstance(entry, InstrumentConfig) and entry.by_hand
 
 
 def _is_stated(of: OfRun, key: str) -> bool:

@@ -34,6 +34,7 @@ from rig.engine.liveness import Liveness
 from rig.engine.measuring import Observation
 from rig.engine.motion import NEARLY, Leg, plan_legs, recovery_legs
 from rig.engine.queue import PointQueue
+from rig.engine.read_by_hand import ReadByHand
 from rig.engine.set_by_hand import SetByHand
 from rig.engine.soaking import Soaking
 from rig.engine.wellness import Wellness
@@ -66,6 +67,7 @@ class AtPoint:
         check_time: raises `HoleInTime` after a gap in time.
         by_hand: steps that a person does between points.
         settings: factors that a person sets.
+        typed: readings that a person takes.
 
     Attributes:
         move_timeout_s: longest permitted duration of a move, seconds.
@@ -88,8 +90,9 @@ class AtPoint:
         check_time: Callable[[], None],
         by_hand: ByHand,
         settings: SetByHand,
+        typed: ReadByHand,
     ) -> None:
-        self._settings = settings
+        self._settings, self._typed = settings, typed
         self._check_time, self._by_hand = check_time, by_hand
         self._bench, self._run_list, self._conduct = bench, run_list, conduct
         self._do, self._journal, self._queue = do, journal, queue
@@ -109,6 +112,7 @@ class AtPoint:
         self._poll_s = conduct.poll_s
         read_by = (*bench.sensors.items(), *bench.references.items())
         readers = {name: reader for name, (reader, _) in read_by if not bench.config.instruments[reader].coarse}
+        readers = {name: reader for name, reader in readers.items() if name not in bench.config.typed}
         last = journal.last_read()
         at, read = (None, {}) if last is None else (run_list.points[last[0]], last[1])
         places = {f.name: place for place, f in enumerate(run_list.factors) if f.name in bench.references}
@@ -186,8 +190,11 @@ class AtPoint:
         return {axis: point.setpoints[place] for place, axis in self._moved}
 
     def measuring(self) -> str:
-        """Read every channel. Overloads and excessive noise are rejected here."""
+        """Read every channel, those that a person reads first. Overloads and excessive noise are rejected here."""
         at, settings = self._at, self._conduct
+        if self._by_hand.unread(at.point):
+            return self._by_hand.ask_to_read(at.point)
+        apart = self._typed.hand_over(at.point)
         self._well.ask(at)
         began = self._journal.elapsed()
         self._liveness.begin()
@@ -203,6 +210,13 @@ class AtPoint:
         self._check_alive(observation)
         self._check_references(observation)
         self._check_standards(observation)
+        if apart:
+            try:
+                words = f"no two of three readings of {', '.join(apart)} agree at point {at.point.index}"
+                self._flag("noisy", "noisy", TooNoisy(words))
+            except TooNoisy:
+                self._typed.begin_anew(apart)
+                raise
         sds = {name: c.sd for name, c in (*observation.outputs.items(), *observation.references.items())}
         name = noisiest(sds, self._most_scatter)
         if name is not None and sds[name] > self._most_scatter[name].sd:
@@ -317,6 +331,7 @@ class AtPoint:
         for number, event in enumerate(later, 1):  # one commit: a kill in between would lose them
             self._journal.write(event, commit=number == len(later))
         self._own_scatter.recall(at.point.index, observed)
+        self._typed.observed(at.point, observed.every_reading)
         self._journal.point_observed()
         if (self._warned(at.point, observed) or contradictions) and self._conduct.warnings.hold:
             self._do.stop_motion()

@@ -1,4 +1,4 @@
-"""Steps by hand: the run holds before a point, says what a person has to do, and goes on when it is said to be done.
+"""Work of a person: the run holds, says what is to be done, set or read, and goes on when it is said to be done.
 
 Nothing is guessed. A step that is recorded as done is never asked for again; one that is not recorded is asked for
 again, in any session.
@@ -15,10 +15,12 @@ from procedures.by_hand import HandStep, next_step
 from procedures.run_list import Point, RunList
 from procedures.shell import shell_word
 from rig.engine.journal import Journal
+from rig.engine.read_by_hand import ReadByHand as Readings
+from rig.engine.read_by_hand import ToRead
 from rig.engine.set_by_hand import SetByHand as Settings
 from rig.engine.set_by_hand import ToSet
 from rig.person import Person
-from rig.run_file.events.by_hand import AskedByHand, AskedToSet, DoneByHand, SetByHand
+from rig.run_file.events.by_hand import AskedByHand, AskedToRead, AskedToSet, DoneByHand, ReadByHand, SetByHand
 from rig.run_file.live import Request, done_command
 
 _LOOK_S = 5.0
@@ -36,9 +38,10 @@ class ByHand:
         person: a simulated person, or the bench of `rig sim`; None on a real bench.
         hold_max_s: longest wait for a step without a time-out of its own, seconds.
         settings: factors that a person sets.
+        readings: readings that a person takes.
 
     Attributes:
-        asked: the step, or the setting of a factor, that the run waits for; None if there is none.
+        asked: the step, the setting or the reading that the run waits for; None if there is none.
     """
 
     def __init__(
@@ -52,8 +55,9 @@ class ByHand:
         person: Person | None,
         hold_max_s: float,
         settings: Settings,
+        readings: Readings,
     ) -> None:
-        self._settings = settings
+        self._settings, self._readings = settings, readings
         self._steps, self._journal, self._clock, self._path = run_list.steps, journal, clock, path
         self._stop_motion, self._person, self._hold_max_s = stop_motion, person, hold_max_s
         self._number = 0
@@ -61,7 +65,7 @@ class ByHand:
         self._there = False
         self._point = 0
         self._answer: tuple[str | None, str] | None = None
-        self.asked: HandStep | ToSet | None = None
+        self.asked: HandStep | ToSet | ToRead | None = None
         if person is not None:
             for done in journal.fold.by_hand.values():
                 person.recall(done.change, done.number)
@@ -117,7 +121,30 @@ class ByHand:
         self._journal.asked = {"step": self._number, "of": 0, "say": say, "change": "set", "value": "", "factor": name}
         return "hold"
 
-    def _timeout_s(self, asked: HandStep | ToSet) -> float:
+    def unread(self, point: Point) -> bool:
+        """Whether a person has to take a reading at this point."""
+        return self._readings.missing(point) is not None
+
+    def ask_to_read(self, point: Point) -> str:
+        """Ask for the next reading; the bench stays at its setting. Returns the trigger "hold"."""
+        wanted = self._readings.missing(point)
+        assert wanted is not None
+        column, say = wanted.column, wanted.instruction
+        self._journal.write(
+            AskedToRead(column=column.name, number=wanted.number, unit=column.unit, say=say, timeout_s=self._hold_max_s)
+        )
+        self._number, self.asked, self._answer = self._number + 1, wanted, None
+        self._asked_s = self._journal.elapsed()
+        self._there = self._person is not None and self._person.asked_to_read(column)
+        self._journal.asked = {"step": self._number, "of": 0, "say": say, "change": "read", "value": column.name}
+        return "hold"
+
+    @property
+    def reads(self) -> bool:
+        """Whether the run waits for a reading, at its point."""
+        return isinstance(self.asked, ToRead)
+
+    def _timeout_s(self, asked: HandStep | ToSet | ToRead) -> float:
         hours = asked.timeout_h if isinstance(asked, HandStep) else None
         return self._hold_max_s if hours is None else 3600.0 * hours
 
@@ -134,6 +161,8 @@ class ByHand:
         if isinstance(self.asked, ToSet):
             command = done_command(self._path, "")
             return f"{what}; then `{command}`, with --value V for the exact {self.asked.factor.name} if it is known"
+        if isinstance(self.asked, ToRead):
+            return f"{what}; then `{done_command(self._path, self.asked.column.name)}`, where V is the reading"
         return f"{what}; then `{done_command(self._path, self.asked.value)}`{value_words(self.asked.value)}"
 
     def take(self, request: Request) -> str:
@@ -163,8 +192,10 @@ class ByHand:
             self._answer, self._there = None, person.asked(step)  # as a real person: asked again
             return False
         value, who = self._answer
-        number = None if value is None else float(value)
         waited_s = round(self._journal.elapsed() - self._asked_s, 3)
+        if isinstance(step, ToRead):
+            return self._read(step, value, who, waited_s, by_request=by_request)
+        number = None if value is None else float(value)
         if isinstance(step, ToSet):
             name = step.factor.name
             if by_request and person is not None:
@@ -195,6 +226,27 @@ class ByHand:
                 waited_s=waited_s,
             )
         )
+        return True
+
+    def _read(self, step: ToRead, value: str | None, who: str, waited_s: float, *, by_request: bool) -> bool:
+        """Record a reading; a simulated person repeats one that is far off, and reads again if it is refused."""
+        if not by_request and step.refuses(value) and step.refuses(value):
+            assert self._person is not None
+            self._answer, self._there = None, self._person.asked_to_read(step.column)
+            return False
+        column, number = step.column, step.column.number(value)
+        assert isinstance(number, float)
+        event = ReadByHand(
+            column=column.name,
+            number=step.number,
+            unit=column.unit,
+            typed=number,
+            confirmed=step.confirmed,
+            who=who,
+            waited_s=waited_s,
+        )
+        self._journal.write(event)
+        self._readings.read(column)
         return True
 
     def forget(self) -> None:

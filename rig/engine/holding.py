@@ -62,15 +62,17 @@ class Holding:
     def until_done(self) -> str:
         """Wait until the step by hand is done. A person had their hands on the bench: it is checked as after a crash.
 
+        A reading leaves the bench as it is: the point goes on, unless the bench failed meanwhile or time had a hole.
+
         Returns:
-            the trigger "repeat-check".
+            the trigger "repeat-check", or "measure" after a reading.
 
         Raises:
             NobodyCame, CannotHold: see there.
             Interrupted, StopRequested: as requested.
 
         """
-        why = ""
+        why, self._interruptions.hole = "", False
         self._journal.message = self._by_hand.message
         self._journal.tell(now=True)
         try:
@@ -78,7 +80,8 @@ class Holding:
                 self._journal.message = f"{self._by_hand.message}{f' ({why})' if why else ''}"
                 if self._by_hand.done():
                     self._journal.message = ""
-                    return "repeat-check"
+                    as_before = self._by_hand.reads and not why and not self._interruptions.hole
+                    return "measure" if as_before else "repeat-check"
                 try:
                     self._do.look_around(self._clock.now())
                     self._look()

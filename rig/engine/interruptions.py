@@ -42,6 +42,7 @@ class Interruptions:
 
     Attributes:
         released: whether the last request was to release a hold.
+        hole: whether time had a hole since this was last reset.
 
     """
 
@@ -56,7 +57,7 @@ class Interruptions:
     ) -> None:
         self._signals, self._requests, self._journal, self._state = signals, requests, journal, state
         self._clock, self._by_hand = clock, by_hand
-        self.released = False
+        self.released = self.hole = False
 
     def look_up(self, now: float | None = None) -> None:
         """Report the state, and look for signals, requests and holes that the clock has noted.
@@ -93,6 +94,7 @@ class Interruptions:
 
     def _record(self, hole: holes.Hole) -> None:
         found, state = HoleInTime(hole), self._state()
+        self.hole = True
         self._journal.write(Hole(hole_s=found.hole_s, where=str(state)))
         if state not in (State.HOLDING, State.PARKING):  # a hold checks the bench when it ends; parking ends the run
             raise found

@@ -36,6 +36,7 @@ from rig.engine.journal import Journal, PointInHand
 from rig.engine.pace import Pace
 from rig.engine.parking import Parking
 from rig.engine.queue import PointQueue
+from rig.engine.read_by_hand import ReadByHand
 from rig.engine.safe_state import make_safe
 from rig.engine.session import Outcome, Progress, Session, Signals
 from rig.engine.set_by_hand import SetByHand
@@ -107,6 +108,7 @@ class Sequencer:
         self._settings = SetByHand(bench, run_list, conduct)
         if state.planned is not None:
             self._settings.recall(state.set_by_hand, state.planned)
+        self._readings = ReadByHand(bench, run_list, conduct, self._journal)
         self._by_hand = ByHand(
             run_list,
             self._journal,
@@ -116,6 +118,7 @@ class Sequencer:
             person=bench.person,
             hold_max_s=conduct.hold_max_s,
             settings=self._settings,
+            readings=self._readings,
         )
         self._interruptions = Interruptions(signals, requests, self._journal, lambda: self.state, clock, self._by_hand)
         self._look_up = self._interruptions.look_up
@@ -151,6 +154,7 @@ class Sequencer:
             check_time=self._interruptions.check_time,
             by_hand=self._by_hand,
             settings=self._settings,
+            typed=self._readings,
         )
         self._well = Wellness(self._do, self._journal)
         self._standing = Standing(conduct, self._journal, self._queue, self._soaking)
@@ -368,7 +372,7 @@ class Sequencer:
 
     def _holding(self) -> str:
         asked = self._by_hand.asked is not None
-        self._needs_set_up |= asked  # a person may have touched anything
+        self._needs_set_up |= asked and not self._by_hand.reads  # a person may have touched anything
         try:
             return self._hold.until_done() if asked else self._hold.until_released(self._released)
         except NobodyCame as nobody:

@@ -39,7 +39,7 @@ MEANING = {
     State.SETTLING: "every axis inside its band, for the dwell, without drift",
     State.MEASURING: "sweeps over all channels",
     State.RECORDING: "the observation is made durable; the next point is chosen",
-    State.HOLDING: "motion stopped; waits for release, stop, or a later resume",
+    State.HOLDING: "motion stopped, or at a point that a person reads; waits for release, done, stop, or a resume",
     State.PARKING: "axes go to the parking position",
     State.DONE: "the sequence is over; the run file says whether it is complete, was stopped, or held for too long",
     State.FAULTED: "every instrument has been brought to its safe state; the run can be resumed",
@@ -83,14 +83,16 @@ TRANSITIONS = (
     Transition("skip", AT_POINT, State.RECOVERING, "a fault policy: given up here for now"),
     Transition("move", (State.RECOVERING, State.RECORDING), State.MOVING, "there is a point to go to"),
     Transition("settle", (State.MOVING,), State.SETTLING, "no axis moves any more"),
-    Transition("measure", (State.SETTLING,), State.MEASURING, "all axes settled"),
+    Transition(
+        "measure", (State.SETTLING, State.HOLDING), State.MEASURING, "all axes settled; or a person has typed a reading"
+    ),
     Transition("repeat", (State.MEASURING,), State.MEASURING, "too noisy; read again"),
     Transition("record", (State.MEASURING,), State.RECORDING, "readings complete"),
     Transition(
         "hold",
         (State.CHECKING, *WORKING, State.HOLDING),
         State.HOLDING,
-        "asked for by `rig hold`, a fault policy, or an interlock",
+        "asked for by `rig hold`, a fault policy, or an interlock; or a person has to do, set or read something",
     ),
     Transition(
         "park",

@@ -12,7 +12,7 @@ from procedures.by_hand import HandStep, undone
 from rig.run_file.bodies import ContentsError
 from rig.run_file.chain import Record
 from rig.run_file.events.bench import Fault, Learned, MadeSafe, Prepared, Preparing, Warned
-from rig.run_file.events.by_hand import DoneByHand, SetByHand
+from rig.run_file.events.by_hand import DoneByHand, ReadByHand, SetByHand
 from rig.run_file.events.event import Event
 from rig.run_file.events.points import ACCEPTED, Observed, Skipped, TemperaturesLeft, WholePlotBegan, WholePlotLost
 from rig.run_file.events.sessions import Ended, Identified, Interruption, Rescued, RunCreated, SessionBegan, Stopped
@@ -52,6 +52,7 @@ class RunState:
         kept: accepted readings of these that tables have.
         by_hand: steps that a person has done, by ordinal from 1.
         set_by_hand: last setting of each factor that a person set.
+        typed: by point and column, what was typed since the last observation of the point, in the typed units.
         steps: number of the steps of the run list.
         doubted: indexes of points whose accepted observation is doubted.
         learned: what readers have learned of their instruments, by name.
@@ -89,6 +90,7 @@ class RunState:
     kept: int = 0
     by_hand: dict[int, DoneByHand] = field(default_factory=dict)
     set_by_hand: dict[str, SetByHand] = field(default_factory=dict)
+    typed: dict[int, dict[str, list[float]]] = field(default_factory=dict)
     steps: int = 0
     doubted: IndexSet = field(default_factory=IndexSet)
     learned: dict[str, dict[str, Any]] = field(default_factory=dict)
@@ -119,6 +121,8 @@ class RunState:
         if kind == Observed.kind:  # nearly all records; the body is not needed
             assert index is not None
             self.attempts[index] = attempt or 1
+            if self.typed:
+                self.typed.pop(index, None)
             if status == ACCEPTED:
                 self.worked_s = self.elapsed_s
                 self.accepted.add(index)
@@ -132,10 +136,8 @@ class RunState:
                 self.points, self.simulated, self.run_id = event.points, event.simulated, event.run_id
                 self._by_hand = event.steps
                 self.steps = len(event.steps)
-            case DoneByHand():
-                self.by_hand[event.step] = event
-            case SetByHand():
-                self.set_by_hand[event.factor] = event
+            case DoneByHand() | SetByHand() | ReadByHand():
+                self._done_by_hand(record, event)
             case SessionBegan():
                 self.sessions = record.session
                 self.latest_zero_s = max(self.latest_zero_s, record.utc_s - record.elapsed_s)
@@ -176,12 +178,23 @@ class RunState:
             case _:
                 pass
 
+    def _done_by_hand(self, record: Record, event: DoneByHand | SetByHand | ReadByHand) -> None:
+        match event:
+            case DoneByHand():
+                self.by_hand[event.step] = event
+            case SetByHand():
+                self.set_by_hand[event.factor] = event
+            case _ if record.run_index is not None:
+                readings = self.typed.setdefault(record.run_index, {}).setdefault(event.column, [])
+                readings[max(event.number - 1, 0) :] = [event.typed]
+
     def _failed(self, record: Record, event: Skipped | Fault) -> None:
         index = record.run_index
         if index is not None:
             self.attempts[index] = record.attempt or 1
         if isinstance(event, Skipped):
             assert index is not None
+            self.typed.pop(index, None)
             self.put_off.add(index)
             if event.final:
                 self.skipped[index] = event.reason
@@ -207,6 +220,7 @@ class RunState:
                 self.put_off.difference_update(event.points)
                 for index in event.points:
                     self.skipped.pop(index, None)
+                    self.typed.pop(index, None)
                 assert record.whole_plot is not None
                 self.lost[record.whole_plot] = event.reason
                 self.kept += event.kept or 0

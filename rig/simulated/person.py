@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from rig.person import SIMULATED
+
 if TYPE_CHECKING:
     from procedures.by_hand import HandStep
+    from rig.typed import TypedColumn
     from sims.bench import SimBench
-
-_NAME = "simulated person"
 
 
 class SimulatedPerson:
@@ -24,17 +25,24 @@ class SimulatedPerson:
         self._step: HandStep | None = None
         self._due_s = 0.0
         self._setting: tuple[str, float] | None = None
+        self._dial: TypedColumn | None = None
 
     def asked_to_set(self, factor: str, value: float) -> bool:
         """See `Person.asked_to_set`."""
-        self._step, self._setting = None, (factor, value)
+        self._step, self._setting, self._dial = None, (factor, value), None
         self._due_s = self._sim.world.now() + self._truth.sets_s
         return self._truth.comes
 
     def asked(self, step: HandStep) -> bool:
         """See `Person.asked`."""
-        self._setting = None
+        self._setting = self._dial = None
         self._step, self._due_s = step, self._sim.world.now() + self._truth.after_s
+        return self._truth.comes
+
+    def asked_to_read(self, column: TypedColumn) -> bool:
+        """See `Person.asked_to_read`."""
+        self._step = self._setting = None
+        self._dial, self._due_s = column, self._sim.world.now() + self._truth.reads_s
         return self._truth.comes
 
     def answer(self) -> tuple[str | None, str] | None:
@@ -46,7 +54,10 @@ class SimulatedPerson:
             factor, value = self._setting
             self._setting = None
             self._sim.plant.set_by_hand(factor, value)
-            return None, _NAME
+            return None, SIMULATED
+        if self._dial is not None:
+            column, self._dial = self._dial, None
+            return column.seen(self._sim.reads(column.reader, column.channel)), SIMULATED
         if step is None:
             return None
         self._step = None
@@ -54,7 +65,7 @@ class SimulatedPerson:
         stated = None if number is None else repr(number)
         if not step.refuses(stated):
             self._sim.by_hand(step.change, number)
-        return stated, _NAME
+        return stated, SIMULATED
 
     def _states(self, step: HandStep) -> float:
         """The number of the world file; without one the middle of the step's range, 0 where it has none."""

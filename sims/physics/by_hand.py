@@ -37,12 +37,14 @@ class PersonTruth:
         states: number that the person states if one is asked for; None for the middle of the accepted range, 0 without
             one.
         sets_s: time until a factor is set, when that is asked for.
+        reads_s: time until a reading is typed, when that is asked for.
     """
 
     comes: bool = field(default=True, metadata=accepts(Switch()))
     after_s: float = quantity(600.0, 1.0, 1e6)
     states: float | None = field(default=None, metadata=accepts(Number(-1e9, 1e9)))
     sets_s: float = quantity(30.0, 0.1, 1e6)
+    reads_s: float = quantity(15.0, 0.1, 1e6)
 
 
 @dataclass(frozen=True)

@@ -1,12 +1,12 @@
-"""Events of steps that a person does by hand: asked for, and done."""
+"""Events of what a person does by hand: steps, settings and readings; asked for, and done."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from rig.run_file.bodies import Count, MaybeNumber, Number, Seconds, Text
-from rig.run_file.events.event import DECISION, Event, Importance
+from rig.run_file.bodies import Count, MaybeNumber, Number, Seconds, Text, Truth
+from rig.run_file.events.event import DECISION, DETAIL, Event, Importance
 
 if TYPE_CHECKING:
     from rig.run_file.chain import Record
@@ -125,3 +125,64 @@ class SetByHand(Event, kind="by-hand", status="set", matters=DECISION, exported=
         by = f" by {self.who}" if self.who else ""
         stated = "" if self.number is None else f", stated as {self.number!r}"
         return f"{self.factor} was set to {self.setpoint:g}{by} after {self.waited_s:.0f} s{stated}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class AskedToRead(
+    Event, kind="by-hand", status="asked-to-read", matters=Importance("decision", "warning", "hold"), exported=True
+):
+    """The run holds at a point, for a reading that a person has to take and type.
+
+    Attributes:
+        column: its name, with its unit.
+        number: ordinal of the reading of this column at this point, from 1.
+        unit: in which it is typed.
+        say: what the person has to do.
+        timeout_s: time after which the run is parked.
+
+    """
+
+    column: Text
+    number: Count
+    unit: Text
+    say: Text
+    timeout_s: Seconds
+
+    @property
+    def importance(self) -> Importance:
+        """Only the first reading calls a person, who is there for the next ones."""
+        return self.matters if self.number == 1 else Importance("decision", "info")
+
+    def sentence(self, record: Record) -> str:
+        """The task."""
+        return f"a person is asked, at point {record.run_index}: {self.say}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReadByHand(Event, kind="by-hand", status="read", matters=DETAIL, exported=True):
+    """A person has typed a reading.
+
+    Attributes:
+        column: its name, with its unit.
+        number: ordinal of the reading of this column at this point, from 1; 1 begins anew.
+        unit: in which it was typed.
+        typed: the number, in that unit.
+        confirmed: whether it was far from the others at its setting, and typed again.
+        who: name of the person, "" if unknown; not verified.
+        waited_s: time between asking and answer.
+
+    """
+
+    column: Text
+    number: Count
+    unit: Text
+    typed: Number
+    confirmed: Truth = False
+    who: Text = ""
+    waited_s: Seconds = 0.0
+
+    def sentence(self, record: Record) -> str:
+        """The reading and its author."""
+        by = f" by {self.who}" if self.who else ""
+        sure = ", far from the others there and confirmed" if self.confirmed else ""
+        return f"{self.column} was read{by} at point {record.run_index}: {self.typed!r} {self.unit}{sure}"

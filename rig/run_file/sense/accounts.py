@@ -8,7 +8,14 @@ from typing import Any
 from procedures.by_hand import next_step
 from rig.run_file.chain import Record
 from rig.run_file.events.bench import AsFound, Fault
-from rig.run_file.events.by_hand import AskedByHand, AskedToSet, DoneByHand, SetByHand
+from rig.run_file.events.by_hand import (
+    AskedByHand,
+    AskedToRead,
+    AskedToSet,
+    DoneByHand,
+    ReadByHand,
+    SetByHand,
+)
 from rig.run_file.events.event import Event
 from rig.run_file.events.points import Observed, Skipped, WholePlotBegan, WholePlotLost
 from rig.run_file.events.sessions import Ended, Held, Identified, Interruption, Released, SessionBegan, Stopped
@@ -32,6 +39,7 @@ class Accounts:
         self._closed = self._held = ""
         self._all_known = False
         self._asked: AskedToSet | None = None
+        self._reading: AskedToRead | None = None
         self._set: dict[str, float] = {}
         self._anew: dict[str, float] = {}
 
@@ -44,26 +52,15 @@ class Accounts:
             case SessionBegan():
                 self._found = False
                 self._closed = self._held = ""
-                self._asked, self._set, self._anew = None, {}, {}
+                self._asked, self._reading, self._set, self._anew = None, None, {}, {}
             case AsFound():
                 self._found = True
             case Held():
                 self._held = "the run was held"
             case Released():
                 self._held = ""
-            case AskedByHand():
-                self._held = "a person was asked for a step by hand"
-                yield from self._step(event, fold)
-            case AskedToSet():
-                self._held = "a person was asked to set a factor"
-                self._asked = event
-            case SetByHand():
-                yield from self._setting(event)
-            case DoneByHand():
-                if not self._held:
-                    yield "nothing says that a person was asked for it"
-                self._held = ""
-                yield from self._step(event, fold)
+            case Event(kind=AskedByHand.kind):
+                yield from self._by_hand(record, event, fold)
             case Stopped():
                 self._closed = "the run was stopped"
             case Interruption():
@@ -131,6 +128,26 @@ class Accounts:
         elif planned != fold.planned:
             yield f"its point belongs to whole plot {planned} of the plan, and {fold.planned} is measured"
 
+    def _by_hand(self, record: Record, event: Event, fold: RunState) -> Iterator[str]:
+        """Check what a person was asked for, and what was done."""
+        match event:
+            case AskedByHand():
+                self._held = "a person was asked for a step by hand"
+                yield from self._step(event, fold)
+            case AskedToSet():
+                self._held, self._asked = "a person was asked to set a factor", event
+            case AskedToRead():
+                self._held, self._reading = "a person was asked for a reading", event
+            case SetByHand():
+                yield from self._setting(event)
+            case ReadByHand():
+                yield from self._read(record, event, fold)
+            case DoneByHand():
+                if not self._held:
+                    yield "nothing says that a person was asked for it"
+                self._held = ""
+                yield from self._step(event, fold)
+
     def _setting(self, event: SetByHand) -> Iterator[str]:
         """Check that a setting by hand is the one that was asked for."""
         asked, self._asked, self._held = self._asked, None, ""
@@ -142,6 +159,15 @@ class Accounts:
         if event.number is not None and tolerance is not None and abs(event.number - event.setpoint) > tolerance:
             yield f"{event.number:g} was stated for {event.setpoint:g}, more than {tolerance:g} apart"
         self._set[event.factor] = self._anew[event.factor] = event.setpoint
+
+    def _read(self, record: Record, event: ReadByHand, fold: RunState) -> Iterator[str]:
+        """Check that a reading by hand is the one that was asked for, and the next one at its point."""
+        asked, self._reading, self._held = self._reading, None, ""
+        if asked is None or (asked.column, asked.number) != (event.column, event.number):
+            yield f"nothing says that a person was asked for reading {event.number} of {event.column}"
+        before = fold.typed.get(record.run_index or 0, {}).get(event.column, ())
+        if event.number not in (1, len(before) + 1):
+            yield f"it is reading {event.number} of {event.column} at its point, and {len(before)} were typed before"
 
     def _step(self, event: AskedByHand | DoneByHand, fold: RunState) -> Iterator[str]:
         """Check that a step by hand is the next one of the run list."""

@@ -14,6 +14,7 @@ from rig.run_file.events.points import CONTRADICTORY, Observed, readings_of
 from rig.run_file.sense.case import Case
 from rig.run_file.state import RunState
 from rig.scatter import MostScatter, most_scatter, noisiest, without_limit
+from rig.typed import TypedColumn, typed_columns
 
 _GROUPS = ("outputs", "temperatures", "references")
 _MEAN, _SD = 1e-12, 1e-9
@@ -39,9 +40,11 @@ class Readings:
         self._most: Mapping[str, MostScatter] = {}
         self._own: OwnScatter | None = None
         self._standards: set[str] = set()
+        self._typed: Mapping[str, TypedColumn] = {}
         if bench is not None:
             outputs = {f"{name}_{s.unit}" for name, s in bench.sensors.items()}
             if conduct is not None:
+                self._typed = typed_columns(bench, conduct)
                 self._most, self._own = (
                     most_scatter(conduct, bench),
                     OwnScatter(without_limit(conduct, bench), case.run_list.largest()),
@@ -49,17 +52,19 @@ class Readings:
             self._standards = {name for name in bench.references if name in {f.name for f in case.run_list.factors}}
             self._columns = {"outputs": outputs, "temperatures": set(bench.temperatures)}
 
-    def look(self, record: Record, event: Event, _fold: RunState) -> Iterator[str]:
+    def look(self, record: Record, event: Event, fold: RunState) -> Iterator[str]:
         """See `Rule.look`."""
         if not isinstance(event, Observed) or event.overload is not None:
             return
         yield from self._evidence(event.body(), "")
         for number, one in enumerate(event.rejected, 1):
             yield from self._evidence(one, f" of the readings rejected for noise ({number})")
+        yield from self._read_by_hand(record, event, fold)
         if event.accepted:
             yield from self._noise(event)
             yield from self._contradictory(record, event)
-            yield from self._again.look(record, event.outputs)
+            if outputs := {name: c for name, c in event.outputs.items() if name not in self._typed}:
+                yield from self._again.look(record, outputs)
 
     def _evidence(self, readings: Mapping[str, Any], where: str) -> Iterator[str]:
         for group in _GROUPS:
@@ -70,7 +75,7 @@ class Readings:
             if group == "references" and (missing := sorted(self._standards - channels.keys())):
                 yield f"its references{where} do not have that of {', '.join(missing)}, which the bench file has"
             for name, channel in channels.items():
-                for wrong in self._channel(channel, counted=group != "references"):
+                for wrong in self._channel(channel, counted=group != "references" and name not in self._typed):
                     yield f"{wrong.replace('NAME', name, 1)}{where}"
 
     def _channel(self, channel: Mapping[str, Any], *, counted: bool) -> Iterator[str]:
@@ -99,9 +104,23 @@ class Readings:
             yield "it is marked as contradictory, and its readings do not contradict one another"
         self._own.recall(record.run_index, event)
 
+    def _read_by_hand(self, record: Record, event: Observed, fold: RunState) -> Iterator[str]:
+        """Check that what a person read is what was typed."""
+        every, typed = event.every_reading, fold.typed.get(record.run_index or 0, {})
+        for name, column in self._typed.items():
+            numbers = column.counting(typed.get(name, ()))
+            if [*every.get(name, ())] != [column.value(number) for number in numbers]:
+                said = ", ".join(f"{number!r}" for number in numbers) or "nothing"
+                yield f"its readings of {name} are not what was typed ({said} {column.unit})"
+
     def _noise(self, event: Observed) -> Iterator[str]:
         """Check that an observation is flagged as noisy if and only if its noisiest quantity is."""
         marked = "noisy" in event.flags
+        every = event.every_reading
+        if apart := [name for name in self._typed if len(every.get(name, ())) > 2]:
+            if not marked:
+                yield f"no two of its readings of {', '.join(apart)} agree, and it is not marked as noisy"
+            return
         if not self._most:
             if marked:
                 yield "it is marked as noisy, and the procedure sets no limit to noise"

@@ -6,10 +6,11 @@ import platform
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
+from procedures.column_names import spelled
 from procedures.durations import duration
 from procedures.shell import shell_word
 from rig.engine.session import Progress
-from rig.run_file.events.by_hand import AskedByHand, AskedToSet
+from rig.run_file.events.by_hand import AskedByHand, AskedToRead, AskedToSet
 from rig.run_file.live import done_command
 from rig.unattended.happenings import Happening, Kind, RunFacts, one_line
 
@@ -98,7 +99,7 @@ def compose(happening: Happening, facts: RunFacts, news: Progress | None) -> Mes
     """A report as a message."""
     mark = "SIMULATED " if facts.simulated else ""
     who = facts.bench or "rig"
-    asked = isinstance(happening.event, AskedByHand | AskedToSet)
+    asked = isinstance(happening.event, AskedByHand | AskedToSet | AskedToRead)
     headline = f"{mark}{who}: {_ASKED if asked else HEADLINES[happening.kind]}"
     if happening.unsafe:
         headline = f"{mark}{who}: FAULT, AND NOT SAFE"
@@ -144,6 +145,13 @@ def _to_set(asked: AskedToSet, run: str) -> str:
     return f"Do it, then: {done_command(run, '')}, with --value V if {asked.factor} is known exactly as V. {late}"
 
 
+def _to_read(asked: AskedToRead, run: str) -> str:
+    """The next step of a person who reads, and the consequence if nobody does it."""
+    late = f"After {duration(asked.timeout_s)} it parks; rig resume {shell_word(run)} then asks again."
+    where = f"where V is the reading in {spelled(asked.unit)}; rig status says what is wanted next"
+    return f"Read it, then: {done_command(run, asked.column)}, {where}. {late}"
+
+
 def _next(happening: Happening, facts: RunFacts) -> str:
     run = "RUN" if facts.path is None else one_line(str(facts.path.absolute()))
     if happening.unsafe:
@@ -151,6 +159,8 @@ def _next(happening: Happening, facts: RunFacts) -> str:
     again = _AGAIN if facts.served else ""
     if isinstance(happening.event, AskedToSet):
         return _to_set(happening.event, run)
+    if isinstance(happening.event, AskedToRead):
+        return _to_read(happening.event, run)
     if isinstance(happening.event, AskedByHand):
         return _by_hand(happening.event, run)
     match happening.kind:
