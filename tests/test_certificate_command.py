@@ -67,8 +67,14 @@ def traced_once(monkeypatch):
 TRACED = cache(make.__globals__["_traced"])
 
 
+@pytest.fixture
+def made(made_once, tmp_path_factory) -> Made:
+    """Of a laboratory that has issued no certificate yet."""
+    return replace(made_once, folder=tmp_path_factory.mktemp("laboratory"))
+
+
 @pytest.fixture(scope="module")
-def made(run, tmp_path_factory) -> Made:
+def made_once(run, tmp_path_factory) -> Made:
     tolerance = '[[tolerance]]\nresult = "coefficient 1"\nunit = "V"\nnominal = 0.1\ndeviation = 0.001\n'
     return make(asked(run, settled(tmp_path_factory.mktemp("settings"), tolerance)))
 
@@ -488,13 +494,13 @@ def test_as_found_and_as_left(run, tmp_path):
 def test_files_are_written_once(made, tmp_path):
     first = issue(made, Issue(tmp_path))
     assert [path.name for path in first.files] == [f"S-2026-001.{form}" for form in ("pdf", "html", "xml", "json")]
-    second = issue(made, Issue(tmp_path))
+    second = issue(made, Issue(tmp_path, because="The customer wants two."))
     assert second.document.number == "S-2026-002"
     before = {path: path.read_bytes() for path in first.files}
     with pytest.raises(UsageError, match="is never overwritten: --amends S-2026-001"):
         issue(made, Issue(tmp_path, number="S-2026-001"))
     assert {path: path.read_bytes() for path in first.files} == before
-    again = issue(made, Issue(tmp_path / "elsewhere"))
+    again = issue(made, Issue(tmp_path / "elsewhere", number="S-2026-001"))
     assert {path.name: path.read_bytes() for path in again.files} == {path.name: data for path, data in before.items()}
 
 

@@ -6,7 +6,7 @@ import contextlib
 import errno
 import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
@@ -37,24 +37,29 @@ def taken(folder: Path, number: str) -> list[Path]:
     return [path for form in FORMS if (path := folder / f"{number}.{form}").exists() or path.is_symlink()]
 
 
-def next_number(folder: Path, scheme: str, issued: date) -> str:
-    """The first number by a scheme of which no file exists. Raises `UsageError` if the scheme makes none."""
+def next_number(folder: Path, scheme: str, issued: date, known: Collection[str] = ()) -> str:
+    """The first number by a scheme that is not `known` and has no file. Raises `UsageError` if there is none."""
     for n in range(1, 1_000_000):
         try:
             number = check_number(scheme.format(year=issued.year, next=n))
         except (KeyError, IndexError, ValueError) as error:
             raise UsageError(f"number = {scheme!r} has unknown fields: use {{year}} and {{next:04d}}") from error
-        if not taken(folder, number):
+        if number not in known and not taken(folder, number):
             return number
     raise UsageError(f"no number of {scheme!r} is free in {folder}")
 
 
-def number_of_amendment(folder: Path, original: str) -> str:
+def number_of_amendment(folder: Path, original: str, known: Collection[str] = ()) -> str:
     """The number of the next amendment: the original's with -1, -2 and so on, also of what replaces an amendment."""
-    return next_number(folder, original.replace("{", "{{").replace("}", "}}") + "-{next}", date.min)
+    return next_number(folder, original.replace("{", "{{").replace("}", "}}") + "-{next}", date.min, known)
 
 
-def write_once(folder: Path, number: str, forms: Mapping[str, bytes]) -> list[Path]:
+def write_once(
+    folder: Path,
+    number: str,
+    forms: Mapping[str, bytes],
+    entered: contextlib.AbstractContextManager[None] | None = None,
+) -> list[Path]:
     """Write all forms of a certificate, or none. An existing file is never replaced.
 
     All forms are durable under temporary names before one gets its own. The JSON is the last: a certificate is issued
@@ -64,6 +69,7 @@ def write_once(folder: Path, number: str, forms: Mapping[str, bytes]) -> list[Pa
         folder: made if it does not exist; the caller has its lock (`issuing`).
         number: of the certificate.
         forms: contents by form.
+        entered: enters the number in the register of the laboratory, while the mark is there; undone by an error.
 
     Raises:
         UsageError: a file of this number exists, or the disk refuses.
@@ -84,13 +90,14 @@ def write_once(folder: Path, number: str, forms: Mapping[str, bytes]) -> list[Pa
         check_free(folder, number)
         os.replace(made[last[0]], mark)
         sync_folder(folder)
-        for path, _ in before:
-            _name(made[path], path)
-            written.append(path)
-        sync_folder(folder)
-        _name(mark, last[0])
-        written.append(last[0])
-        sync_folder(folder)
+        with entered or contextlib.nullcontext():
+            for path, _ in before:
+                _name(made[path], path)
+                written.append(path)
+            sync_folder(folder)
+            _name(mark, last[0])
+            written.append(last[0])
+            sync_folder(folder)
     except BaseException as error:
         for path in (*reversed(written), mark):  # the JSON first
             with contextlib.suppress(OSError):

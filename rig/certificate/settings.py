@@ -97,8 +97,13 @@ class CertificateSettings(Strict):
     number: str = Field(
         "{year}-{next:04d}",
         pattern=r"^[^/\\\x00-\x1f]*\{next(:0\d+d)?\}[^/\\\x00-\x1f]*$",
-        description="number of a certificate; `{year}` is that of issue, `{next}` the first number without a "
-        "certificate in the output folder",
+        description="number of a certificate; `{year}` is that of issue, `{next}` the first number that the laboratory "
+        "has not issued, and that has no certificate in the output folder",
+    )
+    numbers: str = Field(
+        "issued.json",
+        min_length=1,
+        description="register of the certificates that the laboratory has issued: a file beside this one",
     )
     country: str = Field("", pattern=f"{_COUNTRY}|^$", description="country of the laboratory, ISO 3166-1: `GB`")
     email: str = ""

@@ -48,7 +48,7 @@ def certificate(
         str | None,
         typer.Option(help="number of a certificate in the folder that this one replaces", show_default=False),
     ] = None,
-    because: Annotated[str, typer.Option(help="reason of the amendment, a sentence", show_default=False)] = "",
+    because: Annotated[str, typer.Option(help="why it is amended, or a second one", show_default=False)] = "",
     confirmed_by: Annotated[
         list[Path] | None, _file("a later run that confirms the effects found; repeatable: all are judged together")
     ] = None,

@@ -108,7 +108,7 @@ def _inside(settle: Settle, tau: float) -> float:
 
 
 def _effects(plan: Plan, factor: str, left: float) -> Iterator[tuple[str, float, float, float, str]]:
-    """Name of every expected output, its largest change by what is left, its scatter, the part that is allowed, unit."""
+    """Name of every expected output, its largest change by what is left, scatter, the part that is allowed, unit."""
     expect = getattr(plan.procedure, "expect", None)
     sigmas, columns = (
         getattr(expect, "sigma", {}),

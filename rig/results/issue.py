@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -19,6 +20,8 @@ from rig.certificate.files import (
     number_of_amendment,
     write_once,
 )
+from rig.certificate.numbers_issued import Entry, changed_rules, numbers_issued, runs_of
+from rig.certificate.numbers_issued import Issued as Earlier
 from rig.errors import RunFileError, UsageError
 from rig.extras import needed
 
@@ -35,7 +38,7 @@ class Issue:
         out: folder of the files.
         number: of the certificate; "" for the next by the scheme of the settings.
         amends: number of the certificate that it replaces; "" for none.
-        because: reason of the amendment.
+        because: reason of the amendment, or of a second certificate of one run.
         template: own template of the page.
         paper: size of a page, instead of that of the settings.
         key: private key that signs the XML; None to leave it without a signature.
@@ -87,17 +90,21 @@ def issue(made: Made, how: Issue) -> Issued:
         UsageError: an extra is missing, the number exists, nothing was amended, a unit is unknown, or the disk refuses.
         ConfigurationError: the template cannot be used.
     """
-    with issuing(how.out) as discarded:
-        return replace(_issued(made, how), discarded=tuple(discarded))
+    with numbers_issued(made.folder / made.settings.numbers, how.out) as earlier, issuing(how.out) as discarded:
+        earlier.discard(how.out, discarded)
+        return replace(_issued(made, how, earlier), discarded=tuple(discarded))
 
 
-def _issued(made: Made, how: Issue) -> Issued:
+def _issued(made: Made, how: Issue, earlier: Earlier) -> Issued:
     from rig.certificate.as_dcc import dcc  # noqa: PLC0415 - where a certificate is written
     from rig.certificate.html import html  # noqa: PLC0415
     from rig.certificate.pdf import pdf  # noqa: PLC0415
 
     before = amended(how.out, check_number(how.amends)) if how.amends else None
-    document = replace(made.document, number=_number(made, how, before))
+    document = replace(made.document, number=_number(made, how, before, earlier))
+    known = earlier.of(document.number)
+    if known is None:
+        document = _of_same_run(document, how, before, earlier)
     if how.paper:
         document = replace(document, paper=_paper(how.paper))
     if before is not None:
@@ -112,16 +119,59 @@ def _issued(made: Made, how: Issue) -> Issued:
         xml = _signed(xml, how.key, how.certificate)
     told = json.dumps(document.to_json(), indent=2, ensure_ascii=False, allow_nan=False, default=str)
     forms = {"pdf": paper, "html": html(document).encode(), "xml": xml, "json": told.encode()}
-    return Issued(document, tuple(write_once(how.out, document.number, forms)))
+    sha256 = hashlib.sha256(forms["json"]).hexdigest()
+    if known is not None:  # the same certificate again is a copy of it
+        if known.sha256 != sha256:
+            raise UsageError(
+                f"certificate {known.number} was issued on {known.issued} in {known.folder}, and this one has other "
+                f"contents: one number is one certificate; leave out --number for the next one"
+            )
+        return Issued(document, tuple(write_once(how.out, document.number, forms)))
+    day = document.dates.issued.isoformat()
+    entry = Entry(document.number, day, runs_of(document), str(how.out), sha256, how.amends)
+    return Issued(document, tuple(write_once(how.out, document.number, forms, earlier.entered(entry))))
 
 
-def _number(made: Made, how: Issue, before: Before | None) -> str:
+def _of_same_run(document: Document, how: Issue, before: Before | None, earlier: Earlier) -> Document:
+    """The document with what it says of earlier certificates of its run.
+
+    Raises:
+        UsageError: there is one, and nothing says why there is another.
+    """
+    others = [one for one in earlier.of_runs(runs_of(document)) if not earlier.of_amendment(one.number)]
+    said: list[str] = []
+    if before is not None:
+        said.append(changed_rules(before.told, document))
+    elif others:
+        last = others[-1]
+        if not how.because.strip():
+            raise UsageError(
+                f"certificate {last.number} of {last.issued} in {last.folder} is of the same run: --amends "
+                f"{last.number} makes one that replaces it, --because REASON a second one that says why"
+            )
+        names = " and ".join(f"{one.number} of {one.issued}" for one in others)
+        said.append(f"There is another certificate of the same run, {names}: {how.because.strip()}")
+        said.append(_rules_since(last, document))
+    return replace(document, deviations=(*filter(None, said), *document.deviations))
+
+
+def _rules_since(last: Entry, document: Document) -> str:
+    """Whether tolerances were changed since an earlier certificate, a sentence; "" if not."""
+    try:
+        told = json.loads((Path(last.folder) / f"{last.number}.json").read_text(encoding="utf-8"))
+        return changed_rules(told, document)
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return f"Certificate {last.number} is not in {last.folder}: whether its tolerances were the same is not known."
+
+
+def _number(made: Made, how: Issue, before: Before | None, earlier: Earlier) -> str:
     if how.number:
         check_free(how.out, check_number(how.number))
         return how.number
     if before is not None:
-        return number_of_amendment(how.out, before.original[0])
-    return next_number(how.out, made.settings.number, made.document.dates.issued)
+        earlier.check_replaces(how.amends)
+        return number_of_amendment(how.out, before.original[0], earlier.numbers)
+    return next_number(how.out, made.settings.number, made.document.dates.issued, earlier.numbers)
 
 
 def _paper(name: str) -> Any:
