@@ -11,7 +11,7 @@ from typing import Literal
 
 from rich.markup import escape
 
-from procedures.table import Table
+from procedures.table import CORRECTED, Table
 from procedures.words import incomplete
 
 
@@ -67,4 +67,6 @@ def headline(file: str, table: Table) -> Line:
     """Sensors, number of observations, and whether the run continues."""
     missing = incomplete(table.provenance)
     more = f" ([yellow]{escape(missing)}[/])" if missing else ""
+    corrected = len(table.provenance.get(CORRECTED, ()))
+    more += f", [yellow]corrections of typed entries: {corrected}[/]" if corrected else ""
     return Line(f"{simulated_mark(table.simulated)}[bold]{escape(file)}[/]: {len(table)} observations{more}")

@@ -23,6 +23,8 @@ UNITS = {
     "pressure": "psia",
 }
 """Quantities with their own column in tables, and their unit."""
+CORRECTED = "typed entries corrected"
+"""Key of a table's provenance: sentences, one for each correction of an entry that a person typed."""
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from typing import Any
 from procedures.by_hand import Made
 from procedures.column_names import spelled, stem_of, unit_of
 from procedures.durations import duration
+from procedures.table import CORRECTED
 from rig.certificate.document import Equipment, Evidence, Item, Laboratory, Logo, Method, Party, Person, Stage
 from rig.certificate.files import changes
 from rig.certificate.settings import CertificateSettings
@@ -275,6 +276,10 @@ def deviations(of: OfRun, state: RunState, stage: Stage, registers: tuple[str | 
     for flag, number in p.get("flags", {}).items():
         yield f"{_observations(number)} marked {flag!r}, and used{at}."
     yield from steps_by_hand(of.table.by_hand, at)
+    corrections = p.get(CORRECTED, ())
+    if corrections:
+        yield f"Entries that a person had typed were corrected after their acceptance{at}, {_times(len(corrections))}."
+        yield from (f"Correction of a typed entry{at}: {one}." for one in corrections)
     if of.corrected:
         columns = ", ".join(of.corrected)
         yield f"Recorded values were corrected by the certificates of the equipment{at}: {columns}."

@@ -42,6 +42,11 @@ COMMANDS = {
     ),
     "release": Entry(_RUNNING, "rig.cli.requests", "Continue a held run."),
     "done": Entry(_RUNNING, "rig.cli.requests", "Say that a step by hand is done; the run goes on."),
+    "correct": Entry(
+        _RUNNING,
+        "rig.cli.correct",
+        "Correct an entry that a person typed; both values stay in the run file, with the reason and the name.",
+    ),
     "stop": Entry(_RUNNING, "rig.cli.requests", "Park the bench and end the session; the run can be resumed later."),
     "service": Entry(
         _RUNNING,

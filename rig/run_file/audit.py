@@ -19,6 +19,7 @@ from rig.errors import RunFileError
 from rig.run_file.bodies import COUNT, ContentsError
 from rig.run_file.chain import GENESIS, Record, StoredRow, followed, link
 from rig.run_file.contents import senseless
+from rig.run_file.events.corrections import Corrected
 from rig.run_file.events.event import Event
 from rig.run_file.events.sessions import Ended, RunCreated
 from rig.run_file.schema import Guarded, Stored, differences
@@ -359,4 +360,6 @@ def _end(run: Contents, ends: list[End]) -> Iterator[Finding]:
         if not isinstance(end, Ended) or (end.records, end.head) != (seq - 1, previous.hex()):
             yield Finding("record", "does not count the records before it: some were added or removed", seq, "end")
     if ends and ends[-1][0] != last:
-        yield Finding("record", f"is the end of the run, and {last - ends[-1][0]} record(s) follow", ends[-1][0], "end")
+        later = [r for _, r, _, _ in run.chained("seq > ?", (ends[-1][0],)) if r.kind != Corrected.kind]
+        if later:
+            yield Finding("record", f"is the end of the run, and {len(later)} record(s) follow", ends[-1][0], "end")

@@ -13,6 +13,7 @@ from rig.run_file.bodies import ContentsError
 from rig.run_file.chain import Record
 from rig.run_file.events.bench import Fault, Learned, MadeSafe, Prepared, Preparing, Warned
 from rig.run_file.events.by_hand import DoneByHand, ReadByHand, SetByHand
+from rig.run_file.events.corrections import Corrected
 from rig.run_file.events.event import Event
 from rig.run_file.events.points import ACCEPTED, Observed, Skipped, TemperaturesLeft, WholePlotBegan, WholePlotLost
 from rig.run_file.events.sessions import Ended, Identified, Interruption, Rescued, RunCreated, SessionBegan, Stopped
@@ -53,6 +54,7 @@ class RunState:
         by_hand: steps that a person has done, by ordinal from 1.
         set_by_hand: last setting of each factor that a person set.
         typed: by point and column, what was typed since the last observation of the point, in the typed units.
+        corrected: corrections of typed entries, a sentence each. They are no part of the run's time.
         steps: number of the steps of the run list.
         doubted: indexes of points whose accepted observation is doubted.
         learned: what readers have learned of their instruments, by name.
@@ -91,6 +93,7 @@ class RunState:
     by_hand: dict[int, DoneByHand] = field(default_factory=dict)
     set_by_hand: dict[str, SetByHand] = field(default_factory=dict)
     typed: dict[int, dict[str, list[float]]] = field(default_factory=dict)
+    corrected: list[str] = field(default_factory=list)
     steps: int = 0
     doubted: IndexSet = field(default_factory=IndexSet)
     learned: dict[str, dict[str, Any]] = field(default_factory=dict)
@@ -117,6 +120,9 @@ class RunState:
 
     def add(self, record: Record) -> None:
         """Take the next record."""
+        if record.kind == Corrected.kind:
+            self.corrected.append(record.sentence())
+            return
         _, kind, self.elapsed_s, self.utc_s, index, _, attempt, status, _ = record
         if kind == Observed.kind:  # nearly all records; the body is not needed
             assert index is not None

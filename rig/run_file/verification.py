@@ -91,6 +91,7 @@ def verify_file(path: Path, expected_head: str | None = None) -> Verification:
             # defects
             found += [*sense.findings, *_cut_off(run, path, log)]
             heads, notes = _held_against(run, expected_head)
+            notes += state.corrected
             notes += sense.doubts
             notes += _elsewhere(run, state) if all(f.where in (*CUT_SHORT, "sense") for f in found) else []
             count, head = run.head()

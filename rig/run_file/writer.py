@@ -206,6 +206,21 @@ class RunWriter(RunReader):
                 self._pending.clear()  # records about the failure must not follow an end record
                 raise
             # The end record is written; only the checkpoint failed, which is repeated below.
+        self._settle()
+
+    def correct(self, record: Record, *, ended: bool) -> None:
+        """Add a correction, also after the end record; the file of an ended run is an ordinary one again then.
+
+        Raises:
+            StorageError: it could not be made durable, or the file does not hold what was written into it.
+
+        """
+        self.append(record)
+        if ended:
+            self._settle()
+
+    def _settle(self) -> None:
+        """Turn the file into an ordinary one, and read it back. Raises `StorageError` if it holds something else."""
         self._db.set_busy_timeout(200)
         # A reader is open, or the disk refuses: every record is safe, only the log file remains.
         with contextlib.suppress(apsw.Error, OSError):

@@ -21,10 +21,11 @@ from procedures.by_hand import Made
 from procedures.column_names import moves_of, since_of, spelled, split_unit, with_word
 from procedures.run_list import RunList
 from procedures.shell import shell_word
-from procedures.table import SENSOR_TEMPERATURE, Columns, Table
+from procedures.table import CORRECTED, SENSOR_TEMPERATURE, Columns, Table
 from rig.errors import RunFileError
 from rig.run_file.bodies import ContentsError
 from rig.run_file.chain import Record
+from rig.run_file.corrections import Corrections
 from rig.run_file.documents import Stored, declared_model, kind_of_run, mounting_of
 from rig.run_file.events.bench import Warned
 from rig.run_file.events.by_hand import DoneByHand, SetByHand
@@ -64,6 +65,7 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False, ev
         left_out, rejected, flags = 0, 0, Counter[str]()
         doubted = _doubted(reader.salvage() if salvage else reader.records(WholePlotLost.kind))
         marks = partial(_mark, told_later={} if salvage else _told_later(reader), evidence=evidence)
+        corrections = Corrections(None if salvage else reader)
         records = reader.salvage() if salvage else reader.records(Observed.kind)
         for record in records:
             try:
@@ -74,8 +76,9 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False, ev
                 rejected += not record.accepted and not everything
                 if not (accepted or everything):
                     continue
-                row = _row(record, run_list, len(rows) + 1, factors)
-                flags.update(marks(row, record))
+                seen = corrections.seen(record)
+                row = _row(record, seen, run_list, len(rows) + 1, factors)
+                flags.update(marks(row, record, seen))
                 row["block"] += sum(one.elapsed_s <= record.elapsed_s for one in made)
             except ContentsError:
                 if not salvage:
@@ -88,11 +91,9 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False, ev
             if run.simulated:
                 row["simulated"] = 1.0
             rows.append(row)
-        instruments = {} if salvage else _instruments(reader)
+        instruments, operators = ({}, []) if salvage else (_instruments(reader), _operators(reader))
         last = began if salvage else max((r.utc_s for r in reader.records(Observed.kind)), default=began)
-        operators = [] if salvage else _operators(reader)
-        _, head = reader.head()
-        ended = not salvage and any(True for _ in reader.records(Ended.kind))
+        head, ended = reader.head()[1], not salvage and any(True for _ in reader.records(Ended.kind))
         skipped = [] if salvage else _skipped(reader, run_list)
     if not rows:
         raise RunFileError(f"{path} holds no observations yet; `rig resume {shell_word(path)}` measures some")
@@ -119,6 +120,7 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False, ev
         **({"left_out_in_doubt": left_out} if left_out else {}),
         **({"flags": dict(flags)} if flags else {}),
         **({"observations_rejected": rejected} if rejected else {}),
+        **({CORRECTED: corrections.told} if corrections.told else {}),
     }
     about = Table(str(path), _package_temperature(columns, bench), run.simulated, provenance)
     about = _of_sensors(about, bench, run_list, set_in)
@@ -141,11 +143,9 @@ def _of_sensors(table: Table, bench: Stored, run_list: RunList, set_in: Mapping[
 
 
 def _mark(
-    row: dict[str, float], record: Record, told_later: Mapping[int | None, float], *, evidence: bool
+    row: dict[str, float], record: Record, seen: Observed, told_later: Mapping[int | None, float], *, evidence: bool
 ) -> Sequence[str]:
     """Flags of an observation, also those told later; with `evidence` its columns are added to the row."""
-    seen = record.event
-    assert isinstance(seen, Observed)
     told_s = told_later.get(record.run_index, -math.inf)
     flags = [*seen.flags, DOUBTED] if record.accepted and record.elapsed_s <= told_s else seen.flags
     if evidence:
@@ -275,19 +275,19 @@ def _utc(seconds: float) -> str:
     return datetime.fromtimestamp(seconds, UTC).isoformat(timespec="minutes")
 
 
-def _row(record: Record, run_list: RunList, order: int, factors: Mapping[str, str]) -> dict[str, float]:
+def _row(record: Record, seen: Observed, run_list: RunList, order: int, factors: Mapping[str, str]) -> dict[str, float]:
     """One observation as a row: place, time, approach, readings.
 
     A measured factor has a column with its value, and one with its setpoint (`Factor.set_name`).
 
     Args:
         record: the observation.
+        seen: its event, with corrected values.
         run_list: has its point.
         order: executed position, from 1.
         factors: instrument of each factor.
     """
-    point, seen = run_list.points[int(record.run_index or 0)], record.event
-    assert isinstance(seen, Observed)
+    point = run_list.points[int(record.run_index or 0)]
     row: dict[str, float] = {} if record.whole_plot is None else {"whole_plot": record.whole_plot}
     row |= {"replicate": point.replication, "order": order, "elapsed_s": _moment(record, seen)}
     measured = _means(seen.references) | _means(seen.temperatures)

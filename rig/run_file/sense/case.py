@@ -21,6 +21,7 @@ from rig.run_file.events.event import Event
 from rig.run_file.events.sessions import ClockSet, NotNotified, RunCreated
 from rig.run_file.reader import RunReader
 from rig.run_file.state import RunState
+from rig.typed import TypedColumn, typed_columns
 
 NOTED = (NotNotified, ClockSet)
 """Events that may be written between two records that otherwise are consecutive."""
@@ -57,6 +58,11 @@ class Case:
     def conduct(self) -> Conduct | None:
         """Planned approach and reading of its points; None if the procedure cannot be read."""
         return None if self.procedure is None else self.procedure.conduct
+
+    @cached_property
+    def typed(self) -> Mapping[str, TypedColumn]:
+        """Columns that a person reads; {} if bench or procedure cannot be read."""
+        return {} if self.bench is None or self.conduct is None else typed_columns(self.bench, self.conduct)
 
     @property
     def soak(self) -> SoakSettings | None:

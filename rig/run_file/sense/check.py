@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from rig.run_file.audit import Finding
 from rig.run_file.bodies import ContentsError
 from rig.run_file.chain import Record
+from rig.run_file.corrections import Entries
+from rig.run_file.events.corrections import Corrected
 from rig.run_file.reader import RunReader
 from rig.run_file.sense.accounts import Accounts
 from rig.run_file.sense.case import Case, Rule
@@ -63,6 +65,7 @@ def judged(run: RunReader, most: int) -> Judged:
         Instruments(case),
         Places(case),
         evidence,
+        Entries(case.typed),
     )
     found = tuple(itertools.islice(_findings(run, rules), most))
     told = times.doubts[:_DOUBTS]
@@ -74,7 +77,8 @@ def judged(run: RunReader, most: int) -> Judged:
 def _findings(run: RunReader, rules: tuple[Rule, ...]) -> Iterator[Finding]:
     fold = RunState()
     for seq, record, _, _ in run.chained():
-        for rule in rules:
+        # a correction is made by no controller: it has no place among what a session records
+        for rule in rules if record.kind != Corrected.kind else rules[-1:]:
             try:
                 for what in rule.look(record, record.event, fold):
                     yield _finding(seq, record, what)

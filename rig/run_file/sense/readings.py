@@ -14,7 +14,6 @@ from rig.run_file.events.points import CONTRADICTORY, Observed, readings_of
 from rig.run_file.sense.case import Case
 from rig.run_file.state import RunState
 from rig.scatter import MostScatter, most_scatter, noisiest, without_limit
-from rig.typed import TypedColumn, typed_columns
 
 _GROUPS = ("outputs", "temperatures", "references")
 _MEAN, _SD = 1e-12, 1e-9
@@ -40,11 +39,10 @@ class Readings:
         self._most: Mapping[str, MostScatter] = {}
         self._own: OwnScatter | None = None
         self._standards: set[str] = set()
-        self._typed: Mapping[str, TypedColumn] = {}
+        self._typed = case.typed
         if bench is not None:
             outputs = {f"{name}_{s.unit}" for name, s in bench.sensors.items()}
             if conduct is not None:
-                self._typed = typed_columns(bench, conduct)
                 self._most, self._own = (
                     most_scatter(conduct, bench),
                     OwnScatter(without_limit(conduct, bench), case.run_list.largest()),
