@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-import sqlite3
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,11 +12,13 @@ from few_points import Killed, records
 from general_lab import run_dry, written
 from test_typed_readings import DIAL, bench, defects, world
 
+from rig.certificate.about import deviations
 from rig.controller import resume_run, start_run
 from rig.engine.session import Outcome, Signals
 from rig.plans import load_plan
 from rig.run_file.chain import Record, encode
 from rig.run_file.reader import RunReader
+from rig.run_file.state import read_state
 from rig.run_file.verification import verify_file
 from rig.run_file.writer import RunWriter
 from rig.tables import run_table
@@ -149,8 +151,16 @@ def test_a_correction_that_no_command_wrote_is_found(run, forged, says):
 
 def test_other_records_after_the_end_are_still_found(run):
     assert correct(run).returncode == 0
-    with sqlite3.connect(run) as db:
-        db.executescript(
-            "DROP TRIGGER record_refuses_update; UPDATE record SET kind = 'event' WHERE kind = 'correction'"
-        )
-    assert not verify_file(run).whole
+    last = records(run)[-1]
+    with RunWriter.open(run) as writer:
+        writer.append(Record(1, "event", last.elapsed_s, last.utc_s, status="prepared", body="{}"))
+    assert "is the end of the run, and 1 record(s) follow" in str(verify_file(run).findings[0])
+
+
+def test_the_certificate_states_the_number_and_both_values(run):
+    assert correct(run).returncode == 0
+    of = SimpleNamespace(table=run_table(run), corrected=())
+    with RunReader.open(run) as reader:
+        found = list(deviations(of, read_state(reader), "", (None, None)))
+    assert "Entries that a person had typed were corrected after their acceptance, once." in found
+    assert found[-1].endswith("4.02 bar became 4.2, because digits exchanged.")
