@@ -269,14 +269,14 @@ class TableJudge:
         shortlist: dict[int, float] = {}
         for at in dict.fromkeys((0, beside.best)):
             scores = ranked(self.view(at), self.white(at, chosen), chosen)
-            worth = scores.evidence - per_column * self._price
+            worth = scores.evidence - per_column * self.problem.price
             best: dict[str, int] = {}
             for j in np.argsort(-worth, kind="stable").tolist():
                 if scores.ratio[j] > 0 and len(best) < SHORTLIST:
                     best.setdefault(self.candidates[j].effect.name, j)
             shortlist.update({j: float(worth[j]) for j in best.values() if worth[j] > -per_column})
         for j in shortlist:
-            shortlist[j] = self._trial(chosen, j).gained - per_column * float(self._price[j])
+            shortlist[j] = self._trial(chosen, j).gained - per_column * float(self.problem.price[j])
         return sorted(shortlist, key=lambda j: -shortlist[j])
 
     @cached_property
@@ -289,10 +289,6 @@ class TableJudge:
         """(J,) factor of p before effects are compared."""
         doubtful = [self.problem.presumed and c.effect.source == "time" for c in self.candidates]
         return np.where(doubtful, DOUBTFUL, 1.0)
-
-    @cached_property
-    def _price(self) -> FloatArray:
-        return np.array([c.term.price for c in self.candidates], np.float64)
 
     def _trial(self, chosen: tuple[int, ...], j: int) -> Trial:
         """`j` beside those `chosen`; a reading is reduced only as far as it is isolated both without and with `j`."""

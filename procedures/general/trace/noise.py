@@ -293,7 +293,7 @@ class Wandering:
 
     def over(self, sd: FloatArray) -> Wandering:
         """See `Noise`."""
-        return replace(self, sd=sd)
+        return self if np.array_equal(1.0 / sd, self._share) else replace(self, sd=sd)
 
 
 def _recursion(factor: FloatArray, given: FloatArray) -> FloatArray:
