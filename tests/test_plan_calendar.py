@@ -8,9 +8,11 @@ import pytest
 
 from rig.closed_loop.budget import checked_run
 from rig.config import parse_bench
+from rig.register import absent, parse_register
+from rig.results.certificate import Asked, make
 from rig.results.planned import plan
 from rig.simulated.calendar import dated
-from tests.certificate_lab import REGISTER, stand
+from tests.certificate_lab import ISSUED, REGISTER, settled, stand
 from tests.general_lab import BENCH, PROCEDURE, WORLD
 
 WITH_ASSETS = BENCH.replace('driver = "person"', 'driver = "person"\nasset = "W-1"').replace(
@@ -72,3 +74,31 @@ def test_equipment_that_nothing_on_the_bench_names_is_a_note(files):
     found = plan(files / "procedure.toml", files / "bench.toml")
     assert found.to_json()["not_on_bench"] == ["SPARE-9"]
     assert "in the register and not on the bench: SPARE-9" in str(list(found.blocks()))
+
+
+BARE = REGISTER.replace('model = "M1"', 'model = "M1"\nserial = "12"')
+ABSENT = (
+    "The register states no due date of DVM-1: whether a calibration expired is not known.",
+    "The register states no serial number of DVM-1: known by the asset number alone.",
+    "The register states no range of W-1 (force_kN): whether the certificate covers the settings is not known.",
+    "No temperature is recorded with the observations: the conditions of the calibration are not known.",
+)
+
+
+def test_what_the_register_does_not_state_is_said_by_plan_and_on_the_page(tmp_path):
+    path = stand(tmp_path, register=BARE)
+    (tmp_path / "bench.toml").write_text(WITH_ASSETS)
+    (tmp_path / "procedure.toml").write_text(PROCEDURE)
+    assert plan(tmp_path / "procedure.toml", tmp_path / "bench.toml").to_json()["not_stated"] == list(ABSENT)
+    document = make(Asked((path,), date.fromisoformat(ISSUED), settings=settled(tmp_path))).document
+    assert document.deviations[-4:] == ABSENT
+
+
+def test_nothing_is_said_where_the_register_states_all_of_it():
+    whole = BARE.replace("[equipment.DVM-1]\n", '[equipment.DVM-1]\nserial = "13"\n')
+    whole = whole.replace(
+        'date = 2020-01-01\nlaboratory = "voltage"', 'date = 2020-01-01\ndue = 2031-01-01\nlaboratory = "voltage"'
+    )
+    whole = whole.replace('behaves = "gain"\n', 'behaves = "gain"\nrange = [0, 10]\n')
+    config = parse_bench(WITH_ASSETS, "bench.toml")
+    assert list(absent(parse_register(whole, "equipment.toml"), config)) == [ABSENT[3]]

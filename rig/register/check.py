@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from datetime import date
 
+from procedures.column_names import unit_of
 from rig.config import BenchConfig, InstrumentConfig, ReferenceConfig, TemperatureConfig
 from rig.errors import ConfigurationError
+from rig.quantities import TEMPERATURE_UNIT
 from rig.register.schema import Register
 
 Entry = InstrumentConfig | ReferenceConfig | TemperatureConfig
@@ -65,6 +67,31 @@ def _contradictions(register: Register, config: BenchConfig, where: str, bench: 
                 f"{where}: equipment.{entry.asset}.certificate.due = {own}, and {bench} has {key}.due = {due}: "
                 f"correct the wrong one"
             )
+
+
+def absent(register: Register, config: BenchConfig) -> Iterator[str]:
+    """Facts about equipment of a bench that its register does not state, one sentence for each sort."""
+    known = {asset: register.equipment[asset] for _, e in entries(config) if (asset := e.asset) in register.equipment}
+    dated = {e.asset for _, e in entries(config) if getattr(e, "due", None) is not None}
+    dated |= {asset for asset, one in known.items() if one.certificate is None or one.certificate.due is not None}
+    undated = [asset for asset in known if asset not in dated]
+    nameless = [asset for asset, one in known.items() if not one.serial]
+    open_ended = [
+        f"{asset} ({', '.join(dict.fromkeys(says.quantity for says in one.says if says.covered is None))})"
+        for asset, one in known.items()
+        if any(says.covered is None for says in one.says)
+    ]
+    if undated:
+        yield f"The register states no due date of {', '.join(undated)}: whether a calibration expired is not known."
+    if nameless:
+        yield f"The register states no serial number of {', '.join(nameless)}: known by the asset number alone."
+    if open_ended:
+        yield (
+            f"The register states no range of {', '.join(open_ended)}: whether the certificate covers the settings is "
+            "not known."
+        )
+    if not config.temperatures and not any(unit_of(name) == TEMPERATURE_UNIT for name in config.references):
+        yield "No temperature is recorded with the observations: the conditions of the calibration are not known."
 
 
 def check_validity(register: Register, config: BenchConfig, where: str, first: date, last: date) -> None:

@@ -20,7 +20,7 @@ from rig.closed_loop.of_table import OfTable, Said, checked_table, gross_errors,
 from rig.closed_loop.undeclared import with_undeclared
 from rig.effects import laboratory_effects
 from rig.errors import RigError, UsageError
-from rig.register import DOCUMENT
+from rig.register import DOCUMENT, absent
 from rig.results.data import Data
 from rig.run_file.reader import RunReader
 from rig.run_file.state import RunState, read_state
@@ -363,14 +363,17 @@ def _document(
             e for one, b in with_budget for e in assembly.effects(b, one.outcomes, one.confirmed, one.stage, one.heads)
         ),
         adjustment=asked.adjustment.strip() if len(runs) > 1 else "",
-        deviations=tuple(
-            d
-            for one, b in with_budget
-            for d in (
-                (*lacks(b.of.table, b.of.config, origin.register), *one.said)
-                if one.state is None
-                else (*about.deviations(b.of, one.state, one.stage, (one.register, asked.equipment)), *one.said)
-            )
+        deviations=(
+            *(
+                d
+                for one, b in with_budget
+                for d in (
+                    (*lacks(b.of.table, b.of.config, origin.register), *one.said)
+                    if one.state is None
+                    else (*about.deviations(b.of, one.state, one.stage, (one.register, asked.equipment)), *one.said)
+                )
+            ),
+            *dict.fromkeys(d for one in of for d in absent(one.register, one.config)),
         ),
         notes=tuple(dict.fromkeys(n for _, b in with_budget for n in assembly.notes(b))),
         next_due=settings.next_due,

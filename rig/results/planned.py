@@ -33,7 +33,7 @@ from rig.plugins import driver_class
 from rig.register import DOCUMENT
 from rig.results.dwells import short_dwells
 from rig.results.frames import Frame, of_rows
-from rig.results.promised import Promised, beside, expired, promised
+from rig.results.promised import Promised, beside, expired, not_stated, promised
 from rig.results.result import Plots, Result
 from rig.results.unit_doubts import unit_doubts
 from rig.scatter import without_limit
@@ -116,6 +116,7 @@ class Plan(Result):
             "unasked": unasked(self.checked.bench),
             "overdue": self.overdue,
             "not_on_bench": beside(self.checked),
+            "not_stated": not_stated(self.checked),
             "disk_free_bytes": self.disk[0],
             "disk_needed_bytes": self.disk[1],
             "environment": _environment(self.checked),
@@ -233,6 +234,7 @@ class Plan(Result):
         yield from (Line(f"  [yellow]{escape(line)}[/]") for line in self.overdue)
         if not self.overdue:
             yield Line("  the calibrations of all instruments are valid until then")
+        yield from (Line(f"  a certificate would say: {escape(one)}") for one in not_stated(checked))
         if names := beside(checked):
             yield Line(f"  in the register and not on the bench: {escape(', '.join(names))}")
         free, needed = self.disk

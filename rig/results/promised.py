@@ -16,7 +16,7 @@ from procedures.errors import DataError
 from procedures.influences import explain, influences
 from procedures.kinds import kind_of
 from rig.errors import ConfigurationError
-from rig.register import DOCUMENT, check_covered, check_validity, entries, parse_register, stated_of
+from rig.register import DOCUMENT, absent, check_covered, check_validity, entries, parse_register, stated_of
 
 if TYPE_CHECKING:
     from procedures.stated import Stated, Statements
@@ -99,6 +99,13 @@ def promised(plan: Plan, on: date) -> Promised:
     notes += [] if expected.meter else [NO_METER]
     notes += ["the register has example values"] if register.example else []
     return Promised(found, tuple(notes), tuple(stated.what_is_lacking(unstated)))
+
+
+def not_stated(plan: Plan) -> list[str]:
+    """Facts about the bench's equipment that its register does not state, as a certificate says them."""
+    if DOCUMENT not in plan.documents:
+        return []
+    return list(absent(parse_register(plan.documents[DOCUMENT], DOCUMENT), plan.bench))
 
 
 def beside(plan: Plan) -> list[str]:
