@@ -22,7 +22,7 @@ from fitter.decision import SimpleAcceptance, Tolerance, decide
 from procedures.attitude.budget import AttitudeEvaluation
 from procedures.attitude.budget_traced import TracedEvaluation as TracedAttitude
 from procedures.budgeting import Evaluation
-from procedures.column_names import spelled, stem_of, unit_of
+from procedures.column_names import moves_of, spelled, stem_of, unit_of
 from procedures.errors import DataError
 from procedures.general.budget import general_evaluation
 from procedures.influences import explain, influences
@@ -74,6 +74,7 @@ def _general(seed: int, name: str, meter: str = "") -> Result:
         "elapsed_s": night.time,
         quantity: put(night.force),
         f"{stem_of(quantity)}_side": night.side,
+        **dict(zip(moves_of(quantity), (night.since, put(night.before)), strict=True)),
         "room_degC": night.room,
         "cell_V": one.volts,
     }

@@ -28,6 +28,8 @@ class Night:
         side: (n,) +1 where the weights went up, -1 where they went down, 0 at the start.
         time: (n,) of the reading since the start, s; the weights were put on `PUT_S` before.
         room: (n,) temperature, degC.
+        since: (n,) time since the weights were put on, s.
+        before: (n,) weights before that, kN.
     """
 
     force: Array
@@ -35,6 +37,8 @@ class Night:
     side: Array
     time: Array
     room: Array
+    since: Array
+    before: Array
 
 
 Effect = Callable[[Night, Array, Rng], tuple[Array, Array]]
@@ -53,7 +57,16 @@ def night(rng: Rng, *, series: bool) -> Night:
     time = STEP_S * (1.0 + np.arange(len(force))) + rng.uniform(0.0, 1.0, len(force))
     period, phase = rng.uniform(2000.0, 4000.0), rng.uniform(0.0, 6.28)
     room = USUAL_degC + np.sin(6.2832 * time / period + phase) + 0.2 * rng.standard_normal(len(force))
-    return Night(force, np.repeat([1.0, 2.0, 3.0], 21), side, time, np.round(room, 3))
+    put, before = np.full(len(force), -np.inf), np.zeros(len(force))
+    last, now = 0.0, 0.0
+    for i, (load, read) in enumerate(zip(force, time, strict=True)):
+        if load != now or i == 0:
+            last, now = now, load
+            put[i] = read - PUT_S
+        else:
+            put[i] = put[i - 1]
+        before[i] = last
+    return Night(force, np.repeat([1.0, 2.0, 3.0], 21), side, time, np.round(room, 3), time - put, before)
 
 
 def _spring(one: Night, at: Array, _: Rng) -> tuple[Array, Array]:
