@@ -22,6 +22,7 @@ from rig.run_file.state import read_state
 from rig.run_file.verification import verify_file
 from rig.run_file.writer import RunWriter
 from rig.tables import run_table
+from rig.unattended.earlier import ended_without_a_word
 
 WHY = "digits exchanged"
 
@@ -130,6 +131,26 @@ def test_a_certificate_is_not_contradicted_without_a_word(run):
     assert correct(run, "gauge_bar=4.2", 2, "--after", "C-1").returncode == 0
     (record,) = records(run, "correction", None)
     assert "corrected by A. Reader, after certificate C-1: 4.02 bar" in record.sentence()
+
+
+def test_the_register_of_issued_numbers_is_asked(run):
+    settings = run.parent / "certificate.toml"
+    settings.write_text('number = "C-{next}"\n')
+    with RunReader.open(run) as reader:
+        run_id = reader.about().run_id
+    entry = {"number": "C-7", "issued": "2026-11-28", "runs": [run_id], "folder": "elsewhere", "sha256": "0"}
+    (run.parent / "issued.json").write_text(json.dumps([entry]))
+    assert "certificate C-7 was issued" in correct(run, "gauge_bar=4.2", 2, "--settings", settings).stderr
+    assert correct(run, "gauge_bar=4.2", 2, "--settings", settings, "--after", "C-7").returncode == 0
+
+
+def test_a_correction_is_no_crash(tmp_path):
+    path, _ = run_dry(tmp_path, bench=bench(), world=world())
+    with RunReader.open(path) as reader:
+        before = ended_without_a_word(reader)
+    assert correct(path).returncode == 0
+    with RunReader.open(path) as reader:
+        assert ended_without_a_word(reader) is before
 
 
 @pytest.mark.parametrize(

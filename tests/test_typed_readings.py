@@ -8,6 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from command import rig
 from few_points import Killed, records
 from general_lab import BENCH, PROCEDURE, WORLD, run_dry, written
 from test_by_hand import Answers
@@ -96,6 +97,13 @@ def test_a_dial_is_read_at_every_point(tmp_path):
     np.testing.assert_allclose(steps, np.round(steps), atol=1e-9)
     assert len(reads(path)) == len(truth)
     assert defects(path) == []
+
+
+def test_a_plan_says_that_somebody_has_to_read(tmp_path):
+    files = written(tmp_path, bench=bench(f"{DIAL}twice = true\n"), world=world())
+    said = rig("plan", files[0], "--bench", files[1])
+    assert said.returncode == 0
+    assert "operator reads gauge_bar (dial) at each of 14 points, twice" in said.stdout
 
 
 @pytest.mark.parametrize("kind", ["reference", "thermometer"])

@@ -10,12 +10,15 @@ import typer
 from rich.markup import escape
 
 from procedures.shell import shell_word
+from rig.certificate.numbers_issued import numbers_issued
+from rig.certificate.settings import read_settings
 from rig.cli import app
 from rig.cli.options import OperatorOption, RunArgument
 from rig.cli.show import err
 from rig.errors import ExitCode, UsageError
 from rig.plans import stored_plan
 from rig.regular import read_regular_text
+from rig.results.certificate import SETTINGS
 from rig.run_file.chain import Record, encode
 from rig.run_file.corrections import correction
 from rig.run_file.events.event import EMPTY
@@ -43,6 +46,13 @@ def correct(
         list[str] | None,
         typer.Option(help="number of a certificate that was issued of the run; repeatable", show_default=False),
     ] = None,
+    settings: Annotated[
+        Path | None,
+        typer.Option(
+            help="settings of certificates, whose register says what was issued",
+            show_default="certificate.toml of the working folder",
+        ),
+    ] = None,
     operator_name: OperatorOption = None,
 ) -> int:
     """Correct an entry that a person typed; both values stay in the run file, with the reason and the name.
@@ -68,7 +78,7 @@ def correct(
         plan, state, head = stored_plan(reader, run_file, None), read_state(reader), reader.head()
         columns = typed_columns(plan.bench, plan.procedure.conduct)
         whole_plot, event = correction(reader, columns, point, entry, reading)
-        missing = sorted(_issued(reader, run_file) - set(after or ()))
+        missing = sorted((_issued(reader, run_file) | _registered(reader, settings)) - set(after or ()))
     if missing:
         raise UsageError(
             f"certificate {', '.join(missing)} was issued of this run, and would no longer state what the run says. "
@@ -85,6 +95,16 @@ def correct(
         now = run.written[1].hex()
     err.print(f"{escape(event.sentence(record))}; head {now}", soft_wrap=True)
     return ExitCode.DONE
+
+
+def _registered(run: RunReader, given: Path | None) -> set[str]:
+    """Numbers of certificates of the run by the laboratory's register of issued ones."""
+    settings = given or Path(SETTINGS)
+    if given is None and not settings.exists():
+        return set()
+    folder = settings.absolute().parent
+    with numbers_issued(folder / read_settings(settings).numbers, folder) as issued:
+        return {one.number for one in issued.of_runs([run.about().run_id])}
 
 
 def _issued(run: RunReader, run_file: Path) -> set[str]:

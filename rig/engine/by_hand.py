@@ -130,12 +130,12 @@ class ByHand:
         wanted = self._readings.missing(point)
         assert wanted is not None
         column, say = wanted.column, wanted.instruction
+        there = self._person is not None and self._person.asked_to_read(column)
         self._journal.write(
             AskedToRead(column=column.name, number=wanted.number, unit=column.unit, say=say, timeout_s=self._hold_max_s)
         )
         self._number, self.asked, self._answer = self._number + 1, wanted, None
-        self._asked_s = self._journal.elapsed()
-        self._there = self._person is not None and self._person.asked_to_read(column)
+        self._asked_s, self._there = self._journal.elapsed(), there
         self._journal.asked = {"step": self._number, "of": 0, "say": say, "change": "read", "value": column.name}
         return "hold"
 

@@ -37,6 +37,7 @@ from rig.results.promised import Promised, beside, expired, not_stated, promised
 from rig.results.result import Plots, Result
 from rig.results.unit_doubts import unit_doubts
 from rig.scatter import without_limit
+from rig.typed import typed_columns
 
 if TYPE_CHECKING:
     from procedures.precision import Precision
@@ -143,6 +144,7 @@ class Plan(Result):
         yield Line(f"  {len(run_list)} points, {plots}{checked.procedure.replications} replication(s)")
         yield from self._time()
         yield from self._by_hand()
+        yield from self._read_by_hand()
         yield from self._precise()
         yield from self._promised()
         yield from self._advised()
@@ -198,6 +200,16 @@ class Plan(Result):
             value = f" (asks for {step.value})" if step.value else ""
             where = f"before point {step.before + 1} of {points}"
             yield Line(f"    about {_when(self._at(step))}, {where}: {escape(step.instruction)}{value}")
+
+    def _read_by_hand(self) -> Iterator[Block]:
+        """Readings that a person takes."""
+        points = len(self.checked.run_list)
+        for name, one in typed_columns(self.checked.bench, self.checked.procedure.conduct).items():
+            twice = ", twice" if one.readings > 1 else ""
+            yield Line(
+                f"  [yellow]{escape(one.reader)} reads {escape(name)}[/] ({escape(one.channel)}) at each of "
+                f"{points} points{twice}; the run holds until `rig done`"
+            )
 
     def _at(self, step: HandStep) -> datetime:
         return self.now + timedelta(seconds=self.forecast.when_s(step, self.checked.run_list))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from rig.run_file.events.bench import Fault
+from rig.run_file.events.corrections import Corrected
 from rig.run_file.events.event import Event
 from rig.run_file.events.points import Observed
 from rig.run_file.events.sessions import Parked, RunCreated
@@ -18,6 +19,8 @@ def ended_without_a_word(reader: RunReader) -> bool:
     for _, record, _, _ in reversed(list(rows)):
         if record.kind == Observed.kind:
             return True
+        if record.kind == Corrected.kind:  # by a person, after the session
+            continue
         if isinstance(record.event, RunCreated | Parked) or record.event.ending:
             return False
         if record.kind not in (Event.kind, Fault.kind):
