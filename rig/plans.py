@@ -31,6 +31,10 @@ PREVIOUS = "previous.json"
 """Name of the run file's document with the last calibration, if the procedure names one."""
 
 
+CONFORMITY = "conformity.toml"
+"""Name of the run file's document with tolerances and decision rule, if `certificate.toml` beside the bench has any."""
+
+
 @dataclass(frozen=True)
 class Plan:
     """A checked plan: the texts and their values.
@@ -61,7 +65,7 @@ def load_plan(procedure: Path, bench: Path, *, dry: bool = False, world: Path | 
         documents["world.toml"] = read_text(world, "world")
     config = parse_bench(documents["bench.toml"], str(bench))
     documents |= files_beside(config, bench)
-    documents |= _register(config, bench)
+    documents |= _register(config, bench) | _conformity(bench.parent / "certificate.toml")
     against = parse_procedure(documents["procedure.toml"], str(procedure)).warnings.against
     if against is not None:
         from rig.previous import previous_text  # noqa: PLC0415 - imports the fitter, which few runs need
@@ -114,6 +118,20 @@ def _register(config: BenchConfig, bench: Path) -> dict[str, str]:
     path, text = found
     check_register(parse_register(text, str(path)), config, str(path), str(bench))
     return {DOCUMENT: text}
+
+
+def _conformity(path: Path) -> dict[str, str]:
+    """Tolerances and decision rule as they are before the run, as a document; none if nothing is to be judged.
+
+    Raises:
+        ConfigurationError: the file cannot be read, or is no TOML; its values are checked with the certificate.
+    """
+    if not path.exists():
+        return {}
+    values = parse_toml(read_text(path, "certificate"), str(path))
+    if "tolerance" not in values:
+        return {}
+    return {CONFORMITY: toml_text({key: values[key] for key in ("decision", "tolerance") if key in values})}
 
 
 def _with_files(text: str, procedure: Path) -> str:

@@ -85,6 +85,48 @@ def test_an_amendment_with_other_tolerances_says_so_and_is_the_only_one(run, tmp
         issue(made(run, tmp_path, 0.02), Issue(tmp_path / "b", amends=first.document.number))
 
 
+AGREED = TOLERANCE.format(0.001)
+
+
+@pytest.fixture(scope="module")
+def agreed(tmp_path_factory) -> Path:
+    """A run with the laboratory's settings beside its bench."""
+    folder = tmp_path_factory.mktemp("agreed")
+    settled(folder, AGREED)
+    return stand(folder)
+
+
+@pytest.mark.parametrize(
+    ("now", "words"),
+    [
+        (AGREED, ()),
+        (
+            TOLERANCE.format(0.01),
+            (
+                "The tolerance of 'every output' is not one recorded in the run before its first observation.",
+                "A tolerance of 'every output', recorded in the run before its first observation, is not applied: "
+                "unit = V, nominal = 0.1 + 0.5*force_kN, deviation = 0.001.",
+            ),
+        ),
+        (
+            f'[decision]\nrule = "simple"\n{AGREED}',
+            ("The decision rule is not the one recorded in the run before its first observation: acceptance limits",),
+        ),
+    ],
+    ids=["as agreed", "wider", "another rule"],
+)
+def test_what_was_recorded_before_the_run_is_compared(agreed, tmp_path, now, words):
+    found = make(Asked((agreed,), date.fromisoformat(ISSUED), settings=settled(tmp_path, now))).document.deviations
+    said = [one for one in found if "olerance" in one or "decision" in one]
+    assert len(said) == len(words)
+    assert all(one.startswith(start) for one, start in zip(said, words, strict=True))
+
+
+def test_tolerances_that_no_run_recorded_are_said_to_be_so(run, tmp_path):
+    (said,) = (one for one in made(run, tmp_path).document.deviations if "olerance" in one)
+    assert said.startswith("Tolerances and decision rule are not recorded in the run: nothing shows")
+
+
 @pytest.mark.parametrize("after", [1, 2, 3, 4])
 def test_a_number_whose_issue_is_cut_is_free_again(run, tmp_path, monkeypatch, after):
     """Killed after so many files have their names, the JSON being the last; the next issue clears up."""

@@ -9,10 +9,13 @@ from fitter.decision import decide
 from fitter.errors import FitError
 from rig.certificate.assembly import label_of, sensor_of
 from rig.certificate.document import Stage, Statement
-from rig.certificate.settings import CertificateSettings
+from rig.certificate.settings import CertificateSettings, ConformitySettings
 from rig.certificate.tolerances import EVERY, ToleranceSettings
 from rig.closed_loop.budget import RunBudget
+from rig.config import parse_toml, validated
 from rig.dcc.si_units import per_term
+from rig.errors import ConfigurationError
+from rig.plans import CONFORMITY
 
 _ITS_POINT = "its value is the point by definition, whatever the item does, so every item would conform"
 
@@ -25,6 +28,35 @@ def statements(run: RunBudget, stage: Stage, settings: CertificateSettings) -> I
                 yield _statement(one, column, at, run, stage, tolerance, settings)
 
 
+def since_recorded(recorded: str | None, settings: CertificateSettings, at: str) -> Iterator[str]:
+    """How tolerances and decision rule differ from those that the run recorded before its first observation, sentences.
+
+    Args:
+        recorded: text of the run's document; None if it has none.
+        settings: of the laboratory.
+        at: which run, in brackets; "" for the only one.
+    """
+    if recorded is None:
+        if settings.tolerance:
+            words = "nothing shows that they were agreed before it"
+            yield f"Tolerances and decision rule are not recorded in the run{at}: {words}."
+        return
+    try:
+        before = validated(ConformitySettings, parse_toml(recorded, CONFORMITY), CONFORMITY)
+    except ConfigurationError as error:
+        yield f"Tolerances and decision rule that the run{at} recorded beforehand cannot be read: {error}."
+        return
+    beforehand = f"recorded in the run{at} before its first observation"
+    if before.decision != settings.decision:
+        yield f"The decision rule is not the one {beforehand}: {before.decision.words}."
+    for one in settings.tolerance:
+        if one not in before.tolerance:
+            yield f"The tolerance of {one.named} is not one {beforehand}."
+    for one in before.tolerance:
+        if one not in settings.tolerance:
+            yield f"A tolerance of {one.named}, {beforehand}, is not applied: {one.stated}."
+
+
 def without_result(run: RunBudget, settings: CertificateSettings, where: str) -> Iterator[str]:
     """Tolerances without a result, of one that is its point, in another unit, or without limits at a point.
 
@@ -34,8 +66,7 @@ def without_result(run: RunBudget, settings: CertificateSettings, where: str) ->
         where: name of their file.
     """
     for n, one in enumerate(settings.tolerance):
-        named = f"tolerance of {one.result!r}" + (f" of {one.sensor!r}" if one.sensor else "")
-        yield from (f"{named}: {fault} ({where}: tolerance.{n})" for fault in _faults(run, one))
+        yield from (f"tolerance of {one.named}: {fault} ({where}: tolerance.{n})" for fault in _faults(run, one))
 
 
 def _faults(run: RunBudget, tolerance: ToleranceSettings) -> Iterator[str]:

@@ -91,6 +91,13 @@ class TableSettings(Strict):
         return self
 
 
+class ConformitySettings(Strict):
+    """What conformity is judged by: as a run file keeps it from before its first observation."""
+
+    decision: DecisionSettings = DecisionSettings()
+    tolerance: tuple[ToleranceSettings, ...] = ()
+
+
 class CertificateSettings(Strict):
     """A whole `certificate.toml`."""
 

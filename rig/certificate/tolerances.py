@@ -83,6 +83,17 @@ class ToleranceSettings(Strict):
                     raise FitError(f"{key}: {error}") from error
         return found
 
+    @property
+    def named(self) -> str:
+        """Label of its results, and their sensor, for messages."""
+        return repr(self.result) + (f" of {self.sensor!r}" if self.sensor else "")
+
+    @property
+    def stated(self) -> str:
+        """Its keys as they are in the file."""
+        given = self.model_dump(exclude_none=True, exclude_defaults=True, exclude={"result", "sensor"})
+        return ", ".join(f"{key} = {value}" for key, value in given.items())
+
     def applies_to(self, label: str) -> bool:
         """Whether a result with this label is judged."""
         every = self.result.startswith(EVERY) and label.partition(" ")[0] == self.result.removeprefix(EVERY)

@@ -20,6 +20,7 @@ from rig.closed_loop.of_table import OfTable, Said, checked_table, gross_errors,
 from rig.closed_loop.undeclared import with_undeclared
 from rig.effects import laboratory_effects
 from rig.errors import RigError, UsageError
+from rig.plans import CONFORMITY
 from rig.register import DOCUMENT, absent
 from rig.results.data import Data
 from rig.run_file.reader import RunReader
@@ -105,6 +106,7 @@ class _Run:
     records: int = 0
     dry: bool = False
     register: str | None = None
+    conformity: str | None = None
     of: OfRun | None = None
     budget: RunBudget | None = None
     outcomes: Sequence[Outcome] = ()
@@ -147,9 +149,9 @@ def _read(path: Path, stage: Stage, asked: Asked, settings: CertificateSettings,
         reasons.append(f"{path} is not verified: {found.findings[0]}; see rig verify")
         return None
     with RunReader.open(path) as reader:
-        dry, register = reader.about().runs_dry, reader.documents().get(DOCUMENT)
+        dry, documents = reader.about().runs_dry, reader.documents()
         state = read_state(reader)
-    run = _Run(path, stage, state, found.records, dry, register)
+    run = _Run(path, stage, state, found.records, dry, documents.get(DOCUMENT), documents.get(CONFORMITY))
     if state.ended != "complete":
         reasons.append(f"{path} is not complete: {state.remaining} points are missing; rig resume {shell_word(path)}")
     later = asked.confirmed_by if path == asked.runs[-1] else ()
@@ -372,6 +374,12 @@ def _document(
                     if one.state is None
                     else (*about.deviations(b.of, one.state, one.stage, (one.register, asked.equipment)), *one.said)
                 )
+            ),
+            *(
+                d
+                for one in runs
+                if one.state is not None
+                for d in conformity.since_recorded(one.conformity, settings, f" ({one.stage})" if one.stage else "")
             ),
             *dict.fromkeys(d for one in of for d in absent(one.register, one.config)),
         ),
