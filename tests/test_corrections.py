@@ -144,6 +144,18 @@ def test_the_register_of_issued_numbers_is_asked(run):
     assert correct(run, "gauge_bar=4.2", 2, "--settings", settings, "--after", "C-7").returncode == 0
 
 
+def test_the_report_shows_both_values(run):
+    assert correct(run).returncode == 0
+    report = run.with_name("report.html")
+    assert rig("trace", run, "--report", report).returncode == 0
+    assert "<td>typed entries corrected</td><td>gauge_bar at point 2 was corrected by A. Reader" in report.read_text()
+
+
+def test_what_is_salvaged_is_corrected(run):
+    assert correct(run).returncode == 0
+    assert run_table(run, salvage=True).columns["gauge_bar"][2] == 4.2
+
+
 def test_a_correction_is_no_crash(tmp_path):
     path, _ = run_dry(tmp_path, bench=bench(), world=world())
     with RunReader.open(path) as reader:

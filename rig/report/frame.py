@@ -13,6 +13,7 @@ import jinja2
 
 from procedures.pictures import png
 from procedures.results import Page
+from procedures.table import CORRECTED
 from procedures.words import incomplete
 from rig.run_file.reader import RunReader
 
@@ -35,6 +36,7 @@ def render(page: Page) -> str:
     instruments = provenance.pop("instruments", {})
     provenance |= {f"instrument: {name}": words for name, words in instruments.items()}
     provenance |= {f"software: {name}": version for name, version in software.items()}
+    provenance |= {CORRECTED: "; ".join(told) for told in (provenance.get(CORRECTED),) if told}
     provenance |= {f"not used: {each['column']}": each["why"] for each in page.unused["columns"]}
     return (
         _templates(page.package)

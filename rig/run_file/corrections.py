@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 from rig.errors import UsageError
+from rig.run_file.bodies import ContentsError
 from rig.run_file.chain import Record
 from rig.run_file.events.by_hand import ReadByHand
 from rig.run_file.events.corrections import Corrected
@@ -111,20 +113,21 @@ class Corrections:
     """Corrections of a run, by its records.
 
     Args:
-        reader: the run; None for none.
+        records: of the run; others than corrections are left out, and those that a damaged file cannot tell.
 
     Attributes:
         told: one sentence for each.
     """
 
-    def __init__(self, reader: RunReader | None) -> None:
+    def __init__(self, records: Iterable[Record]) -> None:
         self._by_place: dict[tuple[int | None, int | None], dict[str, Sequence[float]]] = {}
         self.told: list[str] = []
-        for record in reader.records(Corrected.kind) if reader is not None else ():
-            event = record.event
-            if isinstance(event, Corrected):
-                self._by_place.setdefault((record.run_index, record.whole_plot), {})[event.column] = event.readings
-                self.told.append(record.sentence())
+        for record in records:
+            with contextlib.suppress(ContentsError):
+                event = record.event if record.kind == Corrected.kind else None
+                if isinstance(event, Corrected):
+                    self._by_place.setdefault((record.run_index, record.whole_plot), {})[event.column] = event.readings
+                    self.told.append(record.sentence())
 
     def seen(self, record: Record) -> Observed:
         """An observation with its corrected values; the channels of instruments as they were recorded."""

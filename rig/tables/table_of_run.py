@@ -29,6 +29,7 @@ from rig.run_file.corrections import Corrections
 from rig.run_file.documents import Stored, declared_model, kind_of_run, mounting_of
 from rig.run_file.events.bench import Warned
 from rig.run_file.events.by_hand import DoneByHand, SetByHand
+from rig.run_file.events.corrections import Corrected
 from rig.run_file.events.points import DOUBTED, Observed, Skipped, WholePlotLost
 from rig.run_file.events.sessions import Ended, Identified, SessionBegan
 from rig.run_file.reader import RunReader
@@ -65,7 +66,7 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False, ev
         left_out, rejected, flags = 0, 0, Counter[str]()
         doubted = _doubted(reader.salvage() if salvage else reader.records(WholePlotLost.kind))
         marks = partial(_mark, told_later={} if salvage else _told_later(reader), evidence=evidence)
-        corrections = Corrections(None if salvage else reader)
+        corrections = Corrections(reader.salvage() if salvage else reader.records(Corrected.kind))
         records = reader.salvage() if salvage else reader.records(Observed.kind)
         for record in records:
             try:
