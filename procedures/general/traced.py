@@ -21,7 +21,7 @@ from procedures.column_names import unit_of
 from procedures.general.confirming import usable_term
 from procedures.general.effects.columns import less, middle, origin
 from procedures.general.effects.of_time import WARM_UP
-from procedures.general.effects.time_columns import lag, previous
+from procedures.general.effects.time_columns import lag, of_start, previous
 from procedures.general.of_runs import Asked, RunFitted, fit_run, noted_of, recorded, trace_run
 from procedures.general.together import TIME
 from procedures.general.trace import FoundTableEffect, TableTrace
@@ -187,8 +187,8 @@ def _part(asked: Asked, trace: TableTrace, candidates: Sequence[int], coefficien
     if effect.kind.terms is lag:  # at rest a lag is its setting, which the model needs
         name = effect.columns[0]
         v = trace.variables[name]
-        columns = columns - (v - v.mean())[:, None]
-        columns = columns - columns[:1]
+        # what is remembered fades by itself; the lag is at rest where it is its setting
+        columns = columns - np.where([of_start(label) for label in labels], 0.0, (v - middle(v))[:, None])
         at_rest = usable_term(less(name, middle(v)), known)
         terms = (f"I({at_rest})",) if at_rest and not _spanned(v, judge.problem.declared) else ()
         holds = f"at rest, when {name} has long been what it is"
