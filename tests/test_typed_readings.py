@@ -10,7 +10,19 @@ import numpy as np
 import pytest
 from command import rig
 from few_points import Killed, records
-from general_lab import BENCH, PROCEDURE, WORLD, run_dry, written
+from general_lab import (
+    BATH,
+    BATH_PROCEDURE,
+    BATH_WORLD,
+    BENCH,
+    PROCEDURE,
+    SOURCE,
+    SOURCE_PROCEDURE,
+    SOURCE_WORLD,
+    WORLD,
+    run_dry,
+    written,
+)
 from test_by_hand import Answers
 
 from rig.config import parse_bench, parse_procedure
@@ -104,6 +116,44 @@ def test_a_plan_says_that_somebody_has_to_read(tmp_path):
     said = rig("plan", files[0], "--bench", files[1])
     assert said.returncode == 0
     assert "operator reads gauge_bar (dial) at each of 14 points, twice" in said.stdout
+
+
+def test_what_an_instrument_has_set_stands_while_it_is_read(tmp_path):
+    """The point is not approached again after a reading: it would be another state of what has hysteresis."""
+    person = f'[instruments.operator]\ndriver = "person"\n{DIAL.replace("bar", "V")}'
+    text = SOURCE.replace("[factors]", f"{person}{GAUGE.replace('bar', 'V')}[factors]")
+    of = f'{SOURCE_WORLD}[sensors.gauge]\nformula = "2*input_V"\nnoise = 1e-4\n'
+    procedure = SOURCE_PROCEDURE.replace("[-5,0,2,5]", '[-5,0,2,5]\norder = "up-down"')
+    path, result = run_dry(tmp_path, procedure, text, of)
+    assert result.outcome is Outcome.COMPLETE
+    assert len(reads(path)) == len(run_table(path)) == 14
+    assert len(list(records(path, "event", "as-found"))) == 1
+    sides = [next(iter(r.event.approach.values()))[0] for r in records(path) if isinstance(r.event, Observed)]
+    planned = run_table(path).columns["input_side"]
+    assert [side for side, wanted in zip(sides, planned, strict=True) if wanted] == list(planned[planned != 0])
+    assert defects(path) == []
+
+
+def test_a_soak_does_not_wait_for_a_thermometer_that_a_person_reads(tmp_path):
+    person = f'[instruments.operator]\ndriver = "person"\n{DIAL.replace("bar", "degC")}'
+    glass = '[temperatures.glass_degC]\nreader = "operator"\nchannel = "dial"\nplace = "bath_degC"\n'
+    path, result = run_dry(tmp_path, BATH_PROCEDURE, BATH.replace("[factors]", f"{person}{glass}[factors]"), BATH_WORLD)
+    assert result.outcome is Outcome.COMPLETE
+    table = run_table(path)
+    assert np.abs(table.columns["glass_degC"] - table.columns["bath_degC"]).max() < 0.1
+    assert defects(path) == []
+
+
+@pytest.mark.parametrize("fault", ["unplugged", "overload"])
+def test_after_a_fault_what_was_typed_is_kept_until_an_observation_used_it(tmp_path, fault):
+    of = f'{world()}[[faults]]\nkind = "{fault}"\non = "dvm"\nat_s = 120\nfor_s = 60\n'
+    path, result = run_dry(tmp_path, bench=bench(), world=of)
+    assert result.outcome is Outcome.COMPLETE
+    assert result.state.decisions
+    used = [r for r in records(path) if isinstance(r.event, Observed)]  # an overload is a rejected observation
+    assert len(reads(path)) == len(used)
+    assert (len(used) > 14) is (fault == "overload")
+    assert defects(path) == []
 
 
 @pytest.mark.parametrize("kind", ["reference", "thermometer"])
@@ -255,7 +305,7 @@ def test_a_reading_that_is_not_what_was_typed_is_found(tmp_path, monkeypatch):
 
 
 def test_nobody_reads_in_time_and_the_run_parks(tmp_path):
-    _, _, result = answered(tmp_path, SET, hold_max_s=60)
+    _, _, result = answered(tmp_path, SET, hold_max_s=20)
     assert result.outcome is Outcome.INTERRUPTED
     assert "nobody said within" in result.message
     assert "read gauge_bar (dial) in bar at force 2 kN" in result.message

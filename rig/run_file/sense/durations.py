@@ -7,6 +7,7 @@ from typing import Any
 
 from rig.run_file.chain import Record
 from rig.run_file.events.bench import EnvironmentSettled, Fault, Prepared, Preparing
+from rig.run_file.events.by_hand import AskedToRead, ReadByHand
 from rig.run_file.events.event import Event
 from rig.run_file.events.points import Observed, TemperaturesLeft, WholePlotBegan
 from rig.run_file.events.sessions import SessionBegan
@@ -36,6 +37,9 @@ class Durations:
         self._case = case
         self._before: tuple[Record, Event] | None = None
         self._preparing_s: float | None = None
+        self._asked_s: float | None = None
+        self._last_s: float | None = None
+        self._waited_s = 0.0
         self._writes_all = False
         self._gap_s = 5.0 + 2.0 * case.speed
         conduct = case.conduct
@@ -51,12 +55,17 @@ class Durations:
         """See `Rule.look`."""
         if isinstance(event, NOTED):
             return
+        last, self._last_s = self._last_s, record.elapsed_s
+        if isinstance(event, AskedToRead | ReadByHand):  # at the point, between settling and the instruments' readings
+            self._asked_s = record.elapsed_s if self._asked_s is None else self._asked_s
+            self._waited_s += event.waited_s if isinstance(event, ReadByHand) else 0.0
+            return
         before, self._before = self._before, (record, event)
         match event:
             case SessionBegan():
                 self._writes_all = event.writes_all
                 self._preparing_s = None
-                yield from self._gap(event, before)
+                yield from self._gap(event, last)
             case Preparing() | TemperaturesLeft():
                 self._preparing_s = record.elapsed_s
             case WholePlotBegan():
@@ -67,13 +76,14 @@ class Durations:
                 self._preparing_s = None
             case Observed(accepted=True) if self._writes_all and before is not None:
                 yield from self._observed(record, event, *before)
+        self._asked_s, self._waited_s = None, 0.0
 
-    def _gap(self, event: SessionBegan, before: tuple[Record, Event] | None) -> Iterator[str]:
+    def _gap(self, event: SessionBegan, last_s: float | None) -> Iterator[str]:
         if event.gap_s < 0.0:
             yield f"it began after a gap of {event.gap_s:.0f} s"
-        if before is None or not event.gap_known or not event.writes_all:
+        if last_s is None or not event.gap_known or not event.writes_all:
             return
-        passed_s = event.elapsed_s - before[0].elapsed_s
+        passed_s = event.elapsed_s - last_s
         if event.gap_s < passed_s - self._gap_s:
             yield f"it began after a gap of {event.gap_s:.0f} s, and {passed_s:.0f} s had passed"
 
@@ -90,14 +100,15 @@ class Durations:
             return
         began, ended = event.measured_s
         settling_s = max((one["seconds"] for one in event.settling.values()), default=0.0)
-        if before.elapsed_s + settling_s > began + _ROUNDED_S:
+        ready_s = began if self._asked_s is None else self._asked_s
+        if before.elapsed_s + settling_s > ready_s + _ROUNDED_S:
             yield (
-                f"it was read {began - before.elapsed_s:.1f} s after the record before it, and settling took "
+                f"it was read {ready_s - before.elapsed_s:.1f} s after the record before it, and settling took "
                 f"{settling_s:.1f} s"
             )
         if ended - began < self._reading_s or ended <= began:
             yield f"it was read within {ended - began:.2f} s, and its meters take {self._reading_s:.2f} s at least"
-        longest_s = self._longest_s + (was.pause_s or 0.0 if isinstance(was, Fault) else 0.0)
+        longest_s = self._longest_s + self._waited_s + (was.pause_s or 0.0 if isinstance(was, Fault) else 0.0)
         if record.elapsed_s - before.elapsed_s > longest_s:
             hours = (record.elapsed_s - before.elapsed_s) / 3600.0
             yield f"{hours:.1f} h passed since the record before it, and nothing says what was waited for"
