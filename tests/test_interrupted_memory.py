@@ -70,11 +70,11 @@ def test_what_a_left_out_fit_cannot_determine_is_not_predicted_by_it():
     problem = problem_of(_data(night))
     every = [k for k, one in enumerate(problem.candidates) if one.effect.kind.terms is lag]
     j = min(every, key=lambda k: abs(problem.candidates[k].term.profile.value - TAU))
-    group = np.repeat([0, 1, 2], [21, 22, 20])
-    far = [_undetermined(problem, (j,), np.flatnonzero(group != k)) for k in range(3)]
+    one, group = problem.only((j,)), np.repeat([0, 1, 2], [21, 22, 20])
+    far = [_undetermined(one, np.flatnonzero(group != k)) for k in range(3)]
     assert [int(one.sum()) for one in far[:2]] == [0, 0]
     assert far[2][43]
-    assert _undetermined(problem, (j,), np.flatnonzero(np.arange(63) != 43)).sum() == 0, "the next row determines it"
+    assert _undetermined(one, np.flatnonzero(np.arange(63) != 43)).sum() == 0, "the next row determines it"
 
 
 def test_a_setting_whose_time_is_known_is_a_step_in_a_trace_and_in_a_later_run():

@@ -12,9 +12,12 @@ import pytest
 from command import rig
 from test_moves import BENCH, PROCEDURE
 
-from rig.config import parse_bench
+from rig.config import parse_bench, parse_toml
 from rig.errors import ConfigurationError
 from rig.tables.table_of_run import run_table
+from sims.physics.laboratory import Laboratory
+from sims.physics.thermal import Lab
+from sims.physics.truth import LabTruth, read_truth, sensor_axes
 
 STANDARD = """
 [instruments.coriolis]
@@ -143,7 +146,70 @@ def test_what_does_not_fit_is_said_by_plan(folder, tmp_path, change, says):
     assert says.replace("\\", "") in told.stderr
 
 
+def test_a_world_may_have_a_lag_of_it():
+    """60 s after a step a lag of 60 s is behind by 1/e of the step: of the flow, which is no multiple of the volts."""
+    bench, lag = parse_toml(BENCH, "bench"), {"of": "flow_kg_per_min", "time_constant_s": 60}
+    truth = read_truth({**parse_toml(WORLD, "world"), "lags": {"late": lag}}, sensor_axes(bench))
+    lab = Laboratory(truth, bench, Lab(LabTruth(), 0.0), 0.0, {})
+    valve = lab.source("valve")
+    valve.set(100.0, 2.0)
+    valve.set(1000.0, 4.0)
+    flow = [0.5 * v - 0.012 * v**2 for v in (2.0, 4.0)]
+    assert lab._variables(1060.0)["late"] == pytest.approx((flow[0] - flow[1]) * np.exp(-1.0), rel=1e-6)
+
+
 def test_what_a_factor_sets_itself_is_not_read_of_another():
     twice = BENCH.replace('valve_V = "valve"', 'valve_V = "valve"\nflow_kg_per_min = "valve"')
     with pytest.raises(ConfigurationError, match=r"and factors\.flow_kg_per_min sets it itself"):
         parse_bench(twice, "bench.toml")
+
+
+CHAMBER = """
+[instruments.chamber]
+driver = "scpi-source"
+address = "socket://192.0.2.32:5025"
+maker = "WEISS"
+model = "C180"
+unit = "degC"
+low = 0
+high = 60
+set = "TEMP {value}"
+decimals = 2
+readback = 0.01
+setpoint = "TEMP?"
+read = "READ?"
+on = "OUTP ON"
+off = "OUTP OFF"
+output = "OUTP?"
+tolerance = 0.1
+dwell_s = 60
+time_constant_s = 120
+[instruments.thermometer]
+driver = "scpi-meter"
+address = "socket://192.0.2.34:5025"
+maker = "FLUKE"
+model = "1502A"
+unit = "degC"
+fetch = "READ?"
+reading_s = 1
+[temperatures.air_degC]
+reader = "thermometer"
+channel = "input"
+place = "chamber_degC"
+"""
+
+
+def test_a_described_meter_reads_the_temperature_where_its_thermometer_is(tmp_path):
+    """It read 0 degC, and the soak waited for it for eight hours."""
+    bench = BENCH.replace("[factors]", '[factors]\nchamber_degC = "chamber"') + CHAMBER
+    bench = bench.replace("[limits]", "[limits]\nchamber_degC = [5, 50]")
+    factor = "[factors.chamber_degC]\nlevels = [20, 30]\nhard = true\ntolerance = 0.5\n"
+    procedure = PROCEDURE.replace("[factors.valve_V]", f"{factor}[factors.valve_V]").replace("replications = 3", "")
+    procedure = procedure.replace("+ flow_kg_per_min^2", "+ flow_kg_per_min^2 + chamber_degC")
+    for file, text in (("bench.toml", bench), ("procedure.toml", procedure), ("world.toml", WORLD)):
+        (tmp_path / file).write_text(text)
+    done = rig("run", "procedure.toml", "--bench", "bench.toml", "--dry", "--world", "world.toml", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    (path,) = tmp_path.glob("**/*.sqlite")
+    columns = run_table(path).columns
+    np.testing.assert_allclose(columns["air_degC"], columns["chamber_set_degC"], atol=0.6)

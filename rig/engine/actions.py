@@ -382,9 +382,14 @@ class BenchActions:
         finally:
             self.judges = {}
         evidence = {name: judge.evidence() | ({"missed": missed} if missed else {}) for name, judge in judges.items()}
-        failed = [f"{name} {outcome}" for name, outcome in outcomes.items() if outcome != "settled"]
+        failed = [
+            f"{name} {outcomes[name]} after {now - began:.0f} s (it reads {values[name]:.6g}, "
+            f"and {c.target:g} +- {c.band:g} is asked)"
+            for name, c in criteria.items()
+            if outcomes[name] != "settled"
+        ]
         if failed:
-            raise late(f"{', '.join(failed)} after {now - began:.0f} s", evidence)
+            raise late(", ".join(failed), evidence)
         return evidence
 
     def measure(self, readings: int, poll_s: float, references: Sequence[Factor] = ()) -> Observation:

@@ -36,7 +36,8 @@ def render(page: Page) -> str:
     instruments = provenance.pop("instruments", {})
     provenance |= {f"instrument: {name}": words for name, words in instruments.items()}
     provenance |= {f"software: {name}": version for name, version in software.items()}
-    provenance |= {CORRECTED: "; ".join(told) for told in (provenance.get(CORRECTED),) if told}
+    if told := provenance.get(CORRECTED):
+        provenance[CORRECTED] = "; ".join(told)
     provenance |= {f"not used: {each['column']}": each["why"] for each in page.unused["columns"]}
     return (
         _templates(page.package)

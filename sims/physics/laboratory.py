@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from math import sqrt
 from typing import Any
 
@@ -145,6 +146,7 @@ class Laboratory:
         self._standards: dict[str, Formula] = {}
         self._undone: dict[str, Formula] = {}
         self._quantities: dict[str, Formula] = {}
+        self._set_by: dict[str, str] = {}
         if self.sensors:
             self._read_formulas(bench)
 
@@ -153,8 +155,8 @@ class Laboratory:
         stems = [_stem(factor) for factor in self._factors]
         known += [f"{stem}{what}" for stem in stems for what in ("_side", "_for_s")]
         standards = bench.get("references", {})
-        set_by = {name: str(of) for name, table in standards.items() if (of := table.get("of"))}
-        for name, of in set_by.items():
+        self._set_by |= {name: str(of) for name, table in standards.items() if (of := table.get("of"))}
+        for name, of in self._set_by.items():
             text = self._truth.references.get(name, StandardTruth()).formula or of
             self._quantities[name] = Formula.parse(text, f"references.{name}.formula", known)
         known += self._quantities
@@ -169,7 +171,7 @@ class Laboratory:
             known_keys(given, named, where, "factors of this bench")
         for key, tables in (("lags", self._truth.lags), ("draws", self._truth.draws)):
             for name, table in tables.items():
-                if table.of not in self._factors:
+                if table.of not in self._factors and not (key == "lags" and table.of in self._set_by):
                     raise WorldError(f"{key}.{name}.of = {table.of!r} is not a factor of this bench")
         for factor, table in standards.items():
             text, of_bench = self._truth.references.get(factor, StandardTruth()).formula, table.get("formula")
@@ -273,12 +275,19 @@ class Laboratory:
             found[f"{stem}_side"] = float(steps.direction(t))
             found[f"{stem}_for_s"] = max(0.0, t - steps.since(t))
         for name, lag in self._truth.lags.items():
-            found[name] = self._steps(lag.of).behind(t, lag.time_constant_s)
+            of = self._set_by.get(lag.of, "")
+            function = partial(self._quantity, lag.of, of, dict(found)) if of else None
+            found[name] = self._steps(of or lag.of).behind(t, lag.time_constant_s, function)
         for name, draw in self._truth.draws.items():
             found[name] = draw.sd * normal(self._truth.seed, f"draw {name}", event_at(self._steps(draw.of).since(t)))
         found |= self._changes
         found |= {"elapsed_h": t / 3600.0, "lab_degC": self._lab.degC(t)}
         return found | {name: formula.value(found) for name, formula in self._quantities.items()}
+
+    def _quantity(self, name: str, of: str, given: Mapping[str, float], value: float) -> float:
+        """A quantity at a value of the factor that sets it, beside other true values."""
+        known = {**dict.fromkeys((*CHANGES.values(), *self._truth.lags, *self._truth.draws), 0.0), **given, of: value}
+        return self._quantities[name].value({"elapsed_h": 0.0, "lab_degC": 0.0, **known})
 
     def clean(self, sensor: str, t0: float, t1: float) -> float:
         """Output of a sensor in the middle of a window, without noise, in its unit on the bench."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
+from collections.abc import Callable
 from math import exp, expm1
 
 _OVER = 40.0
@@ -59,12 +60,13 @@ class Steps:
                 return 1 if values[i] > values[i - 1] else -1
         return 0
 
-    def behind(self, t: float, time_constant_s: float) -> float:
+    def behind(self, t: float, time_constant_s: float, of: Callable[[float], float] | None = None) -> float:
         """Difference between a first-order lag and the followed value at `t`; the lag was at rest before the first
-        change.
+        change. Of a function of the value, if one is given.
         """
-        above = 0.0
-        settled = self._settled.setdefault(time_constant_s, {})  # what a step leaves behind at the end of its ramp
+        above, values = 0.0, self._values if of is None else [of(value) for value in self._values]
+        # what a step leaves behind at the end of its ramp
+        settled = self._settled.setdefault(time_constant_s, {}) if of is None else {}
         times, takes = self._times, self._takes
         for i in range(self._at(t), 0, -1):
             gone, ramp = (t - times[i]) / time_constant_s, takes[i] / time_constant_s
@@ -72,12 +74,12 @@ class Steps:
             if since > _OVER:
                 break
             if since < 0.0:
-                above += (self._values[i - 1] - self._values[i]) * (-expm1(-gone) / ramp)
+                above += (values[i - 1] - values[i]) * (-expm1(-gone) / ramp)
                 continue
             left = settled.get(i)
             if left is None:
                 built_up = -expm1(-ramp) / ramp if ramp > 0.0 else 1.0
-                left = settled[i] = (self._values[i - 1] - self._values[i]) * built_up
+                left = settled[i] = (values[i - 1] - values[i]) * built_up
             above += left * exp(-since)
         return above
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import isfinite
 from typing import ClassVar
 
 from sims.faults import Kind
@@ -117,6 +118,7 @@ class DescribedMeterTwin(DescribedTwin):
     def _reading(self, t0: float) -> str:
         t1 = t0 + max(self._reading_s, 1e-6)
         noise = _NOISE * normal(self.plant.truth.seed, f"{self.name}/{_INPUT}/converter", event_at(t0))
-        found = self.plant.channel_V(self.name, _INPUT, t0, t1) + noise
+        degC = self.plant.channel_degC(self.name, _INPUT, t1)  # of the thermometer that it reads, if it reads one
+        found = (degC if isfinite(degC) else self.plant.channel_V(self.name, _INPUT, t0, t1)) + noise
         said = self.inputs.given(_INPUT, "V", t0, t1, found)
         return f"{said if abs(said) < self._span else OVERLOAD * (1 if said > 0 else -1):+.9E}"
