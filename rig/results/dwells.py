@@ -19,10 +19,14 @@ from rig.quantities import TEMPERATURE_UNIT
 if TYPE_CHECKING:
     from rig.plans import Plan
 
-_OF_SPAN = 1e-3
-"""Part of the range of a factor's settings that may be left of a step, where no scatter of an output is expected."""
-_ERRORS = 2.0
-"""Standard errors of a mean over the run from which on a trace may find what is left, as a direction of approach."""
+_OF_SPAN = {"settle.dwell_s": 1e-4, "soak.dwell_s": 1e-3}
+"""Part of the range of a factor's settings that may be left of a step, by the key of the dwell, where no scatter of an
+output is expected. Thermometers record how far a soaked temperature has come.
+"""
+_ERRORS = 0.5
+"""Standard errors of a mean over the run that may be left. A trace finds two or three of them as a direction of
+approach, and the scatter is often several times smaller than expected.
+"""
 
 
 def short_dwells(plan: Plan) -> Iterator[str]:
@@ -39,7 +43,7 @@ def short_dwells(plan: Plan) -> Iterator[str]:
         key, settle, near = _criterion(plan, factor, options.get(setter), tau, step)
         left = near * exp(-settle.dwell_s / tau)
         of_output = list(_effects(plan, factor.name, left))
-        allowed = _OF_SPAN * float(np.ptp(values)) / left if left else inf
+        allowed = _OF_SPAN[key] * float(np.ptp(values)) / left if left else inf
         allowed = min((one[3] for one in of_output), default=allowed)
         if allowed >= 1.0:
             continue
