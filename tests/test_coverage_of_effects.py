@@ -44,6 +44,14 @@ def test_results_of_meters_of_no_example_hold_at_rest(meter, name, seed):
     _holds(_general(seed, name, meter))
 
 
+def test_the_inversion_of_a_square_root_stays_in_its_domain():
+    """At zero it went a rounding below it, and the budget ended in a fault; that of the declared model is refused."""
+    found = _general(9, "square")
+    assert len(found["traced"]) == 4
+    assert np.abs(found["traced"]).max() < FARTHEST
+    assert found["declared"] == []
+
+
 @pytest.mark.parametrize("name", IN_WHOLE_PLOTS)
 def test_results_in_whole_plots_hold_at_rest(name):
     _holds(_whole_plot(0, name))

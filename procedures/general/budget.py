@@ -198,8 +198,13 @@ class Sensor:
         low, high = self.calibration.ranges[name]
         x = self._given[name].astype(np.float64)
         for _ in range(_ITERATIONS):
+            try:
+                curve = used.curve(x)
+            except FitError:  # a root or a logarithm, a step beyond the end of its domain
+                x = np.clip(x, low, high)
+                curve = used.curve(x)
             with np.errstate(all="ignore"):
-                step = (readings - used.curve(x)) / used.slope(x)
+                step = (readings - curve) / used.slope(x)
             x = x + np.where(np.isfinite(step), step, 0.0)
             if np.all(np.abs(step) <= _TOLERANCE * max(high - low, 1e-300)):
                 break
