@@ -15,7 +15,6 @@ from fitter.errors import FitError
 from fitter.formula import Formula
 from fitter.split_plot import plan_precision
 from procedures.advice import Advice
-from procedures.column_names import unit_of
 from procedures.general.factors import AS_WRITTEN
 from procedures.general.models.named import standard_model
 from procedures.general.models.units import to_model, unit_in
@@ -48,7 +47,7 @@ def formulas_of(procedure: GeneralProcedure) -> Mapping[str, Formula]:
         except FitError as error:
             raise FitError(f"{where}: {error}") from None
         unknown = [name for name in formula.names if name not in procedure.factors]
-        if unknown and not unit_of(unknown[0]):  # what the bench reads, in its unit, may be in the model
+        if unknown and "_" not in unknown[0]:  # what the bench reads, in its unit, may be in the model
             raise FitError(
                 f"{where}: {unknown[0]} is not a factor ({', '.join(procedure.factors)}); a model is of factors, and "
                 f"of what the bench reads; parameters have start values, start = {{ {unknown[0]} = 1 }}"
