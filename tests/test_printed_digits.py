@@ -96,7 +96,7 @@ BESIDE = re.compile(r"\} ?(\+-|±) ?\{")
 ELSEWHERE = {
     "fitter/rounding.py": "the function",
     "rig/certificate/as_dcc.py": "texts that were rounded",
-    "rig/certificate/assembly.py": "a tolerance, which was given",
+    "rig/certificate/tolerances.py": "a tolerance, which was given",
     "procedures/pressure/fitted.py": "a largest error, and the interval of another reading: no value and its error",
 }
 

@@ -144,7 +144,7 @@ class ToleranceSettings(Strict):
         """The limits at the settings of a result, for people."""
         if self.nominal is not None:
             nominal, deviation = self._around(at)
-            return f"{' ± '.join((_number(nominal), f'{deviation:.6g}'))} {unit}"
+            return f"{_number(nominal)} ± {deviation:.6g} {unit}"
         lower, upper = (None if getattr(self, n) is None else _number(self._value(n, at)) for n in _LIMITS)
         if lower is None:
             return f"up to {upper} {unit}".strip()

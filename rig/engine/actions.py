@@ -384,7 +384,7 @@ class BenchActions:
         evidence = {name: judge.evidence() | ({"missed": missed} if missed else {}) for name, judge in judges.items()}
         failed = [
             f"{name} {outcomes[name]} after {now - began:.0f} s (it reads {values[name]:.6g}, "
-            f"and {c.target:g} +- {c.band:g} is asked)"
+            f"and within {c.band:g} of {c.target:g} is asked)"
             for name, c in criteria.items()
             if outcomes[name] != "settled"
         ]
