@@ -76,6 +76,7 @@ def folder(tmp_path_factory):
     for file, text in (("bench.toml", BENCH), ("procedure.toml", PROCEDURE), ("world.toml", WORLD)):
         (folder / file).write_text(text)
     (folder / "register.toml").write_text(EQUIPMENT)
+    (folder / "registered.toml").write_text(f'equipment = "register.toml"\n{BENCH}')
     return folder
 
 
@@ -92,6 +93,9 @@ def test_it_is_planned(folder):
     assert told.returncode == 0, told.stderr
     assert "no precision is predicted: flow_kg_per_min of its model is only known when read" in told.stdout
     assert "valve_V is varied and in no sensor's model" not in told.stdout
+    registered = rig("plan", "procedure.toml", "--bench", "registered.toml", cwd=folder)
+    assert "flow_kg_per_min of the model is only known when it is read: no total uncertainty is" in registered.stdout
+    assert "as in output = " not in registered.stdout, "it was proposed, and then refused"
 
 
 def test_both_the_setting_and_what_was_read_are_in_the_table(path):

@@ -25,10 +25,16 @@ def expected_run(procedure: GeneralProcedure, run_list: RunList, sensors: Mappin
     """See `Kind.expected`; of the sensors whose output and scatter `[expect]` has.
 
     Raises:
-        DataError: it has those of none, or an output is not one of the factors alone.
+        DataError: it has those of none, an output is not one of the factors alone, or a model is not.
     """
     expect, names = procedure.expect, [factor.name for factor in run_list.factors]
     known = {stem_of(column): column for column in sensors}
+    every = formulas_of(procedure).values()
+    read = list(dict.fromkeys(name for formula in every for name in formula.names if name not in names))
+    if read:
+        raise DataError(
+            f"{', '.join(read)} of the model is only known when it is read: no total uncertainty is promised"
+        )
     told = [name for name in known if name in expect.output and name in expect.sigma]
     if not told:
         has: dict[str, Mapping[str, object]] = {"output": expect.output, "sigma": expect.sigma}
