@@ -9,6 +9,7 @@ import pytest
 
 from rig.certificate.as_dcc import dcc
 from rig.cli import app  # noqa: F401 - commands are registered
+from rig.cli.certificate import _padded
 from rig.dcc.reader import parsed
 from rig.dcc.si_units import ratio
 from rig.errors import UsageError
@@ -213,3 +214,18 @@ def test_a_standard_uncertainty_alone_is_one_standard_deviation():
 )
 def test_units_of_others_convert_by_their_base_units(of, to, number):
     assert ratio(of, to) == (number if number is None else pytest.approx(number, rel=1e-12))
+
+
+@pytest.mark.parametrize(
+    ("value", "expanded", "shown"),
+    [
+        (2.0, 0.011, "2.000"),
+        (47.8, 1.7, "47.8"),
+        (20.00123, 0.01, "20.00123"),
+        (5.0, None, "5.0"),
+        (1e-7, 2e-9, "1e-07"),
+    ],
+)
+def test_a_value_is_shown_with_the_zeros_that_its_uncertainty_has_digits_for(value, expanded, shown):
+    """It was 2.0 beside 0.011 where the certificate has 2.000."""
+    assert _padded(value, expanded) == shown

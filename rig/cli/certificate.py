@@ -278,6 +278,13 @@ def _show(found: Read, signed: tuple[Signed, ...], errors: list[str], *, checked
         out.print(f"  conformity: {escape(what)}: [bold]{escape(word)}[/]", soft_wrap=True)
 
 
+def _padded(value: float, expanded: float | None) -> str:
+    """A value as it was stated, with the zeros at its end that its uncertainty has digits for: a number lost them."""
+    text, digits = f"{value!r}", "" if expanded is None else f"{expanded:.10g}"
+    places = len(digits.partition(".")[2])
+    return text if "e" in text + digits or len(text.partition(".")[2]) >= places else f"{value:.{places}f}"
+
+
 def _rows(quantity: Quantity) -> list[tuple[str, ...]]:
     if not quantity.numbers:
         return [(quantity.where, quantity.name, quantity.text, "", "", "", "")] if quantity.text else []
@@ -285,7 +292,7 @@ def _rows(quantity: Quantity) -> list[tuple[str, ...]]:
         (
             quantity.where,
             quantity.name + (f" [{n}]" if len(quantity.numbers) > 1 else ""),
-            f"{one.value!r}",
+            _padded(one.value, one.expanded),
             *("-" if number is None else f"{number:.10g}" for number in (one.expanded, one.k, one.probability)),
             one.unit,
         )
