@@ -28,6 +28,9 @@ CONDITION = 100.0
 AFFORDABLE = 2_000_000
 """Maximum product n k^2 for a refinement, about 0.3 s."""
 
+_SPANNED = 1e-9
+"""Part of a column outside others, below which it is a combination of them."""
+
 
 class RankError(FitError):
     """The observations do not determine all coefficients; the message names the undetermined ones."""
@@ -209,6 +212,11 @@ def least_squares(
         return fit
     coefficients, root, rss = found
     return replace(fit, coefficients=coefficients, root=root, rss=rss)
+
+
+def spanned(v: FloatArray, basis: FloatArray) -> bool:
+    """Whether (n,) v is a combination of the columns of an orthonormal basis (n, k): a model has it already."""
+    return float(np.linalg.norm(v - basis @ (basis.T @ v))) <= _SPANNED * float(np.linalg.norm(v))
 
 
 def orthonormal(

@@ -97,10 +97,12 @@ class Bench:
             if one.formula is not None or not isinstance(instrument, WithUnits):
                 continue
             own = instrument.units()[one.channel]
-            if scale(own, unit) != 1.0:
+            factor = scale(own, unit)
+            if factor != 1.0:
+                by = "FACTOR" if factor is None else f"{factor:g}"
                 raise ConfigurationError(
                     f"bench {self.config.name}: references.{name}: channel {one.channel} of {one.reader} reads {own}, "
-                    f'not {unit}; say how {unit} follows from it: formula = "1 * reading"'
+                    f'not {unit}; say how {unit} follows from it: formula = "{by} * reading"'
                 )
 
     def _scale(self, column: str, unit: str) -> float:

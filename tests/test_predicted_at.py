@@ -6,7 +6,7 @@ import json
 
 import pytest
 from command import rig
-from test_moves import run_of
+from flow_bench import run_of
 
 from procedures.errors import DataError
 from procedures.points import points

@@ -6,14 +6,16 @@ The stranger's flow bench: the only way was to call volts kg/min.
 from __future__ import annotations
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from command import rig
-from test_moves import BENCH, PROCEDURE
+from flow_bench import BENCH, PROCEDURE
 
 from rig.config import parse_bench, parse_toml
 from rig.errors import ConfigurationError
+from rig.tables.set_in import put_in_place
 from rig.tables.table_of_run import run_table
 from sims.physics.laboratory import Laboratory
 from sims.physics.thermal import Lab
@@ -217,3 +219,22 @@ def test_a_described_meter_reads_the_temperature_where_its_thermometer_is(tmp_pa
     (path,) = tmp_path.glob("**/*.sqlite")
     columns = run_table(path).columns
     np.testing.assert_allclose(columns["air_degC"], columns["chamber_set_degC"], atol=0.6)
+
+
+def test_two_quantities_may_be_set_by_one_factor_that_has_a_standard_too():
+    valve = SimpleNamespace(name="valve_V", set_name="valve_set_V", axis="valve")
+    run_list = SimpleNamespace(factors=[valve], factor=lambda name: valve)
+    of_valve = SimpleNamespace(text=lambda key: "valve_V")
+    tables = [("flow_kg_per_min", of_valve), ("drop_kPa", of_valve)]
+    bench = SimpleNamespace(table=lambda name: SimpleNamespace(tables=lambda: tables))
+    rows = [
+        {"valve_V": v + 0.001, "valve_set_V": v, "flow_kg_per_min": 0.5 * v, "drop_kPa": 9.0 - v, "valve_side": 1.0}
+        for v in (1.0, 2.0, 2.0)
+    ]
+    assert put_in_place(rows, run_list, bench) == dict.fromkeys(("flow_kg_per_min", "drop_kPa"), "valve_set_V")
+    assert [row["valve_set_V"] for row in rows] == [1.0, 2.0, 2.0]
+    assert [row["flow_set_kg_per_min"] for row in rows] == [0.5, 1.0, 1.0]
+    assert [row["drop_set_kPa"] for row in rows] == [8.0, 7.0, 7.0]
+    assert {row["flow_side"] for row in rows} == {1.0}
+    assert {row["drop_side"] for row in rows} == {-1.0}, "it falls where the valve opens"
+    assert not any({"valve_V", "valve_side"} & row.keys() for row in rows)

@@ -14,7 +14,7 @@ from fitter.arrays import FloatArray, IntArray
 from fitter.effects.entry import Entry
 from fitter.errors import FitError
 from fitter.formula import Formula, check_sizes
-from fitter.linear import orthonormal
+from fitter.linear import orthonormal, spanned
 from procedures.catalogue import with_own
 from procedures.column_names import moves_of, with_word
 from procedures.errors import DataError
@@ -28,9 +28,6 @@ from procedures.general.formula_settings import settings_of, subtracted
 from procedures.general.order import Parts, alike, identities, time_of
 from procedures.general.trace import TableData
 from procedures.table import Columns, Reader, Table
-
-_SPANNED = 1e-9
-"""Part of a constant outside the declared columns, below which these have one."""
 
 MOST_LEVELS, ROWS_A_LEVEL = 8, 6
 """Levels at most, and rows for each at least, of a column of text that is taken for a group without being declared."""
@@ -190,8 +187,7 @@ def _roles(table: Table, roles: Roles, formula: Formula, response: Formula) -> t
         extra = _grouping(columns[roles.replicate], declared=True).indicators[:, 1:]
         names = (*names, *(f"C({roles.replicate})[{i + 1}]" for i in range(extra.shape[1])))
         hi, lo = np.hstack([hi, extra]), np.hstack([lo, np.zeros_like(extra)])
-    basis, ones = orthonormal(hi), np.ones(len(hi))
-    constant = bool(np.linalg.norm(ones - basis @ (basis.T @ ones)) <= _SPANNED * np.linalg.norm(ones))
+    constant = spanned(np.ones(len(hi)), orthonormal(hi))
     data = TableData(
         response=roles.label,
         y=np.asarray(y, np.float64),

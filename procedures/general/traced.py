@@ -16,7 +16,7 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.effects.entry import Entry
-from fitter.linear import orthonormal
+from fitter.linear import orthonormal, spanned
 from procedures.column_names import unit_of
 from procedures.general.confirming import usable_term
 from procedures.general.effects.columns import less, middle, origin
@@ -29,8 +29,6 @@ from procedures.table import Table
 
 HALF_WAY = "half-way between both directions"
 _NAME = re.compile(r"[^\W\d]\w*")
-_SPANNED = 1e-9
-"""Part of a column outside those of a model, below which the model has it already."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,7 +188,7 @@ def _part(asked: Asked, trace: TableTrace, candidates: Sequence[int], coefficien
         # what is remembered fades by itself; the lag is at rest where it is its setting
         columns = columns - np.where([of_start(label) for label in labels], 0.0, (v - middle(v))[:, None])
         at_rest = usable_term(less(name, middle(v)), known)
-        terms = (f"I({at_rest})",) if at_rest and not _spanned(v, judge.problem.declared) else ()
+        terms = (f"I({at_rest})",) if at_rest and not spanned(v, orthonormal(judge.problem.declared)) else ()
         holds = f"at rest, when {name} has long been what it is"
     elif effect.kind.terms is previous:
         holds = f"for a {effect.columns[0]} that was the same before"
@@ -202,12 +200,6 @@ def _part(asked: Asked, trace: TableTrace, candidates: Sequence[int], coefficien
         columns = columns - _mean_over_time(columns, [trace.variables[one] for one in effect.columns if one in known])
         holds = "for its mean over the run"
     return Part(terms, np.asarray(columns @ coefficients), holds)
-
-
-def _spanned(v: FloatArray, columns: FloatArray) -> bool:
-    """Whether (n,) v is a combination of columns (n, k): a model has it already, under whatever name."""
-    basis = orthonormal(columns)
-    return float(np.linalg.norm(v - basis @ (basis.T @ v))) <= _SPANNED * float(np.linalg.norm(v))
 
 
 def _mean_over_time(columns: FloatArray, settings: Sequence[FloatArray]) -> FloatArray:

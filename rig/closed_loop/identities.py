@@ -50,9 +50,8 @@ def not_told(register: Register, config: BenchConfig, identities: Iterable[Ident
         if name in told or not known.serial:
             continue
         told.add(name)
-        model = f"its model ({said.model})" if said.model else "nothing"
-        alone = f"that it is {asset}, serial number {known.serial}, is by the register alone"
-        yield f"{name} told {model}, and no serial number: {alone}."
+        what = f"its model ({said.model}), and no serial number" if said.model else "neither model nor serial number"
+        yield f"{name} told {what}: that it is {asset}, serial number {known.serial}, is by the register alone."
 
 
 def _pairs(

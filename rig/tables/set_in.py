@@ -21,24 +21,30 @@ _DIGITS = 4
 
 def put_in_place(rows: Sequence[dict[str, float]], run_list: RunList, bench: Stored) -> dict[str, str]:
     """Give every row these columns in place of the factor's own; returns columns of settings, by quantity."""
-    found = {}
+    found, replaced = dict[str, str](), set[str]()
     for name, of in _read_of(run_list, bench):
         factor = run_list.factor(of)
         known = [row for row in rows if math.isfinite(row.get(name, math.nan))]
-        levels = sorted({row[of] for row in known})
-        if not levels:
+        if not known:
             continue
-        nominal = [float(f"{np.mean([row[name] for row in known if row[of] == v]):.{_DIGITS}g}") for v in levels]
+        for row in rows:  # a factor with a standard of its own has its setting already
+            row.setdefault(factor.set_name, row.get(of, math.nan))
+        levels = sorted({row[factor.set_name] for row in known})
+        at = {v: [row[name] for row in known if row[factor.set_name] == v] for v in levels}
+        nominal = [float(f"{np.mean(read):.{_DIGITS}g}") for read in at.values()]
         found[name] = factor.set_name
         rises = 1.0 if nominal[-1] >= nominal[0] else -1.0
-        (since, start), (own_since, own_start) = moves_of(of), moves_of(name)
+        (since, start), side = moves_of(of), f"{factor.axis}_side"
         for row in rows:
-            value = row[factor.set_name] = row.pop(of)
-            row[with_word(name, "set")] = _at(value, levels, nominal)
+            row[with_word(name, "set")] = _at(row[factor.set_name], levels, nominal)
             if since in row:
-                row |= {own_since: row.pop(since), own_start: _at(row.pop(start), levels, nominal)}
-            if f"{factor.axis}_side" in row:
-                row[f"{stem_of(name)}_side"] = rises * row.pop(f"{factor.axis}_side")
+                row |= zip(moves_of(name), (row[since], _at(row[start], levels, nominal)), strict=True)
+            if side in row:
+                row[f"{stem_of(name)}_side"] = rises * row[side]
+        replaced |= {of, since, start, side}
+    for row in rows:
+        for column in replaced & row.keys():
+            del row[column]
     return found
 
 
