@@ -38,7 +38,7 @@ def put_in_place(rows: Sequence[dict[str, float]], run_list: RunList, bench: Sto
         for row in rows:
             row[with_word(name, "set")] = _at(row[factor.set_name], levels, nominal)
             if since in row:
-                row |= zip(moves_of(name), (row[since], _at(row[start], levels, nominal)), strict=True)
+                row.update(zip(moves_of(name), (row[since], _at(row[start], levels, nominal)), strict=True))
             if side in row:
                 row[f"{stem_of(name)}_side"] = rises * row[side]
         replaced |= {of, since, start, side}
