@@ -134,7 +134,7 @@ def strata(
     every = columns if beside is None else np.column_stack([columns, beside])
     basis = orthonormal(every)
     left = off(left, basis)
-    reverse, of_sides, left, basis = _sides(columns, basis, left, side)
+    reverse, of_sides, left, basis = by_side(columns, basis, left, side)
     df = n - basis.shape[1]
     variance, variance_df = (float(left @ left) / max(df, 1), float(df)) if pure is None else pure
     own = own_parameters(columns, replicate)
@@ -161,10 +161,21 @@ def _sizes(columns: FloatArray) -> FloatArray:
     return np.where(size > 0.0, size, 1.0)
 
 
-def _sides(
+def by_side(
     columns: FloatArray, basis: FloatArray, left: FloatArray, side: FloatArray
 ) -> tuple[FloatArray | None, FTest, FloatArray, FloatArray]:
-    """Difference of the coefficients between both sides, its test, residuals without it, and the basis with it."""
+    """Difference of the coefficients between both sides, its test, residuals without it, and the basis with it.
+
+    Args:
+        columns: (n, k) of the fit.
+        basis: (n, p) orthonormal, of all that was fitted.
+        left: (n,) residuals.
+        side: (n,) +1 of a rising series, -1 of a falling one, 0 unknown or without series.
+
+    Returns:
+        (k,) coefficients of the rising series less those of the falling ones, None if they do not differ; the test;
+        (n,) residuals; (n, p + q) the basis.
+    """
     nothing = (None, _NOTHING, left, basis)
     if not ((side > 0).any() and (side < 0).any()):
         return nothing

@@ -13,6 +13,7 @@ from fitter.arrays import FloatArray
 from fitter.budget import TypeA
 from fitter.errors import FitError
 from procedures.budgeting import SCATTER, Evaluation, Results, Shift, no_error, together
+from procedures.reversibility import line_of
 
 
 class Calibrated(Protocol):
@@ -43,6 +44,10 @@ class Calibrated(Protocol):
     def scatter(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """(m, m) covariance of its results; (m,) degrees of freedom; (m,) variances by the fit alone."""
 
+    @property
+    def reversibility(self) -> FloatArray | None:
+        """(m,) its results of rising series less those of falling ones; None if they do not differ."""
+
 
 class EvaluationBySensor(Evaluation):
     """All sensors of a run, each by its own fit."""
@@ -51,6 +56,13 @@ class EvaluationBySensor(Evaluation):
     @abstractmethod
     def each(self) -> Sequence[Calibrated]:
         """The sensors, in the order of the results."""
+
+    def reversibility(self) -> Iterator[TypeA]:
+        """See `Evaluation`."""
+        ends = np.cumsum([len(list(one.named())) for one in self.each])
+        for one, end in zip(self.each, ends.tolist(), strict=True):
+            if (differs := one.reversibility) is not None:
+                yield line_of(one.name, np.pad(differs, (end - len(differs), ends[-1] - end)))
 
     def inferred(self, output: str, readings: FloatArray) -> FloatArray:
         """(p,) inferred values of readings of one output at the points."""

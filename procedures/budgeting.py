@@ -184,4 +184,4 @@ class Evaluation(ABC):
 
     def not_kept(self) -> Iterable[str]:
         """Sentences about lines of the budget that a calibration file cannot keep for its use."""
-        return ()
+        return (f"{one.name}: intervals of rig infer do not cover it" for one in self.reversibility())

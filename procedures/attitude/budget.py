@@ -7,7 +7,7 @@ register it is given per standard gravity (9.80665 m/s2) as well.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -15,17 +15,21 @@ import numpy as np
 
 from fitter.budget import TypeA
 from fitter.errors import FitError
+from fitter.linear import orthonormal
+from fitter.strata import DIFFER, by_side, reversed_by
+from fitter.sums_of_squares import FTest, off
 from procedures.attitude.data import AttitudeData, settings
 from procedures.attitude.fit import AttitudeFit, fit_all
-from procedures.attitude.infer import AttitudeCalibration, InferredAttitude, infer_attitude
+from procedures.attitude.infer import AttitudeCalibration
 from procedures.attitude.infer.calibrate import calibrate_package, told_of_drift
 from procedures.attitude.influences import levelled
-from procedures.attitude.model import attitude_columns, sensitive_axis
+from procedures.attitude.model import attitude_columns
+from procedures.attitude.results import PITCH, ROLL, Model
 from procedures.attitude.table import attitude_data
 from procedures.attitude.temperature import Temperature
 from procedures.budgeting import SCATTER, Evaluation, Results, Shift, Shifts, no_error
 from procedures.errors import DataError
-from procedures.inference import within_half_turn
+from procedures.reversibility import in_words, line_of
 from procedures.scatter import Scatter, scatter
 from procedures.table import SENSOR_TEMPERATURE, Columns, Table
 
@@ -33,106 +37,7 @@ if TYPE_CHECKING:
     from fitter.arrays import FloatArray, IntArray
     from procedures.stated import PlaceConstant
 
-STANDARD_GRAVITY = 9.80665
-"""m/s2, CGPM 1901."""
-PITCH, ROLL = "pitch_deg", "roll_deg"
 _STEP = 1e-6
-
-
-@dataclass(frozen=True, eq=False)
-class Model:
-    """Evaluation from coefficients to results.
-
-    Attributes:
-        calibration: of the run, corrected.
-        at_deg: (p, 2) pitch and roll at which outputs and angles are given.
-        gravity: local gravity, m/s2; None if it is not known.
-    """
-
-    calibration: AttitudeCalibration
-    at_deg: FloatArray
-    gravity: float | None
-
-    @property
-    def angles(self) -> tuple[str, ...]:
-        """Angles that the package's outputs determine."""
-        alone = len(self.calibration.sensors) == 1 or not self.calibration.roll
-        return ("pitch",) if alone else ("pitch", "roll")
-
-    @cached_property
-    def readings(self) -> FloatArray:
-        """(p, S) outputs at these angles."""
-        return self.outputs(self.calibration)
-
-    def outputs(self, calibration: AttitudeCalibration) -> FloatArray:
-        """(p, S) outputs of a calibration at these angles, at its reference temperature."""
-        h = attitude_columns(self.at_deg[:, 0], self.at_deg[:, 1])
-        g = np.column_stack([h[:, 1], -h[:, 2], -h[:, 3]])
-        extra = [one.beyond(g.T, np.zeros(len(g))) for one in calibration.sensors]
-        return np.asarray(calibration.offsets_V + g @ calibration.matrix.T + np.column_stack(extra))
-
-    def named(self) -> Iterable[tuple[str, str, str, Mapping[str, float]]]:
-        """Name, unit, sensor and settings of every result; a coefficient has none."""
-        for one in self.calibration.names:
-            yield f"{one} offset", "V", one, {}
-            yield f"{one} sensitivity per local g", "V", one, {}
-            if self.gravity is not None:
-                yield f"{one} sensitivity per standard gravity", "V", one, {}
-            yield from ((f"{one} {axis}", "V", one, {}) for axis in ("mx", "my", "mz"))
-        where = [(f"at pitch {a:g} deg, roll {r:g} deg", {PITCH: a, ROLL: r}) for a, r in self.at_deg.tolist()]
-        yield from ((f"{one} output {label}", "V", one, at) for label, at in where for one in self.calibration.names)
-        yield from ((f"inferred {angle} {label}", "deg", "", at) for label, at in where for angle in self.angles)
-
-    def values(self, coefficients: FloatArray, readings: FloatArray, gravity: float | None) -> FloatArray:
-        """(m,) results.
-
-        Args:
-            coefficients: (S, 4) in the model's order.
-            readings: (p, S) outputs from which angles are inferred.
-            gravity: local gravity, m/s2.
-        """
-        found: list[float] = []
-        used = with_coefficients(self.calibration, coefficients)
-        for one in coefficients:
-            m = sensitive_axis(one)
-            S = float(np.linalg.norm(m))
-            found += [float(one[0]), S]
-            found += [] if gravity is None else [S * STANDARD_GRAVITY / gravity]
-            found += m.tolist()
-        found += self.outputs(used).ravel().tolist()
-        found += self._inferred(used, readings).ravel().tolist()
-        return np.array(found)
-
-    def infer(self, used: AttitudeCalibration, readings: FloatArray) -> InferredAttitude:
-        """Angles of (p, S) readings; with one sensor, roll is known. Raises `FitError`."""
-        known = len(used.sensors) == 1
-        return infer_attitude(
-            used,
-            readings,
-            roll_deg=self.at_deg[:, 1] if known and used.roll else None,
-            near_deg=(self.at_deg[:, 0], self.at_deg[:, 1]),
-            sensor_temperature_degC=used.reference_degC,
-        )
-
-    def _inferred(self, used: AttitudeCalibration, readings: FloatArray) -> FloatArray:
-        """(p, angles) angles, deg, within half a turn of `at_deg`; NaN where they are not determined."""
-        try:
-            answer = self.infer(used, readings)
-        except FitError:
-            return np.full((len(readings), len(self.angles)), np.nan)
-        found = np.column_stack([answer.pitch_deg, answer.roll_deg])
-        # a step over +-180 deg is none: differences of results are taken on one side of the seam
-        found = self.at_deg + within_half_turn(found - self.at_deg, 360.0)
-        return found[:, : len(self.angles)]
-
-
-def with_coefficients(calibration: AttitudeCalibration, coefficients: FloatArray) -> AttitudeCalibration:
-    """The calibration with other coefficients (S, 4) of the declared model."""
-    sensors = tuple(
-        replace(one, coefficients=np.concatenate([own, one.coefficients[4:]]))
-        for one, own in zip(calibration.sensors, coefficients, strict=True)
-    )
-    return replace(calibration, sensors=sensors, drift=None, alternatives=())
 
 
 class AttitudeEvaluation(Evaluation):
@@ -204,11 +109,15 @@ class AttitudeEvaluation(Evaluation):
             return own.T, (y - h @ own).T
         warmth, found, left = column(SENSOR_TEMPERATURE) - self._reference, [], []
         for j, name in enumerate(d.outputs):
-            every = np.column_stack([h, warmth, warmth * (h[:, 1:] @ self._own[name])])
+            every = self._with_warmth(h, warmth, name)
             solved = _solve(every, y[:, j])
             found.append(solved[: h.shape[1]])
             left.append(y[:, j] - every @ solved)
         return np.array(found), np.array(left)
+
+    def _with_warmth(self, h: FloatArray, warmth: FloatArray, name: str) -> FloatArray:
+        """(n, k + 2) columns of a sensor whose offset and sensitivity depend on its temperature."""
+        return np.column_stack([h, warmth, warmth * (h[:, 1:] @ self._own[name])])
 
     @property
     def _reference(self) -> float:
@@ -260,7 +169,7 @@ class AttitudeEvaluation(Evaluation):
             lost = next(name for (name, *_), one in zip(named, known, strict=True) if not one)
             raise FitError(f"{lost}: these sensors do not determine it there; choose another point with --at")
         names, units, sensors, at = zip(*named, strict=True)
-        type_a, of_fit = self._type_a(values)
+        type_a, of_fit = self._type_a(len(values))
         return Results(names, units, values, type_a, sensors, of_fit, at)
 
     @cached_property
@@ -305,7 +214,54 @@ class AttitudeEvaluation(Evaluation):
         """See `Evaluation`."""
         return self._model.calibration.to_dict()
 
-    def _type_a(self, values: FloatArray) -> tuple[TypeA, FloatArray]:
+    @cached_property
+    def _jacobian(self) -> FloatArray:
+        """(m, 4 S) derivative of the results by the coefficients of all sensors."""
+        model, columns = self._model, []
+        step = _STEP * float(np.max(np.abs(self._base)))
+        for i in range(self._base.size):
+            moved = np.zeros(self._base.size)
+            moved[i] = step
+            each = (self._base + sign * moved.reshape(self._base.shape) for sign in (1, -1))
+            up, down = (model.values(one, model.readings, model.gravity) for one in each)
+            columns.append((up - down) / (2 * step))
+        return np.column_stack(columns)
+
+    @cached_property
+    def _sides(self) -> Sequence[tuple[str, FTest, FloatArray | None]]:
+        """Sensor and axis, test of rising against falling angles, and (4 S,) rising less falling coefficients, if they
+        differ.
+        """
+        d, found = self._data, []
+        h = attitude_columns(d.pitch_deg, d.roll_deg, roll=d.has_roll)
+        for i, (name, left) in enumerate(self.residuals({}).items()):
+            every = h
+            if self._temperature:
+                every = self._with_warmth(h, self.columns[SENSOR_TEMPERATURE] - self._reference, name)
+            basis = orthonormal(every)
+            for axis, given in (("pitch", d.pitch_side), ("roll", d.roll_side)):
+                side = np.asarray(given, np.float64)
+                differs, test, _, _ = by_side(h, basis, off(left, basis), side)
+                if (held := self._by_side(name, axis)) is not None:
+                    more = reversed_by(h, held, side, basis)
+                    differs = more if differs is None else differs + more
+                if differs is not None:
+                    differs = np.insert(differs, 2, 0.0) if len(differs) == 3 else differs
+                    differs = np.pad(differs, (4 * i, self._base.size - 4 * i - 4))
+                found.append((f"{name} in {axis}", test, differs))
+        return found
+
+    def _by_side(self, name: str, axis: str) -> FloatArray | None:
+        """(n,) the part of a sensor's readings taken off that is of the direction of an axis, V; None without any."""
+        return None
+
+    def reversibility(self) -> Iterable[TypeA]:
+        """See `Evaluation`: for each sensor and axis."""
+        for name, _, differs in self._sides:
+            if differs is not None:
+                yield line_of(name, self._jacobian @ differs)
+
+    def _type_a(self, size: int) -> tuple[TypeA, FloatArray]:
         """Scatter of the run through the fit; of inferred angles as in use, with one reading. (m,) variances by the
         fit alone.
         """
@@ -322,20 +278,12 @@ class AttitudeEvaluation(Evaluation):
                 drift.covariance[np.ix_(rows, rows)] / (drift.df + 2),
                 dict.fromkeys(calibration.names, float(drift.df)),
             )
-        size = float(np.max(np.abs(self._base)))
-        J = np.empty((len(values), self._base.size))
-        for i in range(self._base.size):
-            step = np.zeros(self._base.size)
-            step[i] = _STEP * size
-            moved = (self._base + sign * step.reshape(self._base.shape) for sign in (1, -1))
-            up, down = (model.values(one, model.readings, model.gravity) for one in moved)
-            J[:, i] = (up - down) / (2 * step[i])
-        found = J @ covariance @ J.T
+        found = self._jacobian @ covariance @ self._jacobian.T
         of_fit = np.diag(found).copy()
         every = np.array([df.get(sensor, np.inf) for _, _, sensor, _ in model.named()])
         answer = model.infer(calibration, model.readings)
         sd = np.column_stack([answer.pitch_sd_deg, answer.roll_sd_deg])[:, : len(model.angles)].ravel()
-        inferred = np.arange(len(values) - last, len(values))
+        inferred = np.arange(size - last, size)
         found[inferred, inferred] = sd**2
         every[inferred] = np.column_stack([answer.df, answer.roll_df])[:, : len(model.angles)].ravel()
         return TypeA(found, every, *SCATTER), of_fit
@@ -358,6 +306,7 @@ class AttitudeEvaluation(Evaluation):
         """See `Evaluation`."""
         drift = told_of_drift({one.name: self._fits[one.name].replication for one in self._plain.sensors})
         yield from (words for words in (drift, *(one.sentence(name) for name, one in self._scatter.items())) if words)
+        yield from (in_words(name, test) for name, test, _ in self._sides if test.p < DIFFER)
 
 
 def attitude_evaluation(

@@ -12,11 +12,13 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.budget import TypeA
-from procedures.attitude.budget import AttitudeEvaluation, Model
+from procedures.attitude.budget import AttitudeEvaluation
 from procedures.attitude.data import AttitudeData
+from procedures.attitude.effects import CATALOGUE
 from procedures.attitude.fitted import traced_effects
 from procedures.attitude.infer import AttitudeCalibration
 from procedures.attitude.infer.traced import calibrate_traced
+from procedures.attitude.results import Model
 from procedures.budgeting import alike
 
 
@@ -28,13 +30,19 @@ class TracedEvaluation(AttitudeEvaluation):
     ) -> None:
         super().__init__(data, at_deg, temperature=temperature, gravity=gravity)
         effects, others = traced_effects(data, temperature=temperature)
-        self._effects = tuple(effects)
+        self._effects = effects
         self._plain = calibrate_traced(data, effects, others, temperature=temperature)
         held = {name: np.zeros(len(data)) for name in data.outputs}
         for by in effects.values():
             for sensor, volts in by.items():
                 held[sensor] = held[sensor] + (volts if volts.ndim == 1 else volts.sum(axis=1))
         self._held = np.array([held[name] for name in data.outputs])
+
+    def _by_side(self, name: str, axis: str) -> FloatArray | None:
+        """See `AttitudeEvaluation`: of what is the sensor's, or cannot be told from it; the head has no part in use."""
+        perhaps = {named for named, member, _ in self._plain.alternatives if _sided(member, axis)}
+        each = [by[name] for one, by in self._effects.items() if name in by and (_sided(one, axis) or one in perhaps)]
+        return np.sum([one if one.ndim == 1 else one.sum(axis=1) for one in each], axis=0) if each else None
 
     def _solved(self, moved: Mapping[str, FloatArray]) -> tuple[FloatArray, FloatArray]:
         """See `AttitudeEvaluation`; of outputs without the effects."""
@@ -68,3 +76,8 @@ class TracedEvaluation(AttitudeEvaluation):
         if self._effects:
             yield f"with the effects {', '.join(self._effects)}, held at the size that the trace found"
         yield from self._plain.notes
+
+
+def _sided(effect: str, axis: str) -> bool:
+    """Whether the sensor's output depends, by an effect of the catalogue, on the side from which an axis arrived."""
+    return any(one.name == effect and one.source == "sensor" and f"{axis} sides" in one.needs for one in CATALOGUE)

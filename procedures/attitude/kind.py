@@ -122,7 +122,7 @@ class AttitudeKind(Kind):
         self, calibration: AttitudeCalibration, coefficients: Mapping[str, FloatArray]
     ) -> AttitudeCalibration:
         """See `Kind`; those of the declared model."""
-        from procedures.attitude.budget import with_coefficients  # noqa: PLC0415
+        from procedures.attitude.results import with_coefficients  # noqa: PLC0415
 
         return with_coefficients(calibration, np.array([coefficients[name] for name in calibration.names]))
 

@@ -11,7 +11,6 @@ import numpy as np
 
 from fitter import LinearFit
 from fitter.arrays import FloatArray, IntArray
-from fitter.budget import TypeA
 from fitter.errors import FitError
 from fitter.formula import Formula
 from fitter.strata import Strata, reversed_by, strata
@@ -27,7 +26,6 @@ from procedures.general.strata_of_run import (
     in_time,
     points_of,
     replication_of,
-    reversible,
     setting_of,
     side_of,
     told_of,
@@ -312,14 +310,6 @@ class GeneralEvaluation(EvaluationBySensor):
                 yield words
             if one.strata is not None:
                 yield from told_of(one.name, one.strata)
-
-    def reversibility(self) -> Iterable[TypeA]:
-        """See `Evaluation`."""
-        return reversible((one.name, one.reversibility, len(list(one.named()))) for one in self._each)
-
-    def not_kept(self) -> Iterable[str]:
-        """See `Evaluation`."""
-        return (f"{one.name}: intervals of rig infer do not cover it" for one in self.reversibility())
 
     def described(self, sensor: str) -> str:
         """See `Evaluation`."""

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 
 from fitter.arrays import FloatArray, IntArray
-from fitter.budget import TypeA
 from fitter.strata import DIFFER, Strata
 from procedures.column_names import stem_of, with_word
+from procedures.reversibility import in_words
 from procedures.table import Table
-
-SERIES = "rising less falling series of the run (ISO 376; EURAMET cg-4)"
-"""Source of the line for reversibility: rectangular, half of the difference wide on each side."""
 
 
 def in_time(table: Table) -> IntArray:
@@ -77,23 +74,4 @@ def told_of(name: str, found: Strata) -> Iterator[str]:
             f"{found.too_good:.1g} of so small an F): what is called scatter repeats, so the model lacks it (rig trace)"
         )
     if found.reversed is not None:
-        of = found.sides
-        yield (
-            f"{name}: rising and falling series differ by more than scatter (F = {of.value:.3g} with {of.df_above} and "
-            f"{of.df_below} degrees of freedom, p = {of.p:.2g}): results are half-way between, and reversibility has a "
-            f"line, the difference as the full width of a rectangular distribution"
-        )
-
-
-def reversible(sensors: Iterable[tuple[str, FloatArray | None, int]]) -> Iterator[TypeA]:
-    """Lines for reversibility: name of a sensor, rising less falling results, and how many it has.
-
-    The difference is the full width of a rectangular distribution, as ISO 376 has it.
-    """
-    given = list(sensors)
-    starts = np.cumsum([0, *(size for _, _, size in given)])
-    for (name, differs, size), start in zip(given, starts[:-1].tolist(), strict=True):
-        if differs is not None:
-            every = np.zeros(starts[-1])
-            every[start : start + size] = differs
-            yield TypeA(np.outer(every, every) / 12.0, np.inf, f"reversibility of {name}", SERIES, "B")
+        yield in_words(name, found.sides)

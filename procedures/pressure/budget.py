@@ -13,6 +13,9 @@ import numpy as np
 
 from fitter.arrays import FloatArray, IntArray
 from fitter.errors import FitError
+from fitter.linear import orthonormal
+from fitter.strata import DIFFER, by_side, reversed_by
+from fitter.sums_of_squares import FTest, off
 from procedures.budget_by_sensor import EvaluationBySensor
 from procedures.budgeting import Shift, Shifts
 from procedures.errors import DataError
@@ -23,6 +26,7 @@ from procedures.pressure.fit.models import coefficient_unit, usual
 from procedures.pressure.infer import infer_pressure
 from procedures.pressure.influences import COLUMN_PER_M
 from procedures.pressure.table import whole_plot_data
+from procedures.reversibility import in_words
 from procedures.stated import PlaceConstant
 from procedures.table import Columns, Table
 
@@ -41,12 +45,14 @@ class Transducer:
         fit: of the run.
         calibration: by GLS.
         at: (p, 3) points.
+        by_side: (n,) the part of traced effects, taken off the output, that is of the direction of approach, mV.
     """
 
     name: str
     fit: PressureFit
     calibration: PressureCalibration
     at: FloatArray
+    by_side: FloatArray | None = None
 
     @cached_property
     def _even(self) -> Errors:
@@ -118,8 +124,7 @@ class Transducer:
         (m,) variances by the fit alone.
         """
         one, errors, h = self.calibration, self.calibration.errors, self.rows
-        k, p = len(one.coefficients), len(h)
-        J = np.vstack([np.eye(k), h, -h / self.slope[:, None]])
+        k, p, J = len(one.coefficients), len(h), self._jacobian
         covariance = J @ one.covariance @ J.T
         gradient, of_fit = np.einsum("mk,pkl,ml->mp", J, one.derivatives, J), np.diag(covariance).copy()
         variance, by = errors.of_reading(self.at[:, 0], new_whole_plot=True)
@@ -127,6 +132,32 @@ class Transducer:
         covariance[last, last] += variance / self.slope**2
         gradient[last] += by / self.slope[:, None] ** 2
         return covariance, errors.df(np.diag(covariance), gradient), of_fit
+
+    @cached_property
+    def _jacobian(self) -> FloatArray:
+        """(m, k) derivative of the results by the coefficients."""
+        h = self.rows
+        return np.vstack([np.eye(h.shape[1]), h, -h / self.slope[:, None]])
+
+    @cached_property
+    def sides(self) -> tuple[FloatArray | None, FTest]:
+        """(k,) coefficients of rising pressures less those of falling ones, inside whole plots, and their test."""
+        data = self.fit.problem.data
+        each = 1.0 / self.calibration.errors.subplot_sd(data.pressure_psia)
+        columns = each[:, None] * self.fit.problem.formula.columns(data.table)[1]
+        inside = (data.whole_plot[:, None] == data.whole_plots) * each[:, None]
+        basis, side = orthonormal(np.column_stack([inside, columns])), data.pressure_side.astype(np.float64)
+        found, test, _, _ = by_side(columns, basis, off(each * data.outputs[self.name], basis), side)
+        if self.by_side is not None:
+            more = reversed_by(columns, each * self.by_side, side, basis)
+            found = more if found is None else found + more
+        return found, test
+
+    @property
+    def reversibility(self) -> FloatArray | None:
+        """(m,) results of rising pressures less those of falling ones; None if they do not differ."""
+        found = self.sides[0]
+        return None if found is None else self._jacobian @ found
 
 
 class PressureEvaluation(EvaluationBySensor):
@@ -153,6 +184,10 @@ class PressureEvaluation(EvaluationBySensor):
     def charted(self, sensor: str) -> tuple[str, FloatArray]:
         """See `Evaluation`."""
         return "psi", next(one.slope for one in self._each if one.name == sensor)
+
+    def notes(self) -> Iterable[str]:
+        """See `Evaluation`."""
+        return (in_words(one.name, one.sides[1]) for one in self._each if one.sides[1].p < DIFFER)
 
     @cached_property
     def columns(self) -> Columns:

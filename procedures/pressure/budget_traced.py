@@ -59,6 +59,10 @@ class TracedEvaluation(PressureEvaluation):
                 outputs[sensor] = outputs[sensor] - mV
         self._data = replace(data, outputs=outputs)
         super().__init__(self._data, model, at, _extra(self._terms))
+        sided = [by for name, by in self._off.items() if _named(trace, name).against == "pressure_side"]
+        for i, one in enumerate(self._each):
+            if mine := [by[one.name] for by in sided if one.name in by]:
+                self._each[i] = replace(one, by_side=np.sum(mine, axis=0))
 
     @cached_property
     def _moved(self) -> Sequence[tuple[str, str, FloatArray | None]]:

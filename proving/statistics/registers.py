@@ -17,9 +17,10 @@ from fitter.arrays import FloatArray
 from fitter.budget import combine
 from fitter.budget.budget import DOMINATED
 from fitter.budget.coverage import EXCESS
-from procedures.attitude.budget import STANDARD_GRAVITY, AttitudeEvaluation
+from procedures.attitude.budget import AttitudeEvaluation
 from procedures.attitude.data import AttitudeData
 from procedures.attitude.infer import infer_attitude
+from procedures.attitude.results import STANDARD_GRAVITY
 from procedures.budgeting import Evaluation
 from procedures.general.budget import GeneralEvaluation, general_evaluation
 from procedures.influences import Found, explain, influences

@@ -1,0 +1,110 @@
+"""A line for rising and falling series in budgets of pressure transducers and attitude sensors (ISO 376, EURAMET cg-4).
+
+The loops are written here: what the output is below a rising and above a falling pressure, or pitch.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from procedures.attitude.budget import AttitudeEvaluation
+from procedures.attitude.budget_traced import TracedEvaluation
+from procedures.attitude.data import AttitudeData
+from procedures.pressure.budget import PressureEvaluation
+from procedures.pressure.data import WholePlotData
+
+RISING = np.array([0.0, 1.0, 2.0, 3.0, 4.0, 5.0])
+TEMPERATURES = [(-20, -20), (60, -20), (-20, 60), (60, 60), (20, 20), (20, -20), (20, 60), (-20, 20), (60, 20)]
+AT = [(0.5, 20.0, 20.0), (2.5, 20.0, 20.0), (4.5, 60.0, 60.0)]
+OF_LOOP = np.array([0.36, 1.0, 0.36])
+"""Share of the widest place of the loop, 4 P (5 - P) / 25, at these pressures."""
+
+
+def _whole_plots(seed: int, loop_mV: float) -> WholePlotData:
+    """18 whole plots, pressures up and down in each; the loop is widest at half range."""
+    rng, columns = np.random.default_rng(seed), []
+    P = np.concatenate([RISING, RISING[-2::-1]])
+    side = np.array([0.0, *np.sign(np.diff(P))])
+    for plot, (sensor, sse) in enumerate(2 * TEMPERATURES):
+        mV = 1.0 + (20.0 + 0.002 * sensor) * P + 0.02 * P**2 + 0.001 * sensor + 0.0005 * sse
+        mV += 0.01 * rng.normal() + 0.004 * rng.normal(size=len(P)) - side * loop_mV / 2 * P * (5.0 - P) * 4 / 25
+        each = np.ones(len(P))
+        columns.append([plot * each, P, sensor * each, sse * each, mV, plot // 9 * each])
+    plot, P, sensor, sse, mV, replicate = np.concatenate(columns, axis=1)
+    order = np.arange(len(P))
+    return WholePlotData(
+        whole_plot=plot.astype(int),
+        order=order,
+        elapsed_s=60.0 * order,
+        pressure_psia=P,
+        sensor_temperature_degC=sensor,
+        sse_temperature_degC=sse,
+        outputs={"a_mV": mV},
+        replicate=replicate.astype(int),
+    )
+
+
+def test_a_loop_of_a_pressure_transducer_has_a_line_of_its_size():
+    found = PressureEvaluation(_whole_plots(1, 0.02), "full", AT)
+    (line,) = found.reversibility()
+    outputs = np.sqrt(np.diag(line.covariance))[-6:-3]
+    print("loop, share of its width:", outputs * np.sqrt(12.0) / 0.02)
+    assert outputs == pytest.approx(0.02 * OF_LOOP / np.sqrt(12.0), abs=0.2 * 0.02 / np.sqrt(12.0))
+    assert line.name == "reversibility of a_mV"
+    (told,) = found.notes()
+    assert "rising and falling series differ by more than scatter" in told
+    assert list(found.not_kept()) == ["reversibility of a_mV: intervals of rig infer do not cover it"]
+
+
+def test_transducers_without_a_loop_have_none_but_for_one_in_twenty():
+    found = [
+        seed for seed in range(40) if list(PressureEvaluation(_whole_plots(seed, 0.0), "full", AT).reversibility())
+    ]
+    print("seeds with a line:", found)
+    assert len(found) <= 6  # of 40 at 5 %, more in one of 80
+
+
+def _pitch_run(seed: int, side_V: float) -> AttitudeData:
+    """Three replications of pitches up and down at two rolls, with a sensor whose output is half of `side_V` higher
+    after a rising pitch.
+    """
+    rng = np.random.default_rng(seed)
+    pitch = np.concatenate([np.arange(-90.0, 91.0, 15.0), np.arange(75.0, -91.0, -15.0)])
+    side = np.array([0.0, *np.sign(np.diff(pitch))])
+    a, s, roll = np.tile(pitch, 6), np.tile(side, 6), np.repeat(np.tile([0.0, 90.0], 3), len(pitch))
+    x = 0.01 + 2.0 * np.sin(np.radians(a)) + s * side_V / 2 + 2e-5 * rng.normal(size=len(a))
+    z = 0.02 + 1.9 * np.cos(np.radians(a)) * np.cos(np.radians(roll)) + 2e-5 * rng.normal(size=len(a))
+    order = np.arange(len(a))
+    return AttitudeData(
+        replicate=np.repeat([0, 1, 2], 2 * len(pitch)),
+        order=order,
+        elapsed_s=30.0 * order,
+        pitch_deg=a,
+        roll_deg=roll,
+        sensor_temperature_degC=None,
+        outputs={"x_V": x, "z_V": z},
+        pitch_side=s.astype(int),
+    )
+
+
+@pytest.mark.parametrize("kind", [AttitudeEvaluation, TracedEvaluation])
+def test_hysteresis_of_an_attitude_sensor_has_a_line_by_the_declared_and_the_traced_model(kind):
+    side = 2e-4
+    found = kind(_pitch_run(3, side), [(30.0, 45.0)], temperature=False, gravity=None)
+    lines = {line.name: np.sqrt(np.diag(line.covariance)) for line in found.reversibility()}
+    size = lines["reversibility of x_V in pitch"]
+    output = found.results.names.index("x_V output at pitch 30 deg, roll 45 deg")
+    inferred = found.results.names.index("inferred pitch at pitch 30 deg, roll 45 deg")
+    assert size[output] == pytest.approx(side / np.sqrt(12.0), rel=0.1)
+    assert size[inferred] == pytest.approx(np.degrees(side / (2.0 * np.cos(np.radians(30.0)))) / np.sqrt(12.0), rel=0.3)
+    assert all("z_V" not in name for name in lines) or kind is AttitudeEvaluation
+
+
+def test_attitude_sensors_without_hysteresis_have_none_but_for_one_in_twenty():
+    found = []
+    for seed in range(30):
+        one = AttitudeEvaluation(_pitch_run(seed, 0.0), [(0.0, 0.0)], temperature=False, gravity=None)
+        found += [(seed, line.name) for line in one.reversibility()]
+    print("seeds with a line:", found)
+    assert len(found) <= 11  # of 120 at 5 %, more in one of 30
