@@ -7,13 +7,9 @@ from datetime import date
 
 from rig.certificate.document import (
     Amendment,
-    Budget,
-    Column,
     Condition,
-    Contribution,
     Dates,
     Document,
-    Effect,
     Equipment,
     Evidence,
     Item,
@@ -22,11 +18,8 @@ from rig.certificate.document import (
     Method,
     Party,
     Person,
-    Result,
-    ResultTable,
-    Stage,
-    Statement,
 )
+from rig.certificate.measured import Budget, Column, Contribution, Effect, Result, ResultTable, Stage, Statement
 
 LOGO = (
     b'<svg xmlns="http://www.w3.org/2000/svg" width="120" height="60" viewBox="0 0 120 60">'

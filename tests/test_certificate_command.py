@@ -34,6 +34,7 @@ from rig.engine.session import Outcome
 from rig.errors import ConfigurationError, UsageError
 from rig.results.budget import budget
 from rig.results.certificate import Asked, Made, Refused, make
+from rig.results.certified_runs import read_run
 from rig.results.issue import Issue, issue
 from rig.run_file.reader import RunReader
 from rig.tables import run_table
@@ -61,10 +62,10 @@ def asked(run: Path, settings: Path, **more: object) -> Asked:
 @pytest.fixture(autouse=True)
 def traced_once(monkeypatch):
     """The trace of a run follows from the run alone: made once for all tests."""
-    monkeypatch.setitem(make.__globals__, "_traced", TRACED)
+    monkeypatch.setitem(read_run.__globals__, "_traced", TRACED)
 
 
-TRACED = cache(make.__globals__["_traced"])
+TRACED = cache(read_run.__globals__["_traced"])
 
 
 @pytest.fixture
@@ -271,7 +272,7 @@ def test_no_reason_hides_another(run, bare, tmp_path, monkeypatch, register):
     """Every fault that can be beside the others, all at once: each is said, so none of any two or three is hidden."""
     finding = Finding("effect", "the cell creeps", "replication", 0.5, effect="creep", doubtful="a curve fits as well")
     outcomes = [replace(one, findings=(finding,)) for one in TRACED(run, (), quick=False)[0]]
-    monkeypatch.setitem(make.__globals__, "_traced", lambda *_, **__: (outcomes, None))
+    monkeypatch.setitem(read_run.__globals__, "_traced", lambda *_, **__: (outcomes, None))
     faults = OF_SETTINGS | (OF_BOTH if register != "unverified" else {}) | (OF_REGISTER if register == "faulty" else {})
     texts = REGISTER, SETTINGS
     for old, (new, _) in faults.items():
@@ -325,13 +326,13 @@ def test_an_item_is_not_received_after_its_calibration(run, tmp_path):
     ],
 )
 def test_a_certificate_of_a_real_run_is_issued_between_its_end_and_today(run, tmp_path, monkeypatch, issued, reason):
-    opened = make.__globals__["checked_run"]
+    opened = read_run.__globals__["checked_run"]
 
     def real(path, equipment):
         checked = opened(path, equipment)
         return replace(checked, of=replace(checked.of, table=replace(checked.of.table, simulated=False)))
 
-    monkeypatch.setitem(make.__globals__, "checked_run", real)
+    monkeypatch.setitem(read_run.__globals__, "checked_run", real)
     wanted = replace(asked(run, settled(tmp_path), today=DAY), issued=date.fromisoformat(issued))
     if reason is None:
         assert not make(wanted).document.simulated
@@ -378,7 +379,7 @@ def test_a_doubtful_name_is_refused_until_it_is_confirmed(made, monkeypatch, run
         outcomes, confirmed = TRACED(path, later, quick=quick)
         return [replace(one, findings=(finding,)) for one in outcomes], confirmed
 
-    monkeypatch.setitem(make.__globals__, "_traced", with_doubt)
+    monkeypatch.setitem(read_run.__globals__, "_traced", with_doubt)
     (reason,) = reasons(run, tmp_path)
     assert "the name of effect creep is doubtful: a curve fits as well; confirm it" in reason
     outcomes, _ = with_doubt(run, (), quick=False)
@@ -430,7 +431,7 @@ def test_a_further_run_that_does_not_confirm_is_no_dead_end(monkeypatch, run, tm
         answers = (SimpleNamespace(effect="creep", verdict=verdict, members=()),)
         return [replace(one, findings=(finding,)) for one in outcomes], SimpleNamespace(answers=answers, paths=later)
 
-    monkeypatch.setitem(make.__globals__, "_traced", judged)
+    monkeypatch.setitem(read_run.__globals__, "_traced", judged)
     later = tmp_path / "later.sqlite"
     later.write_bytes(run.read_bytes())
     (reason,) = reasons(run, tmp_path, confirmed_by=(later,))
@@ -696,7 +697,7 @@ def test_a_missing_extra_is_told_before_the_work(run, tmp_path, monkeypatch, mis
         return real(name)
 
     monkeypatch.setattr(extras, "import_module", imported)
-    monkeypatch.setitem(make.__globals__, "_traced", None)  # would fail if it were reached
+    monkeypatch.setitem(read_run.__globals__, "_traced", None)  # would fail if it were reached
     keys = ["--key", tmp_path / "k.pem", "--key-certificate", tmp_path / "c.pem"]
     done = rig("certificate", run, "--settings", settled(tmp_path), "--out", tmp_path / "out", *keys)
     assert (done.returncode, f"pip install 'calibration-rig[{extra}]'" in done.stderr) == (2, True), done.stderr

@@ -16,9 +16,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sample_certificate import amended, document
 
+from rig.certificate.blocks import Grid, percent
 from rig.certificate.document import Document
 from rig.certificate.html import html
-from rig.certificate.layout import Grid, percent, sections
+from rig.certificate.layout import sections
 from rig.certificate.numbers import padding, plain, raised, typeset
 from rig.certificate.pdf import pdf
 from rig.certificate.words import CORRELATED, EFFECTS, INFERRED, UNCONFIRMED, uncertainty

@@ -13,6 +13,7 @@ from fitter.rounding import rounded_df
 from rig.certificate.html import html
 from rig.closed_loop.budget import budget_run
 from rig.results.certificate import Asked, Made, make
+from rig.results.certified_runs import read_run
 
 LAB = Path(__file__).parents[1] / "examples" / "load-cell-lab"
 DAY = date(2026, 11, 24)
@@ -111,14 +112,14 @@ def test_conformity_counts_the_effect(declared, traced, run, tmp_path):
 
 
 def test_an_effect_that_a_further_run_confirmed_is_in_the_results(monkeypatch, run, traced):
-    ask = make.__globals__["_traced"]
+    ask = read_run.__globals__["_traced"]
 
     def judged(path, later, *, quick):
         outcomes, _ = ask(path, (), quick=quick)
         answer = SimpleNamespace(effect="creep:force_kN", verdict="confirmed", members=())
         return outcomes, SimpleNamespace(answers=(answer,), paths=later)
 
-    monkeypatch.setitem(make.__globals__, "_traced", judged)
+    monkeypatch.setitem(read_run.__globals__, "_traced", judged)
     made = make(Asked((run,), DAY, settings=LAB / "certificate.toml", confirmed_by=(run,)))
     assert made.document.tables == traced.document.tables
     assert made.document.models == traced.document.models

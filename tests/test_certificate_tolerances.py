@@ -13,6 +13,7 @@ from rig.certificate.layout import sections
 from rig.certificate.tolerances import ToleranceSettings
 from rig.errors import ConfigurationError
 from rig.results.certificate import Asked, Refused, make
+from rig.results.certified_runs import read_run
 
 AT = {"force_kN": 4.0}
 
@@ -25,10 +26,10 @@ def run(tmp_path_factory) -> Path:
 @pytest.fixture(autouse=True)
 def traced_once(monkeypatch):
     """The trace of a run follows from the run alone: made once for all tests."""
-    monkeypatch.setitem(make.__globals__, "_traced", TRACED)
+    monkeypatch.setitem(read_run.__globals__, "_traced", TRACED)
 
 
-TRACED = cache(make.__globals__["_traced"])
+TRACED = cache(read_run.__globals__["_traced"])
 
 
 def made(run: Path, folder: Path, tolerance: str):

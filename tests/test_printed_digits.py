@@ -95,7 +95,7 @@ def test_a_fit_of_large_numbers_shows_what_was_determined(tmp_path):
 BESIDE = re.compile(r"\} ?(\+-|±) ?\{")
 ELSEWHERE = {
     "fitter/rounding.py": "the function",
-    "rig/certificate/as_dcc.py": "texts that were rounded",
+    "rig/certificate/dcc_elements.py": "texts that were rounded",
     "rig/certificate/tolerances.py": "a tolerance, which was given",
     "procedures/pressure/fitted.py": "a largest error, and the interval of another reading: no value and its error",
 }

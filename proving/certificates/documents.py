@@ -10,13 +10,9 @@ from typing import Literal
 from fitter.rounding import rounded, rounded_df, rounded_factor
 from rig.certificate.document import (
     Amendment,
-    Budget,
-    Column,
     Condition,
-    Contribution,
     Dates,
     Document,
-    Effect,
     Equipment,
     Evidence,
     Item,
@@ -25,6 +21,12 @@ from rig.certificate.document import (
     Method,
     Party,
     Person,
+)
+from rig.certificate.measured import (
+    Budget,
+    Column,
+    Contribution,
+    Effect,
     Result,
     ResultTable,
     Stage,

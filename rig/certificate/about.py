@@ -13,8 +13,9 @@ from procedures.by_hand import Made
 from procedures.column_names import spelled, stem_of, unit_of
 from procedures.durations import duration
 from procedures.table import CORRECTED
-from rig.certificate.document import Equipment, Evidence, Item, Laboratory, Logo, Method, Party, Person, Stage
+from rig.certificate.document import Equipment, Evidence, Item, Laboratory, Logo, Method, Party, Person
 from rig.certificate.files import changes
+from rig.certificate.measured import Stage
 from rig.certificate.settings import CertificateSettings
 from rig.certificate.words import count
 from rig.closed_loop.budget import OfRun

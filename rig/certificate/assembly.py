@@ -12,7 +12,8 @@ from fitter.budget import NEAR_95, Budgeted, Shapes
 from fitter.rounding import rounded, rounded_df, rounded_factor, rounded_to, rounded_uncertainty
 from fitter.trace.outcome import Finding, Outcome
 from rig.certificate import words
-from rig.certificate.document import Budget, Condition, Contribution, Effect, Result, ResultTable, Stage
+from rig.certificate.document import Condition
+from rig.certificate.measured import Budget, Contribution, Effect, Result, ResultTable, Stage
 from rig.certificate.numbers import raised
 from rig.closed_loop.budget import RunBudget
 from rig.closed_loop.confirm import Confirmed

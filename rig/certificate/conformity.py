@@ -8,7 +8,7 @@ from fitter.budget import Budgeted
 from fitter.decision import decide
 from fitter.errors import FitError
 from rig.certificate.assembly import label_of, sensor_of
-from rig.certificate.document import Stage, Statement
+from rig.certificate.measured import Stage, Statement
 from rig.certificate.settings import CertificateSettings, ConformitySettings
 from rig.certificate.tolerances import EVERY, ToleranceSettings
 from rig.closed_loop.budget import RunBudget

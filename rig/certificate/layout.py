@@ -6,85 +6,30 @@ Nothing is computed here: a block arranges texts of the document. A template of 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict
 from datetime import date
-from typing import Any, Literal
+from typing import Any
 
 from rig.certificate import words
-from rig.certificate.document import Budget, Document, Party, ResultTable
-from rig.certificate.numbers import padding, raised, typeset
+from rig.certificate.blocks import (
+    Block,
+    Cell,
+    Facts,
+    Grid,
+    Head,
+    Section,
+    Sentences,
+    Signatures,
+    day,
+    grid,
+    percent,
+    text_grid,
+)
+from rig.certificate.document import Document, Party
+from rig.certificate.measured import Budget, ResultTable
+from rig.certificate.numbers import raised, typeset
 from rig.certificate.words import count
 from rig.present.visible import visible
-
-Align = Literal["left", "right", "bar"]
-
-
-@dataclass(frozen=True)
-class Facts:
-    """Names and values; `mono` for values to be compared character by character."""
-
-    rows: tuple[tuple[str, tuple[str, ...]], ...]
-    mono: bool = False
-    type: Literal["facts"] = "facts"
-
-
-@dataclass(frozen=True)
-class Sentences:
-    """Paragraphs."""
-
-    texts: tuple[str, ...]
-    small: bool = False
-    type: Literal["sentences"] = "sentences"
-
-
-@dataclass(frozen=True)
-class Head:
-    """Head of a column: a label, its unit on the second line, and how its cells stand."""
-
-    label: str
-    unit: str = ""
-    align: Align = "left"
-
-
-@dataclass(frozen=True)
-class Cell:
-    """A cell: its text, invisible text behind it, and the length of a bar, 0 to 1."""
-
-    text: str
-    pad: str = ""
-    bar: float = 0.0
-
-
-@dataclass(frozen=True)
-class Grid:
-    """A table with a title and notes; it may be broken between pages, and its heads are repeated there."""
-
-    title: str
-    heads: tuple[Head, ...]
-    rows: tuple[tuple[Cell, ...], ...]
-    notes: tuple[str, ...] = ()
-    foot: tuple[tuple[str, str], ...] = ()
-    type: Literal["grid"] = "grid"
-
-
-@dataclass(frozen=True)
-class Signatures:
-    """Places to sign: task, name, role."""
-
-    rows: tuple[tuple[str, str, str], ...]
-    type: Literal["signatures"] = "signatures"
-
-
-Block = Facts | Sentences | Grid | Signatures
-
-
-@dataclass(frozen=True)
-class Section:
-    """A part with a heading; `annex` begins a new page."""
-
-    title: str
-    blocks: tuple[Block, ...]
-    annex: bool = False
 
 
 def sections(document: Document) -> tuple[Section, ...]:
@@ -165,7 +110,7 @@ def _method(document: Document) -> Iterator[Block]:
             )
             for one in document.items
         ]
-        yield _texts("Items under calibration", heads, rows)
+        yield text_grid("Items under calibration", heads, rows)
 
 
 def _conditions(document: Document) -> Iterator[Block]:
@@ -178,7 +123,7 @@ def _conditions(document: Document) -> Iterator[Block]:
         [one.label, *([one.stage] if staged else []), one.unit, one.minimum, one.mean, one.maximum]
         for one in document.conditions
     ]
-    yield _grid("", heads, told, notes=words.CONDITIONS)
+    yield grid("", heads, told, notes=words.CONDITIONS)
 
 
 def _equipment(document: Document) -> Iterator[Block]:
@@ -196,7 +141,7 @@ def _equipment(document: Document) -> Iterator[Block]:
         for one in document.equipment
     ]
     traced = all(one.laboratory for one in document.equipment)
-    yield _texts("", heads, rows, notes=words.TRACEABILITY if traced else (*words.TRACEABILITY, *words.UNTRACED))
+    yield text_grid("", heads, rows, notes=words.TRACEABILITY if traced else (*words.TRACEABILITY, *words.UNTRACED))
 
 
 def _results(document: Document) -> Iterator[Block]:
@@ -236,7 +181,7 @@ def _table(table: ResultTable) -> Grid:
         ]
         for one in table.results
     ]
-    return _grid(
+    return grid(
         _titled(table.sensor, table.title, table.stage), heads, rows, notes=[raised(one) for one in table.notes]
     )
 
@@ -259,7 +204,7 @@ def _conformity(document: Document) -> Iterator[Block]:
     ]
     rules = tuple(dict.fromkeys(one.rule for one in document.statements))
     by = dict.fromkeys(f"Tolerance of {one.basis}." for one in document.statements if one.basis)
-    yield _texts("", heads, rows, notes=(*by, *(f"Decision rule: {rule}" for rule in rules), *words.CONFORMITY))
+    yield text_grid("", heads, rows, notes=(*by, *(f"Decision rule: {rule}" for rule in rules), *words.CONFORMITY))
     yield Sentences(tuple(_stated(document)))
 
 
@@ -287,7 +232,7 @@ def _effects(document: Document) -> Iterator[Block]:
         for one in document.effects
     ]
     sure = all(one.confirmed for one in document.effects)
-    yield _texts("", heads, rows, notes=(words.EFFECTS if sure else f"{words.EFFECTS} {words.UNCONFIRMED}",))
+    yield text_grid("", heads, rows, notes=(words.EFFECTS if sure else f"{words.EFFECTS} {words.UNCONFIRMED}",))
 
 
 def _deviations(document: Document) -> Iterator[Block]:
@@ -325,10 +270,10 @@ def _budget(budget: Budget) -> Grid:
     heads = [Head("Influence"), Head("Traced to"), Head("Type"), Head("Standard\nuncertainty", budget.unit, "right")]
     heads += [Head("Degrees of\nfreedom", align="right"), Head("Share", align="bar")]
     told = [[one.label, one.source, one.kind, one.standard, one.df, _share(one.share)] for one in budget.contributions]
-    grid = _grid("", heads, told)
+    made = grid("", heads, told)
     rows = tuple(
         (*row[:-1], Cell(row[-1].text, bar=min(max(one.share, 0.0), 1.0)))
-        for row, one in zip(grid.rows, budget.contributions, strict=True)
+        for row, one in zip(made.rows, budget.contributions, strict=True)
     )
     unit = f" {raised(budget.unit)}" if budget.unit else ""
     foot = (
@@ -338,7 +283,7 @@ def _budget(budget: Budget) -> Grid:
         ("Expanded uncertainty", f"{typeset(budget.expanded)}{unit}"),
     )
     left = (_left(budget.left),) if budget.left else ()
-    return Grid(_titled(budget.sensor, budget.label, budget.stage), grid.heads, rows, left, foot)
+    return Grid(_titled(budget.sensor, budget.label, budget.stage), made.heads, rows, left, foot)
 
 
 def _left(number: int) -> str:
@@ -357,44 +302,8 @@ def _share(share: float) -> str:
     return "< 0.1 %" if 0 < per_cent < 0.1 else f"{per_cent:.1f} %".replace("-", "−")
 
 
-def _grid(title: str, heads: Sequence[Head], texts: Sequence[Sequence[str]], notes: Sequence[str] = ()) -> Grid:
-    """A table of texts, in which numbers are printed as numbers and stand below each other."""
-    heads = [replace(head, unit=raised(head.unit)) for head in heads]
-    shown = [
-        [typeset(text) if head.align == "right" else raised(text) for head, text in zip(heads, row, strict=True)]
-        for row in texts
-    ]
-    pads = [
-        padding([row[i] for row in shown]) if head.align == "right" else [""] * len(shown)
-        for i, head in enumerate(heads)
-    ]
-    rows = tuple(tuple(Cell(text, pads[i][n]) for i, text in enumerate(row)) for n, row in enumerate(shown))
-    return Grid(title, tuple(heads), rows, tuple(notes))
-
-
-def _texts(title: str, heads: Sequence[str], rows: Sequence[Sequence[str]], notes: Sequence[str] = ()) -> Grid:
-    return _grid(title, [Head(name) for name in heads], rows, notes)
-
-
-def day(when: date) -> str:
-    """A date that nobody reads as another: 2026-11-24."""
-    return when.isoformat()
-
-
 def _span(began: date, ended: date) -> str:
     return day(began) if began == ended else f"{day(began)} to {day(ended)}"
-
-
-def percent(probability: str) -> str:
-    """A probability in percent, with its digits: `0.9545` is `95.45 %`. Any other text is unchanged."""
-    if probability[:2] in ("> ", "< "):
-        return probability[:2] + percent(probability[2:])
-    whole, point, digits = probability.partition(".")
-    if not (whole.isdigit() and digits.isdigit() and point):
-        return probability
-    moved = f"{whole}{digits:0<2}"
-    shown = f"{moved[: len(whole) + 2]}.{moved[len(whole) + 2 :]}".lstrip("0").rstrip(".")
-    return f"{'0' if shown.startswith('.') or not shown else ''}{shown} %"
 
 
 def contents(document: Document) -> dict[str, Any]:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from rig.certificate.document import Document, Verdict
+from rig.certificate.document import Document
+from rig.certificate.measured import Verdict
 
 COVER = (
     "The results relate only to the items that are named here, in the condition in which they were calibrated.",
