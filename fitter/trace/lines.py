@@ -21,6 +21,8 @@ SLOWEST = 8
 """Minimum number of periods in the series: a slower variation is a drift along the run and not a line."""
 LEAST_KEPT = 0.3
 """Minimum remaining share of the power of white noise, relative to the usual share, for a search at a frequency."""
+NOTHING = 1e-9
+"""Share of the largest below which nothing remains."""
 FEWEST = 96
 """Minimum number of readings for a search."""
 CLEAR = 1e-4
@@ -194,7 +196,8 @@ def _kept(known: FloatArray) -> FloatArray | None:
     if not known.shape[1]:
         return None
     mean = known.mean(axis=1)
-    return np.asarray(mean / max(float(np.median(mean)), np.finfo(float).tiny))
+    some = mean > NOTHING * np.max(mean)
+    return np.asarray(mean / np.median(mean[some])) if some.any() else np.zeros_like(mean)
 
 
 def _clearest(power: FloatArray, summed: int, kept: FloatArray | None = None) -> tuple[float, float, float]:
@@ -207,30 +210,33 @@ def _clearest(power: FloatArray, summed: int, kept: FloatArray | None = None) ->
 
     """
     best = (0.0, 1.0, 0.0)
-    if kept is not None:
-        power = np.where(kept > LEAST_KEPT, power / np.maximum(kept, LEAST_KEPT), 0.0)
+    # where little remains is no neighbour either: replications that walk one path leave nothing at every second
+    # frequency, or third, and the others would stand out
+    used = np.arange(power.size) if kept is None else np.flatnonzero(kept > LEAST_KEPT)
+    power = power[used] if kept is None else power[used] / kept[used]
+    first = max(int(np.searchsorted(used, SLOWEST - 1)), 1)
     for width in (1, 3):
-        if power.size < 3 * width + ABOUT:
+        if power.size < max(3 * width + ABOUT, first + 2):
             continue
         sums = np.convolve(power, np.ones(width), "valid")
-        typical = _typical(power, summed) * width
+        typical = _typical(power, summed, first) * width
         typical = typical[width // 2 : power.size - width // 2]
         nu, below = 2.0 * summed * width, float(ABOUT * summed)
         p = special.fdtrc(nu, below, sums / typical) * power.size * 2
         at = int(np.argmin(p))
         if p[at] < best[1]:
-            best = (at + width // 2, float(p[at]), float(sums[at]))
+            best = (float(used[at + width // 2]), float(p[at]), float(sums[at]))
     return best
 
 
-def _typical(power: FloatArray, summed: int) -> FloatArray:
-    """(m,) mean power about each frequency, by the larger of the medians below it and above it."""
+def _typical(power: FloatArray, summed: int, first: int) -> FloatArray:
+    """(m,) mean power about each frequency from the `first`, by the larger of the medians below it and above it."""
     over = float(special.gammaincinv(summed, 0.5)) / summed  # the median of a gamma over its mean
     m, out = power.size, np.full(power.size, np.inf)
     medians = np.median(np.lib.stride_tricks.sliding_window_view(power, ABOUT), axis=1)  # of k to k + ABOUT - 1
-    at = np.arange(SLOWEST - 1, m)
-    below = np.array([np.median(power[:k]) for k in range(SLOWEST - 1, min(ABOUT, m))])
-    below = np.concatenate([below, medians[: max(m - ABOUT, 0)]])
+    at = np.arange(first, m)
+    below = np.array([np.median(power[:k]) for k in range(first, min(ABOUT, m))])
+    below = np.concatenate([below, medians[max(first - ABOUT, 0) : m - ABOUT]])
     above = np.where(at + ABOUT < m, medians[np.minimum(at + 1, medians.size - 1)], 0.0)
     out[at] = np.maximum(np.maximum(below, above) / over, np.finfo(float).tiny)
     return out
