@@ -1,4 +1,4 @@
-"""What a certificate states of its items: results, budgets, statements of conformity, effects, as data.
+"""Statements of a certificate about its items: results, budgets, statements of conformity, effects, as data.
 
 Numbers are texts, as `rig.certificate.document` says, with the unrounded numbers beside those of results.
 """
