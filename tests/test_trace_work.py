@@ -112,6 +112,33 @@ def test_another_response_has_the_same_grid(problem):
     assert once.reml == pytest.approx(fresh.reml, rel=1e-12)
 
 
+@pytest.mark.parametrize("taken", [(3,), (20,), (3, 20), (40, 3)])
+def test_a_model_with_columns_fewer_or_further_has_the_likelihoods_of_one_made_anew(problem, taken):
+    y, some = np.random.default_rng(6).standard_normal(problem.n), (3, 20, 40, 41)
+    rest = tuple(j for j in some if j not in taken)
+    fresh = Grid.of(problem.noise, y, problem.model(rest)).beside()
+    whole = Grid.of(problem.noise, y, problem.declared).with_columns(problem.of(some))
+    assert whole.beside().reml == pytest.approx(Grid.of(problem.noise, y, problem.model(some)).beside().reml, rel=1e-12)
+    ends = problem.declared.shape[1] + np.cumsum([0, *(problem.of((j,)).shape[1] for j in some)])
+    picked = np.concatenate([np.arange(ends[some.index(j)], ends[some.index(j) + 1]) for j in taken])
+    for one in (whole.without(picked), Grid.of(problem.noise, y, problem.model((*some,))).without(picked)):
+        assert one.reml == pytest.approx(fresh.reml, rel=1e-11)
+        assert one.ml == pytest.approx(fresh.ml, rel=1e-11)
+    assert Grid.of(problem.noise, y, problem.model((3, 3))).without(picked[:1]) is None
+
+
+def test_weak_effects_are_looked_for_without_a_new_model_for_each(monkeypatch):
+    """Those in the model are taken out of it in turn, which needs its products alone."""
+    made = []
+    of = Grid.of.__func__
+    monkeypatch.setattr(Grid, "of", classmethod(lambda cls, *args: made.append(1) or of(cls, *args)))
+    judge, chosen = TableJudge(problem_of(data_of(Lab(150, 2, groups=5, clock=True)))), (3, 20, 40, 41)
+    for j in chosen:
+        judge.p_adjusted(chosen, j)
+    assert len(made) == 1
+    assert set(judge._grids) == {(), chosen}
+
+
 def test_a_part_of_a_problem_stacks_no_columns_and_has_the_same(problem):
     kept = np.arange(0, problem.n, 2)
     part = problem.rows(kept)

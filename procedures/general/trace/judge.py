@@ -38,6 +38,8 @@ SHAPES = ("kink", "clip", "square-root")
 """Kinds of curves that are not named after a power where they are more probable than it."""
 MOST_TERMS = 3
 """Maximum number of terms of one effect with a searched constant: more knots or harmonics are not a description."""
+KEPT = 6
+"""Models that are kept whitened by every covariance."""
 
 Key = tuple[int, ...]
 
@@ -55,7 +57,8 @@ class TableJudge:
     families: dict[tuple[int, Rivalry], TableFamily] = field(default_factory=dict)
     _views: dict[int, View] = field(default_factory=dict)
     _held: dict[Key, FloatArray] = field(default_factory=dict)
-    _grids: dict[Key, Grid] = field(default_factory=dict)
+    _off: dict[Key, FloatArray] = field(default_factory=dict)
+    _grids: dict[Key, tuple[Grid, Key]] = field(default_factory=dict)
     _besides: dict[Key, Beside] = field(default_factory=dict)
     _trials: dict[tuple[Key, int], Trial] = field(default_factory=dict)
 
@@ -104,6 +107,7 @@ class TableJudge:
 
     def p_adjusted(self, chosen: tuple[int, ...], j: int) -> float:
         """Probability that the best of the family looks as good as `j` beside the other `chosen` by chance."""
+        self._grid(tuple(sorted(chosen)))  # from which each of them is taken out
         return self._adjusted(tuple(k for k in chosen if k != j), j)
 
     def suspects(self, chosen: tuple[int, ...]) -> tuple[tuple[str, float], ...]:
@@ -161,16 +165,34 @@ class TableJudge:
         """Likelihoods of common noise of rows, with the declared columns, those `chosen`, and `extra` ones (n, d)."""
         key = tuple(sorted(chosen))
         if extra is not None:
-            self.beside(key)
-            return self._grids[key].beside(extra)
+            return self._grid(key)[0].beside(extra)
         if key not in self._besides:
-            if key not in self._grids:
-                sd = self.problem.sd
-                self._grids[key] = Grid.of(
-                    self.problem.noise, self.held(key) / sd, self.problem.model(key) / sd[:, None]
-                )
-            self._besides[key] = self._grids[key].beside()
+            self._besides[key] = self._grid(key)[0].beside()
         return self._besides[key]
+
+    def _grid(self, key: Key) -> tuple[Grid, Key]:
+        """Declared columns and some candidates whitened, with the held response; and the order of these candidates.
+
+        Made from the largest part of it that is known. The latest ones are kept, and the declared columns alone.
+        """
+        if key not in self._grids:
+            sd = self.problem.sd
+            if not key:
+                declared = self.problem.declared / sd[:, None]
+                self._grids[key] = Grid.of(self.problem.noise, self.held(key) / sd, declared), ()
+                return self._grids[key]
+            self._grid(())
+            part = max((known for known in self._grids if set(known) < set(key)), key=len)
+            (grid, order), new = self._grids[part], tuple(j for j in key if j not in part)
+            grid = grid.with_columns(self.problem.of(new) / sd[:, None])
+            self._grids[key] = self._of_response(grid, part, self.held(key)), (*order, *new)
+            if len(self._grids) > KEPT:
+                del self._grids[next(known for known in self._grids if known)]
+        return self._grids[key]
+
+    def _of_response(self, grid: Grid, known: Key, y: FloatArray) -> Grid:
+        """A grid that has the held response beside some candidates, with another response (n,)."""
+        return grid if np.array_equal(y, self.held(known)) else grid.of_response(y / self.problem.sd)
 
     @cached_property
     def _bases(self) -> Bases:
@@ -189,13 +211,14 @@ class TableJudge:
             self._held[key] = self.problem.y - self._alone(key)
         return self._held[key]
 
-    def _alone(self, chosen: tuple[int, ...]) -> FloatArray:
-        """(n,) reduction of isolated outliers beside those `chosen`."""
-        view = self.view(0)
-        taken = view.taken(chosen)
-        left = view.y - taken @ (taken.T @ view.y)
-        own = self.problem
-        return excess(left, ordered=own.ordered, step=own.step, near=lambda: own.near) * own.sd
+    def _alone(self, key: Key) -> FloatArray:
+        """(n,) reduction of isolated outliers beside those of a `key`."""
+        if key not in self._off:
+            view, own = self.view(0), self.problem
+            taken = view.taken(key)
+            left = view.y - taken @ (taken.T @ view.y)
+            self._off[key] = excess(left, ordered=own.ordered, step=own.step, near=lambda: own.near) * own.sd
+        return self._off[key]
 
     def white(self, at: int, chosen: tuple[int, ...]) -> FloatArray:
         """(n,) `held`, whitened by covariance `at`."""
@@ -292,20 +315,24 @@ class TableJudge:
 
     def _trial(self, chosen: tuple[int, ...], j: int) -> Trial:
         """`j` beside those `chosen`; a reading is reduced only as far as it is isolated both without and with `j`."""
-        key = tuple(sorted(chosen))
+        key, whole = tuple(sorted(chosen)), tuple(sorted((*chosen, j)))
         if (key, j) not in self._trials:
-            held = self.held(key)
-            off = self.problem.y - held
+            held, off = self.held(key), self._alone(key)
             if np.any(off):
-                with_j = self._alone((*key, j))
+                with_j = self._alone(whole)
                 milder = np.where(off * with_j > 0, np.minimum(np.abs(off), np.abs(with_j)), 0.0) * np.sign(off)
                 held = held if np.array_equal(milder, off) else self.problem.y - milder
-            if held is self.held(key):
-                without, grid = self.beside(key), self._grids[key]
-            else:
-                self.beside(key)
-                grid = self._grids[key].of_response(held / self.problem.sd)
-                without = grid.beside()
-            columns = self.problem.of((j,)) / self.problem.sd[:, None]
-            self._trials[key, j] = Trial(held, without, grid.beside(columns))
+            self._trials[key, j] = Trial(held, *self._both(key, j, whole, held))
         return self._trials[key, j]
+
+    def _both(self, key: Key, j: int, whole: Key, held: FloatArray) -> tuple[Beside, Beside]:
+        """Likelihoods without a candidate and with it, of a held response (n,)."""
+        if whole in self._grids:
+            grid, order = self._grids[whole]
+            grid, width = self._of_response(grid, whole, held), np.diff(self.problem.start)
+            first = self.problem.declared.shape[1] + sum(int(width[k]) for k in order[: order.index(j)])
+            without = grid.without(np.arange(first, first + int(width[j])))
+            if without is not None:
+                return without, grid.beside()
+        grid = self._of_response(self._grid(key)[0], key, held)
+        return grid.beside(), grid.beside(self.problem.of((j,)) / self.problem.sd[:, None])

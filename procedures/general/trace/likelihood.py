@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitter.arrays import FloatArray
+from fitter.arrays import FloatArray, IntArray
 from procedures.general.trace.noise import BoolArray, Noise
 
 _TINY = np.finfo(float).tiny
@@ -64,42 +64,89 @@ def ratio(without: Beside, beside: Beside, possible: tuple[BoolArray, BoolArray]
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """Response and model whitened by every covariance of the grid, for tests of further columns.
+    """Response and model whitened by every covariance of the grid, for tests of columns further or fewer.
 
     Attributes:
         noise: the grid.
         basis: (G, n, k) for each an orthonormal basis of the model's columns.
+        triangle: (G, k, k) these columns, each over its length, in that basis.
+        log_length: (G, k) logarithms of these lengths.
+        along: (G, k) parts of the response along the basis.
         left: (G, n) residual of the response after the model.
-        log_det_x: (G,) of the model's columns whitened.
     """
 
     noise: Noise
     basis: FloatArray
+    triangle: FloatArray
+    log_length: FloatArray
+    along: FloatArray
     left: FloatArray
-    log_det_x: FloatArray
 
     @classmethod
     def of(cls, noise: Noise, y: FloatArray, model: FloatArray) -> Grid:
         """Whiten response (n,) and columns (n, k), which are already divided by each row's own sd."""
         white = noise.whiten(np.arange(len(noise.prior)), model)
-        basis, det = _bases(white, np.linalg.norm(white, axis=1))
-        return cls(noise, basis, np.empty(0), det).of_response(y)
+        basis, triangle, log_length = _bases(white, np.linalg.norm(white, axis=1))
+        return cls(noise, basis, triangle, log_length, np.empty(0), np.empty(0)).of_response(y)
 
     def of_response(self, y: FloatArray) -> Grid:
         """The same of another response."""
         white = self.noise.whiten(np.arange(len(self.basis)), y[:, None])
-        return replace(self, left=_off(self.basis, white)[:, :, 0])
+        along = np.matmul(self.basis.transpose(0, 2, 1), white)
+        left = white - np.matmul(self.basis, along)
+        return replace(self, along=along[:, :, 0], left=left[:, :, 0])
 
     def beside(self, extra: FloatArray | None = None) -> Beside:
         """Likelihoods with the model and further columns (n, d), which are already divided by each row's own sd."""
-        n, df = self.left.shape[1], self.left.shape[1] - self.basis.shape[2]
-        rss, det_x = np.sum(self.left**2, axis=1), self.log_det_x
+        rss, det_x, k = np.sum(self.left**2, axis=1), self._log_det_x, self.basis.shape[2]
         if extra is not None and extra.shape[1]:
             white = self.noise.whiten(np.arange(len(self.left)), extra)
-            units, det = _bases(_off(self.basis, white), np.linalg.norm(white, axis=1))
+            units, triangle, log_length = _bases(_off(self.basis, white), np.linalg.norm(white, axis=1))
             rss = rss - np.sum(np.matmul(units.transpose(0, 2, 1), self.left[:, :, None])[:, :, 0] ** 2, axis=1)
-            det_x, df = det_x + det, df - extra.shape[1]
-        rss, df = np.maximum(rss, _TINY), max(df, 1)
+            det_x, k = det_x + _log_det(triangle, log_length), k + extra.shape[1]
+        return self._beside(rss, det_x, k)
+
+    def without(self, taken: IntArray) -> Beside | None:
+        """Likelihoods without some of the model's columns; None where these depend on each other.
+
+        What a column adds is along its dual, which is orthogonal to all others: a column of the inverse triangle.
+        """
+        k = self.basis.shape[2]
+        if np.any(np.abs(np.diagonal(self.triangle, axis1=1, axis2=2)) <= _ALIKE):
+            return None
+        picked = np.broadcast_to(np.eye(k)[:, taken], (len(self.left), k, len(taken)))
+        added, size = np.linalg.qr(np.linalg.solve(self.triangle.transpose(0, 2, 1), picked))
+        rss = np.sum(self.left**2, axis=1) + np.sum(np.matmul(self.along[:, None], added)[:, 0] ** 2, axis=1)
+        return self._beside(rss, self._log_det_x + _log_det(size, -self.log_length[:, taken]), k - len(taken))
+
+    def with_columns(self, extra: FloatArray) -> Grid:
+        """The same with further columns (n, d) in the model, which are already divided by each row's own sd."""
+        white = self.noise.whiten(np.arange(len(self.left)), extra)
+        length, across = np.linalg.norm(white, axis=1), np.zeros((len(white), self.basis.shape[2], extra.shape[1]))
+        for _ in range(2):
+            part = np.matmul(self.basis.transpose(0, 2, 1), white)
+            white, across = white - np.matmul(self.basis, part), across + part
+        units, corner, log_length = _bases(white, length)
+        upper = np.concatenate([self.triangle, across / np.maximum(length, _TINY)[:, None, :]], axis=2)
+        lower = np.concatenate([np.zeros_like(across.transpose(0, 2, 1)), corner], axis=2)
+        along = np.matmul(units.transpose(0, 2, 1), self.left[:, :, None])
+        return replace(
+            self,
+            basis=np.concatenate([self.basis, units], axis=2),
+            triangle=np.concatenate([upper, lower], axis=1),
+            log_length=np.concatenate([self.log_length, log_length], axis=1),
+            along=np.concatenate([self.along, along[:, :, 0]], axis=1),
+            left=self.left - np.matmul(units, along)[:, :, 0],
+        )
+
+    @property
+    def _log_det_x(self) -> FloatArray:
+        """(G,) of the model's columns whitened."""
+        return _log_det(self.triangle, self.log_length)
+
+    def _beside(self, rss: FloatArray, det_x: FloatArray, k: int) -> Beside:
+        n = self.left.shape[1]
+        rss, df = np.maximum(rss, _TINY), max(n - k, 1)
         reml = -0.5 * (df * np.log(rss) + self.noise.log_det + det_x)
         ml = -0.5 * (n * np.log(rss) + self.noise.log_det)
         return Beside(self.noise, n, reml, ml, rss / df)
@@ -110,15 +157,21 @@ def _off(basis: FloatArray, columns: FloatArray) -> FloatArray:
     return np.asarray(columns - np.matmul(basis, np.matmul(basis.transpose(0, 2, 1), columns)))
 
 
-def _bases(columns: FloatArray, length: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(G, n, d) orthonormal bases of columns (G, n, d), zero for dependent ones, and (G,) log |X'X|."""
+def _bases(columns: FloatArray, length: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(G, n, d) orthonormal bases of columns (G, n, d), zero for dependent ones; (G, d, d) triangles of columns over
+    their lengths (G, d); and (G, d) logarithms of these.
+    """
     columns = columns / np.maximum(length, _TINY)[:, None, :]
     if columns.shape[2] == 1:  # most calls
         r = np.linalg.norm(columns, axis=1)[:, :, None]
         q = columns / np.maximum(r, _TINY)
     else:
         q, r = np.linalg.qr(columns)
-    own = np.abs(np.diagonal(r, axis1=1, axis2=2))
-    kept = own > _ALIKE
-    det = 2.0 * np.sum(np.log(np.maximum(own, _ALIKE)) + np.log(np.maximum(length, _TINY)), axis=1)
-    return q * kept[:, None, :], det
+    kept = np.abs(np.diagonal(r, axis1=1, axis2=2)) > _ALIKE
+    return q * kept[:, None, :], r, np.log(np.maximum(length, _TINY))
+
+
+def _log_det(triangle: FloatArray, log_length: FloatArray) -> FloatArray:
+    """(G,) logarithm of the determinant of products of columns, by their triangle (G, d, d) over their lengths."""
+    own = np.abs(np.diagonal(triangle, axis1=1, axis2=2))
+    return np.asarray(2.0 * np.sum(np.log(np.maximum(own, _ALIKE)) + log_length, axis=1))
