@@ -56,3 +56,9 @@ def test_a_certificate_of_the_confirmed_effect_has_the_outputs_of_the_world(lab)
     for flow, output in ((1, 227.0), (3, 563.0)):
         one = next(row for name, row in rows.items() if name.startswith(f"sensor_1 output at flow {flow} kg/min"))
         assert abs(float(one["value"]) - output) < float(one["expanded"])
+
+
+def test_plan_takes_due_dates_from_the_register(lab):
+    told = rig("plan", "procedure.toml", "--bench", "bench.toml", cwd=lab)
+    assert "has no due date" not in told.stdout
+    assert "every calibration whose date is stated is valid until then" in told.stdout

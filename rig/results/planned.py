@@ -22,7 +22,7 @@ from procedures.durations import duration
 from procedures.kinds import kind_of
 from procedures.unused import unit_of
 from rig.bench_file import playing, unasked
-from rig.config import BenchConfig, due_dates
+from rig.config import due_dates
 from rig.disk_space import needed_bytes
 from rig.engine.guard import Guard
 from rig.errors import ConfigurationError, UsageError
@@ -33,7 +33,7 @@ from rig.plugins import driver_class
 from rig.register import DOCUMENT
 from rig.results.dwells import short_dwells
 from rig.results.frames import Frame, of_rows
-from rig.results.promised import Promised, beside, expired, not_stated, promised
+from rig.results.promised import Promised, beside, expired, not_stated, promised, registered
 from rig.results.result import Plots, Result
 from rig.results.unit_doubts import unit_doubts
 from rig.scatter import without_limit
@@ -80,7 +80,7 @@ class Plan(Result):
     def overdue(self) -> Sequence[str]:
         """Instruments whose own calibration is due before the end, or has no known date, one sentence each."""
         on = self.finish_latest.date()
-        return [*_due(self.checked.bench, on), *expired(self.checked, self.now.date(), on)]
+        return [*_due(self.checked, on), *expired(self.checked, self.now.date(), on)]
 
     @property
     def _told(self) -> dict[str, Any]:
@@ -245,7 +245,7 @@ class Plan(Result):
             yield Line(f"  environment: {escape(environment)}")
         yield from (Line(f"  [yellow]{escape(line)}[/]") for line in self.overdue)
         if not self.overdue:
-            yield Line("  the calibrations of all instruments are valid until then")
+            yield Line("  every calibration whose date is stated is valid until then")
         yield from (Line(f"  a certificate would say: {escape(one)}") for one in not_stated(checked))
         if names := beside(checked):
             yield Line(f"  in the register and not on the bench: {escape(', '.join(names))}")
@@ -367,9 +367,15 @@ def _environment(checked: Checked) -> str | None:
     return f"{', '.join(names)}: {asked}"
 
 
-def _due(bench: BenchConfig, on: date) -> Iterator[str]:
-    instruments = {name: one for name, one in bench.instruments.items() if one.address}  # a person has none
-    for kind, names, due in due_dates(bench.model_copy(update={"instruments": instruments})):
+def _due(checked: Checked, on: date) -> Iterator[str]:
+    """Dates of the bench file that are over or missing; a person has none, and a register speaks for its equipment."""
+    known = registered(checked)
+    asked = {
+        name: one
+        for name, one in checked.bench.instruments.items()
+        if one.address and (one.due is not None or one.asset not in known)
+    }
+    for kind, names, due in due_dates(checked.bench.model_copy(update={"instruments": asked})):
         what = f"reference standard of {names}" if kind == "reference" else names
         if due is None and kind == "instrument":
             yield f"{names}: the bench file has no due date of its calibration"

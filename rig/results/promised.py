@@ -117,6 +117,11 @@ def beside(plan: Plan) -> list[str]:
     return [asset for asset in register.equipment if asset not in named]
 
 
+def registered(plan: Plan) -> set[str]:
+    """Asset numbers of the register."""
+    return set(parse_register(plan.documents[DOCUMENT], DOCUMENT).equipment) if DOCUMENT in plan.documents else set()
+
+
 def expired(plan: Plan, first: date, on: date) -> list[str]:
     """Certificates that will not be valid from the first to the last date, a sentence each: no budget is then made.
 
