@@ -198,6 +198,15 @@ class Reader(Instrument, Protocol):
 
 
 @runtime_checkable
+class OneAfterAnother(Protocol):
+    """A reader that reads its channels one after another, in the order of `channels`; others read all at once."""
+
+    def sweep_s(self) -> float:
+        """Duration of one sweep over all channels, seconds."""
+        ...
+
+
+@runtime_checkable
 class WithUnits(Protocol):
     """A reader with channels that are not in volts or degrees Celsius."""
 

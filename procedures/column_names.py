@@ -37,8 +37,18 @@ def came_from(name: str) -> str:
 
 
 def moves_of(name: str) -> tuple[str, str]:
-    """The columns that say how a factor came to its setting: they are no quantities that a reading may depend on."""
+    """The columns that say how a factor came to its setting: how long it had stood, and what it came from."""
     return since_of(name), came_from(name)
+
+
+def read_at(name: str) -> str:
+    """The column with the elapsed time at which an output was read, where that is not the time of the row."""
+    return f"{stem_of(name) or name}_elapsed_s"
+
+
+def beside(name: str) -> tuple[str, ...]:
+    """Columns that say how or when a value came about: they are no quantities that a reading may depend on."""
+    return (*moves_of(name), read_at(name))
 
 
 def spelled(unit: str) -> str:

@@ -40,6 +40,7 @@ def test_an_observation_says_how_the_point_was_reached_read_and_found(tmp_path):
         "environment",
         "outputs",
         "temperatures",
+        "taken_s",
         "flags",
     ]
     assert [list(data) for data in seen] == [parts] * POINTS

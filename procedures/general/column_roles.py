@@ -16,7 +16,7 @@ from fitter.errors import FitError
 from fitter.formula import Formula, check_sizes
 from fitter.linear import orthonormal, spanned
 from procedures.catalogue import with_own
-from procedures.column_names import moves_of, with_word
+from procedures.column_names import beside, moves_of, read_at, with_word
 from procedures.errors import DataError
 from procedures.file_rows import rows_of_file
 from procedures.general.clock_texts import is_clock
@@ -26,6 +26,7 @@ from procedures.general.effects.own import missing_in
 from procedures.general.effects.scene import Grouping, Stood, TableScene
 from procedures.general.formula_settings import settings_of, subtracted
 from procedures.general.order import Parts, alike, identities, time_of
+from procedures.general.own_time import seen_by
 from procedures.general.trace import TableData
 from procedures.table import Columns, Reader, Table
 
@@ -118,6 +119,7 @@ def roles_of(table: Table, roles: Roles) -> tuple[TableData, tuple[str, ...]]:
 
 
 def _roles(table: Table, roles: Roles, formula: Formula, response: Formula) -> tuple[TableData, tuple[str, ...]]:
+    table = seen_by(table, roles.label)
     there = [*table.columns, *table.text, *table.gaps]
     missing = [name for name in roles.ignore if name not in there]
     if missing:
@@ -232,7 +234,7 @@ def _free(table: Table, roles: Roles, used: Sequence[str]) -> list[str]:
             if name in roles.ignore:
                 raise FitError(f"--candidates and --ignore both name {name}: leave out one of them")
         return [name for name in roles.candidates if name not in used]
-    taken = {*used, *roles.named, *roles.ignore, *(move for name in table.columns for move in moves_of(name))}
+    taken = {*used, *roles.named, *roles.ignore, *(other for name in table.columns for other in beside(name))}
     return [name for name in table.columns if name not in taken]
 
 
@@ -295,7 +297,8 @@ def used_columns(roles: Roles, parts: Mapping[str, Any]) -> set[str]:
     setpoints = {_setpoint_of(name) for name in parts.get("read by a reference", ())}
     direction = (parts["direction"] or "").partition("(")[2].removesuffix(")")
     setpoints |= {move for name in (*parts["settings"], *parts["covariates"]) for move in moves_of(name)}
-    return named | setpoints | {*roles.named, *parts["covariates"], parts["time"] or "", direction} - {""}
+    times = {read_at(roles.label), parts["time"] or ""}
+    return (named | setpoints | times | {*roles.named, *parts["covariates"], direction}) - {""}
 
 
 def _read_by_reference(settings: Sequence[str], table: Table) -> dict[str, str]:

@@ -85,11 +85,14 @@ def _common(name: str, each: Mapping[str, GeneralTraced], own: Mapping[str, Foun
     shapes = np.stack([one.contribution for one in own.values()])
     mean = shapes.mean(0)
     sizes = shapes @ mean / float(mean @ mean)
-    errors = sizes * np.array([_relative_error(one) for one in own.values()])
-    df = min((one.df for one in own.values() if one.df is not None), default=1.0)
     alike = bool(
         np.all(np.linalg.norm(shapes - np.outer(sizes, mean), axis=1) <= SHAPE * np.linalg.norm(shapes, axis=1))
     )
+    by_time = all(one.dynamic for one in own.values())
+    if by_time:  # what is left of it depends on when an output was read; its coefficient does not
+        sizes = np.array([one.coefficients[0] for one in own.values()])
+    errors = sizes * np.array([_relative_error(one, by_time=by_time) for one in own.values()])
+    df = min((one.df for one in own.values() if one.df is not None), default=1.0)
     told = Common(name, tuple(own), (), (), float(np.ptp(sizes) / abs(sizes.mean())))
     if not alike:
         return told
@@ -106,9 +109,11 @@ def _common(name: str, each: Mapping[str, GeneralTraced], own: Mapping[str, Foun
     return Common(name, told.outputs, tuple(same), tuple(same.values()), told.spread)
 
 
-def _relative_error(effect: FoundTableEffect) -> float:
-    """Standard error of its largest coefficient, relative to it."""
-    pairs = zip(effect.coefficients, effect.stderr, strict=True)
+def _relative_error(effect: FoundTableEffect, *, by_time: bool) -> float:
+    """Standard error of its size, relative to it: of its first coefficient, or of what it adds to the output."""
+    if by_time:
+        return abs(effect.stderr[0] / effect.coefficients[0])
+    pairs = zip(effect.coefficients, effect.given, strict=True)
     return min((abs(error / value) for value, error in pairs if value and error > 0.0), default=np.inf)
 
 

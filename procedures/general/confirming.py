@@ -15,7 +15,7 @@ from fitter.confirm import Confirmation, Later, Question
 from fitter.effects.entry import Entry
 from fitter.effects.hands import Done
 from fitter.errors import FitError
-from procedures.column_names import moves_of, spelled, unit_of, with_word
+from procedures.column_names import moves_of, read_at, spelled, unit_of, with_word
 from procedures.confirming import SETTLED, ConfirmedFit, Confirming, in_words
 from procedures.errors import DataError
 from procedures.further_runs import Variation, repeated
@@ -26,9 +26,10 @@ from procedures.general.found_in_run import FoundInRun
 from procedures.general.further_runs import values_of, with_routine
 from procedures.general.of_runs import Asked, RunTraced, fit_run, recorded
 from procedures.general.options import FitOptions, TraceOptions
+from procedures.general.own_time import TIME
 from procedures.general.planning import check_declared, evaluations
 from procedures.general.settings import GeneralProcedure
-from procedures.general.together import TIME, GeneralTogether, Observations
+from procedures.general.together import GeneralTogether, Observations
 from procedures.run_list import RunList
 from procedures.table import Table
 
@@ -272,6 +273,8 @@ class GeneralConfirming(Confirming):
             if since in first.columns:
                 stood = float(np.median(first.columns[since])) + wait_s
                 columns |= {since: np.full(n, stood), start: np.concatenate([setting[:1], setting[:-1]])}
+        for own in (own for own in map(read_at, first.outputs) if own in first.columns):
+            columns[own] = columns[TIME] + float(np.median(first.columns[own] - first.columns[TIME]))
         sides = np.array([p.sides for p in run_list.points], np.float64)
         columns |= {f"{f.axis}_side": sides[:, at] for at, f in enumerate(run_list.factors) if f in run_list.sided}
         then, now = (t - t.min() for t in (first.columns[TIME], columns[TIME]))

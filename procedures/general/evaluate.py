@@ -118,9 +118,9 @@ def _worded(found: TableTrace, effect: FoundTableEffect, df: float) -> Finding:
     """An effect or a finding about the noise with intervals and a sentence; `df` of its standard errors."""
     t = t_limit(0.95, df)
     halves = [t * error for error in effect.stderr]
-    size, pairs = "", zip(effect.coefficients, effect.stderr, strict=True)
+    size, pairs = "", zip(effect.coefficients, effect.given, strict=effect.stratum != "noise")
     known = [(c, e) for c, e in pairs if np.isfinite(e) and e > 0]
-    if known and effect.stratum != "noise":  # for several columns as if they were orthogonal
+    if known:  # for several columns as if they were orthogonal
         part, rms = t / float(np.sqrt(sum((c / e) ** 2 for c, e in known))), effect.rms
         about = "about " if len(known) > 1 else ""
         ends = rms * max(1.0 - part, 0.0), rms * (1.0 + part)

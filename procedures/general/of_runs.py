@@ -12,7 +12,7 @@ from fitter.errors import FitError
 from fitter.formula import Formula
 from fitter.trace.outcome import Outcome
 from procedures.blocks import Block, Line
-from procedures.column_names import moves_of, split_unit
+from procedures.column_names import moves_of, read_at, split_unit
 from procedures.errors import DataError
 from procedures.general.column_roles import Roles
 from procedures.general.common import Common, common_of
@@ -318,5 +318,5 @@ def _ignored(name: str, table: Table) -> bool:
     stem, unit = split_unit(name)
     measured = stem.endswith("_set") and f"{stem.removesuffix('_set')}_{unit}" in table.columns
     doubled = measured or stem.endswith("_readback")
-    moved = any(name in moves_of(factor) for factor in table.factors)
+    moved = any(name in moves_of(factor) for factor in table.factors) or name in map(read_at, table.outputs)
     return name in _NOT_TRACED or name in table.outputs or name in table.set_in.values() or doubled or moved

@@ -11,10 +11,8 @@ from fitter.arrays import FloatArray
 from procedures.general.effects import OF_CONSTANT, TableEffect
 from procedures.general.effects.columns import without_side
 from procedures.general.effects.literal import Rows, column
-from procedures.general.effects.scene import Profile, TableTerm
+from procedures.general.effects.scene import TableTerm
 from procedures.general.effects.time_columns import of_start
-
-_STEP = 1e-3
 
 
 @dataclass(frozen=True)
@@ -54,10 +52,10 @@ class RunTerm:
         if not self.slope:
             return column(self.block.labels[self.at], rows)
         assert self.block.profile is not None
-        profile = self.block.profile
-        above, below = (profile.at(profile.value * (1.0 + step)).labels for step in (_STEP, -_STEP))
-        every = zip(self.slope, above, below, strict=True)
-        return np.asarray(sum(size * (column(a, rows) - column(b, rows)) for size, a, b in every)) / (2.0 * _STEP)
+        above, below, step = self.block.profile.around
+        every = zip(self.slope, above.labels, below.labels, strict=True)
+        change = np.asarray(sum(size * (column(a, rows) - column(b, rows)) for size, a, b in every))
+        return change * (self.block.profile.value / step)
 
 
 def columns_of(effect: TableEffect, block: TableTerm, sensor: str, sizes: FloatArray) -> Iterator[RunTerm]:
@@ -73,11 +71,5 @@ def columns_of(effect: TableEffect, block: TableTerm, sensor: str, sizes: FloatA
     for at in np.flatnonzero(own).tolist():
         yield RunTerm(effect, Label(block.labels[at]), sensor, block, at)
     sizes = sizes * own
-    if block.profile is not None and np.any(_slopes(block.profile) @ sizes):
+    if block.profile is not None and np.any(block.profile.value * block.profile.slopes @ sizes):
         yield RunTerm(effect, Label(f"{OF_CONSTANT}{block.labels[0]}"), sensor, block, 0, slope=tuple(sizes.tolist()))
-
-
-def _slopes(profile: Profile) -> FloatArray:
-    """(n, d) change of a term's columns with the logarithm of its searched constant."""
-    above, below = (profile.at(profile.value * (1.0 + step)).columns for step in (_STEP, -_STEP))
-    return np.asarray((above - below) / (2.0 * _STEP))

@@ -18,17 +18,18 @@ from fitter.confirm.runs import Later, changes, numbers
 from fitter.confirm.together import Candidates, Own
 from fitter.errors import FitError
 from fitter.trace.growing_noise import Growth
+from procedures.column_names import read_at
 from procedures.errors import DataError
 from procedures.general.column_roles import Roles, roles_of
 from procedures.general.effects.literal import Rows
 from procedures.general.effects.of_time import WARM_UP
 from procedures.general.effects.time_columns import BLOCK, MOST_INTERRUPTIONS, interruptions
+from procedures.general.own_time import TIME, seen_by
 from procedures.general.run_terms import RunTerm
 from procedures.general.trace import TableData, TableTrace
 from procedures.general.trace.places import places_of
 from procedures.table import Table
 
-TIME = "elapsed_s"
 _NUMBERED = ("replicate", "order", "block", "whole_plot")
 """Columns of numbers that go on in a later run."""
 One = TypeVar("One")
@@ -74,14 +75,14 @@ def join(first: Table, later: Table, after_s: float, needed: Sequence[str]) -> T
     missing = next((name for name in needed if name not in later.columns), None)
     if missing is not None:
         raise FitError(f"the confirming run has no {missing}, which the traced run has")
-    columns = {}
+    columns, times = {}, {TIME, *map(read_at, first.outputs)}
     for name in first.columns:
         if name not in later.columns:
             continue
         a, b = first.columns[name], later.columns[name]
         if name in _NUMBERED:
             b = b - b.min() + a.max() + 1
-        elif name == TIME:
+        elif name in times:
             b = b + after_s
         columns[name] = np.concatenate([a, b])
     return replace(first, columns=columns, rows=())
@@ -119,7 +120,7 @@ class Whole:
     traces: Mapping[str, TableTrace]
     begins: tuple[int, ...]
     remembered: Mapping[str, Remembered]
-    _kept: dict[tuple[str, tuple[float, ...], bool], FloatArray] = field(default_factory=dict)
+    _kept: dict[tuple[str, str, tuple[float, ...]], FloatArray] = field(default_factory=dict)
 
     def of(self, outputs: Collection[str]) -> Whole:
         """The same for some of the sensors."""
@@ -133,23 +134,18 @@ class Whole:
 
     def columns(self, term: RunTerm) -> FloatArray:
         """(n,) the column of a term in all rows, as its formula says."""
-        anew = term.effect.kind.name == WARM_UP.name
-        key = term.block.labels[term.at], term.slope, anew
+        key = term.sensor, term.block.labels[term.at], term.slope
         if key not in self._kept:
-            rows = self._since_begin if anew else self._rows
-            self._kept[key] = term.column(rows)
+            self._kept[key] = term.column(self._rows(term.sensor, anew=term.effect.kind.name == WARM_UP.name))
         return self._kept[key]
 
-    @cached_property
-    def _rows(self) -> Rows:
-        return Rows(self.table.columns, self.table.columns[TIME], self.begins)
-
-    @cached_property
-    def _since_begin(self) -> Rows:
-        """The rows with a time that begins anew in every run."""
-        t = self.table.columns[TIME]
-        since = np.concatenate([run - run[0] + t[0] for run in np.split(t, self.begins[1:])])
-        return Rows({**self.table.columns, TIME: since}, since, self.begins)
+    def _rows(self, output: str, *, anew: bool) -> Rows:
+        """The rows at the times of an output; `anew` with a time that begins anew in every run."""
+        columns = seen_by(self.table, output).columns
+        t = columns[TIME]
+        if anew:
+            t = np.concatenate([run - run[0] + t[0] for run in np.split(t, self.begins[1:])])
+        return Rows({**columns, TIME: t}, t, self.begins)
 
     def started(self, output: str) -> FloatArray:
         """(n, c) decays from the first row of every later session on: it is not known what stood before, for how long.

@@ -23,7 +23,7 @@ from procedures.general.effects.columns import less, middle, origin
 from procedures.general.effects.of_time import WARM_UP
 from procedures.general.effects.time_columns import lag, of_start, previous
 from procedures.general.of_runs import Asked, RunFitted, fit_run, noted_of, recorded, trace_run
-from procedures.general.together import TIME
+from procedures.general.own_time import TIME
 from procedures.general.trace import FoundTableEffect, TableTrace
 from procedures.table import Table
 

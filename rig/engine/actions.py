@@ -19,7 +19,7 @@ from rig.bench import Bench
 from rig.engine.axes import Axes, AxisReading
 from rig.engine.fault_classes import NotHomed, NotSettled, TemperaturesNotSettled
 from rig.engine.guard import Guard
-from rig.engine.measuring import Observation, assemble, standards
+from rig.engine.measuring import Observation, assemble, spans_of, standards
 from rig.engine.motion import Arrival, Leg, Move, arrived, delay_of_step
 from rig.engine.settling import Criteria, Settling
 
@@ -401,18 +401,29 @@ class BenchActions:
             references: factors whose readback is the reference of the calibration; they are read during the sweeps.
 
         """
-        due = max(reader.start(readings) for reader in self._readers.values())
+        asked = self._clock.now()
+        started: dict[str, tuple[float, float]] = {}
+        for name, reader in self._readers.items():
+            due = reader.start(readings)
+            started[name] = self._clock.now(), due
         seen: dict[str, list[float]] = {f.name: [] for f in references}
-        end = self._clock.now() + due
+        end = self._clock.now() + max(due for _, due in started.values())
         while references and self._clock.now() < end:
             self._note(seen, references)
             self._wait(min(poll_s, max(end - self._clock.now(), 1e-3)))
         self._wait(max(0.0, end - self._clock.now()))
-        fetched = {name: reader.fetch() for name, reader in self._readers.items()}
+        fetched, taken = {}, {}
+        for name, reader in self._readers.items():
+            before = self._clock.now()
+            fetched[name] = reader.fetch()
+            taken[name] = spans_of(reader, *started[name], before, self._clock.now())
         self._note(seen, references)
         bench = self._bench
         found = assemble(fetched, bench.sensors, bench.scales, bench.temperatures, seen)
         found.references |= standards(fetched, bench.references, bench.standards)
+        every = {**bench.sensors, **bench.temperatures, **bench.references}
+        spans = {column: taken[name][channel] for column, (name, channel) in every.items()}
+        found.taken_s = {column: (round(a - asked, 3), round(b - asked, 3)) for column, (a, b) in spans.items()}
         self._guard.check_temperatures({name: channel.mean for name, channel in found.temperatures.items()})
         return found
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from drivers.roles import any_overload, is_overload
+from drivers.roles import OneAfterAnother, Reader, any_overload, is_overload, plays
 
 
 class Channel:
@@ -54,6 +54,7 @@ class Observation:
         outputs: by column name, `x_V`, in the column's unit.
         temperatures: by column name, `sensor_temperature_degC`.
         references: readbacks of the reference during the readings, by column name.
+        taken_s: by column, when its readings began and ended, seconds after those of the point began.
         flags: remarks for readers of the data ("noisy", "contradictory").
 
     """
@@ -61,6 +62,7 @@ class Observation:
     outputs: dict[str, Channel]
     temperatures: dict[str, Channel]
     references: dict[str, Channel] = field(default_factory=dict)
+    taken_s: dict[str, tuple[float, float]] = field(default_factory=dict)
     flags: list[str] = field(default_factory=list)
 
     def overloaded(self) -> list[str]:
@@ -96,6 +98,7 @@ class Observation:
             "outputs": {name: c.as_json() for name, c in self.outputs.items()},
             "temperatures": {name: c.as_json() for name, c in self.temperatures.items()},
             **({"references": {n: c.as_json() for n, c in self.references.items()}} if self.references else {}),
+            "taken_s": self.taken_s,
             "flags": self.flags,
         }
 
@@ -148,3 +151,24 @@ def standards(
         factor: Channel(tuple(r if is_overload(r) else values[factor](r) for r in fetched[reader][channel]))
         for factor, (reader, channel) in sources.items()
     }
+
+
+def spans_of(
+    reader: Reader, began: float, due: float, asked: float, answered: float
+) -> Mapping[str, tuple[float, float]]:
+    """When the readings of each channel began and ended.
+
+    An instrument that keeps its readings takes them from `start` on; any other takes them when they are asked for.
+
+    Args:
+        reader: the instrument.
+        began: time of its `start`.
+        due: duration that this returned.
+        asked: time before its `fetch`.
+        answered: time after it.
+    """
+    first, last = (began, began + due) if due > 0.0 else (asked, answered)
+    names = reader.channels()
+    each = reader.sweep_s() / len(names) if plays(reader, OneAfterAnother) else 0.0
+    spare = [min(each * k, last - first) for k in range(len(names))]
+    return {name: (first + before, last - after) for name, before, after in zip(names, spare, spare[::-1], strict=True)}

@@ -107,6 +107,7 @@ STEPS = Kind("a list of steps by hand", _of_all(_is_step))
 MAYBE_TEXT = Kind("a text or nothing", lambda value: value is None or _is_text(value))
 MAYBE_NUMBER = Kind("a number or nothing", lambda value: value is None or _finite(value))
 ARRIVALS = Kind("side and start by axis", _by_name(_arrival))
+SPANS = Kind("two numbers of seconds by column", _by_name(_arrival))
 MOVES = Kind("elapsed seconds and a setting, by axis", _by_name(_arrival))
 
 Text = Annotated[str, TEXT]
@@ -128,6 +129,7 @@ MaybeText = Annotated[str | None, MAYBE_TEXT]
 MaybeNumber = Annotated[float | None, MAYBE_NUMBER]
 Steps = Annotated[Sequence[Mapping[str, Any]], STEPS]
 Arrivals = Annotated[Mapping[str, Sequence[float]], ARRIVALS]
+Spans = Annotated[Mapping[str, Sequence[float]], SPANS]
 Moves = Annotated[Mapping[str, Sequence[float]], MOVES]
 """Types of the fields of events (`rig.run_file.events`)."""
 

@@ -35,6 +35,7 @@ from rig.run_file.events.sessions import Ended, Identified, SessionBegan
 from rig.run_file.reader import RunReader
 from rig.run_file.state import read_state
 from rig.tables.evidence import evidence_of, fill_flags
+from rig.tables.own_times import keep_those_that_differ, own_times, typed_in
 from rig.tables.set_in import put_in_place
 
 _MOUNTING = ("mounting_x_deg", "mounting_y_deg", "mounting_z_deg")
@@ -61,7 +62,7 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False, ev
         bench = Stored.of(documents, "bench.toml")
         factors = bench.table("factors").texts()
         turned = {f"mounting_{axis}": turn for axis, turn in mounting_of(documents).items()}
-        made, settings = ((), []) if salvage else (_by_hand(reader), _set_by_hand(reader))
+        made, settings, typed = ((), [], {}) if salvage else (_by_hand(reader), _set_by_hand(reader), typed_in(reader))
         rows: list[dict[str, float]] = []
         left_out, rejected, flags = 0, 0, Counter[str]()
         doubted = _doubted(reader.salvage() if salvage else reader.records(WholePlotLost.kind))
@@ -78,7 +79,9 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False, ev
                 if not (accepted or everything):
                     continue
                 seen = corrections.seen(record)
-                row = _row(record, seen, run_list, len(rows) + 1, factors)
+                row = _row(record, seen, run_list, len(rows) + 1, factors) | (
+                    own_times(record, seen, typed) if factors else {}
+                )
                 flags.update(marks(row, record, seen))
                 row["block"] += sum(one.elapsed_s <= record.elapsed_s for one in made)
             except ContentsError:
@@ -331,6 +334,7 @@ def _fill(
             for row in rows:
                 if factor.set_name not in row and "run_index" in row:
                     row[factor.set_name] = run_list.setting(run_list.points[int(row["run_index"])])[factor.name]
+    keep_those_that_differ(rows)
     _fill_stated(rows, made, bench)
     _fill_since(rows, settings)
     fill_flags(rows)

@@ -27,6 +27,9 @@ _UNITS = (
 APART, WITHIN, ROWS_OF_LEVEL = 1.0 / 200.0, 1.0 / 100.0, 3
 """Levels of a setting: least distance and largest deviation, as shares of its range, and fewest rows of one on
 average."""
+_STEP = 1e-3
+"""Step of a searched constant for derivatives, as a share of it; near zero, of a quarter of what the search leaves
+open."""
 CYCLES = {"annual": 365.25 * 86400.0, "daily": 86400.0}
 """Periods with names, tested if the time covers them, seconds."""
 
@@ -208,6 +211,24 @@ class Profile:
     def rows(self, kept: IntArray) -> Profile:
         """The same for some of the rows."""
         return replace(self, at=lambda value: self.at(value).rows(kept))
+
+    @property
+    def each(self) -> tuple[Profile, ...]:
+        """The profile of every constant of the term, this one first: that of the other is in the term that it gives."""
+        other = self.at(self.value).profile if self.constants > 1 else None
+        return (self,) if other is None else (self, other)
+
+    @cached_property
+    def around(self) -> tuple[TableTerm, TableTerm, float]:
+        """The terms for a value a little above and a little below this one, and the difference of these values."""
+        step = _STEP * max(abs(self.value), 0.25 * (self.high - self.low))
+        return self.at(self.value + step), self.at(self.value - step), 2.0 * step
+
+    @property
+    def slopes(self) -> FloatArray:
+        """(n, d) change of the term's columns with the constant."""
+        above, below, step = self.around
+        return np.asarray((above.columns - below.columns) / step)
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,7 +24,10 @@ class Estimate:
         chosen: candidates in it.
         at: covariance of the noise it was fitted with.
         coefficients: (k + d,) of the declared columns, then of the effects' columns.
-        stderr: (k + d,) their standard errors; NaN if the rows do not determine them.
+        stderr: (k + d,) their standard errors, with the errors of searched constants by the delta method; NaN if the
+            rows do not determine them.
+        given: (k + d,) the same with searched constants as found.
+        taken: effects of which a searched constant is taken as found in both, as the date of a step.
         dfs: (k + d,) degrees of freedom of these.
         fitted: (n,) fitted response.
         left: (n,) residuals of ordinary least squares of the same columns, whose standard error is `sigma_E`.
@@ -35,6 +39,8 @@ class Estimate:
     at: int
     coefficients: FloatArray
     stderr: FloatArray
+    given: FloatArray
+    taken: tuple[str, ...]
     dfs: FloatArray
     fitted: FloatArray
     left: FloatArray
@@ -57,16 +63,56 @@ def estimate(judge: TableJudge, chosen: tuple[int, ...], tails: FloatArray | Non
     """
     problem, at = judge.problem, judge.beside(chosen).best
     model = problem.model(chosen)
-    plain = at == 0 and np.ptp(problem.sd) == 0.0
-    if plain:
-        fit = _solved(model, judge.held(chosen), tails)
-    else:
-        white = problem.noise.whiten(np.array([at]), model / problem.sd[:, None])[0]
-        fit = _solved(white, judge.white(at, chosen), None)
-    coefficients, stderr = fit if fit is not None else _smallest(model, problem.y)
+    k = model.shape[1]
+
+    def errors(columns: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray] | None:
+        """Coefficients, standard errors and degrees of freedom for a model whose first columns are these."""
+        if at == 0 and np.ptp(problem.sd) == 0.0:
+            fit = _solved(columns, judge.held(chosen), tails)
+        else:
+            white = problem.noise.whiten(np.array([at]), columns / problem.sd[:, None])[0]
+            fit = _solved(white, judge.white(at, chosen), None)
+        if fit is None:
+            return None
+        plain = fit[1], np.full(k, float(judge.problem.n - columns.shape[1]))
+        stderr, dfs = _beside_shared(judge, chosen, columns) or plain
+        return fit[0], stderr[:k], dfs[:k]
+
     left, df = _plain(judge, chosen)
-    stderr, dfs = _beside_shared(judge, chosen, model) or (stderr, np.full(len(stderr), float(df)))
-    return Estimate(chosen, at, coefficients, stderr, dfs, model @ coefficients, left, _sigma(left, df), df)
+    alone = errors(model) or (*_smallest(model, problem.y), np.full(k, float(df)))
+    slopes, taken = _of_constants(judge, chosen, alone[0][problem.declared.shape[1] :])
+    with_them = errors(np.hstack([model, slopes])) if slopes.shape[1] else alone
+    if with_them is None:
+        names = (judge.candidates[j].effect.name for j in _searched(judge, chosen))
+        with_them, taken = alone, tuple(dict.fromkeys(names))
+    (coefficients, given, _), (_, stderr, dfs) = alone, with_them
+    fitted = model @ coefficients
+    return Estimate(chosen, at, coefficients, stderr, given, taken, dfs, fitted, left, _sigma(left, df), df)
+
+
+def _searched(judge: TableJudge, chosen: Sequence[int]) -> list[int]:
+    """Those of the candidates that have searched constants."""
+    profiles = ((j, judge.candidates[j].term.profile) for j in chosen)
+    return [j for j, profile in profiles if profile is not None and profile.low < profile.high]
+
+
+def _of_constants(judge: TableJudge, chosen: Sequence[int], sizes: FloatArray) -> tuple[FloatArray, tuple[str, ...]]:
+    """(n, c) change of the response with each searched constant of the chosen candidates, whose columns have these
+    coefficients (d,), to a factor; and the effects of which the change is zero between rows.
+    """
+    searched, columns, taken, start = set(_searched(judge, chosen)), [], [], 0
+    for j in chosen:
+        term = judge.candidates[j].term
+        own = sizes[start : start + term.columns.shape[1]]
+        start += len(own)
+        for profile in () if j not in searched or term.profile is None else term.profile.each:
+            change = profile.slopes @ own
+            length = float(np.linalg.norm(change))
+            if np.count_nonzero(change) > 1:
+                columns.append(change / length)
+            else:
+                taken.append(judge.candidates[j].effect.name)
+    return np.column_stack([np.zeros((judge.problem.n, 0)), *columns]), tuple(dict.fromkeys(taken))
 
 
 def _beside_shared(

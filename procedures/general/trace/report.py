@@ -95,7 +95,7 @@ def trace_general(data: TableData, *, validate: bool = True) -> TableTrace:
         effects=(*effects, *noise),
         unnamed=rest,
         instead=drawn_instead(nameless, tuple(effect.effect for effect in effects if effect.doubtful)),
-        remarks=(*_remarks(found, data), *_not_predicted(0 if crossed is None else crossed[2])),
+        remarks=(*_remarks(found, data, after), *_not_predicted(0 if crossed is None else crossed[2])),
         y=data.y,
         variables=_variables(data) | _others(data),
         levels={name: g.levels for name, g in data.scene.groups.items()},
@@ -131,7 +131,7 @@ def _beyond_chance(effect: FoundTableEffect, tried: int) -> bool:
 
     By its largest coefficient, in standard errors, over all that were tried (Bonferroni).
     """
-    known = [abs(c / e) for c, e in zip(effect.coefficients, effect.stderr, strict=True) if e > 0.0]
+    known = [abs(c / e) for c, e in zip(effect.coefficients, effect.given, strict=True) if e > 0.0]
     if not effect.p_adjusted_is_bound or effect.df is None or not known:
         return False
     return tried * t_tail(max(known), effect.df) <= CHANCE
@@ -198,6 +198,8 @@ def _effect(judge: TableJudge, after: Estimate, name: str, data: TableData) -> F
         contribution=own,
         other_causes=sum((one.family, one.columns) != (effect.family, effect.columns) for one in alike) + len(courses),
         df=float(np.min(after.dfs[picked])),
+        given=tuple(after.given[picked].tolist()),
+        dynamic=effect.dynamic,
     )
 
 
@@ -278,7 +280,7 @@ def _not_predicted(rows: int) -> Iterator[str]:
         )
 
 
-def _remarks(found: Found, data: TableData) -> tuple[str, ...]:
+def _remarks(found: Found, data: TableData, after: Estimate) -> tuple[str, ...]:
     judge, remarks = found.judge, [one.sentence for one in found.not_kept]
     time, *courses = _one_course(data) or ("",)
     remarks += [swept_once(name, time) for name in courses]
@@ -294,5 +296,9 @@ def _remarks(found: Found, data: TableData) -> tuple[str, ...]:
         f"Intervals leave that out: after steps, size and constant of a lag are further off"
         for one in lags
         if one.columns[0] in data.scene.settings and data.scene.stood(one.columns[0]) is None
+    ]
+    remarks += [
+        f"{name}: the interval of its size takes its searched constant as found: these rows give it no error"
+        for name in after.taken
     ]
     return tuple(dict.fromkeys(remarks))

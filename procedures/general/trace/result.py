@@ -33,6 +33,9 @@ class FoundTableEffect(Found):
         intervals: for a finding about noise, ratio of true standard error to that of least squares with independent,
             equal rows, by coefficient of the declared model.
         df: degrees of freedom of its standard errors, the fewest; None for noise.
+        given: (d,) standard errors of its coefficients with searched constants as found, for what it adds to the
+            response, which hardly depends on them; () for noise.
+        dynamic: whether what it adds depends on how long settings were held.
     """
 
     family: str
@@ -41,6 +44,8 @@ class FoundTableEffect(Found):
     other_causes: int = 0
     intervals: Mapping[str, float] = field(default_factory=dict)
     df: float | None = None
+    given: tuple[float, ...] = ()
+    dynamic: bool = False
 
     @property
     def rms(self) -> float:

@@ -6,7 +6,20 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from rig.run_file.bodies import Arrivals, Chambers, Channels, Count, Moves, Numbers, Seconds, Span, Table, Text, Words
+from rig.run_file.bodies import (
+    Arrivals,
+    Chambers,
+    Channels,
+    Count,
+    Moves,
+    Numbers,
+    Seconds,
+    Span,
+    Spans,
+    Table,
+    Text,
+    Words,
+)
 from rig.run_file.events.event import DECISION, DETAIL, EMPTY, LOSS, ROUTINE, Event, Importance, Status
 
 if TYPE_CHECKING:
@@ -42,6 +55,8 @@ class Observed(Event, kind="observation", matters=DETAIL):
         moved: when each axis left its last setting, in elapsed time, and that setting. A gradual move counts as a step
             at the time at which the mean of what it passed is that of the step, and an overtravel is no setting.
         measured_s: elapsed time when the readings began and ended.
+        taken_s: by column, when its own readings began and ended, seconds after the readings of the point began. What
+            was read while others were, such as a readback, has no entry.
         environment: state of the chambers, by name.
         overload: columns that were out of range; `readings` is used only then, with null for overloads.
         readings: readings by column.
@@ -67,6 +82,7 @@ class Observed(Event, kind="observation", matters=DETAIL):
     outputs: Channels = EMPTY
     temperatures: Channels = EMPTY
     references: Channels = EMPTY
+    taken_s: Spans = EMPTY
     flags: Words = EMPTY
     rejected: Sequence[Mapping[str, Any]] = EMPTY
     hole_s: Seconds | None = None

@@ -14,7 +14,8 @@ from rig.run_file.sense.case import Case
 from rig.run_file.state import RunState
 
 _ROUNDING_S = 0.002
-"""Seconds by which a session's first record may appear to be before the last record of the previous session."""
+"""Seconds by which a session's first record may appear to be before the last record of the previous session, and the
+readings of a channel to be longer than those of its point."""
 _NAMED_S = 3600.0
 """On a real bench the run's name has the date of its first record, to the second."""
 _STEP_S = 120.0
@@ -88,6 +89,12 @@ class Times:
         if event.measured_s is not None:
             self._measures = True
             yield from self._read(record, *event.measured_s)
+            long_s = event.measured_s[1] - event.measured_s[0] + _ROUNDING_S
+            for name, (first, last) in event.taken_s.items():
+                if not 0.0 <= first <= last <= long_s:
+                    yield (
+                        f"{name} was read from {first:.3f} s to {last:.3f} s of its readings, which took {long_s:.3f} s"
+                    )
         elif self._measures and event.overload is None:
             yield "it does not say when it was read, as those before it do"
         self._observed_s = record.elapsed_s
