@@ -40,7 +40,7 @@ _MOST_ERRORS = 10  # the controller keeps ten errors
 
 
 class NewportESP301:
-    """The head's two axes behind one controller; satisfies `drivers.roles.Head`.
+    """The head's two axes behind one controller; satisfies `drivers.roles.Head` and `SelfChecking`.
 
     Args:
         name: the bench's name for it.
@@ -149,13 +149,32 @@ class NewportESP301:
             question = ";".join(f"{n}{name}?" for name in wanted)
             answers = self._line.query_lines(question, len(wanted))
             for (name, value), answer in zip(wanted.items(), answers, strict=True):
-                allowed = _ANGLE_ROUNDING_DEG if name in ("SL", "SR") else _SPEED_ROUNDING * value
-                if abs(self._number(question, answer) - value) > allowed:
+                if not self._kept(name, value, self._number(question, answer)):
                     raise BadReply(
                         f"{self._line.where}: {axis} was set to {name} {value:g} and reads back {answer}; "
                         f"check the stage's own maximum settings"
                     )
         self._faults = dict.fromkeys(self._numbers, "")
+
+    def wrong(self) -> Sequence[str]:
+        """See `SelfChecking.wrong`: the unit and the limits of both axes, which its front panel can change."""
+        wanted = {
+            f"{n}{name}?": value
+            for axis, n in self._numbers.items()
+            for name, value in zip(("SN", "SL", "SR"), (_DEGREES, *self._limits[axis]), strict=True)
+        }
+        question = ";".join(wanted)
+        answers = self._line.query_lines(question, len(wanted))
+        return [
+            f"{self._line.where}: {asked} is {answer} and should be {value:g}"
+            for (asked, value), answer in zip(wanted.items(), answers, strict=True)
+            if not self._kept(asked[1:3], value, self._number(question, answer))
+        ]
+
+    @staticmethod
+    def _kept(name: str, value: float, found: float) -> bool:
+        """Whether a setting reads back as it was set, but for the controller's rounding."""
+        return abs(found - value) <= (_ANGLE_ROUNDING_DEG if name in ("SL", "SR") else _SPEED_ROUNDING * value)
 
     def home(self) -> None:
         """See `Head.home`; `read` reports an axis as homed after its search has ended at zero without an error."""

@@ -8,7 +8,7 @@ from serial_bench import FakePlant, plug_in, wires
 
 from drivers.errors import BadReply, InstrumentError, LimitError, NotReady, WrongInstrument
 from drivers.newport_esp301 import NewportESP301
-from drivers.roles import Head
+from drivers.roles import Head, SelfChecking
 from sims.twins.newport_esp301 import NewportESP301Twin
 from sims.world import World
 
@@ -68,6 +68,21 @@ def test_prepare_sets_and_reads_back_every_setting():
     ]
     assert all(len(line) <= 80 for line in rig.wire.sent())
     assert rig.plant.head.commands == []
+
+
+def test_a_unit_or_a_limit_that_was_changed_at_its_panel_is_told():
+    """It is asked before and after the readings of every point (`drivers.roles.SelfChecking`)."""
+    rig = Rig().ready()
+    assert isinstance(rig.head, SelfChecking)
+    assert rig.head.wrong() == []
+    assert rig.wire.sent() == [b"1SN?;1SL?;1SR?;2SN?;2SL?;2SR?\r"]
+    rig.twin._axes[2].values["SN"] = 10.0
+    rig.twin._axes[1].values["SR"] = 45.0
+    units, limits = sorted(rig.head.wrong(), reverse=True)
+    assert "2SN? is 10 and should be 7" in units
+    assert "1SR? is 45 and should be 190" in limits
+    rig.head.prepare()
+    assert rig.head.wrong() == []
 
 
 def test_no_line_is_longer_than_the_controller_takes():
