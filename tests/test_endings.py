@@ -18,9 +18,11 @@ from command import rig
 from test_hard_anything import LINE, LINE_PROCEDURE, LINE_WORLD
 
 from drivers.roles import Chamber, ChamberState, PressureController, PressureState, Reader, Source, SourceState
+from rig.cli.status import check_code
 from rig.engine.safe_state import outputs_on
 from rig.protection import SafetyConfig
 from rig.run_file.events.bench import MadeSafe
+from rig.run_file.state import RunState
 
 RUN = (sys.executable, "-m", "rig", "run", "procedure.toml", "--bench", "bench.toml", "--dry", "--world", "world.toml")
 
@@ -240,3 +242,10 @@ def test_a_reader_that_has_gone_is_no_fault(arguments):
     finally:
         os.close(write)
     assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.parametrize(("lost", "code"), [(0, 0), (1, 0), (2, 3)])
+def test_status_of_a_complete_run_counts_lost_points_as_its_end_did(lost, code, tmp_path):
+    """A run that loses more than a tenth ends in 3; its status said 0."""
+    state = RunState(points=10, ended="complete", skipped=dict.fromkeys(range(lost), "no reply"))
+    assert check_code(state, tmp_path / "run.sqlite") == code

@@ -34,7 +34,6 @@ from rig.cli.unattended import (
     heard,
     listening,
     remarks,
-    too_few,
 )
 from rig.controller import Result, resume_run, start_run
 from rig.engine.early_warning import warnings_in
@@ -249,7 +248,7 @@ def conclude(result: Result) -> int:
                     f"{lost} of {state.points} points were lost, and are in no table: the first, {min(state.skipped)}, "
                 )
                 err.print(f"[bold red]{words}{escape(state.skipped[min(state.skipped)])}[/]", soft_wrap=True)
-            if outside or too_few(state):
+            if outside or state.too_few:
                 return ExitCode.OUTSIDE_ACCEPTANCE
     return _EXIT[result.outcome]
 

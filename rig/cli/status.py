@@ -40,9 +40,9 @@ def status(
 
     A complete run is fitted and compared with its procedure's acceptance limits, as at its end.
 
-    With --check the exit code is 0 if the run is complete, 6 if it is running, 4 if it was stopped, 1 if it ended by a
-    fault, 5 if the bench is then not known to be safe, 75 if it was interrupted or never begun. An edited or damaged
-    file gives 1 in any case.
+    With --check the exit code is 0 if the run is complete, 3 if it lost more than a tenth of its points, 6 if it is
+    running, 4 if it was stopped, 1 if it ended by a fault, 5 if the bench is then not known to be safe, 75 if it was
+    interrupted or never begun. An edited or damaged file gives 1 in any case.
 
     Examples: `rig status runs/ID.sqlite`, `rig status runs`, `rig status RUN --check && rig fit RUN`
     """
@@ -66,7 +66,7 @@ def check_code(state: RunState, run_file: Path) -> ExitCode:
     if controller_alive(run_file):
         return ExitCode.RUNNING
     if state.ended is not None:
-        return ExitCode.DONE
+        return ExitCode.OUTSIDE_ACCEPTANCE if state.too_few else ExitCode.DONE
     if state.unsafe:
         return ExitCode.UNSAFE
     return _RESTED.get(state.rested, ExitCode.INTERRUPTED)

@@ -114,15 +114,6 @@ def facts_of(run_file: Path) -> RunFacts:
         )
 
 
-MOST_LOST = 0.1
-"""Part of the points that a complete run may have lost and still end in 0."""
-
-
-def too_few(state: RunState) -> bool:
-    """Whether a complete run has lost more points than one that ends in 0 may."""
-    return len(state.skipped) > MOST_LOST * state.points
-
-
 class Remarks(TypedDict):
     """Additional arguments of `Listeners.ended`."""
 
@@ -133,7 +124,7 @@ class Remarks(TypedDict):
 def remarks(code: int, state: RunState) -> Remarks:
     """Words for a log and a message besides the outcome."""
     lost = [f"{len(state.skipped)} of {state.points} points were lost"] if state.skipped else []
-    outside = ["outside acceptance"] if code == ExitCode.OUTSIDE_ACCEPTANCE and not too_few(state) else []
+    outside = ["outside acceptance"] if code == ExitCode.OUTSIDE_ACCEPTANCE and not state.too_few else []
     return {"note": "; ".join([*lost, *outside]), "lost": len(state.skipped)}
 
 

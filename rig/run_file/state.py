@@ -22,6 +22,8 @@ from rig.run_file.opening import makes_no_sense
 from rig.run_file.reader import RunReader
 
 _FAULTS_KEPT = 20
+MOST_LOST = 0.1
+"""Share of its points that a complete run may have lost and still end in 0."""
 
 
 @dataclass
@@ -117,6 +119,11 @@ class RunState:
     def remaining(self) -> int:
         """Points still to be observed."""
         return self.points - len(self.accepted) - len(self.skipped)
+
+    @property
+    def too_few(self) -> bool:
+        """Whether it has lost more points than a run that ends in 0 may."""
+        return len(self.skipped) > MOST_LOST * self.points
 
     def add(self, record: Record) -> None:
         """Take the next record."""
