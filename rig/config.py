@@ -85,7 +85,9 @@ class SensorConfig(_Strict):
     asset: str = ""
 
 
-_PLACES = ("package", "enclosure", "sensors", "sse", "lab")
+ROOM = "lab"
+"""The place of what stands in the room."""
+PLACES = ("package", "enclosure", "sensors", "sse", ROOM)
 _FACTOR = r"[A-Za-z][A-Za-z0-9_]*_[A-Za-z][A-Za-z0-9]*"
 FOLLOWS_S = 480.0
 """Assumed time constant of sensors relative to their chamber if the bench file has none, seconds."""
@@ -98,9 +100,9 @@ class TemperatureConfig(_Strict):
     channel: str
     place: str = Field(
         "package",
-        description="place of the thermometer, used by the simulation: package, enclosure, sensors, sse, lab, or the "
-        "name of a factor in degC that it measures too (a second thermometer in a bath); a soak of that factor waits "
-        "for this thermometer, too",
+        description="place of the thermometer, used by the simulation: package, enclosure, sensors, sse, lab (the "
+        "room, for which conditions of certificates are checked), or the name of a factor in degC that it measures too "
+        "(a second thermometer in a bath); a soak of that factor waits for this thermometer, too",
     )
     asset: str = Field("", description="your asset number of the thermometer, if it is not the reader's")
     follows_s: float | None = Field(
@@ -227,7 +229,7 @@ class BenchConfig(_Strict):
             if not name.endswith("_degC"):
                 raise ValueError(f"temperatures.{name}: the name is a column and must end in its unit, _degC")
         for name, one in self.temperatures.items():
-            places = [*_PLACES, *(factor for factor in self.factors if factor.endswith("_degC"))]
+            places = [*PLACES, *(factor for factor in self.factors if factor.endswith("_degC"))]
             if one.place in self.factors and one.place not in places:
                 raise ValueError(
                     f"temperatures.{name}.place = {one.place!r} is a factor in {unit_of(one.place)}; a thermometer "

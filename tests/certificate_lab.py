@@ -59,13 +59,15 @@ name = "W-3: comparison with weights"
 ISSUED = "2026-11-24"
 
 
-def stand(folder: Path, *, register: str = REGISTER, bench: str = BENCH, **options: str) -> Path:
+def stand(
+    folder: Path, *, register: str = REGISTER, bench: str = BENCH, procedure_more: str = "", **options: str
+) -> Path:
     """A finished run of the stand, with its register."""
     folder.mkdir(parents=True, exist_ok=True)
     bench = bench.replace('driver = "person"', 'driver = "person"\nasset = "W-1"')
     bench = bench.replace("nplc = 1", 'nplc = 1\nasset = "DVM-1"')
     (folder / "equipment.toml").write_text(register)
-    procedure = PROCEDURE.replace("replications = 2", "replications = 4")
+    procedure = PROCEDURE.replace("replications = 2", "replications = 4") + procedure_more
     path, _ = run_dry(folder, procedure, bench=bench, **options)
     return path
 

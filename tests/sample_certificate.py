@@ -12,12 +12,15 @@ from rig.certificate.document import (
     Document,
     Equipment,
     Evidence,
+    External,
+    Holding,
     Item,
     Laboratory,
     Logo,
     Method,
     Party,
     Person,
+    Supplied,
 )
 from rig.certificate.measured import Budget, Column, Contribution, Effect, Result, ResultTable, Stage, Statement
 
@@ -59,6 +62,7 @@ def document(*, items: int = 1, simulated: bool = False, stages: tuple[Stage, ..
                 f"4411{n:02d}",
                 "clean, no visible damage",
                 customer_id=f"MSS-P-{n + 1:03d}",
+                from_customer=("serial",) if n == 0 else (),
             )
             for n, name in enumerate(sensors)
         ),
@@ -118,6 +122,7 @@ def document(*, items: int = 1, simulated: bool = False, stages: tuple[Stage, ..
                 "NPL",
                 date(2026, 1, 31),
                 date(2027, 1, 31),
+                "UKAS 0478",
             ),
             Equipment(
                 "local gravity", "", "", "", "", "BGS G-114", "British Geological Survey", date(2019, 6, 1), None
@@ -171,6 +176,29 @@ def document(*, items: int = 1, simulated: bool = False, stages: tuple[Stage, ..
         adjustment="zero and span were set at the customer's wish" if len(stages) > 1 else "",
         notes=("Errors of the meter that reads the sensors in use are not in these uncertainties.",),
         deviations=("Point 41 was skipped: the pressure did not settle.",),
+        holdings=tuple(
+            Holding("DVM-0102", "NPL-E-2026-0044", label, unit, limits, found, by, stage)
+            for stage in stages
+            for label, unit, limits, found, by in (
+                ("temperature", "°C", "18 to 28", "21.03 to 21.92", "room"),
+                ("humidity", "%", "20 to 80", "", ""),
+            )
+        ),
+        external=tuple(
+            External(
+                name, label, *numbers, "Thermal Testing Ltd", "UKAS 4711", "TT-2026-0042", date(2026, 2, 3), used_for
+            )
+            for name in sensors
+            for label, numbers, used_for in (
+                ("time constant", ("0.210", "s", "0.040", "2.00", "0.95"), ""),
+                ("insulation resistance at 100 V", ("5.2", "Gohm", "", "", ""), "the choice of items"),
+            )
+        ),
+        supplied=(
+            Supplied(sensors[0], "serial number", "441100", ""),
+            Supplied(sensors[0], "volume of the cavity", "0.31 cm³", "results"),
+            Supplied("", "tolerance of every output", "", "conformity"),
+        ),
     )
 
 

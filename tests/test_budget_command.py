@@ -10,7 +10,7 @@ import pytest
 
 from fitter.budget import Budgeted, Contribution
 from procedures.table import Table
-from rig.closed_loop.budget import outside_of
+from rig.closed_loop.held import outside_of
 from rig.controller import resume_run
 from rig.engine.session import Outcome, Signals
 from rig.errors import ConfigurationError

@@ -175,3 +175,28 @@ def test_all_forms_are_written(tmp_path):
     xml = next(Path(tmp_path / "c").glob("*.xml")).read_text()
     assert "Table of 36 observations, without a run file: t.csv, SHA-256 " in xml
     assert len(list((tmp_path / "c").iterdir())) == 4
+
+
+def test_columns_of_the_room_tell_whether_certificates_hold(lab, tmp_path):
+    """One that is not named as the room's may be of a chamber in which the item stood: it tells nothing."""
+    conditions = "holds_at = { temperature_degC = [19, 22], humidity_pct = [20, 60] }"
+    register = REGISTER.replace('laboratory = "voltage"', f'laboratory = "voltage"\n{conditions}')
+    (tmp_path / "equipment.toml").write_text(register)
+    damp = "\n".join(
+        f"{line},{'humidity_pct' if n == 0 else 40 + n % 3}" for n, line in enumerate(cells().splitlines())
+    )
+    silent = lab(damp)
+    assert [one.found for one in silent.holdings] == ["", ""]
+    assert sum("not recorded in this run" in one for one in silent.deviations) == 2
+    named = f'{TABLE}room = ["room_degC", "humidity_pct"]\n'
+    told = lab(damp, table=named)
+    assert [(one.found, one.by) for one in told.holdings] == [
+        ("20.00 to 20.40", "room"),
+        ("40.00 to 42.00", "humidity"),
+    ]
+    assert {one.label for one in told.conditions} == {"room", "humidity"}
+    (tmp_path / "equipment.toml").write_text(register.replace("[20, 60]", "[20, 41]"))
+    assert "holds at humidity 20 to 41 pct, and by humidity_pct it goes from 40 to 42" in reasons(
+        lab, damp, table=named
+    )
+    assert "there is no column 'vault_degC'" in reasons(lab, damp, table=f'{TABLE}room = ["vault_degC"]\n')

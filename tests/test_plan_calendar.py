@@ -81,6 +81,8 @@ ABSENT = (
     "The register states no due date of DVM-1: whether a calibration expired is not known.",
     "The register states no serial number of DVM-1: known by the asset number alone.",
     "The register states no range of W-1 (force_kN): whether the certificate covers the settings is not known.",
+    "The register states no conditions under which the certificates of DVM-1, W-1 hold: whether the surroundings were "
+    "permitted is not known.",
     "No temperature is recorded with the observations: the conditions of the calibration are not known.",
 )
 
@@ -91,7 +93,7 @@ def test_what_the_register_does_not_state_is_said_by_plan_and_on_the_page(tmp_pa
     (tmp_path / "procedure.toml").write_text(PROCEDURE)
     assert plan(tmp_path / "procedure.toml", tmp_path / "bench.toml").to_json()["not_stated"] == list(ABSENT)
     document = make(Asked((path,), date.fromisoformat(ISSUED), settings=settled(tmp_path))).document
-    assert document.deviations[-4:] == ABSENT
+    assert document.deviations[-5:] == ABSENT
 
 
 def test_nothing_is_said_where_the_register_states_all_of_it():
@@ -100,5 +102,11 @@ def test_nothing_is_said_where_the_register_states_all_of_it():
         'date = 2020-01-01\nlaboratory = "voltage"', 'date = 2020-01-01\ndue = 2031-01-01\nlaboratory = "voltage"'
     )
     whole = whole.replace('behaves = "gain"\n', 'behaves = "gain"\nrange = [0, 10]\n')
+    whole = whole.replace("[equipment.DVM-1.certificate]\n", "[equipment.DVM-1.certificate]\nholds_at = {}\n")
+    whole = whole.replace("[equipment.W-1.certificate]\n", "[equipment.W-1.certificate]\nholds_at = {}\n")
     config = parse_bench(WITH_ASSETS, "bench.toml")
-    assert list(absent(parse_register(whole, "equipment.toml"), config)) == [ABSENT[3]]
+    register = parse_register(whole, "equipment.toml")
+    assert list(absent(register, config)) == [ABSENT[4]]
+    assert list(absent(register, config, {"room_degC": (20.0, 21.0)})) == [
+        "No temperature is recorded with the observations: the laboratory states that of the room."
+    ]

@@ -22,7 +22,8 @@ from rig.examples import example
 from rig.plans import Plan, load_plan
 from rig.register import DOCUMENT
 from rig.results.budget import budget
-from rig.results.promised import expired, promised
+from rig.results.foreseen import expired
+from rig.results.promised import promised
 from tests.certificate_lab import REGISTER
 from tests.dry import LAB, SHORT, write_short
 from tests.dry_pressure import LAB as PRESSURE_LAB

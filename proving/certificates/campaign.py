@@ -62,6 +62,8 @@ def not_read_back(document: Document, xml: bytes) -> list[str]:
         near = all(abs(a - g) <= 1e-7 * abs(a) for a, g in zip(asked, given, strict=True))
         if not near or (number.k, number.probability) != (float(one.k), float(one.probability)):
             wrong.append(f"read back: {one.value} ± {one.expanded} {one.unit} is {number}")
+    apart = sum(", by an external provider, " in path[0] for path in (one.path for one in read.quantities))
+    wrong += [] if apart == len(document.external) else [f"read back: {apart} results of external providers"]
     return wrong + [f"read back: {len(found) + len(texts)} results too many"] * bool(found or texts)
 
 

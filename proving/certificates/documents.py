@@ -15,12 +15,15 @@ from rig.certificate.document import (
     Document,
     Equipment,
     Evidence,
+    External,
+    Holding,
     Item,
     Laboratory,
     Logo,
     Method,
     Party,
     Person,
+    Supplied,
 )
 from rig.certificate.measured import (
     Budget,
@@ -125,7 +128,8 @@ class Random:
     def item(self, name: str) -> Item:
         """A sensor under calibration."""
         words = (self.text(), self.text(), self.text(), self.text(), self.text())
-        return Item(name, *words, self.maybe(), self.maybe())
+        theirs = tuple(one for one in ("maker", "model", "serial") if self._of.random() < 0.2)
+        return Item(name, *words, self.maybe(), self.maybe(), theirs)
 
     def equipment(self) -> Equipment:
         """An instrument, with a certificate or without."""
@@ -133,7 +137,23 @@ class Random:
         number, laboratory = (self.text(20), self.text()) if known else ("", "")
         dates = (self.day(), self._of.choice((None, self.day()))) if known else (None, None)
         maker, model, serial, asset = (self.maybe() for _ in range(4))
-        return Equipment(self.text(20), maker, model, serial, asset, number, laboratory, *dates)
+        return Equipment(self.text(20), maker, model, serial, asset, number, laboratory, *dates, self.maybe())
+
+    def holding(self, stage: Stage) -> Holding:
+        """A condition of a certificate, recorded or not."""
+        found = ("21.03 to 21.92", self.text(20)) if self._of.random() < 0.6 else ("", "")
+        return Holding(self.text(12), self.text(20), self.text(12), "°C", "18 to 28", *found, stage)
+
+    def external(self, sensor: str) -> External:
+        """A result of somebody else, with its uncertainty or without."""
+        one = self.result(0, self.text(20), (), self._of.choice(UNITS))
+        numbers = (one.expanded, one.k, one.probability) if self._of.random() < 0.6 else ("", "", "")
+        who = (self.text(), self.maybe(), self.text(20), self.day(), self.maybe())
+        return External(sensor, one.label, one.value, one.unit, *numbers, *who)
+
+    def supplied(self, subject: str) -> Supplied:
+        """Something that the customer states."""
+        return Supplied(subject, self.text(20), self.maybe(), self._of.choice(("", "results", "conformity")))
 
     def budget(self, table: ResultTable) -> Budget:
         """The budget of a result."""
@@ -203,4 +223,7 @@ class Random:
             paper=of.choice(("a4", "letter")),
             opinions=self.texts(1),
             notes=self.texts(2),
+            holdings=tuple(self.holding(stage) for stage in stages for _ in range(of.randint(0, 3))),
+            external=tuple(self.external(of.choice(names)) for _ in range(of.randint(0, 3))),
+            supplied=tuple(self.supplied(of.choice((*names, ""))) for _ in range(of.randint(0, 3))),
         )

@@ -141,6 +141,7 @@ def items(
                 missing.given(one.serial, f"the serial number of {name}", where.format("serial")),
                 missing.given(one.condition, f"the condition of {name} as received", where.format("condition")),
                 sensor.asset if sensor else "",
+                from_customer=one.from_customer,
             )
         )
         known.append(one)
@@ -219,6 +220,7 @@ def equipment(runs: Sequence[OfRun]) -> tuple[Equipment, ...]:
                     certificate.laboratory if certificate else "",
                     certificate.date if certificate else None,
                     certificate.due if certificate else None,
+                    certificate.accreditation if certificate else "",
                 ),
             )
         for name, constant in of.register.place.items():
@@ -282,8 +284,21 @@ def deviations(of: OfRun, state: RunState, stage: Stage, registers: tuple[str | 
         yield f"Entries that a person had typed were corrected after their acceptance{at}, {_times(len(corrections))}."
         yield from (f"Correction of a typed entry{at}: {one}." for one in corrections)
     if of.corrected:
-        columns = ", ".join(of.corrected)
+        columns = ", ".join(f"{name} by {' and '.join(_correcting(of, name))}" for name in of.corrected)
         yield f"Recorded values were corrected by the certificates of the equipment{at}: {columns}."
+
+
+def _correcting(of: OfRun, column: str) -> Iterator[str]:
+    """Certificates that correct a column, with who issued them; without one, the constants of the place."""
+    values = of.table.columns[column]
+    by = [e for e in of.stated.errors if column in e.columns and e.correction(e.quantity(column, values)).any()]
+    if not by:
+        yield "constants of the place"
+    for asset in dict.fromkeys(one.key.split(".")[1] for one in by):
+        certificate = of.register.equipment[asset].certificate
+        if certificate is not None:
+            of_whom = ", ".join(filter(None, (certificate.laboratory, certificate.accreditation)))
+            yield f"certificate {certificate.number} of {asset} ({of_whom})"
 
 
 def _register_used(kept: str | None, given: Path | None, at: str) -> Iterator[str]:

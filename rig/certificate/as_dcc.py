@@ -12,9 +12,9 @@ from collections.abc import Sequence
 from xml.etree import ElementTree as ET
 
 from rig.certificate import words
-from rig.certificate.dcc_elements import DCC, LANGUAGE, SI, add, add_list, add_real, solid, worded
+from rig.certificate.dcc_elements import DCC, LANGUAGE, SI, add, add_contact, add_list, add_real, solid, worded
 from rig.certificate.dcc_statements import add_statements
-from rig.certificate.document import Condition, Document, Equipment, Item, Party, Person
+from rig.certificate.document import Condition, Document, Equipment, External, Item, Person, by_source
 from rig.certificate.measured import ResultTable
 
 VERSION = "3.2.0"
@@ -41,6 +41,8 @@ def dcc(document: Document, paper: bytes | None = None) -> bytes:
     results = add(root, "measurementResults")
     for stage in dict.fromkeys(one.stage for one in document.tables):
         _measurement(add(results, "measurementResult", refType="basic_measurement"), document, stage)
+    for source, ones in by_source(document.external).items():
+        _external(add(results, "measurementResult"), document, source, ones)
     if paper is not None:
         ring = add(root, "document")
         add(ring, "fileName", solid(f"{document.number}.pdf"))
@@ -58,18 +60,18 @@ def _administrative(parent: ET.Element, document: Document) -> None:
     add(software, "type", "application")
     _core(add(parent, "coreData"), document)
     items = add(parent, "items")
-    measured = {one.sensor for one in document.tables}
+    measured = {one.sensor for one in document.tables} | {one.sensor for one in document.external}
     every = "" in measured
     for number, item in enumerate(document.items):  # an id without a reference to it is an error in the Schematron
         _item(add(items, "item", id=f"item{number}" if every or item.name in measured else ""), item)
     laboratory = add(parent, "calibrationLaboratory")
     if document.laboratory.accreditation:
         add(laboratory, "calibrationLaboratoryCode", solid(document.laboratory.accreditation))
-    _contact(add(laboratory, "contact"), document.laboratory.party)
+    add_contact(add(laboratory, "contact"), document.laboratory.party)
     people = add(parent, "respPersons")
     for person in (*document.calibrated_by, document.approved_by):
         _person(add(people, "respPerson"), person, signs=person is document.approved_by)
-    _contact(add(parent, "customer"), document.customer)
+    add_contact(add(parent, "customer"), document.customer)
     add_statements(add(parent, "statements"), document)
 
 
@@ -100,7 +102,9 @@ def _core(parent: ET.Element, document: Document) -> None:
 
 def _item(parent: ET.Element, item: Item) -> None:
     worded(parent, "name", item.name)
-    worded(parent, "description", f"{item.description}. Condition as received: {item.condition}")
+    theirs = ", ".join(words.IDENTITY[key] for key in item.from_customer)
+    stated = f". Stated by the customer: {theirs}" if theirs else ""
+    worded(parent, "description", f"{item.description}. Condition as received: {item.condition}{stated}")
     worded(add(parent, "manufacturer"), "name", item.maker)
     add(parent, "model", solid(item.model))
     numbers = [
@@ -125,17 +129,6 @@ def _identification(parent: ET.Element, issuer: str, value: str, kind: str) -> N
     add(one, "issuer", issuer)
     add(one, "value", solid(value))
     worded(one, "name", re.sub("([A-Z])", lambda letter: f" {letter[1].lower()}", kind))
-
-
-def _contact(parent: ET.Element, party: Party) -> None:
-    worded(parent, "name", party.name)
-    for tag, text in (("eMail", party.email), ("phone", party.phone)):
-        if text:
-            add(parent, tag, solid(text))
-    place = add(parent, "location")
-    if party.country:
-        add(place, "countryCode", party.country)
-    worded(place, "further", "\n".join(party.address) or "-")
 
 
 def _person(parent: ET.Element, person: Person, *, signs: bool) -> None:
@@ -190,11 +183,35 @@ def _measurement(parent: ET.Element, document: Document, stage: str) -> None:
             worded(about, "declaration", f"{text}, {hashed} {run.head}")
 
 
+def _external(parent: ET.Element, document: Document, source: str, ones: Sequence[External]) -> None:
+    """Results of one certificate of an external provider, apart from those of the laboratory."""
+    worded(parent, "name", f"Results of an external provider, {source}")
+    worded(parent, "description", " ".join(words.EXTERNAL))
+    method = add(add(parent, "usedMethods"), "usedMethod", refType="basic_calibrationMethod")
+    worded(method, "name", "Method of the external provider, as its certificate states it")
+    condition = add(add(parent, "influenceConditions"), "influenceCondition")
+    worded(condition, "name", "Ambient conditions")
+    worded(add(condition, "data"), "text", "As the certificate of the external provider states them.")
+    results = add(parent, "results")
+    for one in ones:
+        items = [f"item{i}" for i, item in enumerate(document.items) if item.name == one.sensor]
+        result = add(results, "result", refId=" ".join(items))
+        worded(result, "name", f"{one.sensor}: {one.label}, by an external provider, {one.laboratory}")
+        if one.used_for:
+            worded(result, "description", f"Used for results of this laboratory: {one.used_for}")
+        quantity = add(
+            add(result, "data"), "quantity"
+        )  # without the refType of measured values: who asks for those gets none of others
+        worded(quantity, "name", one.label)
+        add_real(quantity, one.value, one.unit, one if one.expanded else None)
+
+
 def _instrument(parent: ET.Element, one: Equipment) -> None:
     worded(parent, "name", one.name)
     if one.date is not None:
         due = "" if one.due is None else f", due {one.due.isoformat()}"
-        worded(parent, "description", f"Certificate {one.certificate} of {one.laboratory}, {one.date.isoformat()}{due}")
+        by = ", ".join(filter(None, (one.laboratory, one.accreditation)))
+        worded(parent, "description", f"Certificate {one.certificate} of {by}, {one.date.isoformat()}{due}")
     if one.maker:
         worded(add(parent, "manufacturer"), "name", one.maker)
     if one.model:
@@ -212,10 +229,13 @@ _STATUS = {"as found": "beforeAdjustment", "as left": "afterAdjustment"}
 
 def _condition(parent: ET.Element, condition: Condition, stage: str) -> None:
     worded(parent, "name", condition.label)
+    if not condition.name:
+        worded(parent, "description", words.BY_RECORD.format(condition.label))
     if stage in _STATUS:
         add(parent, "status", _STATUS[stage])
     data = add(parent, "data")
-    for end, text in (("Min", condition.minimum), ("Mean", condition.mean), ("Max", condition.maximum)):
+    three = {"Min": condition.minimum, "Mean": condition.mean, "Max": condition.maximum}
+    for end, text in ((end, text) for end, text in three.items() if text):
         quantity = add(data, "quantity", refType=f"basic_condition{end}")
         worded(quantity, "name", {"Min": "minimum", "Mean": "mean", "Max": "maximum"}[end])
         add_real(quantity, text, condition.unit)

@@ -11,19 +11,22 @@ import numpy as np
 from fitter.budget import NEAR_95, Budgeted, Shapes
 from fitter.rounding import rounded, rounded_df, rounded_factor, rounded_to, rounded_uncertainty
 from fitter.trace.outcome import Finding, Outcome
+from procedures.column_names import stem_of
 from rig.certificate import words
-from rig.certificate.document import Condition
+from rig.certificate.document import Condition, Holding
 from rig.certificate.measured import Budget, Contribution, Effect, Result, ResultTable, Stage
 from rig.certificate.numbers import raised
 from rig.closed_loop.budget import RunBudget
 from rig.closed_loop.confirm import Confirmed
 from rig.dcc.si_units import per_term
+from rig.register import holds_of
+from rig.register.surroundings import shown_unit
 
 SMALL = 1e-3
 """Share of the variance below which an influence is not listed."""
 _SHARED = "Quantities inferred from all items together"
 _OF_TEMPERATURES = -2
-"""Last printed place of recorded temperatures: that of meters of temperatures, and of tables."""
+"""Last printed place of recorded conditions: that of meters of temperatures, and of tables."""
 
 
 def shapes(probability: float) -> Shapes:
@@ -156,18 +159,49 @@ def repeatability_only(run: RunBudget) -> tuple[str, ...]:
     return tuple(one.name for one in run.budgets if not any(line.kind == "B" for line in one.contributions))
 
 
-def conditions(run: RunBudget, stage: Stage) -> tuple[Condition, ...]:
-    """Temperatures recorded with the observations: smallest, mean, largest."""
-    columns = run.of.table.columns
-    found = []
-    for name in run.of.config.temperatures:
-        values = columns.get(name)
+def conditions(run: RunBudget, stage: Stage) -> Iterator[Condition]:
+    """Temperatures and what else of the room was recorded with the observations, or is stated by the laboratory."""
+    of = run.of
+    for name in dict.fromkeys((*of.config.temperatures, *of.told.room)):
+        values = of.table.columns.get(name)
         if values is not None and np.isfinite(values).all():
-            three = (float(values.min()), float(values.mean()), float(values.max()))
-            low, mean, high = (f"{rounded_to(value, _OF_TEMPERATURES):f}" for value in three)
-            label = name.removesuffix("_degC").replace("_", " ")
-            found.append(Condition(name, label, "°C", low, mean, high, stage))
-    return tuple(found)
+            low, mean, high = (_recorded(value) for value in (values.min(), values.mean(), values.max()))
+            yield Condition(name, _label(name), shown_unit(name), low, mean, high, stage)
+    for name, (least, most) in of.told.stated.items():
+        yield Condition("", _label(name), shown_unit(name), f"{least:g}", "", f"{most:g}", stage)
+
+
+def _label(name: str) -> str:
+    return stem_of(name).replace("_", " ")
+
+
+def _recorded(value: float) -> str:
+    return f"{rounded_to(float(value), _OF_TEMPERATURES):f}"
+
+
+def holdings(run: RunBudget, stage: Stage) -> Iterator[Holding]:
+    """Conditions under which the certificates of the equipment hold, with all that is known of each."""
+    of = run.of
+    for one in holds_of(of.register, of.config):
+        about = (one.asset, one.certificate, one.label, shown_unit(one.quantity), f"{one.low:g} to {one.high:g}")
+        sources = one.sources(of.config, of.table.columns, of.told)
+        for name, values in sources.items():
+            ends = float(np.nanmin(values)), float(np.nanmax(values))
+            by_run = name in of.table.columns
+            low, high = (_recorded(end) if by_run else f"{end:g}" for end in ends)
+            lost = int(np.sum(~np.isfinite(values)))
+            missing = f", missing in {words.count(lost, 'observation')}" if lost else ""
+            yield Holding(*about, f"{low} to {high}", f"{_label(name) if by_run else name}{missing}", stage)
+        if not sources:
+            yield Holding(*about, "", "", stage)
+
+
+def not_recorded(run: RunBudget, stage: Stage) -> Iterator[str]:
+    """Conditions of certificates of which nothing tells, one sentence each."""
+    of, at = run.of, f" ({stage})" if stage else ""
+    for one in holds_of(of.register, of.config):
+        if not one.sources(of.config, of.table.columns, of.told):
+            yield one.not_recorded(at)
 
 
 def effects(

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from decimal import Context, Decimal
 from xml.etree import ElementTree as ET
 
+from rig.certificate.document import External, Party
 from rig.certificate.measured import Result
 from rig.dcc.si_units import SIUnit, si_unit
 from rig.errors import UsageError
@@ -43,7 +44,7 @@ def worded(parent: ET.Element, tag: str, *texts: str, **attributes: str) -> ET.E
     return found
 
 
-def add_real(quantity: ET.Element, value: str, unit: str, result: Result | None = None) -> None:
+def add_real(quantity: ET.Element, value: str, unit: str, result: Result | External | None = None) -> None:
     """A number as a real, as a hybrid with the unit of the laboratory, or as a text if its unit has no SI unit."""
     try:
         found = si_unit(unit)
@@ -101,3 +102,15 @@ def known_unit(unit: str) -> SIUnit | None:
         return si_unit(unit)
     except UsageError:
         return None
+
+
+def add_contact(parent: ET.Element, party: Party) -> None:
+    """Name, address, and how to reach somebody."""
+    worded(parent, "name", party.name)
+    for tag, text in (("eMail", party.email), ("phone", party.phone)):
+        if text:
+            add(parent, tag, solid(text))
+    place = add(parent, "location")
+    if party.country:
+        add(place, "countryCode", party.country)
+    worded(place, "further", "\n".join(party.address) or "-")

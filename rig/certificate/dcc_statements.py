@@ -6,8 +6,8 @@ from collections.abc import Iterable
 from xml.etree import ElementTree as ET
 
 from rig.certificate import words
-from rig.certificate.dcc_elements import add, known_unit, solid, worded
-from rig.certificate.document import Document
+from rig.certificate.dcc_elements import add, add_contact, known_unit, solid, worded
+from rig.certificate.document import Document, Supplied
 from rig.certificate.measured import Statement
 from rig.dcc.si_units import SIUnit
 
@@ -31,6 +31,11 @@ def add_statements(parent: ET.Element, document: Document) -> None:
         add(one, "nonSIUnit", f"|{unit.original}")
     for deviation in document.deviations:
         _declared(parent, "Deviation from the procedure", deviation)
+    for asset in dict.fromkeys(one.asset for one in document.holdings):
+        _declared(parent, f"Conditions of the certificate of {asset}", *_holdings(document, asset))
+    for datum in document.supplied:
+        one = _declared(parent, "Data supplied by the customer", _supplied(datum), *words.disclaimer(datum.affects))
+        add_contact(add(one, "respAuthority"), document.customer)
     for effect in document.effects:
         state = "confirmed" if effect.confirmed else "not confirmed"
         text = f"{effect.sensor}: {effect.name}, {effect.cause}; {effect.size}; {state}: {effect.how}"
@@ -49,12 +54,29 @@ def add_statements(parent: ET.Element, document: Document) -> None:
         add(one, "date", document.next_due.isoformat())
 
 
-def _declared(parent: ET.Element, name: str, *texts: str, refType: str = "", traceable: bool | None = None) -> None:
+def _declared(
+    parent: ET.Element, name: str, *texts: str, refType: str = "", traceable: bool | None = None
+) -> ET.Element:
     one = add(parent, "statement", refType=refType)
     worded(one, "name", name)
     if traceable is not None:
         add(one, "traceable", "true" if traceable else "false")
     worded(one, "declaration", *[" ".join(texts)])
+    return one
+
+
+def _holdings(document: Document, asset: str) -> Iterable[str]:
+    """Conditions under which the certificate of a piece of equipment holds, and what is known of each, sentences."""
+    for one in document.holdings:
+        if one.asset == asset:
+            at = f" ({one.stage})" if one.stage else ""
+            known = f"it was {one.found} {one.unit}, by {one.by}" if one.found else "not recorded"
+            yield f"Certificate {one.certificate} holds at {one.label} {one.limits} {one.unit}; {known}{at}."
+
+
+def _supplied(datum: Supplied) -> str:
+    of = f"{datum.subject}: " if datum.subject else ""
+    return f"{of}{datum.what}{f', {datum.value}' if datum.value else ''}."
 
 
 def _conformity(parent: ET.Element, statement: Statement, document: Document) -> None:
@@ -78,4 +100,5 @@ def _other_units(document: Document) -> Iterable[SIUnit]:
     used = [column.unit for table in document.tables for column in table.at]
     used += [one.unit for table in document.tables for one in table.results]
     used += [condition.unit for condition in document.conditions]
+    used += [one.unit for one in document.external]
     return [found for unit in dict.fromkeys(used) if (found := known_unit(unit)) is not None and found.original]

@@ -7,6 +7,7 @@ are the unrounded numbers that they come from. The contents follow ISO/IEC 17025
 from __future__ import annotations
 
 import datetime
+from collections.abc import Iterable
 from dataclasses import dataclass, field, fields, is_dataclass
 from math import isfinite
 from typing import Any, Literal
@@ -69,6 +70,7 @@ class Item:
         asset: the laboratory's number for it; "" if it has none.
         customer_id: the customer's number for it; "" if it has none.
         condition: as received.
+        from_customer: which of `maker`, `model` and `serial` the customer stated.
     """
 
     name: str
@@ -79,6 +81,7 @@ class Item:
     condition: str
     asset: str = ""
     customer_id: str = ""
+    from_customer: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -113,11 +116,11 @@ class Condition:
     """A quantity recorded during the run; the numbers are rounded texts.
 
     Attributes:
-        name: its column in the run's table, or "" if a person states it.
+        name: its column in the run's table, or "" if the laboratory states it by another record.
         label: for people.
         unit: of all three.
         minimum: smallest value.
-        mean: of all accepted observations.
+        mean: of all accepted observations; "" if the laboratory states the others.
         maximum: largest value.
         stage: of the run.
     """
@@ -129,6 +132,90 @@ class Condition:
     mean: str
     maximum: str
     stage: Stage = ""
+
+
+@dataclass(frozen=True)
+class Holding:
+    """A condition under which the certificate of a piece of equipment holds, and what is known of it.
+
+    Attributes:
+        asset: the laboratory's number for the equipment.
+        certificate: number of its certificate.
+        label: of the quantity, for people.
+        unit: of all numbers.
+        limits: what the certificate permits: `18 to 28`.
+        found: what it was: `20.12 to 21.40`; "" if nothing recorded it.
+        by: what recorded it, and where; "" for nothing.
+        stage: of the run.
+    """
+
+    asset: str
+    certificate: str
+    label: str
+    unit: str
+    limits: str
+    found: str
+    by: str
+    stage: Stage = ""
+
+
+@dataclass(frozen=True)
+class External:
+    """A result of an external provider, which is not of this laboratory (ISO/IEC 17025, 7.8.2.1 p).
+
+    Attributes:
+        sensor: `Item.name`.
+        label: what it is.
+        value: as the provider states it.
+        unit: of value and uncertainty; "" for a plain number.
+        expanded: expanded uncertainty; "" if the provider states none.
+        k: its coverage factor; "" without an uncertainty.
+        probability: its coverage probability; "" without an uncertainty.
+        laboratory: the provider.
+        accreditation: of the provider for it; "" for none.
+        certificate: number of the provider's certificate.
+        date: of that certificate.
+        used_for: which results of this laboratory depend on it; "" if none do.
+    """
+
+    sensor: str
+    label: str
+    value: str
+    unit: str
+    expanded: str
+    k: str
+    probability: str
+    laboratory: str
+    accreditation: str
+    certificate: str
+    date: datetime.date
+    used_for: str = ""
+
+
+def by_source(results: Iterable[External]) -> dict[str, list[External]]:
+    """Results by their source, as words: provider, accreditation, number and date of the certificate."""
+    found: dict[str, list[External]] = {}
+    for one in results:
+        by = ", ".join(filter(None, (one.laboratory, one.accreditation)))
+        found.setdefault(f"{by}: certificate {one.certificate} of {one.date.isoformat()}", []).append(one)
+    return found
+
+
+@dataclass(frozen=True)
+class Supplied:
+    """Data that the customer supplied (ISO/IEC 17025, 7.8.2.2).
+
+    Attributes:
+        subject: `Item.name`, asset number of a piece of equipment, or what else they are of.
+        what: the data.
+        value: as the customer stated it; "" where it stands elsewhere on the certificate.
+        affects: what can depend on it; "" for nothing.
+    """
+
+    subject: str
+    what: str
+    value: str
+    affects: Literal["", "results", "conformity"]
 
 
 @dataclass(frozen=True)
@@ -145,6 +232,7 @@ class Equipment:
         laboratory: that issued the certificate.
         date: of the certificate; None without one.
         due: date of its next calibration; None if there is none.
+        accreditation: of that laboratory; "" if none is stated.
     """
 
     name: str
@@ -156,6 +244,7 @@ class Equipment:
     laboratory: str
     date: datetime.date | None
     due: datetime.date | None
+    accreditation: str = ""
 
 
 @dataclass(frozen=True)
@@ -243,6 +332,9 @@ class Document:
         opinions: interpretations that are no results of measurement.
         notes: on the uncertainties, sentences.
         models: the model of the results, where effects were found beside the declared one, sentences.
+        holdings: conditions under which the certificates of the equipment hold.
+        external: results of external providers.
+        supplied: data that the customer supplied.
     """
 
     number: str
@@ -271,6 +363,9 @@ class Document:
     notes: tuple[str, ...] = ()
     paper: Literal["a4", "letter"] = "a4"
     models: tuple[str, ...] = ()
+    holdings: tuple[Holding, ...] = ()
+    external: tuple[External, ...] = ()
+    supplied: tuple[Supplied, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """JSON values of all but the logo, dates as YYYY-MM-DD; infinite numbers are None."""

@@ -25,7 +25,7 @@ from rig.certificate.blocks import (
     percent,
     text_grid,
 )
-from rig.certificate.document import Document, Party
+from rig.certificate.document import Document, Item, Party, by_source
 from rig.certificate.measured import Budget, ResultTable
 from rig.certificate.numbers import raised, typeset
 from rig.certificate.words import count
@@ -37,9 +37,11 @@ def sections(document: Document) -> tuple[Section, ...]:
     parts = (
         Section("", tuple(_cover(document))),
         Section("Method", tuple(_method(document))),
+        Section("Data supplied by the customer", tuple(_supplied(document))),
         Section("Conditions during the calibration", tuple(_conditions(document))),
         Section("Equipment and traceability", tuple(_equipment(document))),
         Section("Results", tuple(_results(document))),
+        Section("Results of external providers", tuple(_external(document))),
         Section("Statement of conformity", tuple(_conformity(document))),
         Section("Effects beside the declared model", tuple(_effects(document))),
         Section("Deviations from the procedure", tuple(_deviations(document))),
@@ -75,17 +77,22 @@ def _party(party: Party) -> tuple[str, ...]:
 def _items(document: Document) -> Iterator[tuple[str, tuple[str, ...]]]:
     """One item as facts; several are a table of the next page, and one line here."""
     if len(document.items) > 1:
-        listed = ", ".join(f"{one.name} (serial {one.serial})" for one in document.items)
+        listed = ", ".join(f"{one.name} (serial {_named(one, 'serial')})" for one in document.items)
         yield f"{len(document.items)} items", (_same(one.description for one in document.items), listed)
         return
     (item,) = document.items
     yield "Item", (f"{item.description} ({item.name} in this certificate)",)
-    yield "Manufacturer, model", (f"{item.maker}, {item.model}",)
-    numbers = [f"serial number {item.serial}"]
+    yield "Manufacturer, model", (f"{_named(item, 'maker')}, {_named(item, 'model')}",)
+    numbers = [f"serial number {_named(item, 'serial')}"]
     numbers += [f"laboratory's number {item.asset}"] if item.asset else []
     numbers += [f"customer's number {item.customer_id}"] if item.customer_id else []
     yield "Identification", (", ".join(numbers),)
     yield "Condition as received", (item.condition,)
+
+
+def _named(item: Item, what: str) -> str:
+    """Maker, model or serial number of an item, with who states it if that is the customer."""
+    return f"{getattr(item, what)} (stated by the customer)" if what in item.from_customer else str(getattr(item, what))
 
 
 def _same(texts: Iterable[str]) -> str:
@@ -103,8 +110,8 @@ def _method(document: Document) -> Iterator[Block]:
         rows = [
             (
                 one.name,
-                f"{one.maker}, {one.model}",
-                one.serial,
+                f"{_named(one, 'maker')}, {_named(one, 'model')}",
+                _named(one, "serial"),
                 ", ".join(filter(None, (one.asset, one.customer_id))),
                 one.condition,
             )
@@ -113,17 +120,67 @@ def _method(document: Document) -> Iterator[Block]:
         yield text_grid("Items under calibration", heads, rows)
 
 
+def _supplied(document: Document) -> Iterator[Block]:
+    if not document.supplied:
+        return
+    heads = ("Of", "Data", "As the customer states", "Can affect")
+    rows = [(one.subject or "-", one.what, one.value or "-", words.AFFECTS[one.affects]) for one in document.supplied]
+    yield text_grid("", heads, rows, notes=words.disclaimer(*(one.affects for one in document.supplied)))
+
+
+def _external(document: Document) -> Iterator[Block]:
+    """A table for each certificate of a provider."""
+    heads = [Head("Item"), Head("Quantity"), Head("Unit"), Head("Value", align="right")]
+    heads += [Head("Expanded\nuncertainty", align="right"), Head("k", align="right")]
+    heads += [Head("Coverage\nprobability", align="right"), Head("Used here for")]
+    if document.external:
+        yield Sentences(words.EXTERNAL)
+    for source, ones in by_source(document.external).items():
+        told = [
+            [
+                *(one.sensor, one.label, one.unit or "1", one.value),
+                *(one.expanded or "-", one.k or "-", percent(one.probability) or "-"),
+                one.used_for or "-",
+            ]
+            for one in ones
+        ]
+        yield grid(source, heads, told)
+
+
 def _conditions(document: Document) -> Iterator[Block]:
+    yield from _recorded(document)
+    if not document.holdings:
+        return
+    staged = any(one.stage for one in document.holdings)
+    heads = ["Equipment", "Certificate", *(["Run"] if staged else []), "Quantity", "Holds at", "It was", "By"]
+    rows = [
+        (
+            one.asset,
+            one.certificate,
+            *([one.stage] if staged else []),
+            one.label,
+            f"{one.limits} {one.unit}",
+            f"{one.found} {one.unit}" if one.found else "not recorded",
+            one.by or "-",
+        )
+        for one in document.holdings
+    ]
+    yield text_grid("Conditions under which certificates of the equipment hold", heads, rows, notes=words.HOLDINGS)
+
+
+def _recorded(document: Document) -> Iterator[Block]:
     if not document.conditions:
         return
     staged = any(one.stage for one in document.conditions)
     heads = [Head("Quantity"), *([Head("Run")] if staged else []), Head("Unit")]
     heads += [Head(name, align="right") for name in ("Minimum", "Mean", "Maximum")]
     told = [
-        [one.label, *([one.stage] if staged else []), one.unit, one.minimum, one.mean, one.maximum]
+        [one.label, *([one.stage] if staged else []), one.unit, one.minimum, one.mean or "-", one.maximum]
         for one in document.conditions
     ]
-    yield grid("", heads, told, notes=words.CONDITIONS)
+    stated = ", ".join(dict.fromkeys(one.label for one in document.conditions if not one.name))
+    notes = words.CONDITIONS if any(one.name for one in document.conditions) else ()
+    yield grid("", heads, told, notes=(*notes, *([words.BY_RECORD.format(stated)] if stated else [])))
 
 
 def _equipment(document: Document) -> Iterator[Block]:
@@ -134,7 +191,7 @@ def _equipment(document: Document) -> Iterator[Block]:
             ", ".join(filter(None, (one.maker, one.model))),
             ", ".join(filter(None, (one.serial, one.asset))),
             one.certificate or "-",
-            one.laboratory or "-",
+            ", ".join(filter(None, (one.laboratory, one.accreditation))) or "-",
             "-" if one.date is None else day(one.date),
             "-" if one.due is None else day(one.due),
         )
@@ -145,6 +202,8 @@ def _equipment(document: Document) -> Iterator[Block]:
 
 
 def _results(document: Document) -> Iterator[Block]:
+    if any(one.affects == "results" for one in document.supplied):
+        yield Sentences((words.SEE_SUPPLIED,))
     if document.models:
         yield Sentences(document.models)
     yield Sentences(words.uncertainty(document))

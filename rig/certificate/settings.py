@@ -80,6 +80,9 @@ class TableSettings(Strict):
         default_factory=dict,
         description='equipment that reads or sets each column, by its key in the register: `force_kN = "W-10"`',
     )
+    room: tuple[str, ...] = Field(
+        (), description="columns that recorded the room in which the equipment stands: `room_degC`, `humidity_pct`"
+    )
     keep: tuple[int, ...] = Field(
         (), description="rows that the search for gross errors names and that stay in the results, after you looked"
     )

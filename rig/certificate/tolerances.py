@@ -28,6 +28,7 @@ class ToleranceSettings(Strict):
     )
     sensor: str = Field("", description="of this sensor only; left out: of every sensor that has such a result")
     unit: str = Field(description="unit of the limits: that of the result")
+    from_customer: bool = Field(False, description="whether the customer supplied the limits")
     lower: float | str | None = Field(
         None,
         description='lowest permitted value; a number, or a formula of the settings at the point: `"2 * force_kN"`',

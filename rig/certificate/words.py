@@ -41,6 +41,29 @@ INFERRED = (
     "its uncertainty that of the quantity that the reading gives."
 )
 CONDITIONS = ("Of all accepted observations of the run.",)
+BY_RECORD = "The laboratory states {} by its own record; the run did not record it."
+HOLDINGS = (
+    "Conditions that the certificates of the equipment name, where the equipment stands: those of another place, such "
+    "as a chamber in which the items stood, do not count.",
+)
+EXTERNAL = (
+    "These results are not of this laboratory. They stand here as the certificate of their provider states them; "
+    "statements of conformity are not about them.",
+)
+SUPPLIED = "These data were supplied by the customer. This laboratory did not verify them and does not answer for them."
+AFFECTED = (
+    "Results for which the table says so depend on data of the customer: they are valid only as far as these data are "
+    "right."
+)
+JUDGED = "Statements of conformity are against tolerances that the customer supplied, where the table says so."
+IDENTITY: Mapping[str, str] = {"maker": "manufacturer", "model": "model", "serial": "serial number"}
+"""Parts of an item's identity that the customer may state, for people."""
+AFFECTS: Mapping[str, str] = {"": "nothing", "results": "results", "conformity": "statement of conformity"}
+"""What data of the customer can affect, for people."""
+SEE_SUPPLIED = (
+    "Results can be affected by data that the customer supplied and this laboratory did not verify: they are listed "
+    "under Data supplied by the customer."
+)
 CONFORMITY = ("The statements hold for the results above, at the time of the calibration.",)
 EFFECTS = "The declared model does not have these effects; they were found in the data of the run."
 UNCONFIRMED = "The cause of an effect that is not confirmed is known by these data alone."
@@ -89,3 +112,9 @@ def uncertainty(document: Document) -> tuple[str, ...]:
 def count(number: int, noun: str) -> str:
     """A number with its noun: `1 point`, `2 points`."""
     return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
+def disclaimer(*affected: str) -> tuple[str, ...]:
+    """Sentences on data that the customer supplied, by what they can affect."""
+    more = {"results": AFFECTED, "conformity": JUDGED}
+    return (SUPPLIED, *(sentence for what, sentence in more.items() if what in affected))

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from datetime import UTC, date, datetime
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.markup import escape
 
+from procedures.column_names import split_unit, unit_of
 from rig.cli import app
 from rig.cli.options import JsonOption
 from rig.cli.show import err, mark, out, print_json
 from rig.errors import ExitCode, UsageError
+from rig.register.units import NOT_CELSIUS
 
 if TYPE_CHECKING:
     from rig.dcc.reader import Quantity, Read
@@ -62,6 +65,14 @@ def certificate(
     adjustment: Annotated[
         str, typer.Option(help="adjustment between as found and as left, a sentence", show_default=False)
     ] = "",
+    room: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="what the laboratory's own record says of the room, lowest and highest value: humidity_pct=38..46; "
+            "repeatable",
+            show_default=False,
+        ),
+    ] = None,
     calibrated_by: Annotated[
         str, typer.Option(help="who calibrated", show_default="the settings, or the operators")
     ] = "",
@@ -131,7 +142,9 @@ def certificate(
 
     later = tuple(confirmed_by or ())
     people = (calibrated_by, approved_by)
-    asked = Asked(tuple(runs), _date(issued), equipment, settings, later, *people, adjustment, _date(""), traced)
+    asked = Asked(
+        tuple(runs), _date(issued), equipment, settings, later, *people, adjustment, _date(""), traced, _room(room)
+    )
     how = Issue(out_folder, number or "", amends or "", because, template, paper, key, key_certificate, schema)
     check_files([], list(all_files(asked, how)))
     check_extras(how)
@@ -150,6 +163,27 @@ def certificate(
     for change in made.document.amends.changes if made.document.amends else ():
         err.print(f"  amended: {escape(change)}", soft_wrap=True)
     return ExitCode.DONE
+
+
+def _room(given: Sequence[str] | None) -> dict[str, tuple[float, float]]:
+    """Lowest and highest values by name with unit. Raises `UsageError`."""
+    found: dict[str, tuple[float, float]] = {}
+    for one in given or ():
+        name, _, values = one.partition("=")
+        ends = values.partition("..")
+        try:
+            low, high = (float(text) for text in (ends[0], ends[2] if ends[1] else ends[0]))
+        except ValueError:
+            low, high = 1.0, 0.0
+        if not (all(split_unit(name)) and isfinite(low) and isfinite(high) and low <= high):
+            raise UsageError(f"--room {one}: say a quantity with its unit and two numbers, humidity_pct=38..46")
+        unit = unit_of(name)
+        if unit in NOT_CELSIUS:
+            raise UsageError(f"--room {one}: state a temperature in degC")
+        if any(unit_of(other) == unit for other in found):
+            raise UsageError(f"--room {one}: the room has one value in {unit} already: state the whole range at once")
+        found[name] = low, high
+    return found
 
 
 def _date(text: str) -> date:

@@ -15,7 +15,6 @@ from fitter.arrays import FloatArray
 from fitter.budget import Budgeted, Check, Influence, Shapes, TypeA, budgets, monte_carlo
 from fitter.errors import FitError
 from procedures.budgeting import Evaluation, Shift, Shifts
-from procedures.column_names import unit_of
 from procedures.errors import DataError
 from procedures.influences import corrected, explain, influences, with_more
 from procedures.kind import Kind
@@ -23,20 +22,23 @@ from procedures.kinds import kind_of_table
 from procedures.simulated_budget import whole
 from procedures.stated import Statements
 from procedures.table import Table
-from rig.closed_loop.held import held
+from rig.closed_loop.held import held, outside_of
 from rig.closed_loop.identities import contradicted, not_told
 from rig.config import BenchConfig, parse_bench
 from rig.errors import ConfigurationError, RigError, UsageError
 from rig.register import (
     DOCUMENT,
     Register,
+    Told,
     check_covered,
     check_register,
+    check_surroundings,
     check_validity,
     register_of,
     stated_of,
 )
 from rig.register.drift import drift_of_sensor
+from rig.register.surroundings import stated_by_hand
 from rig.run_file.events.sessions import Identified
 from rig.run_file.reader import RunReader
 from rig.tables import is_run, run_table
@@ -58,8 +60,6 @@ SIMULATED = (
     "simulation (JCGM 101): {trials} trials, seed {seed}; the budget's interval agrees for {agree} of {count} results "
     "within half a unit of the second digit of the standard uncertainty"
 )
-SLACK = 0.01
-"""How far a point may be outside the recorded settings, as a share of their range: readbacks are not set points."""
 SAME_METER, OTHER_METER = (
     "readings in use are taken to be by the meter of the run, with the same errors, which are taken once",
     "errors of the meter that reads the sensors in use are not in these uncertainties; those of the run's meter are",
@@ -77,6 +77,7 @@ class OfRun:
         register: its register.
         stated: what the register states about its columns.
         corrected: names of the corrections that are not zero.
+        told: what is known of the surroundings of the equipment beside the thermometers.
     """
 
     table: Table
@@ -85,6 +86,7 @@ class OfRun:
     register: Register
     stated: Statements
     corrected: tuple[str, ...]
+    told: Told
 
 
 @dataclass(frozen=True)
@@ -182,6 +184,7 @@ def checked_with(
     identities: Sequence[Identified],
     where: str,
     reasons: list[str],
+    room: Sequence[str] = (),
 ) -> Checked:
     """Observations with their bench and register, and all reasons against a budget at once.
 
@@ -192,6 +195,7 @@ def checked_with(
         identities: of the instruments of the run.
         where: name of the register, for messages.
         reasons: those known so far; further ones are added.
+        room: columns of a table that recorded the room.
 
     Raises:
         DataError: the kind of calibration is not known.
@@ -212,7 +216,10 @@ def checked_with(
         with _noted(reasons):
             stated = stated_of(register, config, last)
             check_covered(stated, table.columns, where)
-    of = _corrected(table, kind, config, register, stated or Statements())
+    told = Told(tuple(room), stated_by_hand(table.by_hand))
+    of = _corrected(table, kind, config, register, stated or Statements(), told)
+    with _noted(reasons):
+        check_surroundings(register, config, of.table.columns, told, where)
     untold = () if table.simulated else tuple(not_told(register, config, identities))
     return Checked(of, tuple(reasons), known, stated is not None, untold)
 
@@ -226,32 +233,13 @@ def _noted(reasons: list[str], refusal: type[RigError] = ConfigurationError) -> 
         reasons += str(error).splitlines()
 
 
-def _corrected(table: Table, kind: Kind, config: BenchConfig, register: Register, stated: Statements) -> OfRun:
+def _corrected(
+    table: Table, kind: Kind, config: BenchConfig, register: Register, stated: Statements, told: Told
+) -> OfRun:
     columns = kind.placed(corrected(table.columns, stated.errors), stated.constants)
     changed = tuple(name for name, values in columns.items() if (values != table.columns[name]).any())
     table = replace(table, columns=columns) if changed else table
-    return OfRun(table, kind, config, register, stated, changed)
-
-
-def outside_of(table: Table, at: Sequence[Mapping[str, float]]) -> Iterator[str]:
-    """Points of results that are outside the settings of a run, one sentence each.
-
-    An angle may be a whole turn away, and anything if the settings divide a turn into equal steps.
-    """
-    for name in dict.fromkeys(key for one in at for key in one if key in table.columns):
-        values = np.unique(table.columns[name])
-        low, high = float(values[0]), float(values[-1])
-        turn = 360.0 if unit_of(name) == "deg" else 0.0
-        step = float(np.max(np.diff(values), initial=0.0))
-        if turn and high - low + step >= turn * (1.0 - SLACK):
-            continue
-        slack = SLACK * (high - low)
-        for value in dict.fromkeys(one[name] for one in at if name in one):
-            if not any(low - slack <= value + n * turn <= high + slack for n in (-1, 0, 1)):
-                yield (
-                    f"{name} = {value:g} is outside the run, which has {low:.6g} to {high:.6g}: nothing shows that the "
-                    f"model holds there"
-                )
+    return OfRun(table, kind, config, register, stated, changed, told)
 
 
 def budget_run(

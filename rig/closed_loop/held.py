@@ -10,10 +10,14 @@ import numpy as np
 from procedures.column_names import spelled, stem_of, unit_of
 
 if TYPE_CHECKING:
+    from procedures.table import Table
     from rig.closed_loop.budget import OfRun
 
 HOLD = "results hold at the conditions of the run, which are in no model: {conditions}"
 NOT_USED = "of the points {name} is not used: no result depends on it"
+
+SLACK = 0.01
+"""How far a point may be outside the recorded settings, as a share of their range: readbacks are not set points."""
 
 
 def held(of: OfRun, used: Collection[str], at: Sequence[Mapping[str, float]]) -> Iterator[str]:
@@ -37,3 +41,24 @@ def held(of: OfRun, used: Collection[str], at: Sequence[Mapping[str, float]]) ->
     if told:
         yield HOLD.format(conditions="; ".join(told))
     yield from (NOT_USED.format(name=name) for name in free if any(name in one for one in at))
+
+
+def outside_of(table: Table, at: Sequence[Mapping[str, float]]) -> Iterator[str]:
+    """Points of results that are outside the settings of a run, one sentence each.
+
+    An angle may be a whole turn away, and anything if the settings divide a turn into equal steps.
+    """
+    for name in dict.fromkeys(key for one in at for key in one if key in table.columns):
+        values = np.unique(table.columns[name])
+        low, high = float(values[0]), float(values[-1])
+        turn = 360.0 if unit_of(name) == "deg" else 0.0
+        step = float(np.max(np.diff(values), initial=0.0))
+        if turn and high - low + step >= turn * (1.0 - SLACK):
+            continue
+        slack = SLACK * (high - low)
+        for value in dict.fromkeys(one[name] for one in at if name in one):
+            if not any(low - slack <= value + n * turn <= high + slack for n in (-1, 0, 1)):
+                yield (
+                    f"{name} = {value:g} is outside the run, which has {low:.6g} to {high:.6g}: nothing shows that the "
+                    f"model holds there"
+                )

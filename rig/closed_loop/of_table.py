@@ -18,7 +18,7 @@ from procedures.column_names import split_unit
 from procedures.errors import DataError
 from procedures.table import Table
 from rig.closed_loop.budget import Checked, checked_with
-from rig.config import BenchConfig, InstrumentConfig, SensorConfig, TemperatureConfig
+from rig.config import ROOM, BenchConfig, InstrumentConfig, SensorConfig, TemperatureConfig
 from rig.errors import ConfigurationError, UsageError
 from rig.register import DOCUMENT, Register, read_register
 from rig.regular import open_regular
@@ -42,6 +42,7 @@ class Said:
         models: formula of each output, by its column.
         given_by: equipment that reads or sets each column, by its key in the register.
         where: name of the file that says it, for messages.
+        room: columns that recorded the room in which the equipment stands.
     """
 
     began: date
@@ -49,6 +50,7 @@ class Said:
     models: Mapping[str, str]
     given_by: Mapping[str, str]
     where: str
+    room: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -105,7 +107,7 @@ def checked_table(path: Path, said: Said, equipment: Path | None, folder: Path) 
         said = replace(said, given_by=known)
     else:
         reasons.append(f"{path} has no register of equipment: name one with --equipment FILE (docs/register.md)")
-    return checked_with(table, _bench(table, said), register, (), str(given), reasons)
+    return checked_with(table, _bench(table, said), register, (), str(given), reasons, said.room)
 
 
 def _table(path: Path, said: Said) -> Table:
@@ -117,11 +119,11 @@ def _table(path: Path, said: Said) -> Table:
         except FitError as error:
             raise DataError(f"{said.where}: table.models.{output}: {error}") from error
     needed = (*said.models, *factors)
-    table = FileSource(path).read([*needed, *said.given_by])
-    for name in (*needed, *said.given_by):
+    table = FileSource(path).read([*needed, *said.given_by, *said.room])
+    for name in (*needed, *said.given_by, *said.room):
         if name not in table.columns:
             raise UsageError(f"{path}: column {name} is no column of numbers")
-    for name in (*needed, *said.given_by):
+    for name in (*needed, *said.given_by, *said.room):
         if not all(split_unit(name)) or not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name):
             raise UsageError(
                 f"{path}: column {name!r} has no unit in its name: rename it as NAME_UNIT, such as force_kN, so that "
@@ -169,7 +171,7 @@ def _bench(table: Table, said: Said) -> BenchConfig:
     }
     recorded = [name for name in table.columns if name not in (*table.outputs, *table.factors)]
     temperatures = {
-        name: TemperatureConfig(reader=reader(name), channel=name, place="lab")
+        name: TemperatureConfig(reader=reader(name), channel=name, place=ROOM if name in said.room else "package")
         for name in recorded
         if split_unit(name)[1] == _TEMPERATURE and np.isfinite(table.columns[name]).all()
     }

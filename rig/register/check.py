@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from datetime import date
 
 from procedures.column_names import unit_of
-from rig.config import BenchConfig, InstrumentConfig, ReferenceConfig, TemperatureConfig
+from rig.config import PLACES, BenchConfig, InstrumentConfig, ReferenceConfig, TemperatureConfig
 from rig.errors import ConfigurationError
 from rig.quantities import TEMPERATURE_UNIT
 from rig.register.schema import Register
@@ -39,6 +39,7 @@ def check_register(register: Register, config: BenchConfig, where: str, bench: s
 
 
 def _contradictions(register: Register, config: BenchConfig, where: str, bench: str) -> Iterator[str]:
+    places = list(dict.fromkeys((*PLACES, *config.factors, *config.references, *config.temperatures)))
     bearers: dict[tuple[str, str, str], str] = {}
     for asset in dict.fromkeys(entry.asset for _, entry in entries(config) if entry.asset in register.equipment):
         one = register.equipment[asset]
@@ -55,6 +56,11 @@ def _contradictions(register: Register, config: BenchConfig, where: str, bench: 
                 f"the asset number"
             )
             continue
+        if known.certificate is not None and known.certificate.holds_at and known.stands_in not in places:
+            yield (
+                f"{where}: equipment.{entry.asset}.stands_in = {known.stands_in!r} is no place of {bench}, which has "
+                f"{', '.join(places)}: correct it"
+            )
         serial = getattr(entry, "serial", "")
         if serial and known.serial and serial != known.serial:
             yield (
@@ -69,8 +75,14 @@ def _contradictions(register: Register, config: BenchConfig, where: str, bench: 
             )
 
 
-def absent(register: Register, config: BenchConfig) -> Iterator[str]:
-    """Facts about equipment of a bench that its register does not state, one sentence for each sort."""
+def absent(register: Register, config: BenchConfig, room: Collection[str] = ()) -> Iterator[str]:
+    """Facts about equipment of a bench that its register does not state, one sentence for each sort.
+
+    Args:
+        register: the register.
+        config: the bench.
+        room: what the laboratory states of the room beside the run, by name with unit.
+    """
     known = {asset: register.equipment[asset] for _, e in entries(config) if (asset := e.asset) in register.equipment}
     dated = {e.asset for _, e in entries(config) if getattr(e, "due", None) is not None}
     dated |= {asset for asset, one in known.items() if one.certificate is None or one.certificate.due is not None}
@@ -81,6 +93,7 @@ def absent(register: Register, config: BenchConfig) -> Iterator[str]:
         for asset, one in known.items()
         if any(says.covered is None for says in one.says)
     ]
+    unconditional = [asset for asset, one in known.items() if one.certificate and one.certificate.holds_at is None]
     if undated:
         yield f"The register states no due date of {', '.join(undated)}: whether a calibration expired is not known."
     if nameless:
@@ -90,8 +103,16 @@ def absent(register: Register, config: BenchConfig) -> Iterator[str]:
             f"The register states no range of {', '.join(open_ended)}: whether the certificate covers the settings is "
             "not known."
         )
+    if unconditional:
+        yield (
+            f"The register states no conditions under which the certificates of {', '.join(unconditional)} hold: "
+            "whether the surroundings were permitted is not known."
+        )
     if not config.temperatures and not any(unit_of(name) == TEMPERATURE_UNIT for name in config.references):
-        yield "No temperature is recorded with the observations: the conditions of the calibration are not known."
+        stated = any(unit_of(name) == TEMPERATURE_UNIT for name in room)
+        unknown = "the conditions of the calibration are not known"
+        words = "the laboratory states that of the room" if stated else unknown
+        yield f"No temperature is recorded with the observations: {words}."
 
 
 def check_validity(register: Register, config: BenchConfig, where: str, first: date, last: date) -> None:

@@ -12,10 +12,10 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from procedures.column_names import spelled, unit_of
+from procedures.column_names import spelled, split_unit, stem_of, unit_of
 from procedures.settings import Name, Strict
 from procedures.stated import BEHAVIOURS, Behaviour, Distribution
-from rig.register.units import factor, relative
+from rig.register.units import NOT_CELSIUS, factor, relative
 
 Polynomial = Annotated[tuple[float, ...], Field(min_length=1, max_length=12)]
 Amount = Annotated[float, Field(ge=0)]
@@ -25,6 +25,7 @@ PERCENT = ("pct", "percent", "%")
 """Units of quantities that are themselves percentages."""
 Drift = Annotated[tuple[tuple[Amount, Amount], ...], Field(min_length=2, max_length=100)]
 """Rows [days since the calibration, error that is not exceeded with 95 %], as `rig chart --as-drift` prints them."""
+_NUMBER = r"^-?\d+(\.\d+)?([eE][+-]?\d+)?$"
 _UNITS = "unit of every number of it: the quantity's or another of its kind; `1`, `%` or `ppm` of the quantity's value"
 
 
@@ -169,6 +170,22 @@ class Certificate(Strict):
     due: datetime.date | None = Field(None, description="date on which the next calibration is due")
     laboratory: str = Field(min_length=1, description="laboratory that issued it")
     accreditation: str = Field("", description="its accreditation: body and number")
+    holds_at: dict[str, tuple[float, float]] | None = Field(
+        None,
+        description="conditions around the equipment under which it holds, lowest and highest: `{ temperature_degC = "
+        "[18, 28], humidity_pct = [20, 80] }`; `{}` if the certificate names none",
+    )
+
+    @model_validator(mode="after")
+    def _conditions(self) -> Self:
+        for name, (low, high) in (self.holds_at or {}).items():
+            if not all(split_unit(name)):
+                raise ValueError(f"holds_at: {name!r} has no unit at its end, such as temperature_degC")
+            if unit_of(name) in NOT_CELSIUS:
+                raise ValueError(f"holds_at: {name}: state a temperature in degC, as {stem_of(name)}_degC")
+            if not low < high:
+                raise ValueError(f"holds_at: {name}: {low:g} is not below {high:g}")
+        return self
 
     @model_validator(mode="after")
     def _order(self) -> Self:
@@ -189,6 +206,15 @@ class Equipment(Item):
     """A piece of equipment, by its asset number."""
 
     description: str = Field("", description="what it is, for people")
+    stands_in: str = Field(
+        "lab",
+        min_length=1,
+        description='where it stands, for `holds_at`: `lab` is the room, of thermometers with `place = "lab"`; else '
+        "another place of the bench file's thermometers, or a column, such as `bath_degC`",
+    )
+    from_customer: str = Field(
+        "", description="what of its data the customer supplied, such as `mass values`: results can depend on them"
+    )
     certificate: Certificate | None = None
     says: tuple[Statement, ...] = Field(
         (), description="what its certificate, or its specification within the certificate's confirmation, says"
@@ -231,6 +257,42 @@ class Laboratory(Strict):
     approves: tuple[str, ...] = Field((), description="people who may approve certificates")
 
 
+class ExternalResult(Strict):
+    """A result of an external provider about a sensor, printed as the provider states it, and as the provider's."""
+
+    what: str = Field(min_length=1, description="what it is: `temperature coefficient of the output`")
+    value: str = Field(pattern=_NUMBER, description='the number, as text with the digits of the provider: `"0.0210"`')
+    unit: str = Field("", description="its unit; left out: a plain number")
+    expanded: str = Field("", pattern=f"{_NUMBER}|^$", description="expanded uncertainty, as text")
+    k: str = Field("", pattern=f"{_NUMBER}|^$", description="coverage factor of `expanded`, as text")
+    probability: str = Field(
+        "", pattern=r"^0\.\d+$|^$", description="coverage probability of `expanded`, as text: `0.95`"
+    )
+    laboratory: str = Field(min_length=1, description="the provider")
+    accreditation: str = Field("", description="its accreditation for this result: body and number")
+    certificate: str = Field(min_length=1, description="number of the provider's certificate")
+    date: datetime.date = Field(description="date of that certificate")
+    used_for: str = Field(
+        "", description="results of this laboratory that depend on it: `outputs at 20 degC`; left out: none"
+    )
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        if len({bool(one) for one in (self.expanded, self.k, self.probability)}) > 1:
+            raise ValueError("expanded, k and probability belong together: add what is missing, or leave out all three")
+        return self
+
+
+class CustomerDatum(Strict):
+    """Something that the customer stated about a sensor, and that the laboratory did not verify."""
+
+    what: str = Field(min_length=1, description="what it is: `mass of the loading head`, `sampling plan`")
+    value: str = Field(min_length=1, description="as the customer stated it, with its unit")
+    affects_results: bool = Field(
+        True, description="whether results can depend on it: then the certificate has a disclaimer"
+    )
+
+
 class SensorItem(Item):
     """A sensor under calibration, by its name on the bench, or by its asset number there."""
 
@@ -238,6 +300,11 @@ class SensorItem(Item):
     customer_address: str = Field("", description="address of the customer, lines separated by newlines")
     received: datetime.date | None = Field(None, description="date on which it was received")
     condition: str = Field("", description="condition as received")
+    from_customer: tuple[Literal["maker", "model", "serial"], ...] = Field(
+        (), description="which of `maker`, `model` and `serial` the customer stated and nobody read from the sensor"
+    )
+    customer_data: tuple[CustomerDatum, ...] = Field((), description="what else the customer stated about it")
+    external: tuple[ExternalResult, ...] = Field((), description="results of external providers about it")
     drift: Drift | None = Field(
         None, description="drift since its calibration, by its history: as `rig chart --as-drift` prints it"
     )

@@ -43,6 +43,8 @@ _FAMILIES: tuple[Mapping[str, float], ...] = (
     {"m": 1.0, "mm": 1e-3, "um": 1e-6, "cm": 1e-2, "km": 1e3, "in": 0.0254, "ft": 0.3048},
     {"s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0},
 )
+NOT_CELSIUS = ("K", "mK", "mdegC", "degF")
+"""Units of temperatures whose values are none in degC."""
 _RELATIVE = {"1": 1.0, "%": 1e-2, "ppm": 1e-6}
 
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import date
 from pathlib import Path
 
 from fitter.errors import FitError
-from rig.certificate import about, assembly, conformity
+from rig.certificate import about, assembly, conformity, of_others
 from rig.certificate.document import Dates, Document
 from rig.certificate.measured import Stage
 from rig.certificate.settings import CertificateSettings, read_settings
@@ -16,6 +16,7 @@ from rig.closed_loop.budget import OfRun, RunBudget
 from rig.closed_loop.of_table import lacks
 from rig.errors import UsageError
 from rig.register import DOCUMENT, absent
+from rig.register.surroundings import Range
 from rig.results.certified_runs import CertifiedRun, read_run
 
 SETTINGS = "certificate.toml"
@@ -48,6 +49,8 @@ class Asked:
         calibrated_by: instead of that of the settings.
         approved_by: instead of that of the settings.
         adjustment: between as found and as left, a sentence.
+        room: lowest and highest value of what the run did not record of the room, by name with unit, as the laboratory
+            states it.
         traced: whether results are of the model with the effects that the trace finds, also where no further run
             confirmed them.
         today: the certificate of a real run is not dated after it; None if that is not asked.
@@ -63,6 +66,7 @@ class Asked:
     adjustment: str = ""
     today: date | None = None
     traced: bool = False
+    room: Mapping[str, Range] = field(default_factory=dict)
 
     @property
     def settings_file(self) -> Path:
@@ -159,6 +163,9 @@ def _document(
         approved_by=approved,
         method=about.method(of[-1], settings),
         conditions=tuple(c for one, b in with_budget for c in assembly.conditions(b, one.stage)),
+        holdings=tuple(h for one, b in with_budget for h in assembly.holdings(b, one.stage)),
+        external=tuple(of_others.external(items, known)),
+        supplied=tuple(of_others.supplied(items, known, of, settings)),
         equipment=about.equipment(of),
         tables=tuple(t for one, b in with_budget for t in assembly.tables(b, one.stage)),
         budgets=tuple(x for one, b in with_budget for x in assembly.budgets(b, one.stage, settings.annex)),
@@ -184,7 +191,8 @@ def _document(
                 if one.state is not None
                 for d in conformity.since_recorded(one.conformity, settings, f" ({one.stage})" if one.stage else "")
             ),
-            *dict.fromkeys(d for one in of for d in absent(one.register, one.config)),
+            *dict.fromkeys(d for one in of for d in absent(one.register, one.config, asked.room)),
+            *(d for one, b in with_budget for d in assembly.not_recorded(b, one.stage)),
         ),
         notes=tuple(dict.fromkeys(n for _, b in with_budget for n in assembly.notes(b))),
         next_due=settings.next_due,

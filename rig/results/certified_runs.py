@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +20,7 @@ from rig.closed_loop.undeclared import with_undeclared
 from rig.effects import laboratory_effects
 from rig.errors import RigError
 from rig.plans import CONFORMITY
-from rig.register import DOCUMENT
+from rig.register import DOCUMENT, Told, check_surroundings
 from rig.results.data import Data
 from rig.run_file.reader import RunReader
 from rig.run_file.state import RunState, read_state
@@ -95,9 +95,9 @@ def _read_table(
     if path == asked.runs[-1]:
         reasons.extend(f"{one}: --confirmed-by is for runs; {path} is a table" for one in asked.confirmed_by)
     run = CertifiedRun(path, stage)
-    said = Said(own.began, own.ended or own.began, own.models, own.given_by, str(given))
+    said = Said(own.began, own.ended or own.began, own.models, own.given_by, str(given), own.room)
     with _noted(reasons):
-        _take(run, checked_table(path, said, asked.equipment, given.parent), reasons)
+        _take(run, checked_table(path, said, asked.equipment, given.parent), asked, reasons)
     if run.of is not None:
         with _noted(reasons):
             kind, source = run.of.kind, OfTable(run.of.table)
@@ -124,12 +124,15 @@ def _noted(reasons: list[str]) -> Iterator[None]:
 
 
 def _checked(run: CertifiedRun, asked: Asked, reasons: list[str]) -> None:
-    _take(run, checked_run(run.path, asked.equipment), reasons)
+    _take(run, checked_run(run.path, asked.equipment), asked, reasons)
 
 
-def _take(run: CertifiedRun, checked: Checked, reasons: list[str]) -> None:
+def _take(run: CertifiedRun, checked: Checked, asked: Asked, reasons: list[str]) -> None:
     reasons.extend(checked.reasons)
-    run.of, run.stated = checked.of, checked.stated
+    run.of, run.stated = replace(checked.of, told=replace(checked.of.told, stated=asked.room)), checked.stated
+    with _noted(reasons):
+        stated = Told(stated=asked.room)
+        check_surroundings(run.of.register, run.of.config, {}, stated, str(asked.equipment or DOCUMENT))
     run.said += checked.untold
     if run.of.register.example and not run.of.table.simulated:
         reasons.append(f"the register {run.of.register.name!r} has example values: state those of your equipment")

@@ -32,8 +32,9 @@ from rig.plans import load_plan
 from rig.plugins import driver_class
 from rig.register import DOCUMENT
 from rig.results.dwells import short_dwells
+from rig.results.foreseen import beside, expired, not_stated, registered, surroundings
 from rig.results.frames import Frame, of_rows
-from rig.results.promised import Promised, beside, expired, not_stated, promised, registered
+from rig.results.promised import Promised, promised
 from rig.results.result import Plots, Result
 from rig.results.unit_doubts import unit_doubts
 from rig.scatter import without_limit
@@ -118,6 +119,7 @@ class Plan(Result):
             "overdue": self.overdue,
             "not_on_bench": beside(self.checked),
             "not_stated": not_stated(self.checked),
+            "surroundings": surroundings(self.checked),
             "disk_free_bytes": self.disk[0],
             "disk_needed_bytes": self.disk[1],
             "environment": _environment(self.checked),
@@ -246,6 +248,7 @@ class Plan(Result):
         yield from (Line(f"  [yellow]{escape(line)}[/]") for line in self.overdue)
         if not self.overdue:
             yield Line("  every calibration whose date is stated is valid until then")
+        yield from (Line(f"  {escape(one)}") for one in surroundings(checked))
         yield from (Line(f"  a certificate would say: {escape(one)}") for one in not_stated(checked))
         if names := beside(checked):
             yield Line(f"  in the register and not on the bench: {escape(', '.join(names))}")

@@ -15,8 +15,8 @@ from fitter.errors import FitError
 from procedures.errors import DataError
 from procedures.influences import explain, influences
 from procedures.kinds import kind_of
-from rig.errors import ConfigurationError
-from rig.register import DOCUMENT, absent, check_covered, check_validity, entries, parse_register, stated_of
+from rig.register import DOCUMENT, Told, check_covered, check_surroundings, parse_register, stated_of
+from rig.results.foreseen import settled
 
 if TYPE_CHECKING:
     from procedures.stated import Stated, Statements
@@ -75,7 +75,7 @@ def promised(plan: Plan, on: date) -> Promised:
     """Total uncertainties of inferred values, or else outputs, that a plan promises, if its run ends on a date.
 
     Raises:
-        ConfigurationError: a certificate does not cover the settings of the plan.
+        ConfigurationError: a certificate does not cover the settings of the plan, or does not hold at them.
     """
     if DOCUMENT not in plan.documents:
         return Promised((), ("repeatability only: the bench has no register of equipment (docs/register.md)",))
@@ -86,6 +86,7 @@ def promised(plan: Plan, on: date) -> Promised:
     sensors = {f"{name}_{sensor.unit}": sensor.axis or "" for name, sensor in plan.bench.sensors.items()}
     set_to = {f.name: np.array(plan.run_list.column(f.name), np.float64) for f in plan.run_list.factors}
     check_covered(stated, set_to, DOCUMENT)
+    check_surroundings(register, plan.bench, {**set_to, **settled(plan)}, Told(), DOCUMENT)
     try:
         expected = kind.expected(plan.procedure, plan.run_list, sensors)
         if not expected.meter:
@@ -99,45 +100,6 @@ def promised(plan: Plan, on: date) -> Promised:
     notes += [] if expected.meter else [NO_METER]
     notes += ["the register has example values"] if register.example else []
     return Promised(found, tuple(notes), tuple(stated.what_is_lacking(unstated)))
-
-
-def not_stated(plan: Plan) -> list[str]:
-    """Facts about the bench's equipment that its register does not state, as a certificate says them."""
-    if DOCUMENT not in plan.documents:
-        return []
-    return list(absent(parse_register(plan.documents[DOCUMENT], DOCUMENT), plan.bench))
-
-
-def beside(plan: Plan) -> list[str]:
-    """Equipment of the register that nothing on the bench names."""
-    if DOCUMENT not in plan.documents:
-        return []
-    register = parse_register(plan.documents[DOCUMENT], DOCUMENT)
-    named = {one.asset for _, one in entries(plan.bench)}
-    return [asset for asset in register.equipment if asset not in named]
-
-
-def registered(plan: Plan) -> set[str]:
-    """Asset numbers of the register."""
-    return set(parse_register(plan.documents[DOCUMENT], DOCUMENT).equipment) if DOCUMENT in plan.documents else set()
-
-
-def expired(plan: Plan, first: date, on: date) -> list[str]:
-    """Certificates that will not be valid from the first to the last date, a sentence each: no budget is then made.
-
-    Those whose date is in the bench file, too, are left to it.
-    """
-    if DOCUMENT not in plan.documents:
-        return []
-    register = parse_register(plan.documents[DOCUMENT], DOCUMENT)
-    told = {one.asset for _, one in entries(plan.bench) if getattr(one, "due", None) is not None}
-    other = {asset: one for asset, one in register.equipment.items() if asset not in told}
-    try:
-        check_validity(register.model_copy(update={"equipment": other}), plan.bench, DOCUMENT, first, on)
-    except ConfigurationError as error:
-        lines = str(error).replace("the run ended on", "this run would end on").splitlines()
-        return [line.replace("the run began on", "this run would begin on") for line in lines]
-    return []
 
 
 def _without_outputs(errors: Sequence[Stated]) -> list[Stated]:
