@@ -371,7 +371,7 @@ def _environment(checked: Checked) -> str | None:
 
 
 def _due(checked: Checked, on: date) -> Iterator[str]:
-    """Dates of the bench file that are over or missing; a person has none, and a register speaks for its equipment."""
+    """Dates of the bench file that are over or missing; a person has none, and a register has that of its equipment."""
     known = registered(checked)
     asked = {
         name: one
