@@ -13,6 +13,7 @@ from procedures.general.effects.time_columns import lagging
 from procedures.general.trace import cross, family, judge
 from procedures.general.trace.judge import TableJudge
 from procedures.general.trace.likelihood import Grid
+from procedures.general.trace.rivals import rivals
 from procedures.general.trace.run import problem_of
 from procedures.general.trace.score import View
 from procedures.table import Table
@@ -103,6 +104,25 @@ def test_the_gain_of_several_candidates_is_that_of_their_basis(problem):
         some = rng.choice(len(problem.candidates), 6, replace=False).tolist()
         assert view.gain(some, left) == pytest.approx(float(np.sum((view.extra(some).T @ left) ** 2)), rel=1e-6)
     assert view.gain((), left) == 0.0
+
+
+def test_a_rival_is_priced_by_its_own_gain_where_no_column_can_drop_out(problem, monkeypatch):
+    view, rng = View.of(problem, 20), np.random.default_rng(7)
+    left, single = rng.standard_normal(problem.n), np.flatnonzero(np.diff(view.start) == 1)
+    for _ in range(5):
+        rest = tuple(rng.choice(len(problem.candidates), 4, replace=False).tolist())
+        known = view.all_kept(rest)[view.start[:-1]]
+        gains = view.gains(rest, left - view.extra(rest) @ (view.extra(rest).T @ left))[0]
+        assert np.mean(known[single]) > 0.9
+        for j in set(single[known[single]].tolist()) - set(rest):
+            assert view.gain((*rest, j), left) == pytest.approx(view.gain(rest, left) + gains[j], rel=1e-9)
+    twice = view.picked((5,))[0]
+    assert not view.all_kept((5,))[twice]
+    asked = []
+    gain = View.gain
+    monkeypatch.setattr(View, "gain", lambda *args: asked.append(1) or gain(*args))
+    rivals(problem.candidates, view, left, (3, 20), problem.candidates[3].effect.name)
+    assert len(asked) < 10
 
 
 def test_another_response_has_the_same_grid(problem):

@@ -44,7 +44,10 @@ def rivals(
         name = candidate.effect.name
         if name not in held and name != effect and gains[j] > (gains[single[name]] if name in single else 0.0):
             single[name] = j
-    paths = {effect: [(group, path.price(group))]} | {name: [((j,), path.price((j,)))] for name, j in single.items()}
+    known = view.all_kept(rest)[view.start[:-1]] & (np.diff(view.start) == 1)
+    paths = {effect: [(group, path.price(group))]}
+    for name, j in single.items():
+        paths[name] = [((j,), path.priced((j,), float(gains[j])) if known[j] else path.price((j,)))]
     if len(group) > 1:
         for name in sorted(single, key=lambda name: paths[name][0][1])[:CLOSEST]:
             paths[name] += path.longer(single[name], len(group))
@@ -77,8 +80,11 @@ class _Path:
 
     def price(self, terms: tuple[int, ...]) -> float:
         """Residual sum of squares with `terms` minus that without, plus the price of the columns."""
-        columns = sum(self.candidates[j].term.price for j in terms)
-        return -self.view.gain((*self.rest, *terms), self.y) / self.variance + PER_COLUMN * columns
+        return self.priced(terms, self.view.gain((*self.rest, *terms), self.y))
+
+    def priced(self, terms: tuple[int, ...], gain: float) -> float:
+        """The same where the reduction is known, because all of these columns are used."""
+        return -gain / self.variance + PER_COLUMN * sum(self.candidates[j].term.price for j in terms)
 
     def longer(self, first: int, most: int) -> list[tuple[tuple[int, ...], float]]:
         """Up to `most` terms of the effect of `first`, each with the largest reduction, and their price."""

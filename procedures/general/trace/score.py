@@ -28,6 +28,8 @@ NOTHING_LEFT = 1e-3
 RESOLVED = 1e-12
 """Relative size of the response's range below which differences are rounding."""
 FEWEST_FOR_SCATTER = 20
+SHORTEST = 1e-150
+"""Length of a column whose square is still a number."""
 KEPT = 8
 """Bases of candidates that are kept: most are asked for a few times in turn."""
 AT_ONCE = 32
@@ -113,6 +115,7 @@ class View:
     length: FloatArray
     start: IntArray
     _extra: dict[tuple[int, ...], FloatArray] = field(default_factory=dict)
+    _rows: dict[int, FloatArray] = field(default_factory=dict)
 
     @cached_property
     def _products(self) -> tuple[FloatArray, FloatArray, IntArray]:
@@ -128,7 +131,7 @@ class View:
     @property
     def width(self) -> int:
         """Number of columns of candidates beside the declared ones."""
-        return int(np.count_nonzero(self._apart(self.basis[:, :0])[1]))
+        return int(np.count_nonzero(self._apart(())[1]))
 
     @property
     def rounding(self) -> float:
@@ -199,7 +202,7 @@ class View:
 
         From products of columns, as in `gains`, a stretch of rows at a time: all of it stays in the cache.
         """
-        squares, kept, one, two, slope = self._apart(self.basis[:, :0])
+        squares, kept, one, two, slope = self._apart(())
         own = {j: self.blocks((), (j,)).units for j in np.flatnonzero(np.diff(self.start) > 2).tolist()}
         for j, basis in own.items():
             kept[self.start[j] : self.start[j + 1]] = np.arange(self.start[j + 1] - self.start[j]) < basis.shape[1]
@@ -220,7 +223,7 @@ class View:
         The same as those of `blocks`, from products of columns: no basis of all candidates is made. A column that the
         others nearly replace keeps a millionth of its sum of squares, so cancellation leaves ten digits.
         """
-        squares, kept, one, two, slope = self._apart(self.extra(chosen))
+        squares, kept, one, two, slope = self._apart(chosen)
         along = left @ self.columns
         along[two] -= slope * along[one]
         gain = np.divide(along**2, squares, out=np.zeros_like(squares), where=kept)
@@ -233,14 +236,47 @@ class View:
             ranks[wide], out[wide] = own.rank, own.gains(left)
         return out, ranks
 
-    def _apart(self, extra: FloatArray) -> tuple[FloatArray, NDArray[np.bool_], IntArray, IntArray, FloatArray]:
-        """Columns of candidates of one or two, each beside `extra` ones (n, q) and the longer one of its pair.
+    def all_kept(self, chosen: Sequence[int]) -> NDArray[np.bool_]:
+        """(D,) whether a column is certain to be in the `extra` basis together with all columns of the `chosen`.
+
+        What a column has outside the others is the inverse of its diagonal element in the inverse of the products.
+        """
+        picked = self.picked(chosen)
+        if self.extra(chosen).shape[1] < picked.size:
+            return np.zeros(self.columns.shape[1], np.bool_)
+        length, squares = np.maximum(self.length, SHORTEST), self._products[0]
+        across = self._across(chosen) / length[picked, None] / length
+        inverse = np.linalg.inv(across[:, picked])
+        slope = inverse @ across
+        own = squares / length**2 - np.einsum("ij,ij->j", across, slope)
+        least = NOTHING_LEFT**2 * (1.0 + NOTHING_LEFT)
+        most = np.max(np.diag(inverse)[:, None] * own + slope**2, axis=0, initial=0.0)
+        return np.asarray((own > least) & (least * most < own))
+
+    def _across(self, chosen: Sequence[int]) -> FloatArray:
+        """(d, D) products of the columns of some candidates, which many models share, with all columns."""
+        for j in chosen:
+            if j not in self._rows:
+                self._rows[j] = self.columns[:, self.start[j] : self.start[j + 1]].T @ self.columns
+        return np.vstack([self.columns[:0], *(self._rows[j] for j in chosen)])
+
+    def _along(self, chosen: Sequence[int]) -> FloatArray:
+        """(q, D) products of the `extra` basis of some candidates with all columns."""
+        extra, picked = self.extra(chosen), self.picked(chosen)
+        if extra.shape[1] < picked.size:
+            return np.asarray(extra.T @ self.columns)
+        length = self.length[picked, None]
+        basis = (extra.T @ self.columns[:, picked]).T / length
+        return np.asarray(np.linalg.solve(basis, self._across(chosen) / length))
+
+    def _apart(self, chosen: Sequence[int]) -> tuple[FloatArray, NDArray[np.bool_], IntArray, IntArray, FloatArray]:
+        """Columns of candidates of one or two, each beside the `chosen` and the longer one of its pair.
 
         (D,) their remaining sums of squares, and whether these are enough; (p,) the longer one of each pair, the
         other, and the slope (p,) of the other along it.
         """
         squares, across, first = self._products
-        beside, second = extra.T @ self.columns, first + 1
+        beside, second = self._along(chosen), first + 1
         squares = squares - np.einsum("ij,ij->j", beside, beside)
         kept = squares > (NOTHING_LEFT * self.length) ** 2
         across = across - np.einsum("ij,ij->j", beside[:, first], beside[:, second])
