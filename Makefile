@@ -39,8 +39,8 @@ nights: $(STAMP)
 mutants: $(STAMP)
 	@tools/mutants
 
-# The figures of docs/figures.md that carry their commit: times and memories (half an hour), campaigns older than their
-# code (an hour or two), or one of them: `make figure NAME`.
+# The figures of proving/notes/figures.md that carry their commit: times and memories (half an hour), a bounded share of each
+# campaign (an hour or two), or one of them: `make figure NAME`.
 figures: $(STAMP)
 	@.venv/bin/python -m benchmarks.figures
 

@@ -8,7 +8,7 @@ The peers have an environment of their own; rig needs none of them:
     /tmp/peers/bin/pip install numpy scipy pydantic apsw scikit-learn pysindy pygam gplearn
     PYTHONPATH=. OPENBLAS_NUM_THREADS=1 /tmp/peers/bin/python -m benchmarks.bench_trace_peers
 
-What is not installed is left out, and said. What the columns of the tables mean: docs/peers_trace.md.
+What is not installed is left out, and said. What the columns of the tables mean: proving/notes/peers_trace.md.
 """
 
 import argparse

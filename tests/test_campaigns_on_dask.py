@@ -34,7 +34,7 @@ def wait_for_both(address):
 
 @pytest.fixture(scope="module")
 def scheduler(tmp_path_factory):
-    """The address of a scheduler with two workers, started as docs/campaigns.md says."""
+    """The address of a scheduler with two workers, started as proving/notes/campaigns.md says."""
     folder = tmp_path_factory.mktemp("dask")
     # a worker that is killed is begun again: from a process that has imported what it needs, not from nothing
     forked = {"DASK_DISTRIBUTED__WORKER__MULTIPROCESSING_METHOD": "forkserver"}

@@ -1,4 +1,4 @@
-"""The frame of all campaigns that say how often what is said of data is so (docs/campaigns.md)."""
+"""The frame of all campaigns that say how often what is said of data is so (proving/notes/campaigns.md)."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from proving.statistics.frame import NAMES, Study, asked, main, parts_of, run
 from proving.statistics.gross_errors import CASES
 
 FOLDER = Path(frame.__file__).parent
-DOCS = Path(__file__).parent.parent / "docs"
+ROOT = Path(__file__).parent.parent
 SEEDS = range(4, 12)
 
 
@@ -120,7 +120,7 @@ def test_figures_are_said_in_words(capsys):
 
 COMMANDS = [
     shlex.split(command)
-    for document in sorted(DOCS.rglob("*.md"))
+    for document in sorted([*ROOT.glob("docs/**/*.md"), *ROOT.glob("proving/notes/*.md")])
     for command in re.findall(r"`python -m proving\.statistics ([^`]*)`", document.read_text(encoding="utf-8"))
 ]
 

@@ -1,6 +1,6 @@
 """A right name has a constant coefficient: what only looks like the true law over the whole run is doubtful.
 
-Strangers' sets (proving/strangers) have the cases; of every rule there is a catalogue's own cause beside it that keeps
+Strangers' tables (tests/strangers) have the cases; of every rule there is a catalogue's own cause beside it that keeps
 its name without a doubt.
 """
 
@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from strangers_tables import table
 
 import rig
 from fitter.trace.constancy import OWN_SIZE, change, products
@@ -19,7 +20,6 @@ from fitter.trace.sudden import lead_over_slopes, slopes
 from procedures.attitude.trace import trace
 from procedures.general.trace import family
 from procedures.pressure.trace import null
-from proving.strangers import first, third
 from proving.strangers.traced import options_of, with_file, without_left_out
 from proving.truth.attitude import D1, simulate
 from proving.truth.attitude_hidden import CLEAN, sized
@@ -92,41 +92,41 @@ def test_a_step_is_told_from_a_change_that_lasts(lasts):
 
 def test_creep_that_grows_when_hot_is_no_drift_within_whole_plots():
     """Fisher's combination over three transducers: alone each has p of some hundredths."""
-    found = doubts(third.table("whole_plots", ("hot_creep",), 1, 2.0))
+    found = doubts(table("hot_creep"))
     assert found["subplot-drift"]
     assert all(found["subplot-drift"])
 
 
 def test_two_names_that_are_one_in_the_cold_are_doubtful():
     """Ice in the line throttles it in the cold: carry-over, and a hysteresis that follows the temperature."""
-    found = doubts(first.table("whole_plots", ("ice_plug",), 2, 1.0))
+    found = doubts(table("ice_plug"))
     assert "hysteresis-temperature" in found
     assert all(text for texts in found.values() for text in texts)
     assert any("with a coefficient that changes" in text for text in found["hysteresis-temperature"] if text)
 
 
 def test_a_name_that_is_doubtful_in_one_transducer_is_so_in_all():
-    found = doubts(first.table("whole_plots", ("reference_outgassing",), 1, 2.0))
+    found = doubts(table("reference_outgassing"))
     assert len(found["offset-step-unrecorded"]) == 2
     assert all(found["offset-step-unrecorded"])
 
 
 def test_a_power_is_doubtful_where_a_corner_explains_as_much():
     """A regulator that drops out below some temperature; there are five temperatures."""
-    found = doubts(first.table("whole_plots", ("regulator_dropout",), 2, 1.0))
+    found = doubts(table("regulator_dropout"))
     assert any("a law with a corner" in text for texts in found.values() for text in texts if text)
 
 
 def test_a_drift_that_begins_late_is_no_step():
     """The lids of the standards are left open from some time on."""
-    found = doubts(third.table("general", ("evaporation",), 1, 1.0))
+    found = doubts(table("evaporation", "--response absorbance --formula 1_+_c_mgL --time t_min --group cuvette"))
     assert found["sensitivity-step:t_min,c_mgL"][0] is not None
     assert "goes on for a good part of the run" in found["sensitivity-step:t_min,c_mgL"][0]
 
 
 def test_several_periods_of_one_cause_are_doubtful():
     """A rotor that locks in near one flow takes three waves that are no harmonics; the teeth of a screw are."""
-    found = doubts(third.table("general", ("shedding_lock_in",), 1, 2.0))
+    found = doubts(table("shedding_lock_in", "--response f_Hz --formula 1_+_q_Lmin --time t_min --replicate run"))
     assert "values of a constant" in (found["periodic:q_Lmin"][0] or "")
 
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from strangers_tables import table
 
 import rig
 from fitter.trace.flexible import Block, evidence, orders_of, remainders, turns, waves
@@ -14,7 +15,6 @@ from procedures.attitude.effects.steps import OFFSET_STEP_UNRECORDED
 from procedures.attitude.trace import trace
 from procedures.attitude.trace.pose import pose
 from procedures.attitude.trace.refine import refined
-from proving.strangers import second
 from proving.truth.attitude import D1, simulate
 from proving.truth.attitude_hidden import CLEAN
 
@@ -106,7 +106,7 @@ def test_a_shape_of_no_catalogue_is_not_explained(seed):
 def test_a_gear_beside_an_index_error_is_doubtful(tmp_path):
     """A stranger's head with a pin for multiples of 15 degrees, and a drum, which is off, for what lies between."""
     file = tmp_path / "notch.csv"
-    file.write_text(second.table("attitude", ("notch_or_drum",), 1, 1.0).csv)
+    file.write_text(table("notch_or_drum").csv)
     for sensor in rig.open(file).trace().to_json()["sensors"].values():
         assert {one["effect"] for one in sensor["effects"]} >= {"gear-pitch", "index-error"}
         assert all(one["doubtful"] for one in sensor["effects"])

@@ -1,17 +1,14 @@
 """What a trace keeps never raises the error that it states, before against after on the same rows."""
 
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from strangers_tables import table
 
-import proving.strangers
 from fitter.trace.keep import left_in, never_above, taken_out
 from fitter.trace.not_kept import in_place_of
-from proving.strangers.runs import hidden
-
-SET = Path(proving.strangers.__file__).parent / "fourth"
+from proving.strangers.runs import scored
 
 
 class _Judge:
@@ -63,11 +60,17 @@ def test_what_raises_the_error_of_one_sensor_is_left_in_its_output_only():
 
 
 @pytest.mark.parametrize(
-    ("kind", "effects", "size"),
-    [("whole_plots", "record_cold+helium_after_stop", 2.0), ("general", "worn_screw+damp_backing", 2.0)],
+    ("name", "options"),
+    [
+        ("record_cold_and_helium_after_stop", ""),
+        (
+            "worn_screw_and_damp_backing",
+            "--response encoder_kct --formula 1_+_scale_mm --replicate series --time elapsed_h --direction sense",
+        ),
+    ],
 )
-def test_the_error_of_a_strangers_run_is_not_above_that_before(kind, effects, size):
+def test_the_error_of_a_strangers_run_is_not_above_that_before(name, options):
     """Two of three runs of the fourth set where it was, by 7 % and by 0.4 %: no smaller table shows it."""
-    run = hidden(1, SET, kind, tuple(effects.split("+")), size, None, left_out=False)
+    run = scored(table(name, options), (), left_out=False)
     assert run["class"] not in {"crash", "refused"}
     assert not run["rose"], run["line"]

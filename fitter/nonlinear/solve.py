@@ -20,7 +20,7 @@ from fitter.nonlinear.problems import Problem
 CONVERGED = 1e-5
 """Maximum relative offset of Bates and Watts (1981): how far the residuals are from orthogonal to the tangent plane, in
 standard errors."""
-_POLISH, _EVALUATIONS, _ROBUST = 30, 2000, 4
+_POLISH, _WAIT, _EVALUATIONS, _ROBUST = 30, 2, 2000, 4
 _TOLERANCE = 1e-15
 _ROUNDING, _LOST = 1e-13, 1e-9
 _LARGEST = 1e150
@@ -112,15 +112,21 @@ def _search(problem: Problem, b: FloatArray, *, robust: bool, tolerance: float) 
 
 
 def _polished(problem: Problem, b: FloatArray) -> FloatArray:
-    """(k,) at the minimum: Gauss-Newton steps as long as they become shorter."""
-    best, last = _square(problem, b), float("inf")
+    """(k,) at the minimum: where the next Gauss-Newton step is shortest.
+
+    Where residuals are large, steps shorten by a factor, and turn: one may be longer than the one before it.
+    """
+    square, found, shortest, waited = _square(problem, b), b, float("inf"), 0
     for _ in range(_POLISH):
         step = least_squares(problem.columns(b), problem.residuals(b), problem.parameters).coefficients
         length, further = float(np.linalg.norm(step / np.where(b == 0.0, 1.0, b))), _square(problem, b + step)
-        if not (further <= best * (1.0 + _LOST) and length < last):
+        waited = 0 if length < shortest else waited + 1
+        if waited == 0:
+            found, shortest = b, length
+        if not further <= square * (1.0 + _LOST) or waited > _WAIT:
             break
-        b, best, last = b + step, further, length
-    return b
+        b, square = b + step, further
+    return found
 
 
 def _square(problem: Problem, b: FloatArray) -> float:

@@ -156,7 +156,7 @@ class Bias:
 _CHANCE = 4.0
 _OWN_SD: Mapping[str, float] = {"pressure": 1.02}
 """Standard deviation that the method itself has: for four whole plots degrees of freedom are an approximation, and calm
-nights have this (docs/nights.md)."""
+nights have this (proving/notes/nights.md)."""
 
 
 def unbiased(deviations: Iterable[tuple[str, float, float]], lab: str) -> Bias | None:

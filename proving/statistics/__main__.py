@@ -1,4 +1,4 @@
-"""`python -m proving.statistics CAMPAIGN`; docs/campaigns.md."""
+"""`python -m proving.statistics CAMPAIGN`; proving/notes/campaigns.md."""
 
 import os
 import sys

@@ -16,7 +16,7 @@ from proving.strangers.sets import load, opened
 from proving.strangers.shares import alarms, classes, said_by
 from rig.errors import UsageError
 
-FIRST = Path(proving.strangers.__file__).parent / "first"
+NEWEST = Path(proving.strangers.__file__).parent / "fourteenth"
 
 
 def effects(set: str = "", judged: str = "", sizes: str = "1,2", left_out: int = 0) -> Study:  # noqa: A002 - the option's name
@@ -146,7 +146,7 @@ def _alarms(results: Results) -> Figures:
 
 
 def _folder(text: str) -> Path:
-    return Path(text).resolve() if text else FIRST
+    return Path(text).resolve() if text else NEWEST
 
 
 def _numbers(text: str) -> list[float]:
