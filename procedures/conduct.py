@@ -76,6 +76,7 @@ class Conduct:
         settle: criterion for the arrival of an easy-to-change factor.
         settles: criteria of factors with one of their own, by axis.
         tolerances: largest difference between setpoint and reading of a factor's reference standard, by factor.
+        near: how near its level the reading of a factor's reference standard is brought, where it is, by factor.
         poll_s: time between readbacks meanwhile.
         readings: sweeps over all channels at a point.
         repeats: maximum number of repeats of too noisy readings before they are accepted with a flag.
@@ -103,6 +104,7 @@ class Conduct:
     settle: Settle
     settles: Mapping[str, Settle] = field(default_factory=dict)
     tolerances: Mapping[str, float] = field(default_factory=dict)
+    near: Mapping[str, float] = field(default_factory=dict)
     poll_s: float = 0.5
     readings: int = 10
     repeats: int = 2

@@ -146,12 +146,12 @@ class Bench:
 
     def by_hand(self, factor: str) -> ByHand | None:
         """The person who sets a factor; None if an instrument does."""
-        instrument = self.instruments.get(self.config.factors.get(factor, ""))
+        instrument = self.instruments.get(self.config.setters.get(factor, ""))
         return instrument if isinstance(instrument, ByHand) else None
 
     def setting(self, factor: str, role: type[Role]) -> tuple[str, Role]:
         """The instrument that sets a factor, and its name. Raises `ConfigurationError` if it cannot."""
-        name = self.config.factors.get(factor)
+        name = self.config.setters.get(factor)
         if name is None:
             raise ConfigurationError(
                 f"bench {self.config.name} does not name the instrument of {factor}: add it under [factors], "

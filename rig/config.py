@@ -21,6 +21,7 @@ from procedures.kind import Procedure
 from procedures.kinds import kinds
 from procedures.settings import Name
 from procedures.table import UNITS
+from rig.approach import Approach
 from rig.errors import ConfigurationError
 from rig.explained import explain
 from rig.protection import InterlockConfig, SafetyConfig
@@ -130,6 +131,11 @@ class ReferenceConfig(_Strict):
         description="the factor that sets this quantity, in another unit: a valve in V, whose flow the standard reads. "
         "Models are of this quantity then, in its unit",
     )
+    approach: list[tuple[float, float]] | None = Field(
+        None,
+        description="with `of`: pairs of its setting and what the standard reads there, so that a procedure may have "
+        "levels of this quantity: `[[1, 0.49], [5.5, 2.39], [10, 3.8]]`",
+    )
     asset: str = ""
     due: date | None = Field(None, description="due date of its own calibration")
 
@@ -190,6 +196,16 @@ class BenchConfig(_Strict):
         """Quantities that are read and that no factor is: temperatures, and what a factor sets in another unit."""
         return (*self.temperatures, *(name for name, one in self.references.items() if one.of))
 
+    @property
+    def steered(self) -> Mapping[str, str]:
+        """Quantities that may have levels, and the factor that sets each: see `ReferenceConfig.approach`."""
+        return {name: one.of for name, one in self.references.items() if one.approach is not None}
+
+    @property
+    def setters(self) -> Mapping[str, str]:
+        """What sets each factor: `factors`, and what sets those of `steered`."""
+        return {**self.factors, **{name: self.factors[of] for name, of in self.steered.items()}}
+
     @model_validator(mode="after")
     def _names_meet(self) -> Self:
         read = {f"sensors.{name}": (s.reader, s.channel) for name, s in self.sensors.items()}
@@ -221,6 +237,13 @@ class BenchConfig(_Strict):
             if standard.of and standard.of not in self.factors:
                 known = ", ".join(self.factors) or "none"
                 raise ValueError(f"references.{name}.of = {standard.of!r} is not a factor here (known: {known})")
+            if standard.approach is not None:
+                if not standard.of:
+                    raise ValueError(f"references.{name}.approach needs `of`, the factor whose settings it has")
+                try:
+                    Approach.of(standard.approach)
+                except ValueError as error:
+                    raise ValueError(f"references.{name}.approach: {error}") from None
             if standard.of and name in self.factors:
                 raise ValueError(
                     f"references.{name}.of = {standard.of!r}, and factors.{name} sets it itself: leave out one of them"

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from drivers.roles import ByHand, Chamber, Head, PressureController, Source
 from procedures.column_names import stem_of, unit_of
+from rig.approach import Approach
 from rig.bench_file import playing
 from rig.engine.guard import Guard
 from rig.engine.whole_plots import renewal
@@ -17,7 +18,7 @@ from rig.quantities import ATMOSPHERE_PSIA, HEAD, PRESSURE_UNIT, TEMPERATURE_UNI
 if TYPE_CHECKING:
     from procedures.conduct import Conduct, WholePlotConduct
     from procedures.kind import Procedure
-    from procedures.run_list import RunList
+    from procedures.run_list import Factor, RunList
     from rig.config import BenchConfig
 
 
@@ -106,9 +107,14 @@ def _check_setters(config: BenchConfig, run_list: RunList, guard: Guard, where: 
     """Check that every factor has an instrument of its own that can set it, whatever it is."""
     taken: dict[str, str] = {}
     for factor in run_list.factors:
-        name = config.factors.get(factor.name)
+        name = config.setters.get(factor.name)
         if name is None and factor.name in HEAD and playing(config, Head):
             continue  # the head's own axes need no entry
+        if name is None and factor.name in config.references and (of := config.references[factor.name].of):
+            raise ConfigurationError(
+                f"{where}: {factor.name} is read, and set by {of}: give levels of {of}, or pairs of {of} and what "
+                f"{factor.name} was there: references.{factor.name}.approach = [[SETTING, READING], ...]"
+            )
         if name is None:
             setting = [n for n in config.instruments if any(n in playing(config, role) for role in _SETS)]
             here = (
@@ -132,9 +138,30 @@ def _check_setters(config: BenchConfig, run_list: RunList, guard: Guard, where: 
             raise ConfigurationError(
                 f"{where}: {name} is a head, and {factor.name} none of its angles: {' and '.join(HEAD)}"
             )
+        if factor.name in config.steered:
+            _check_steered(factor, config, run_list, guard, where)
+            continue
         _check_unit(factor.name, name, roles, where)
         if PressureController in roles:
             _check_atmosphere(factor.name, guard, where)
+
+
+def _check_steered(factor: Factor, config: BenchConfig, run_list: RunList, guard: Guard, where: str) -> None:
+    """Check that a source can be set to what the table of approach says of every level, and that a meter reads it."""
+    of, standard = config.steered[factor.name], config.references[factor.name]
+    name, unit = config.factors[of], unit_of(of)
+    if name not in playing(config, Source):
+        raise ConfigurationError(f"{where}: references.{factor.name}.approach: {name} sets {of}, and is no source")
+    if factor.hard or factor.name in config.typed:
+        why = "it is hard to change" if factor.hard else f"{standard.reader} is a person, who reads it at a point only"
+        raise ConfigurationError(f"{where}: {factor.name} is not brought to its levels: {why}; give levels of {of}")
+    table, (low, high) = Approach.of(standard.approach or ()), guard.limits.get(of, (float("-inf"), float("inf")))
+    for level in sorted(set(run_list.column(factor.name))):
+        if not low <= (setting := table.setting(level)) <= high:
+            raise ConfigurationError(
+                f"{where}: {factor.name} = {level:g} takes {setting:.4g} {unit} by references.{factor.name}.approach, "
+                f"outside limits.{of}, {low:g} to {high:g}: leave out that level, or correct the table"
+            )
 
 
 def _check_unit(factor: str, instrument: str, roles: Sequence[type[Any]], where: str) -> None:

@@ -224,7 +224,7 @@ def test_a_described_meter_reads_the_temperature_where_its_thermometer_is(tmp_pa
 def test_two_quantities_may_be_set_by_one_factor_that_has_a_standard_too():
     valve = SimpleNamespace(name="valve_V", set_name="valve_set_V", axis="valve")
     run_list = SimpleNamespace(factors=[valve], factor=lambda name: valve)
-    of_valve = SimpleNamespace(text=lambda key: "valve_V")
+    of_valve = SimpleNamespace(text=lambda key: "valve_V", everything=dict)
     tables = [("flow_kg_per_min", of_valve), ("drop_kPa", of_valve)]
     bench = SimpleNamespace(table=lambda name: SimpleNamespace(tables=lambda: tables))
     rows = [

@@ -341,7 +341,7 @@ def _of_points(run: GeneralProcedure, rows: list[list[float]]) -> GeneralProcedu
     values = values_of(run)
     factors = {name: {k: v for k, v in one.items() if k != "levels"} for name, one in values["factors"].items()}
     for name, factor in run.factors.items():  # defaults that follow from the levels stay those of the first run
-        factors[name] |= {"band": factor.band, "tolerance": factor.tolerance}
+        factors[name] |= {"band": factor.band, "tolerance": factor.tolerance, "near": factor.near}
         factors[name] = {k: v for k, v in factors[name].items() if v is not None}
     design = {"type": "file", "points": CHOSEN, "rows": rows}
     return with_routine(GeneralProcedure.model_validate({**values, "factors": factors, "design": design}), run)

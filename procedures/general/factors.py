@@ -19,6 +19,7 @@ FACTOR_NAME = r"^[A-Za-z][A-Za-z0-9_]*_[A-Za-z][A-Za-z0-9]*$"
 HEAD_ANGLES = ("pitch_deg", "roll_deg")
 """Angles of a dividing head: these have a side of approach also if they are hard to change."""
 
+_NEAR = 0.25
 _BAND, _TOLERANCE = 1e-3, 0.02
 """Defaults of `band` and `tolerance`, as fractions of the range of the levels."""
 
@@ -56,6 +57,12 @@ class FactorSettings(Strict):
         "person states; left out: a fiftieth of the range of its levels",
     )
 
+    near: Positive | None = Field(
+        None,
+        description="of levels that a reference standard reads, with a table of approach: how near a level its reading "
+        "is brought; left out: a quarter of `tolerance`",
+    )
+
     @model_validator(mode="after")
     def _levels_differ(self) -> Self:
         levels = self.levels or []
@@ -78,3 +85,7 @@ class FactorSettings(Strict):
     def tolerated(self, span: float) -> float:
         """Largest difference of a reference's reading from the setpoint."""
         return self.tolerance or _TOLERANCE * (span or 1.0)
+
+    def nearness(self, span: float) -> float:
+        """How near a level the reading of a reference is brought."""
+        return self.near or _NEAR * self.tolerated(span)

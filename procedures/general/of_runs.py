@@ -31,6 +31,7 @@ _FLAGS = {
     "contradictory": "since its readings contradict one another",
     "frozen": "since an output repeated itself to the last digit",
     "temperature": "since the environment had left its tolerance",
+    "overshot": "since its setting had gone beyond the level and was approached again, from the planned side",
 }
 _NOT_TRACED = ("run_index", "order", "accepted", "simulated")
 

@@ -338,6 +338,7 @@ class GeneralProcedure(Strict):
             settle=next(iter(settled.values()), any_settle),
             settles=settled,
             tolerances={name: factor.tolerated(self._span(name)) for name, factor in self.factors.items()},
+            near={name: factor.nearness(self._span(name)) for name, factor in self.factors.items()},
             poll_s=self.settle.poll_s,
             readings=self.measure.readings,
             repeats=self.measure.repeats,

@@ -17,7 +17,7 @@ from procedures.conduct import EnvironmentSettings
 from procedures.run_list import Factor, Settle
 from rig.bench import Bench
 from rig.engine.axes import Axes, AxisReading
-from rig.engine.fault_classes import NotHomed, NotSettled, TemperaturesNotSettled
+from rig.engine.fault_classes import NotHomed, NotSettled, OverloadedError, TemperaturesNotSettled
 from rig.engine.guard import Guard
 from rig.engine.measuring import Observation, assemble, spans_of, standards
 from rig.engine.motion import Arrival, Leg, Move, arrived, delay_of_step
@@ -444,6 +444,18 @@ class BenchActions:
         values = {column: float(fetched[name][channel][0]) for column, (name, channel) in source.items()}
         self._guard.check_temperatures(values)
         return values
+
+    def standard(self, factor: str, readings: int) -> float:
+        """Mean of so many readings of a reference standard, in the factor's unit. Raises `OverloadedError`."""
+        name, channel = self._bench.references[factor]
+        reader = self._readers[name]
+        self._wait(reader.start(readings))
+        fetched = reader.fetch()
+        self._note_passing({name: fetched})
+        found = standards({name: fetched}, {factor: (name, channel)}, self._bench.standards)[factor]
+        if found.overload:
+            raise OverloadedError(f"{factor} out of range while it was brought to its level")
+        return found.mean
 
     def _note_passing(self, fetched: Mapping[str, Mapping[str, Sequence[float]]]) -> None:
         """Note the outputs that a sweep reads along with the temperatures: a meter that hangs later may repeat them."""

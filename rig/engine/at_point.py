@@ -37,6 +37,7 @@ from rig.engine.queue import PointQueue
 from rig.engine.read_by_hand import ReadByHand
 from rig.engine.set_by_hand import SetByHand
 from rig.engine.soaking import Soaking
+from rig.engine.steering import Steering, overshot
 from rig.engine.wellness import Wellness
 from rig.own_scatter import KEPT, OwnScatter
 from rig.run_file.events.bench import Warned
@@ -68,6 +69,7 @@ class AtPoint:
         by_hand: steps that a person does between points.
         settings: factors that a person sets.
         typed: readings that a person takes.
+        steering: brings quantities to levels that their standards read.
 
     Attributes:
         move_timeout_s: longest permitted duration of a move, seconds.
@@ -91,6 +93,7 @@ class AtPoint:
         by_hand: ByHand,
         settings: SetByHand,
         typed: ReadByHand,
+        steering: Steering,
     ) -> None:
         self._settings, self._typed = settings, typed
         self._check_time, self._by_hand = check_time, by_hand
@@ -104,6 +107,7 @@ class AtPoint:
         self._references = tuple(f for f in run_list.easy if not f.stays)
         self._standards = [f for f in run_list.factors if f.name in bench.references]
         self._most_scatter = most_scatter(conduct, bench.config)
+        self._steering = steering
         self._own_scatter = OwnScatter(without_limit(conduct, bench.config), run_list.largest())
         for record in journal.recent(KEPT):
             if isinstance(record.event, Observed) and record.run_index is not None:
@@ -183,6 +187,7 @@ class AtPoint:
             self._do.rest(self._conduct.settle.dwell_s)
             return "measure"
         at.settling = self._do.settle(targets, self._conduct.settled, self._poll_s)
+        at.steered = self._steering.bring(at.point, self._run_list.factors, targets)
         return "measure"
 
     def _targets(self, point: Point) -> dict[str, float]:
@@ -202,6 +207,7 @@ class AtPoint:
         observation.references = {**self._settings.stated(), **observation.references}
         at.measured_s = (began, self._journal.elapsed())
         at.observation = observation
+        observation.flags += overshot(at.steered)
         self._well.ask(at, observation)
         overloaded = observation.overloaded()
         if overloaded:
@@ -311,6 +317,7 @@ class AtPoint:
             settling=at.settling,
             moved=self._do.moves_at(self._journal.elapsed()),
             measured_s=at.measured_s,
+            steered=at.steered or EMPTY,
             environment=chambers,
             **at.observation.as_json(),
             rejected=at.rejected or EMPTY,

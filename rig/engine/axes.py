@@ -11,8 +11,9 @@ from typing import Any, NamedTuple, Protocol
 
 from drivers.errors import DriverError, InstrumentError, NotReady
 from drivers.roles import AxisState, Chamber, Head, Instrument, PressureController, Referenced, Source
-from procedures.column_names import unit_of
+from procedures.column_names import stem_of, unit_of
 from procedures.run_list import Factor, RunList
+from rig.approach import Approach
 from rig.bench import Bench
 from rig.engine.fault_classes import DriveFault, NotHomed, SupplyFailure
 from rig.engine.held import held_factors, of_head
@@ -305,18 +306,29 @@ class Axes:
         for mover in self._movers:
             mover.home(again=again)
 
+    @property
+    def movers(self) -> Sequence[Mover]:
+        """What moves them."""
+        return self._movers
+
     def parking(self) -> dict[str, float]:
         """Parking position by axis."""
         return {axis: target for mover in self._movers for axis, target in mover.parking().items()}
 
 
-def axes_of(bench: Bench, factors: Sequence[Factor], band: Callable[[str], float] = lambda _: 0.0) -> Axes:
+def axes_of(
+    bench: Bench,
+    factors: Sequence[Factor],
+    band: Callable[[str], float] = lambda _: 0.0,
+    near: Callable[[str], float] = lambda _: 0.0,
+) -> Axes:
     """The axes of these factors on a bench; factors that a person sets have none.
 
     Args:
         bench: opened instruments.
         factors: what they move.
         band: how near its setting an axis counts as there.
+        near: how near its level the reading of a factor's standard is brought, where it is.
 
     Raises:
         ConfigurationError: nothing sets a factor, or its instrument cannot.
@@ -325,14 +337,20 @@ def axes_of(bench: Bench, factors: Sequence[Factor], band: Callable[[str], float
     if any(of_head(bench, f) for f in factors):
         movers.append(HeadMover(bench.head))
     movers += [
-        _mover(bench, f, band(f.axis)) for f in factors if not of_head(bench, f) and bench.by_hand(f.name) is None
+        _mover(bench, f, band(f.axis), near) for f in factors if not of_head(bench, f) and bench.by_hand(f.name) is None
     ]
     return Axes(movers)
 
 
-def _mover(bench: Bench, factor: Factor, band: float) -> Mover:
+def _mover(bench: Bench, factor: Factor, band: float, near: Callable[[str], float]) -> Mover:
     """What sets a factor, as an axis. Raises `ConfigurationError` if it cannot."""
     name, instrument = bench.setting(factor.name, Instrument)
+    of = bench.config.steered.get(factor.name)
+    if of is not None:
+        from rig.engine.steered import Steered  # noqa: PLC0415 - it is an axis, too
+
+        own, pairs = Factor(of, stem_of(of)), bench.config.references[factor.name].approach or ()
+        return Steered(_mover(bench, own, band, near), own, factor, Approach.of(pairs), near(factor.name))
     if isinstance(instrument, PressureController):
         mover: Mover = PressureMover(instrument, factor)
         unit = PRESSURE_UNIT

@@ -40,6 +40,7 @@ class PointInHand:
         attempt: counted over all sessions, from 1.
         legs: the way to the point.
         settling: evidence that the axes settled.
+        steered: settings that were tried for levels that standards read, and what these read, by factor.
         observation: the readings.
         measured_s: elapsed time when the readings began and ended.
         began_well: whether the instruments were well before its readings.
@@ -52,6 +53,7 @@ class PointInHand:
     attempt: int
     legs: list[Leg] = field(default_factory=list)
     settling: dict[str, Any] = field(default_factory=dict)
+    steered: dict[str, Any] = field(default_factory=dict)
     observation: Observation | None = None
     measured_s: tuple[float, float] = (0.0, 0.0)
     began_well: bool = False

@@ -203,7 +203,7 @@ def _travel_s(run_list: RunList, bench: BenchConfig) -> np.ndarray[tuple[int], n
 
 
 def _rate(bench: BenchConfig, factor: str, option: str) -> float | None:
-    given = bench.instruments[bench.factors[factor]].options.get(option) if factor in bench.factors else None
+    given = bench.instruments[bench.setters[factor]].options.get(option) if factor in bench.setters else None
     return float(given) if isinstance(given, int | float) and given > 0 else None
 
 

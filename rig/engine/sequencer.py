@@ -43,6 +43,8 @@ from rig.engine.set_by_hand import SetByHand
 from rig.engine.soaking import Soaking
 from rig.engine.standing import Standing
 from rig.engine.states import AT_POINT, FINAL, Moves, State
+from rig.engine.steered import Steered
+from rig.engine.steering import Steering
 from rig.engine.wellness import Wellness
 from rig.errors import BenchFault, NotSafe, RigError, StorageError
 from rig.run_file.events.bench import AsFound, EnvironmentSettled, Fault, Homed, MadeSafe, Prepared, Preparing, Remark
@@ -98,7 +100,7 @@ class Sequencer:
         pace = Pace(run_list, conduct, bench.config) if conduct.whole_plots else None
         self._journal = Journal(run, state, clock, session, on_progress, run_list.whole_plots, pace)
         moved = (*run_list.easy, *held_factors(bench, run_list))
-        self._axes = axes_of(bench, moved, lambda axis: conduct.settled(axis).band)
+        self._axes = axes_of(bench, moved, lambda axis: conduct.settled(axis).band, lambda name: conduct.near[name])
         config = bench.config
         self._guard = Guard(config.limits, config.factors, config.interlocks, clock.now)
         self._do = BenchActions(bench, self._axes, self._guard, clock, self._wait)
@@ -155,6 +157,7 @@ class Sequencer:
             by_hand=self._by_hand,
             settings=self._settings,
             typed=self._readings,
+            steering=Steering(self._do, conduct, [one for one in self._axes.movers if isinstance(one, Steered)]),
         )
         self._well = Wellness(self._do, self._journal)
         self._standing = Standing(conduct, self._journal, self._queue, self._soaking)

@@ -33,7 +33,7 @@ def short_dwells(plan: Plan) -> Iterator[str]:
     """A sentence for each factor of which too much of a step is left when a point is read."""
     options = check_options(plan.bench, "bench.toml")
     for factor in plan.run_list.factors:
-        setter = plan.bench.factors.get(factor.name, "")
+        setter = plan.bench.setters.get(factor.name, "")
         known = _time_constant(plan, factor, getattr(options.get(setter), "time_constant_s", None))
         values = np.array(plan.run_list.column(factor.name), np.float64)
         step = float(np.abs(np.diff(values)).max(initial=0.0))
@@ -61,7 +61,7 @@ def short_dwells(plan: Plan) -> Iterator[str]:
 def _time_constant(plan: Plan, factor: Factor, own: float | None) -> tuple[float, str] | None:
     """Seconds with which what is measured follows a factor, and who states it; None if nobody does."""
     name, bench = factor.name, plan.bench
-    setter = bench.factors.get(name, "")
+    setter = bench.setters.get(name, "")
     found: list[tuple[float, str]] = []
     if setter in playing(bench, Source):
         stated = _table(plan.truth, "sources", name).get("time_constant_s")

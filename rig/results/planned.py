@@ -32,6 +32,7 @@ from rig.plans import load_plan
 from rig.plugins import driver_class
 from rig.register import DOCUMENT
 from rig.results.dwells import short_dwells
+from rig.results.first_settings import first_settings
 from rig.results.foreseen import beside, expired, not_stated, registered, surroundings
 from rig.results.frames import Frame, of_rows
 from rig.results.promised import Promised, promised
@@ -234,6 +235,7 @@ class Plan(Result):
             no_limit = "[yellow]no limit in the bench file[/]"
             shown = f"limits {allowed[0]:g} to {allowed[1]:g}: ok" if allowed else no_limit
             yield Line(f"  {name} from {low:g} to {high:g}, {how}; {shown}")
+        yield from first_settings(checked)
         if self._without_limit:
             unlimited = ", ".join(self._without_limit)
             alone = self.checked.procedure.conduct.readings == 1

@@ -13,6 +13,7 @@ import numpy as np
 
 from procedures.column_names import moves_of, stem_of, with_word
 from procedures.run_list import RunList
+from rig.approach import along
 from rig.run_file.documents import Stored
 
 _DIGITS = 4
@@ -36,16 +37,29 @@ def put_in_place(rows: Sequence[dict[str, float]], run_list: RunList, bench: Sto
         rises = 1.0 if nominal[-1] >= nominal[0] else -1.0
         (since, start), side = moves_of(of), f"{factor.axis}_side"
         for row in rows:
-            row[with_word(name, "set")] = _at(row[factor.set_name], levels, nominal)
+            row[with_word(name, "set")] = along(row[factor.set_name], levels, nominal)
             if since in row:
-                row.update(zip(moves_of(name), (row[since], _at(row[start], levels, nominal)), strict=True))
+                row.update(zip(moves_of(name), (row[since], along(row[start], levels, nominal)), strict=True))
             if side in row:
                 row[f"{stem_of(name)}_side"] = rises * row[side]
         replaced |= {of, since, start, side}
     for row in rows:
         for column in replaced & row.keys():
             del row[column]
-    return found
+    settings = {name: with_word(of, "set") for name, of in steered_of(bench).items()}
+    return found | {name: column for name, column in settings.items() if any(column in row for row in rows)}
+
+
+def setters_of(bench: Stored) -> dict[str, str]:
+    """The instrument of every factor, see `BenchConfig.setters`."""
+    own = bench.table("factors").texts()
+    return own | {name: own[of] for name, of in steered_of(bench).items()}
+
+
+def steered_of(bench: Stored) -> dict[str, str]:
+    """Quantities that may have levels of their own, and the factor that sets each, see `BenchConfig.steered`."""
+    tables = bench.table("references").tables()
+    return {name: table.text("of") for name, table in tables if "approach" in table.everything()}
 
 
 def _read_of(run_list: RunList, bench: Stored) -> Iterator[tuple[str, str]]:
@@ -53,11 +67,3 @@ def _read_of(run_list: RunList, bench: Stored) -> Iterator[tuple[str, str]]:
     for name, table in bench.table("references").tables():
         if (of := table.text("of")) in factors and name not in factors:
             yield name, of
-
-
-def _at(setting: float, levels: Sequence[float], nominal: Sequence[float]) -> float:
-    """The nominal value at any setting: linear between those of the run, and beyond them."""
-    if len(levels) == 1 or levels[0] <= setting <= levels[-1]:
-        return float(np.interp(setting, levels, nominal))
-    (a, b), (c, d) = (levels[:2], nominal[:2]) if setting < levels[0] else (levels[-2:], nominal[-2:])
-    return c + (setting - a) * (d - c) / (b - a)

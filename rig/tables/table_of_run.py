@@ -36,7 +36,7 @@ from rig.run_file.reader import RunReader
 from rig.run_file.state import read_state
 from rig.tables.evidence import evidence_of, fill_flags
 from rig.tables.own_times import keep_those_that_differ, own_times, typed_in
-from rig.tables.set_in import put_in_place
+from rig.tables.set_in import put_in_place, setters_of
 
 _MOUNTING = ("mounting_x_deg", "mounting_y_deg", "mounting_z_deg")
 """Columns for the orientation of a turned package: about x, then y, then z."""
@@ -60,7 +60,7 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False, ev
         began, run = reader.genesis().utc_s, reader.about()
         run_list, documents = reader.run_list(), reader.documents()
         bench = Stored.of(documents, "bench.toml")
-        factors = bench.table("factors").texts()
+        factors = setters_of(bench)
         turned = {f"mounting_{axis}": turn for axis, turn in mounting_of(documents).items()}
         made, settings, typed = ((), [], {}) if salvage else (_by_hand(reader), _set_by_hand(reader), typed_in(reader))
         rows: list[dict[str, float]] = []
@@ -304,6 +304,7 @@ def _row(record: Record, seen: Observed, run_list: RunList, order: int, factors:
         if factor in measured:
             setpoints[run_list.factor(factor).set_name] = value
     row |= measured | _means(seen.outputs) | setpoints
+    row |= {with_word(one["of"], "set"): one["tries"][-1][0] for one in seen.steered.values()}
     row |= {
         f"{f.axis}_side": side for f, side in zip(run_list.factors, point.sides, strict=True) if f in run_list.sided
     }

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
+from itertools import pairwise
 from math import sqrt
 from typing import Any
 
@@ -50,6 +51,17 @@ def _solved(formula: Formula, value: float) -> float:
     if abs(at_b) > 1e-6 * max(1.0, abs(value)):
         raise WorldError(f"no reading gives {value:g} by {formula.text!r:.60}: say references.FACTOR.formula")
     return b
+
+
+def _by_table(standard: Mapping[str, Any], of: str) -> str:
+    """Formula of a standard that the world does not describe: its table of approach, or the number of the factor."""
+    pairs = sorted(map(tuple, standard.get("approach") or ()))
+    if len(pairs) < 2:
+        return of
+    slopes = [(d - b) / (c - a) for (a, b), (c, d) in pairwise(pairs)]
+    knots = zip(pairwise(slopes), pairs[1:-1], strict=True)
+    bends = (f"{b - a:+.17g}*max({of} - {x:.17g}, 0)" for (a, b), (x, _) in knots)
+    return f"{pairs[0][1]:.17g} + {slopes[0]:.17g}*({of} - {pairs[0][0]:.17g}) " + " ".join(bends)
 
 
 _QUICK_S, _BATH_S = 0.5, 480.0
@@ -157,7 +169,7 @@ class Laboratory:
         standards = bench.get("references", {})
         self._set_by |= {name: str(of) for name, table in standards.items() if (of := table.get("of"))}
         for name, of in self._set_by.items():
-            text = self._truth.references.get(name, StandardTruth()).formula or of
+            text = self._truth.references.get(name, StandardTruth()).formula or _by_table(standards[name], of)
             self._quantities[name] = Formula.parse(text, f"references.{name}.formula", known)
         known += self._quantities
         for name, sensor in self.sensors.items():

@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 ACCEPTED, REJECTED = "accepted", "rejected"
 CONTRADICTORY = "contradictory"
 """Flag of an observation with readings that contradict one another, see `rig.own_scatter`."""
+OVERSHOT = "overshot"
+"""Flag of an observation before which a setting had gone beyond a level that a standard reads; see `steered`."""
 DOUBTED = "doubted"
 """Flag of an observation before which an instrument was well, and after which it told of a defect; see `Warned`."""
 _LATER, _FINAL = "later", "final"
@@ -54,6 +56,8 @@ class Observed(Event, kind="observation", matters=DETAIL):
         settling: evidence that the axes settled, by name.
         moved: when each axis left its last setting, in elapsed time, and that setting. A gradual move counts as a step
             at the time at which the mean of what it passed is that of the step, and an overtravel is no setting.
+        steered: of levels that a standard reads, by factor: the factor that sets it, the settings that were tried and
+            what the standard read at each, and whether one went beyond the level.
         measured_s: elapsed time when the readings began and ended.
         taken_s: by column, when its own readings began and ended, seconds after the readings of the point began. What
             was read while others were, such as a readback, has no entry.
@@ -75,6 +79,7 @@ class Observed(Event, kind="observation", matters=DETAIL):
     readback: Numbers = EMPTY
     settling: Table = EMPTY
     moved: Moves = EMPTY
+    steered: Table = EMPTY
     measured_s: Span | None = None
     environment: Chambers = EMPTY
     overload: Words | None = None

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from rig.run_file.chain import Record
 from rig.run_file.events.bench import Fault, MadeSafe, Recovered
 from rig.run_file.events.event import Event
-from rig.run_file.events.points import CONTRADICTORY, Observed, Skipped, WholePlotLost
+from rig.run_file.events.points import CONTRADICTORY, OVERSHOT, Observed, Skipped, WholePlotLost
 from rig.run_file.events.sessions import Ended, Hole, SessionBegan
 from rig.run_file.indexes import IndexCounts
 from rig.run_file.sense.case import NOTED, Case
@@ -17,7 +17,7 @@ _AT_POINT = ("recovering", "moving", "settling", "measuring", "recording")
 """States in which a failure is counted at the current point."""
 _OF_THE_RUN = "temperature_left"
 """Class of fault that is counted over the whole session."""
-_FLAGS = {"noisy", "frozen", "temperature", "reference", CONTRADICTORY}
+_FLAGS = {"noisy", "frozen", "temperature", "reference", CONTRADICTORY, OVERSHOT}
 _SKIP, _MEASURING, _OVERLOAD = "skip", "measuring", "overload"
 
 
@@ -64,6 +64,8 @@ class Marks:
                     yield f"{event.place} recovered from {_counts(event.failures)}, and there were {_counts(found)}"
             case Observed():
                 flags = set(event.flags) - _FLAGS
+                if (OVERSHOT in event.flags) != any(OVERSHOT in one for one in event.steered.values()):
+                    yield "its flag and its settings differ about whether one went beyond the level"
                 if flags:
                     yield f"it is marked as {', '.join(sorted(map(str, flags)))}, which no controller does"
 
