@@ -95,7 +95,10 @@ FOLLOWS_S = 480.0
 
 
 class TemperatureConfig(_Strict):
-    """One `[temperatures.NAME]` table; NAME is its column in tables and ends in `_degC`."""
+    """One `[temperatures.NAME]` table; NAME is its column in tables and ends in `_degC`.
+
+    A hygrometer or barometer of the room is one, too, with `place = "lab"`: `[temperatures.humidity_pct]`.
+    """
 
     reader: str
     channel: str
@@ -248,9 +251,14 @@ class BenchConfig(_Strict):
                 raise ValueError(
                     f"references.{name}.of = {standard.of!r}, and factors.{name} sets it itself: leave out one of them"
                 )
-        for name in self.temperatures:
-            if not name.endswith("_degC"):
-                raise ValueError(f"temperatures.{name}: the name is a column and must end in its unit, _degC")
+        for name, one in self.temperatures.items():
+            if not name.endswith("_degC") and (one.place != ROOM or not re.fullmatch(_FACTOR, name)):
+                raise ValueError(
+                    f"temperatures.{name}: the name is a column and must end in its unit, _degC; a hygrometer or "
+                    'barometer of the room ends in its own, such as humidity_pct, and has place = "lab"'
+                )
+            if not name.endswith("_degC") and name in self.factors:
+                raise ValueError(f"temperatures.{name} is of the room, and factors.{name} is set: rename one of them")
         for name, one in self.temperatures.items():
             places = [*PLACES, *(factor for factor in self.factors if factor.endswith("_degC"))]
             if one.place in self.factors and one.place not in places:

@@ -64,9 +64,11 @@ def holding(conditions: str, more: str = "") -> str:
     return text.replace("[equipment.DVM-1]\n", f"[equipment.DVM-1]\n{more}")
 
 
-def told_of(conditions: str, columns: dict[str, list[float]], told: Told | None = None, more: str = "") -> str:
+def told_of(
+    conditions: str, columns: dict[str, list[float]], told: Told | None = None, more: str = "", bench: str = ASSETS
+) -> str:
     """What is refused of readings; "" for nothing."""
-    register, config = parse_register(holding(conditions, more), "equipment.toml"), parse_bench(ASSETS, "bench.toml")
+    register, config = parse_register(holding(conditions, more), "equipment.toml"), parse_bench(bench, "bench.toml")
     arrays = {name: np.array(values) for name, values in columns.items()}
     try:
         check_surroundings(register, config, arrays, told or Told(), "equipment.toml")
@@ -110,14 +112,76 @@ def test_the_register_says_where_a_standard_stands():
     assert told_of(ROOM, {"room_degC": [20.0], "box_degC": [-40.0]}, more=by_column)
 
 
+AIR = """
+[instruments.hygro]
+driver = "scpi-meter"
+address = "socket://192.0.2.9:5025"
+maker = "HYGRO"
+model = "H1"
+unit = "pct"
+reading_s = 0.3
+[instruments.baro]
+driver = "scpi-meter"
+address = "socket://192.0.2.8:5025"
+maker = "BARO"
+model = "B1"
+unit = "hPa"
+reading_s = 0.3
+[temperatures.rh_pct]
+reader = "hygro"
+channel = "input"
+place = "lab"
+[temperatures.air_hPa]
+reader = "baro"
+channel = "input"
+place = "lab"
+"""
+
+
 def test_only_the_same_quantity_tells():
     damp = "{ humidity_percent = [20, 80], air_pressure_kPa = [95, 105] }"
-    room = Told(room=("rh_pct", "air_hPa", "valve_V"))
-    assert not told_of(damp, {"room_degC": [90.0], "rh_pct": [50.0], "air_hPa": [1013.0], "valve_V": [9.0]}, room)
-    assert "air pressure 95 to 105 kPa, and by air_hPa it goes from 89 to 89" in told_of(
-        damp, {"air_hPa": [890.0]}, room
-    )
-    assert "by rh_pct it goes from 90" in told_of(damp, {"rh_pct": [90.0]}, room)
+
+    def said(**columns: float) -> str:
+        return told_of(damp, {name: [value] for name, value in columns.items()}, bench=ASSETS + AIR)
+
+    assert not said(room_degC=90.0, rh_pct=50.0, air_hPa=1013.0)
+    assert "air pressure 95 to 105 kPa, and by air_hPa it goes from 89 to 89" in said(rh_pct=50.0, air_hPa=890.0)
+    assert "by rh_pct it goes from 90" in said(rh_pct=90.0)
+
+
+def test_a_hygrometer_and_a_barometer_are_recorded_with_the_observations(tmp_path):
+    damp = holding("{ humidity_pct = [20, 80], pressure_kPa = [95, 105] }")
+    world = f"{WORLD}[lab]\nhumidity_pct = 61\npressure_hPa = 987\n"
+    path = stand(tmp_path, register=damp, bench=BENCH + AIR, world=world)
+    document = certificate(path, tmp_path)
+    assert [(one.label, one.found, one.by) for one in document.holdings] == [
+        ("humidity", "61.00 to 61.00", "rh"),
+        ("pressure", "98.70 to 98.70", "air"),
+    ]
+    assert [(one.label, one.mean, one.unit) for one in document.conditions] == [
+        ("rh", "61.00", "%"),
+        ("air", "987.00", "hPa"),
+    ]
+    (said,) = (one for one in document.deviations if "No temperature is recorded" in one)
+    assert "not known" in said
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (('channel = "input"\nplace = "lab"', 'channel = "input"'), 'such as humidity_pct, and has place = "lab"'),
+        (("temperatures.rh_pct", "temperatures.humid"), "must end in its unit"),
+        (
+            ("temperatures.rh_pct", "temperatures.force_kN"),
+            "temperatures.force_kN is of the room, and factors.force_kN",
+        ),
+    ],
+)
+def test_a_hygrometer_is_of_the_room(change, says):
+    assert change[0] in AIR
+    with pytest.raises(ConfigurationError) as refused:
+        parse_bench((BENCH + AIR).replace(*change), "bench.toml")
+    assert says in str(refused.value)
 
 
 @pytest.mark.parametrize(

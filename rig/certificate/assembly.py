@@ -162,7 +162,7 @@ def repeatability_only(run: RunBudget) -> tuple[str, ...]:
 def conditions(run: RunBudget, stage: Stage) -> Iterator[Condition]:
     """Temperatures and what else of the room was recorded with the observations, or is stated by the laboratory."""
     of = run.of
-    for name in dict.fromkeys((*of.config.temperatures, *of.told.room)):
+    for name in of.config.temperatures:
         values = of.table.columns.get(name)
         if values is not None and np.isfinite(values).all():
             low, mean, high = (_recorded(value) for value in (values.min(), values.mean(), values.max()))

@@ -184,7 +184,6 @@ def checked_with(
     identities: Sequence[Identified],
     where: str,
     reasons: list[str],
-    room: Sequence[str] = (),
 ) -> Checked:
     """Observations with their bench and register, and all reasons against a budget at once.
 
@@ -195,7 +194,6 @@ def checked_with(
         identities: of the instruments of the run.
         where: name of the register, for messages.
         reasons: those known so far; further ones are added.
-        room: columns of a table that recorded the room.
 
     Raises:
         DataError: the kind of calibration is not known.
@@ -216,7 +214,7 @@ def checked_with(
         with _noted(reasons):
             stated = stated_of(register, config, last)
             check_covered(stated, table.columns, where)
-    told = Told(tuple(room), stated_by_hand(table.by_hand))
+    told = Told(stated_by_hand(table.by_hand))
     of = _corrected(table, kind, config, register, stated or Statements(), told)
     with _noted(reasons):
         check_surroundings(register, config, of.table.columns, told, where)

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from procedures.column_names import spelled, stem_of, unit_of
+from procedures.column_names import stem_of, unit_of
+from rig.register.surroundings import shown_unit
 
 if TYPE_CHECKING:
     from procedures.table import Table
@@ -36,7 +37,7 @@ def held(of: OfRun, used: Collection[str], at: Sequence[Mapping[str, float]]) ->
         values = values[np.isfinite(values)]
         if len(values):
             low, mean, high = (f"{value:.4g}" for value in (values.min(), values.mean(), values.max()))
-            words, unit = stem_of(name).replace("_", " "), spelled(unit_of(name)).replace("degC", "\N{DEGREE SIGN}C")
+            words, unit = stem_of(name).replace("_", " "), shown_unit(name)
             told.append(f"{words} {low} to {high} {unit}, mean {mean} {unit}")
     if told:
         yield HOLD.format(conditions="; ".join(told))

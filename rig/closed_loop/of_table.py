@@ -107,7 +107,7 @@ def checked_table(path: Path, said: Said, equipment: Path | None, folder: Path) 
         said = replace(said, given_by=known)
     else:
         reasons.append(f"{path} has no register of equipment: name one with --equipment FILE (docs/register.md)")
-    return checked_with(table, _bench(table, said), register, (), str(given), reasons, said.room)
+    return checked_with(table, _bench(table, said), register, (), str(given), reasons)
 
 
 def _table(path: Path, said: Said) -> Table:
@@ -173,7 +173,7 @@ def _bench(table: Table, said: Said) -> BenchConfig:
     temperatures = {
         name: TemperatureConfig(reader=reader(name), channel=name, place=ROOM if name in said.room else "package")
         for name in recorded
-        if split_unit(name)[1] == _TEMPERATURE and np.isfinite(table.columns[name]).all()
+        if name in said.room or (split_unit(name)[1] == _TEMPERATURE and np.isfinite(table.columns[name]).all())
     }
     factors = {name: reader(name) for name in table.factors}
     try:

@@ -108,7 +108,7 @@ def absent(register: Register, config: BenchConfig, room: Collection[str] = ()) 
             f"The register states no conditions under which the certificates of {', '.join(unconditional)} hold: "
             "whether the surroundings were permitted is not known."
         )
-    if not config.temperatures and not any(unit_of(name) == TEMPERATURE_UNIT for name in config.references):
+    if not any(unit_of(name) == TEMPERATURE_UNIT for name in (*config.temperatures, *config.references)):
         stated = any(unit_of(name) == TEMPERATURE_UNIT for name in room)
         unknown = "the conditions of the calibration are not known"
         words = "the laboratory states that of the room" if stated else unknown

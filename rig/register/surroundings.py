@@ -1,12 +1,12 @@
 """Conditions under which the certificates of equipment hold, and what tells of them where the equipment stands.
 
 A standard stands in the room unless the register says otherwise; a chamber in which an item stands is not the room. So
-only thermometers of the same place speak, and nothing is taken for them.
+only thermometers, hygrometers and barometers of the same place count, and nothing is taken for them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -34,12 +34,10 @@ class Told:
     """Knowledge of the surroundings of equipment beside the thermometers of the bench.
 
     Attributes:
-        room: columns of a table that recorded the room.
         by_hand: numbers that a person stated in the run, by name with unit.
         stated: lowest and highest value in the room by the laboratory's own records, by name with unit.
     """
 
-    room: tuple[str, ...] = ()
     by_hand: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     stated: Mapping[str, Range] = field(default_factory=dict)
 
@@ -88,16 +86,10 @@ class Holds:
         shown = f"{self.label} {self.low:g} to {self.high:g} {shown_unit(self.quantity)}"
         return f"Conditions of the certificate of {self.asset}, {shown}: not recorded in this run{at}."
 
-    def columns(self, config: BenchConfig, room: Collection[str] = ()) -> list[str]:
-        """Columns that record the quantity where the equipment stands.
-
-        Args:
-            config: the bench.
-            room: columns that recorded the room beside its thermometers.
-        """
+    def columns(self, config: BenchConfig) -> list[str]:
+        """Columns that record the quantity where the equipment stands."""
         placed = [name for name, one in config.temperatures.items() if one.place == self.place]
-        here = [*placed, *(room if self.place == ROOM else [self.place])]
-        return [name for name in dict.fromkeys(here) if self._alike(name) is not None]
+        return [name for name in dict.fromkeys((*placed, self.place)) if self._alike(name) is not None]
 
     def _alike(self, name: str) -> float | None:
         """Number of this condition's units in one unit of a column; None if it is another sort of quantity."""
@@ -109,7 +101,7 @@ class Holds:
     def sources(self, config: BenchConfig, columns: Columns, told: Told) -> dict[str, FloatArray]:
         """Values of all that tells of the quantity, in its unit, by what it is; readings that are missing are NaN."""
         found: dict[str, FloatArray] = {}
-        for name in self.columns(config, told.room):
+        for name in self.columns(config):
             if name in columns and np.isfinite(columns[name]).any():
                 found[name] = np.asarray(columns[name]) * (self._alike(name) or 1.0)
         for name in self.by_hand & told.by_hand.keys():

@@ -253,7 +253,7 @@ def said(name: str) -> dict[str, str]:
 
 def _temperatures(shown: list[Seen]) -> dict[str, Any]:
     """Recorded temperatures and chambers over the run."""
-    names = sorted({name for s in shown for name in s.temperatures})
+    names = sorted({name for s in shown for name in s.temperatures if name.endswith("_degC")})
     chambers = sorted({name for s in shown for name in s.environment})
     series = {n: [s.temperatures[n][0] if n in s.temperatures else None for s in shown] for n in names}
     series |= {f"{n}_degC": [s.environment.get(n) for s in shown] for n in chambers}

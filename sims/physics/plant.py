@@ -255,8 +255,13 @@ class Plant:
         return 0.0 if sensor is None else self.sensor_V(sensor, t0, t1)
 
     def channel_degC(self, instrument: str, channel: str, t: float) -> float:
-        """Temperature of the thermometer at an instrument's input; infinite without a thermometer."""
+        """Temperature of the thermometer at an instrument's input; infinite without a thermometer.
+
+        Of a hygrometer or barometer its own quantity, in the unit of its column.
+        """
         column = self._columns.get((instrument, channel))
+        if column is not None and not column.endswith("_degC"):
+            return self._lab.air(column.rpartition("_")[2])
         if column is not None and self.laboratory.sets(column):
             return self.laboratory.true(column, t)
         place = self._places.get((instrument, channel))

@@ -17,18 +17,21 @@ from sims.physics.truth import EnclosureTruth, LabTruth
 
 DAY_S = 86400.0
 OMEGA = 2.0 * pi / DAY_S
+_PER_HPA = {"hPa": 1.0, "mbar": 1.0, "kPa": 0.1, "Pa": 100.0, "bar": 1e-3}
+"""Units of the air's pressure, each by its number in a hectopascal."""
 
 
 class Lab:
-    """The laboratory's temperature.
+    """The laboratory's temperature, humidity and pressure.
 
     Args:
-        truth: mean, daily cycle and drift.
+        truth: mean, daily cycle and drift of the temperature; the others are constant.
         epoch_utc: UTC at virtual time zero, seconds since 1970-01-01.
 
     """
 
     def __init__(self, truth: LabTruth, epoch_utc: float) -> None:
+        self.humidity_pct, self.pressure_hPa = truth.humidity_pct, truth.pressure_hPa
         self.mean = truth.mean_degC
         self.slope = truth.drift_degC_per_day / DAY_S
         self.amplitude = truth.daily_amplitude_degC
@@ -38,6 +41,12 @@ class Lab:
     def degC(self, t: float) -> float:
         """Temperature at virtual time `t`."""
         return self.mean + self.slope * t + self.amplitude * sin(OMEGA * t + self.phase)
+
+    def air(self, unit: str) -> float:
+        """Relative humidity, or pressure, by its unit; infinite in any other."""
+        if unit in ("pct", "percent"):
+            return self.humidity_pct
+        return self.pressure_hPa * _PER_HPA[unit] if unit in _PER_HPA else inf
 
 
 @dataclass(frozen=True, slots=True)

@@ -102,19 +102,23 @@ class MountingTruth:
 
 @dataclass(frozen=True)
 class LabTruth:
-    """The laboratory's temperature: `[lab]`.
+    """The laboratory's temperature, and what hygrometers and barometers in it read: `[lab]`.
 
     Attributes:
         mean_degC: mean over a day, at the start of the world.
         daily_amplitude_degC: amplitude of the daily cycle.
         warmest_hour_utc: hour of the day at which it is warmest.
         drift_degC_per_day: additional slow drift.
+        humidity_pct: relative humidity, constant.
+        pressure_hPa: pressure of the air, constant.
     """
 
     mean_degC: float = quantity(21.5, -50.0, 60.0)
     daily_amplitude_degC: float = quantity(1.5, 0.0, 30.0)
     warmest_hour_utc: float = quantity(16.0, 0.0, 24.0)
     drift_degC_per_day: float = quantity(0.0, -20.0, 20.0)
+    humidity_pct: float = quantity(45.0, 0.0, 100.0)
+    pressure_hPa: float = quantity(1013.25, 100.0, 1500.0)
 
 
 @dataclass(frozen=True)
