@@ -133,8 +133,6 @@ def _external(document: Document) -> Iterator[Block]:
     heads = [Head("Item"), Head("Quantity"), Head("Unit"), Head("Value", align="right")]
     heads += [Head("Expanded\nuncertainty", align="right"), Head("k", align="right")]
     heads += [Head("Coverage\nprobability", align="right"), Head("Used here for")]
-    if document.external:
-        yield Sentences(words.EXTERNAL)
     for source, ones in by_source(document.external).items():
         told = [
             [
@@ -144,7 +142,7 @@ def _external(document: Document) -> Iterator[Block]:
             ]
             for one in ones
         ]
-        yield grid(source, heads, told)
+        yield grid(source, heads, told, notes=words.EXTERNAL)
 
 
 def _conditions(document: Document) -> Iterator[Block]:
