@@ -17,7 +17,8 @@ from fitter.arrays import FloatArray
 from fitter.budget import TypeA
 from fitter.errors import FitError
 from procedures.budgeting import alike
-from procedures.general.budget import GeneralEvaluation, Sensor
+from procedures.general.budget import GeneralEvaluation
+from procedures.general.budget_sensor import Sensor
 from procedures.general.of_runs import Asked, recorded
 from procedures.general.traced import with_effects
 from procedures.table import Table

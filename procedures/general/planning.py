@@ -74,6 +74,8 @@ def misfit(procedure: GeneralProcedure, sensors: Mapping[str, str], read: Collec
                 return f"{where}.standard = {entry.name!r}: {error}"
         elif model.linear and model.formula is not None:
             unread = [one for one in Formula.parse(model.formula).names if one not in known]
+            if model.abscissa is not None and model.abscissa not in Formula.parse(model.formula).names:
+                return f"{where}.abscissa = {model.abscissa!r} is not in its formula, {model.formula}"
             if unread:
                 return f"{where}.formula: {_not_read(unread[0], procedure, read)}"
     return ""

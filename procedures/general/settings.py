@@ -59,7 +59,9 @@ class SensorModel(Strict):
         min_length=1,
         description="instead: a standard model by name, such as callendar-van-dusen (docs/table_models.md)",
     )
-    abscissa: str | None = Field(None, description="the factor that it is about, if there are several")
+    abscissa: str | None = Field(
+        None, description="the factor that it is about, if there are several: budgets infer it, at the others' values"
+    )
     start: dict[str, float] = Field(
         default_factory=dict, description="start values of parameters, for a formula that is not linear in them"
     )
