@@ -9,6 +9,7 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.split_plot import SplitPlotDesign
+from procedures.table import Table
 from proving.night.play import Played
 from rig.tables import run_table
 from sims.physics.expression import Formula
@@ -31,7 +32,7 @@ def deviations(played: Played) -> Iterator[tuple[str, float, float]]:
     elif played.scenario.lab == "pressure":
         yield from _pressure(played, table.columns)
     else:
-        yield from _any(played, table.columns)
+        yield from _any(played, table)
 
 
 def _attitude(played: Played, columns: Mapping[str, FloatArray]) -> Iterator[tuple[str, float, float]]:
@@ -56,9 +57,9 @@ def _attitude(played: Played, columns: Mapping[str, FloatArray]) -> Iterator[tup
         yield f"{name} sensitivity", float((size - true.sensitivity_V_per_g) / error), df
 
 
-def _any(played: Played, columns: Mapping[str, FloatArray]) -> Iterator[tuple[str, float, float]]:
-    truth, bench = played.bench.sim.plant.truth, played.plan.bench
-    factors = [factor.name for factor in played.plan.run_list.factors]
+def _any(played: Played, table: Table) -> Iterator[tuple[str, float, float]]:
+    truth, bench, columns = played.bench.sim.plant.truth, played.plan.bench, table.columns
+    factors = table.factors
     there = {name: columns[name] for name in factors}
     for name in factors:
         text = truth.sources.get(name, SourceTruth()).formula

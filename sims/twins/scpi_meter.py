@@ -37,7 +37,8 @@ class DescribedMeterTwin(DescribedTwin):
 
     def __init__(self, name: str, options: Mapping[str, object], world: World, plant: Plant, serial: str) -> None:
         self.plant = plant
-        self.inputs = Inputs(OVERLOAD)
+        # an open input wanders as a voltage; a counter without a signal, or a bridge without its thermometer, has none
+        self.inputs = Inputs(OVERLOAD, told_open=not str(options.get("unit", "V")).endswith("V"))
         self._reading_s = float(str(options["reading_s"]))
         self._start = units(str(options.get("start") or ""))
         self._fetch = header(str(options.get("fetch", "READ?")))
