@@ -23,7 +23,7 @@ from fitter.trace.outcome import Finding
 from procedures import by_hand
 from rig.certificate.about import equipment, steps_by_hand
 from rig.certificate.assembly import conditions, decimal_text, doubtful, effects
-from rig.certificate.files import write_once
+from rig.certificate.files import changes, write_once
 from rig.certificate.layout import sections
 from rig.certificate.numbers import plain
 from rig.certificate.words import UNTRACED
@@ -518,6 +518,12 @@ def test_numbers_that_are_no_file_names(made, tmp_path, number):
         with pytest.raises(UsageError, match="cannot be the name of a file"):
             issue(made, Issue(tmp_path, number=number))
     assert list(tmp_path.iterdir()) == []
+
+
+def test_fields_that_an_earlier_version_did_not_have_are_no_change_where_they_are_empty():
+    now = {"number": "1", "supplied": [], "items": [{"name": "cell", "serial": "7", "from_customer": []}]}
+    before = {"number": "1", "items": [{"name": "cell", "serial": "8"}]}
+    assert changes(before, now) == ("items cell serial: 8 is now 7",)
 
 
 def test_an_amendment_says_what_changed(made, tmp_path):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from dataclasses import replace
 from datetime import date
 from pathlib import Path
@@ -10,7 +11,7 @@ import numpy as np
 import pytest
 from certificate_lab import ISSUED, REGISTER, settled, stand
 from command import rig
-from general_lab import BENCH, PROCEDURE, WORLD
+from general_lab import BENCH, CHAMBER, PROCEDURE, WORLD, written
 
 from rig.certificate.as_dcc import dcc
 from rig.certificate.document import Document
@@ -20,7 +21,9 @@ from rig.closed_loop.budget import checked_run
 from rig.config import parse_bench
 from rig.dcc.reader import parsed
 from rig.errors import ConfigurationError, ExitCode
+from rig.plans import load_plan
 from rig.register import Told, check_register, check_surroundings, holds_of, parse_register
+from rig.results import foreseen
 from rig.results.certificate import Asked, Refused, make
 from rig.results.certified_runs import read_run
 from rig.results.planned import plan
@@ -326,6 +329,27 @@ def test_the_plan_refuses_what_it_sets_outside(tmp_path, setpoint, refused):
     said = " ".join((done.stdout + done.stderr).split())
     set_in = "28 degC: bath_degC, which the plan sets within it"
     assert ("and by bath_degC it goes from 20 to 35" if refused else set_in) in said
+
+
+@pytest.mark.parametrize(("setpoint", "refused"), [(23, False), (35, True)])
+def test_the_plan_knows_the_temperature_that_it_keeps_in_the_enclosure(tmp_path, setpoint, refused):
+    bench = ASSETS.replace('asset = "W-1"', "") + CHAMBER
+    environment = f"[environment]\nsetpoint_degC = {setpoint}\ntolerance_degC = 1\ndwell_s = 60\n"
+    files = written(tmp_path, PROCEDURE.replace("[settle]", f"{environment}[settle]"), bench)
+    plan_of = load_plan(files[0], files[1])
+    register = parse_register(holding(ROOM, 'stands_in = "package"\n'), "equipment.toml")
+    set_to = foreseen.settled(plan_of)
+    assert set_to == {"box_degC": np.array([setpoint])}
+    with pytest.raises(ConfigurationError, match="by box_degC it goes from 35") if refused else nullcontext():
+        check_surroundings(register, plan_of.bench, set_to, Told(), "equipment.toml")
+
+
+def test_a_person_may_read_the_hygrometer_at_each_point(tmp_path):
+    bench = BENCH.replace('driver = "person"', 'driver = "person"\nreads = { dial = "pct" }\nresolution = { dial = 1 }')
+    bench += '[temperatures.humidity_pct]\nreader = "operator"\nchannel = "dial"\nplace = "lab"\n'
+    path = stand(tmp_path, register=holding("{ humidity_pct = [20, 44] }"), bench=bench)
+    (reason,) = checked_run(path).reasons
+    assert "by humidity_pct it goes from 45 to 45, outside in 28 of 28 observations" in reason
 
 
 @pytest.mark.parametrize(

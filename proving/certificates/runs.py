@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 from scipy import special
 
+from procedures.reversibility import SERIES
 from proving.certificates.campaign import Check, by_schema, not_read_back, rules
 from proving.certificates.labs import AttitudeStand, LabStand, PressureStand
 from rig.certificate import words
@@ -42,7 +43,10 @@ from rig.tables import run_table
 
 ISSUED = datetime.date(2026, 11, 24)
 _TOKEN = re.compile(r"[+-]?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
-DUE = "number = '{number}'\ndate = 2020-02-03\ndue = 2040-01-01\nlaboratory = 'An institute'\n"
+DUE = (
+    "number = '{number}'\ndate = 2020-02-03\ndue = 2040-01-01\nlaboratory = 'An institute'\n"
+    "holds_at = {{ temperature_degC = [10, 40], humidity_pct = [5, 95] }}\n"
+)
 
 
 class Stand:
@@ -254,7 +258,7 @@ def sources(run: Path, stand: AnyStand, made: Made) -> tuple[list[float], str]:
     numbers += [scale * number for number in numbers_of(traced.to_json()["sensors"]) for scale in (1.0, 100.0)]
     kept += [f"{one.cause} {one.size} {one.size_95}" for outcome in traced.traced.outcomes for one in outcome.findings]
     fixed = json.dumps({name: text for name, text in vars(words).items() if name.isupper()}, default=str)
-    kept += [settings.decision.words, DOMINATED]
+    kept += [settings.decision.words, DOMINATED, SERIES]
     return numbers, " ".join([*kept, (stand.folder / "certificate.toml").read_text(), fixed])
 
 

@@ -23,6 +23,8 @@ COMMIT = "json"
 _MOST_CHANGES = 20
 _NEVER = (("number",), ("amends",), ("dates", "issued"))
 """Parts of a document that differ in every amendment."""
+_NOTHING: tuple[Any, ...] = (None, "", [], {})
+"""Values that say nothing: a certificate of an earlier version lacks fields that are empty now."""
 
 
 def check_number(number: str) -> str:
@@ -269,7 +271,7 @@ def _changes(old: Any, new: Any, where: tuple[str, ...] = ()) -> Iterator[tuple[
         for n in range(max(len(old), len(new))):
             first, then = (part[n] if n < len(part) else None for part in (old, new))
             yield from _changes(first, then, (*where, _label(first if first is not None else then, n)))
-    elif old != new:
+    elif old != new and not (old in _NOTHING and new in _NOTHING):
         yield " ".join(where).replace("_", " "), old, new
 
 
@@ -283,7 +285,7 @@ def _label(part: Any, n: int) -> str:
 
 
 def _shown(value: Any) -> str:
-    if value in (None, "", [], {}):
+    if value in _NOTHING:
         return "nothing"
     if isinstance(value, Mapping | list):
         return "a new entry"
