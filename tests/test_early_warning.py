@@ -216,10 +216,20 @@ def test_a_thermometer_that_hangs_is_told_unless_it_is_so_coarse_that_nobody_can
         assert warned.message.startswith("sensor_temperature_degC hangs: it has read 22.9 degC 10 times in a row")
 
 
+def test_a_hygrometer_that_hangs_is_told_in_its_own_unit():
+    rng, warnings, found = random.Random(5), EarlyWarnings(NIGHT, None, CONDUCT), []
+    for i, point in enumerate(NIGHT.points):
+        readings = [round(45.0 + rng.gauss(0.0, 0.02), 3) for _ in range(10)] if i < 100 else [45.1] * 10
+        channel = {"mean": 45.0, "sd": 0.0, "readings": readings}
+        found += warnings.add(point, None, {**body(point, rng), "temperatures": {"humidity_pct": channel}})
+    (warned,) = found
+    assert warned.message.startswith("humidity_pct hangs: it has read 45.1 pct 10 times in a row")
+
+
 def test_thermometers_are_told_of_as_rarely_as_was_promised():
     """A thermometer whose neighbouring readings are the same in one of four cases, 20 runs of 2,000 readings."""
     for seed in range(20):
-        rng, test = random.Random(seed), StillTest(200, 1)
+        rng, test = random.Random(seed), StillTest(200, 1, "degC")
         assert not any(test.add([rng.randrange(4) for _ in range(10)]) for _ in range(200)), seed
 
 

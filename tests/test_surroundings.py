@@ -6,6 +6,7 @@ from contextlib import nullcontext
 from dataclasses import replace
 from datetime import date
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -27,6 +28,7 @@ from rig.results import foreseen
 from rig.results.certificate import Asked, Refused, make
 from rig.results.certified_runs import read_run
 from rig.results.planned import plan
+from rig.watch.feed import _temperatures
 
 pytest.importorskip("typst")
 TWO_PLACES = f"""{BENCH}
@@ -167,6 +169,14 @@ def test_a_hygrometer_and_a_barometer_are_recorded_with_the_observations(tmp_pat
     ]
     (said,) = (one for one in document.deviations if "No temperature is recorded" in one)
     assert "not known" in said
+
+
+def test_the_live_chart_of_temperatures_has_no_humidity():
+    seen = SimpleNamespace(temperatures={"room_degC": (20.0, 0.0, 1), "rh_pct": (45.0, 0.0, 1)}, environment={})
+    seen.elapsed_s = 1.0
+    told = _temperatures([seen])
+    assert "room" in str(told["series"])
+    assert "rh" not in str(told["series"])
 
 
 @pytest.mark.parametrize(

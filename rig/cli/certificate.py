@@ -233,7 +233,8 @@ def _print_equipment(
     state = _usable(path, found, authority)
     print(equipment_text(found, wanted, hash_of(path)), end="")
     err.print(f"{escape(str(path))}: {escape(state)}", soft_wrap=True)
-    err.print("  add the due date, and how the error behaves (behaves = ...), by hand", soft_wrap=True)
+    by_hand = "the due date, the conditions (holds_at = ...), and how the error behaves (behaves = ...)"
+    err.print(f"  add {by_hand}, by hand", soft_wrap=True)
     return ExitCode.DONE
 
 

@@ -25,7 +25,7 @@ from procedures.run_list import Point, RunList
 from rig.engine.response_statistics import ResponseTest, Row
 from rig.engine.warning_statistics import ALARM, NoiseTest, Number, PreviousTest, RepeatTest, StillTest
 from rig.errors import RigError
-from rig.quantities import PER_VOLT, TEMPERATURE_UNIT, per_volt
+from rig.quantities import PER_VOLT, per_volt
 from rig.run_file.chain import Record
 from rig.run_file.events.bench import Warned
 from rig.run_file.events.event import EMPTY
@@ -158,10 +158,8 @@ class EarlyWarnings:
 
     def _still(self, temperatures: Mapping[str, Any]) -> Iterator[Warned]:
         for name, channel in temperatures.items():
-            if unit_of(name) != TEMPERATURE_UNIT:  # displays of humidity and pressure are coarse
-                continue
             if name not in self._thermometers:
-                self._thermometers[name] = StillTest(len(self._run_list), len(temperatures))
+                self._thermometers[name] = StillTest(len(self._run_list), len(temperatures), spelled(unit_of(name)))
             if words := self._thermometers[name].add(channel["readings"]):
                 yield Warned("thermometer", name, f"{name} {words}")
 

@@ -227,6 +227,7 @@ class StillTest:
     Args:
         points: number of points of the run.
         thermometers: number of thermometers of the bench.
+        unit: of the readings, for people.
 
     """
 
@@ -234,7 +235,8 @@ class StillTest:
     """Minimum number of pairs of successive readings."""
     COMMON = 0.3
 
-    def __init__(self, points: int, thermometers: int) -> None:
+    def __init__(self, points: int, thermometers: int, unit: str) -> None:
+        self._unit = unit
         self._p = ALARM * _THERMOMETERS / max(1, points * thermometers)
         self._last: float | None = None
         self._pairs = self._same = self._run = 0
@@ -255,6 +257,7 @@ class StillTest:
         if math.prod((same + i) / (pairs + i) for i in range(self._run)) >= self._p:
             return ""
         return (
-            f"hangs: it has read {self._last:g} degC {self._run + 1} times in a row, and neighbouring readings were "
-            f"the same in {self._same} of {self._pairs} cases before. Temperatures recorded since are not to be trusted"
+            f"hangs: it has read {self._last:g} {self._unit} {self._run + 1} times in a row, and neighbouring "
+            f"readings were the same in {self._same} of {self._pairs} cases before. Its readings since then are not to "
+            "be trusted"
         )
