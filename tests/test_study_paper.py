@@ -34,7 +34,7 @@ from proving.truth.attitude import GRAVITY, Sensor, turn_pitch, turn_roll
 from rig.cli import app
 from rig.toml_text import toml_text
 
-DOCUMENT = Path(__file__).parent.parent / "docs" / "paper.md"
+DOCUMENT = Path(__file__).parent.parent / "proving" / "notes" / "paper.md"
 SEED = 20260523
 NO_ROLL = ("no roll, +-36", "no roll, +-180")
 
