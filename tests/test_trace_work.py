@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -11,11 +13,15 @@ from procedures.general.column_roles import Roles, roles_of
 from procedures.general.effects.scene import Stood
 from procedures.general.effects.time_columns import lagging
 from procedures.general.trace import cross, family, judge
+from procedures.general.trace.both import Both
 from procedures.general.trace.judge import TableJudge
+from procedures.general.trace.lengths import Simulated
 from procedures.general.trace.likelihood import Grid
+from procedures.general.trace.noise import WIDE, Independent, Wandering
 from procedures.general.trace.rivals import rivals
 from procedures.general.trace.run import problem_of
 from procedures.general.trace.score import View
+from procedures.general.trace.shared import Shared
 from procedures.table import Table
 from proving.truth.table import MISSING, Lab, options, simulate
 
@@ -86,6 +92,50 @@ def test_bases_of_all_candidates_are_those_of_each(problem, at):
     left = np.random.default_rng(1).standard_normal((problem.n, 3))
     assert every.gains(left) == pytest.approx(each.gains(left), rel=1e-4, abs=1e-5)
     assert view.width == each.units.shape[1]
+
+
+def noises(problem):
+    """One of each kind, in rows of different sd."""
+    sd, when, group = np.linspace(0.5, 2.0, problem.n), np.arange(problem.n) * 1.3, np.arange(problem.n) // 6
+    yield from ((problem.noise, 20), (problem.noise, 0), (Independent(problem.n), 0))
+    every = (Wandering(when), 12), (Wandering(when), 44), (Shared(group), 3), (Both(group, when=when), 40)
+    yield from ((noise.over(sd), at) for noise, at in every)
+
+
+def test_a_simulation_has_the_lengths_and_gains_of_whitened_candidates(problem):
+    """It whitens residuals back in their place."""
+    left = np.random.default_rng(8).standard_normal((problem.n, 3))
+    for noise, at in noises(problem):
+        sd = np.ones(problem.n) if getattr(noise, "sd", None) is None else noise.sd
+        own = replace(problem, noise=noise, sd=sd)
+        view, lean = View.of(own, at), Simulated(own)
+        rest = left - view.basis @ (view.basis.T @ left)
+        each, found = view.units(), lean.under(at)
+        assert found.rank.tolist() == each.rank.tolist()
+        gains = found.gains(lean.columns.T @ noise.back(at, rest).astype(np.float32), rest)
+        assert gains == pytest.approx(each.gains(rest), rel=2e-3, abs=1e-4)
+
+
+def test_a_simulation_keeps_no_whitened_candidates_of_other_covariances(monkeypatch):
+    views = []
+    of = View.of.__func__
+    monkeypatch.setattr(View, "of", classmethod(lambda cls, *args: views.append(args[1]) or of(cls, *args)))
+    judge = TableJudge(problem_of(data_of(Lab(120, clock=True))))
+    judge.family(20)
+    judge.family(20, "fast")
+    assert views == [20]
+
+
+@pytest.mark.parametrize("n", [7, 33, 200])
+def test_many_columns_are_filtered_as_few_are(n):
+    when = np.cumsum(np.random.default_rng(9).exponential(1.0, n))
+    noise = Wandering(when, sd=np.linspace(0.5, 2.0, n))
+    columns, sums = np.random.default_rng(10).standard_normal((2, n, WIDE))
+    for at in (0, 1, 25, 44):
+        white = noise.whiten(np.array([at]), columns)[0]
+        few = np.hstack([noise.whiten(np.array([at]), columns[:, k : k + 40])[0] for k in range(0, WIDE, 40)])
+        assert white == pytest.approx(few, rel=1e-12, abs=1e-12)
+        assert noise.back(at, sums).T @ columns == pytest.approx(sums.T @ white, rel=1e-10, abs=1e-10)
 
 
 def test_lengths_and_remainders_are_those_of_whole_columns(problem):

@@ -113,6 +113,12 @@ class Both(Shared):
             out[i] = _stretched(done[w], basis, 1.0 / np.sqrt(1.0 + r * square)) if r > 0 else done[w]
         return out
 
+    def back(self, at: int, white: FloatArray) -> FloatArray:
+        """See `Noise`."""
+        w, r = int(self._of[0][at]), float(self._of[1][at])
+        basis, square = self._bases[w]
+        return self.wander.back(w, _stretched(white, basis, 1.0 / np.sqrt(1.0 + r * square)))
+
     def colour(self, at: int, white: FloatArray) -> FloatArray:
         """See `Noise`."""
         return self.wander.colour(int(self._of[0][at]), self._stretch(at, white))

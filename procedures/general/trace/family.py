@@ -13,22 +13,20 @@ independent, cautious if it is not).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
 from fitter.arrays import FloatArray, IntArray
 from fitter.linear import orthonormal
 from fitter.sums_of_squares import off
 from fitter.trace.chance import ALPHA
+from procedures.general.trace.lengths import Simulated, Single
 from procedures.general.trace.noise import BoolArray
 from procedures.general.trace.problem import SPARED, Problem
 from procedures.general.trace.score import FEWEST_FOR_SCATTER, Blocks, View
-
-Single = NDArray[np.float32]
 
 WORK = 1.2e9
 """Maximum number of multiplications of a simulation."""
@@ -49,7 +47,6 @@ thousands of candidates; the tails simulated for sixty tables ended at 27.)
 """
 ALL_BUT = 0.9
 """Share of candidates' columns that count under every covariance."""
-KEPT_BYTES = 150_000_000
 _TINY = np.finfo(np.float32).tiny
 _LEAST = 1e-290
 _MOST = 80.0
@@ -119,32 +116,6 @@ def of_all(p: float, sensors: int) -> float:
     return p if sensors == 1 else -math.expm1(sensors * math.log1p(-min(p, 1.0 - 1e-15)))
 
 
-@dataclass(frozen=True, eq=False)
-class Bases:
-    """Orthonormal bases of a problem's columns under each covariance, cached up to `KEPT_BYTES`.
-
-    Attributes:
-        problem: the table.
-        views: of it, by covariance, as far as they are known.
-    """
-
-    problem: Problem
-    views: dict[int, View] = field(default_factory=dict)
-    _kept: dict[int, tuple[FloatArray, Blocks]] = field(default_factory=dict)
-
-    def of(self, at: int) -> tuple[FloatArray, Blocks]:
-        """(n, k) of the declared columns under covariance `at`; and of each candidate's beside them, in single
-        precision.
-        """
-        if at in self._kept:
-            return self._kept[at]
-        view = self.views[at] if at in self.views else View.of(self.problem, at)
-        own = view.basis, view.units()
-        if (len(self._kept) + 1) * own[1].units.nbytes <= KEPT_BYTES:
-            self._kept[at] = own
-        return own
-
-
 def evidence(ratio: FloatArray, rank: int, df: int) -> FloatArray:
     """Score of an F of `rank` and `df` degrees of freedom: -log p; below zero if it is worse than its rival."""
     p = special.fdtrc(rank, df, np.maximum(ratio, 0.0))
@@ -173,8 +144,8 @@ def family_of(
     *,
     without: BoolArray,
     beside: BoolArray,
-    scatter: bool = True,
-    bases: Bases | None = None,
+    scatter: View | None = None,
+    simulated: Simulated | None = None,
 ) -> TableFamily:
     """Simulate scores of candidates beside the declared columns in tables with only noise of covariance `at`.
 
@@ -185,23 +156,23 @@ def family_of(
         seed: of the draws.
         without: (G,) covariances that are fitted without a candidate.
         beside: (G,) those that are fitted beside one.
-        scatter: whether scores are divided by the contributions of single rows.
-        bases: of the same problem, if more than one family of it is simulated.
+        scatter: the problem whitened by `at`, if scores are divided by the contributions of single rows.
+        simulated: of the same problem, if more than one family of it is simulated.
     """
-    bases = bases or Bases(problem)
-    basis, found = bases.of(at)
-    n, df = problem.n, problem.n - basis.shape[1]
+    simulated = simulated or Simulated(problem)
+    found = simulated.under(at)
+    n, df = problem.n, problem.n - found.basis.shape[1]
     judged = np.flatnonzero((found.rank > 0) & (df - found.rank >= SPARED))
     if not len(judged):
         return TableFamily({}, np.ones(1), problem.sensors)
     rng = np.random.default_rng(seed)
     near = [_near(problem, at, possible, rng) for possible in (without, beside)]
     fewest = _fewest(problem)
-    draws = int(np.clip(WORK / max(found.units.size * len(near[1]), 1), fewest, max(MOST, fewest)))
+    draws = int(np.clip(WORK / max(n * int(found.rank.sum()) * len(near[1]), 1), fewest, max(MOST, fewest)))
     errors = rng.standard_normal((n, draws))
-    ratio = _ratios(bases, near[0], near[1], problem.noise.colour(at, errors), found.rank, df)
-    if scatter and n >= FEWEST_FOR_SCATTER:
-        ratio /= _scatter(found, off(errors, basis).astype(np.float32), df)
+    ratio = _ratios(simulated, near[0], near[1], problem.noise.colour(at, errors), found.rank, df)
+    if scatter is not None and n >= FEWEST_FOR_SCATTER:
+        ratio /= _scatter(scatter.units(), off(errors, found.basis).astype(np.float32), df)
     tails = {}
     smallest = np.ones(draws)
     for name in dict.fromkeys(problem.candidates[j].effect.name for j in judged):
@@ -238,23 +209,26 @@ def _deviance(problem: Problem, g: int, drawn: FloatArray) -> FloatArray:
     return np.asarray(problem.n * np.log(np.sum(left**2, axis=0)) + problem.noise.log_det[g])
 
 
-def _ratios(bases: Bases, without: IntArray, beside: IntArray, drawn: FloatArray, rank: IntArray, df: int) -> Single:
+def _ratios(
+    simulated: Simulated, without: IntArray, beside: IntArray, drawn: FloatArray, rank: IntArray, df: int
+) -> Single:
     """(J, m) F equivalent to the likelihood ratio of every candidate, as in `likelihood.ratio`."""
-    problem = bases.problem
+    problem = simulated.problem
     n, log_det = problem.n, problem.noise.log_det
     zero = log_det[beside[0]]
     alone = np.full(drawn.shape[1], np.inf)
     joined = np.full((len(rank), drawn.shape[1]), np.inf, np.float32)
     for g in np.union1d(without, beside).tolist():
-        basis, found = bases.of(g)
-        left = off(problem.noise.whiten(np.array([g]), drawn)[0], basis)
+        found = simulated.under(g)
+        left = off(problem.noise.whiten(np.array([g]), drawn)[0], found.basis)
         total = np.sum(left**2, axis=0)
         deviance = n * np.log(total) + log_det[g] - zero
         if g in without:
             alone = np.minimum(alone, deviance)
         if g not in beside:
             continue
-        gains = found.gains((left / np.sqrt(total)).astype(np.float32))
+        left /= np.sqrt(total)
+        gains = found.gains(simulated.columns.T @ problem.noise.back(g, left).astype(np.float32), left)
         np.log1p(-np.minimum(gains, np.float32(1.0 - 1e-6)), out=gains)
         gains *= n
         gains += deviance.astype(np.float32)

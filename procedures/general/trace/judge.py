@@ -11,7 +11,8 @@ import numpy as np
 from fitter.arrays import FloatArray
 from fitter.trace.aliases import PER_COLUMN, Rival
 from fitter.trace.chance import ALPHA
-from procedures.general.trace.family import CERTAIN, Bases, TableFamily, evidence, family_of, least_of
+from procedures.general.trace.family import CERTAIN, TableFamily, evidence, family_of, least_of
+from procedures.general.trace.lengths import Simulated
 from procedures.general.trace.likelihood import Beside, Grid, ratio
 from procedures.general.trace.problem import Candidate, Problem
 from procedures.general.trace.rivalry import Rivalry, Trial, possible_of
@@ -195,8 +196,8 @@ class TableJudge:
         return grid if np.array_equal(y, self.held(known)) else grid.of_response(y / self.problem.sd)
 
     @cached_property
-    def _bases(self) -> Bases:
-        return Bases(self.problem, self._views)
+    def _simulated(self) -> Simulated:
+        return Simulated(self.problem)
 
     def view(self, at: int) -> View:
         """The problem whitened by covariance `at`."""
@@ -238,8 +239,8 @@ class TableJudge:
                 seed=1 + at,
                 without=without,
                 beside=beside,
-                scatter=rival != "slow",
-                bases=self._bases,
+                scatter=None if rival == "slow" else self.view(at),
+                simulated=self._simulated,
             )
         return self.families[at, rival]
 

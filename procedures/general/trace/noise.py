@@ -26,7 +26,11 @@ WALKS = (0.001, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 30.0)
 """Variance of a random walk's step over that of the independent part."""
 LEAST_WHITE = 0.01
 WIDE = 160
-"""Columns from which a recursion is faster row by row, over all columns at once, than by LAPACK, column by column."""
+"""Columns from which a recursion is faster row by row, over all columns at once, than by LAPACK, column by column; and
+a filter faster by products of several rows at once.
+"""
+AT_ONCE = 16
+"""Rows of a filter that are worked out at once."""
 SLOW, MEMORIES = 0.9, 6.0
 """Correlation of neighbours of the slow part above which it is a drift of unknown shape instead of noise; it is also
 slow if its memory, the time of a decrease of correlation by a factor e, fits into the table less often than this.
@@ -61,6 +65,9 @@ class Noise(Protocol):
 
     def whiten(self, which: IntArray, columns: FloatArray) -> FloatArray:
         """(len(which), n, m) whitened `columns` (n, m): independent errors with one variance."""
+
+    def back(self, at: int, white: FloatArray) -> FloatArray:
+        """(n, m) transposed whitening of (n, m): its products with columns are those of `white` with whitened ones."""
 
     def colour(self, at: int, white: FloatArray) -> FloatArray:
         """(n, m) errors of covariance `at` from independent ones (n, m): the inverse of `whiten`."""
@@ -119,6 +126,10 @@ class Independent:
     def whiten(self, which: IntArray, columns: FloatArray) -> FloatArray:
         """See `Noise`."""
         return columns[None]
+
+    def back(self, at: int, white: FloatArray) -> FloatArray:
+        """See `Noise`."""
+        return white
 
     def colour(self, at: int, white: FloatArray) -> FloatArray:
         """See `Noise`."""
@@ -253,13 +264,40 @@ class Wandering:
             if self._grid[0][g] == 0.0:
                 out[i] = columns
                 continue
-            state = _recursion(kept[g], gain[g, :, None] * columns)
             white = out[i]
+            if columns.shape[1] >= WIDE:
+                _filtered(self._at_once(g), columns, white)
+                continue
+            state = _recursion(kept[g], gain[g, :, None] * columns)
             white[0] = columns[0]
             np.multiply(own[g, 1:, None], state[:-1], out=white[1:])
             np.subtract(columns[1:], white[1:], out=white[1:])
             white /= sd[g, :, None]
         return out
+
+    def back(self, at: int, white: FloatArray) -> FloatArray:
+        """See `Noise`. The filter's stretches of rows from the last one back."""
+        if self._grid[0][at] == 0.0:
+            return white
+        return _filtered(self._at_once(at)[::-1].transpose(0, 2, 1), white, np.empty_like(white), last_first=True)
+
+    def _at_once(self, at: int) -> FloatArray:
+        """(s, r + 1, r + 1) for each stretch of r rows its whitened rows, and the state after it, from the rows and the
+        state before it; the last stretch may have fewer rows.
+        """
+        r, n = AT_ONCE, len(self.when)
+        kept, gain, own, sd = (
+            np.concatenate([part[at], np.ones(-n % r)]).reshape(-1, r, 1).swapaxes(0, 1) for part in self._steps
+        )
+        out, state = np.zeros((r + 1, len(kept[0]), r + 1)), np.zeros((len(kept[0]), r + 1))
+        state[:, r] = 1.0
+        for t in range(r):
+            out[t] = -own[t] / sd[t] * state
+            out[t, :, t] += 1.0 / sd[t, :, 0]
+            state *= kept[t]
+            state[:, t] += gain[t, :, 0]
+        out[r] = state
+        return np.ascontiguousarray(out.swapaxes(0, 1))
 
     def colour(self, at: int, white: FloatArray) -> FloatArray:
         """See `Noise`."""
@@ -294,6 +332,26 @@ class Wandering:
     def over(self, sd: FloatArray) -> Wandering:
         """See `Noise`."""
         return self if np.array_equal(1.0 / sd, self._share) else replace(self, sd=sd)
+
+
+def _filtered(stretches: FloatArray, given: FloatArray, out: FloatArray, *, last_first: bool = False) -> FloatArray:
+    """(n, m) `out`, worked out from `given` (n, m) one stretch of rows after the other, in this order or backwards.
+
+    Args:
+        stretches: (s, r + 1, r + 1) what comes of the rows of each and of a state, and the next state.
+        given: rows.
+        out: takes the result.
+        last_first: whether the last stretch is the first one.
+    """
+    state, r = np.zeros(given.shape[1]), stretches.shape[1] - 1
+    starts = range(0, len(given), r)
+    for one, first in zip(stretches, reversed(starts) if last_first else starts, strict=True):
+        some, white = given[first : first + r], out[first : first + r]
+        m = len(some)
+        np.matmul(one[:m, :m], some, out=white)
+        white += one[:m, r:] * state
+        state = one[r, :m] @ some + one[r, r] * state
+    return out
 
 
 def _recursion(factor: FloatArray, given: FloatArray) -> FloatArray:

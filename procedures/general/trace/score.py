@@ -21,6 +21,7 @@ from fitter.linear import orthonormal
 from procedures.general.trace.problem import SPARED, Problem
 
 BoolArray = NDArray[np.bool_]
+Apart = tuple[FloatArray, BoolArray, IntArray, IntArray, FloatArray]
 Floats = NDArray[Any]
 """Double or single precision: a simulation may use less than a score."""
 NOTHING_LEFT = 1e-3
@@ -236,7 +237,7 @@ class View:
             ranks[wide], out[wide] = own.rank, own.gains(left)
         return out, ranks
 
-    def all_kept(self, chosen: Sequence[int]) -> NDArray[np.bool_]:
+    def all_kept(self, chosen: Sequence[int]) -> BoolArray:
         """(D,) whether a column is certain to be in the `extra` basis together with all columns of the `chosen`.
 
         What a column has outside the others is the inverse of its diagonal element in the inverse of the products.
@@ -269,23 +270,31 @@ class View:
         basis = (extra.T @ self.columns[:, picked]).T / length
         return np.asarray(np.linalg.solve(basis, self._across(chosen) / length))
 
-    def _apart(self, chosen: Sequence[int]) -> tuple[FloatArray, NDArray[np.bool_], IntArray, IntArray, FloatArray]:
+    def _apart(self, chosen: Sequence[int]) -> Apart:
         """Columns of candidates of one or two, each beside the `chosen` and the longer one of its pair.
 
         (D,) their remaining sums of squares, and whether these are enough; (p,) the longer one of each pair, the
         other, and the slope (p,) of the other along it.
         """
         squares, across, first = self._products
-        beside, second = self._along(chosen), first + 1
+        beside = self._along(chosen)
         squares = squares - np.einsum("ij,ij->j", beside, beside)
-        kept = squares > (NOTHING_LEFT * self.length) ** 2
-        across = across - np.einsum("ij,ij->j", beside[:, first], beside[:, second])
-        swapped = _scaled(squares, self.length, second) > _scaled(squares, self.length, first)
-        one, two = np.where(swapped, second, first), np.where(swapped, first, second)
-        slope = np.divide(across, squares[one], out=np.zeros_like(across), where=kept[one])
-        squares[two] -= slope * across
-        kept[two] = kept[one] & (squares[two] > (NOTHING_LEFT * self.length[two]) ** 2)
-        return squares, kept, one, two, slope
+        across = across - np.einsum("ij,ij->j", beside[:, first], beside[:, first + 1])
+        return in_turn(squares, across, first, self.length)
+
+
+def in_turn(squares: FloatArray, across: FloatArray, first: IntArray, length: FloatArray) -> Apart:
+    """`Apart` from sums of squares (D,) beside a model and products (p,) within pairs that begin at `first` (p,).
+
+    `length` (D,) are lengths without the model.
+    """
+    squares, second, kept = squares.copy(), first + 1, squares > (NOTHING_LEFT * length) ** 2
+    swapped = _scaled(squares, length, second) > _scaled(squares, length, first)
+    one, two = np.where(swapped, second, first), np.where(swapped, first, second)
+    slope = np.divide(across, squares[one], out=np.zeros_like(across), where=kept[one])
+    squares[two] -= slope * across
+    kept[two] = kept[one] & (squares[two] > (NOTHING_LEFT * length[two]) ** 2)
+    return squares, kept, one, two, slope
 
 
 def ranked(view: View, y: FloatArray, chosen: Sequence[int]) -> Scores:

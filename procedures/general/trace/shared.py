@@ -108,6 +108,10 @@ class Shared:
         shrink = 1.0 - 1.0 / np.sqrt(1.0 + self._ratio[which, None] * self._square)
         return np.asarray(columns[None] - self._spread(shrink[:, :, None] * means[None]))
 
+    def back(self, at: int, white: FloatArray) -> FloatArray:
+        """See `Noise`: the matrix that whitens is symmetric."""
+        return np.asarray(self.whiten(np.array([at]), white)[0])
+
     def colour(self, at: int, white: FloatArray) -> FloatArray:
         """See `Noise`."""
         stretch = np.sqrt(1.0 + self._ratio[at] * self._square)[:, None] - 1.0

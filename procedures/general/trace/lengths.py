@@ -1,0 +1,147 @@
+"""Candidates beside the declared columns under one covariance, as far as a simulation of scores needs them.
+
+Sums over rows are the same whether candidates are whitened or the simulated residuals are whitened back. So candidates
+are whitened once for each covariance, a few columns at a time, and only their lengths are kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fitter.arrays import FloatArray, IntArray
+from fitter.linear import orthonormal
+from procedures.general.trace.noise import WIDE
+from procedures.general.trace.problem import Problem
+from procedures.general.trace.score import NOTHING_LEFT, Apart, in_turn
+
+Single = NDArray[np.float32]
+AT_ONCE = 400_000
+"""Whitened numbers that stay in the cache while they are used."""
+CONSTANT = 1e-12
+"""Share of a column's sum of squares about its mean, at least: less is rounding."""
+
+
+@dataclass(frozen=True, eq=False)
+class Lengths:
+    """Whitened candidates of a problem.
+
+    Attributes:
+        basis: (n, k) orthonormal, of the declared columns.
+        apart: columns of candidates of one or two, as `score.in_turn` has them.
+        wide: bases (n, q) of candidates of three columns or more, by candidate.
+        start: (J + 1,) first column of each candidate.
+    """
+
+    basis: FloatArray
+    apart: Apart
+    wide: Mapping[int, Single]
+    start: IntArray
+
+    @cached_property
+    def rank(self) -> IntArray:
+        """(J,) columns of each."""
+        out = np.diff(np.concatenate([[0], np.cumsum(self.apart[1])])[self.start])
+        for j, units in self.wide.items():
+            out[j] = units.shape[1]
+        return np.asarray(out, np.int64)
+
+    def gains(self, along: Single, left: FloatArray) -> Single:
+        """(J, m) reduction of the sums of squares of whitened residuals (n, m) by each candidate.
+
+        Args:
+            along: (D, m) products of columns with these residuals; changed.
+            left: the residuals.
+        """
+        squares, kept, one, two, slope = self.apart
+        along[two] -= slope[:, None].astype(np.float32) * along[one]
+        along *= np.sqrt(np.divide(1.0, squares, out=np.zeros_like(squares), where=kept))[:, None].astype(np.float32)
+        np.square(along, out=along)
+        out = along[self.start[:-1]]
+        pairs = np.flatnonzero(np.diff(self.start) == 2)
+        out[pairs] += along[self.start[pairs] + 1]
+        for j, units in self.wide.items():
+            out[j] = np.sum((units.T @ left.astype(np.float32)) ** 2, axis=0)
+        return out
+
+
+@dataclass(frozen=True, eq=False)
+class Simulated:
+    """Candidates of a problem for simulations, under any of its covariances."""
+
+    problem: Problem
+
+    @cached_property
+    def _known(self) -> dict[int, Lengths]:
+        return {}
+
+    @cached_property
+    def _declared(self) -> tuple[FloatArray, FloatArray]:
+        """(n, k) orthonormal basis of the declared columns over each row's sd, and (k, D) candidates along it."""
+        sd = self.problem.sd[:, None]
+        basis = orthonormal(self.problem.declared / sd)
+        return basis, (basis / sd).T @ self.problem.columns
+
+    @cached_property
+    def columns(self) -> Single:
+        """(n, D) all candidates over each row's sd, with the declared columns removed."""
+        out = np.empty(self.problem.columns.shape, np.float32)
+        for some in self._stretches:
+            out[:, some] = self._some(some)
+        return out
+
+    def _some(self, some: slice) -> FloatArray:
+        declared, along = self._declared
+        return np.asarray(self.problem.columns[:, some] / self.problem.sd[:, None] - declared @ along[:, some])
+
+    @cached_property
+    def _stretches(self) -> list[slice]:
+        """Columns a few at a time, whole candidates."""
+        start, most = self.problem.start, max(WIDE, AT_ONCE // self.problem.n)
+        ends = [0]
+        for end in start[1:].tolist():
+            if end - ends[-1] >= most or end == start[-1]:
+                ends.append(end)
+        return [slice(one, other) for one, other in pairwise(ends) if other > one]
+
+    def under(self, at: int) -> Lengths:
+        """Whitened by covariance `at`."""
+        if at not in self._known:
+            self._known[at] = self._whitened(at)
+        return self._known[at]
+
+    def _whitened(self, at: int) -> Lengths:
+        problem, which = self.problem, np.array([at])
+        start, width = problem.start, np.diff(problem.start)
+        declared, along = self._declared
+        white = problem.noise.whiten(which, declared)[0]
+        basis, n = orthonormal(white), problem.n
+        squares, total, of_basis = np.empty(start[-1]), np.empty(start[-1]), np.empty((basis.shape[1], start[-1]))
+        of_declared, across = np.empty((white.shape[1], start[-1])), np.zeros(start[-1])
+        paired = np.zeros(start[-1], np.bool_)
+        paired[start[:-1][width == 2]] = True
+        for some in self._stretches:
+            own = problem.noise.whiten(which, self._some(some))[0]
+            squares[some], total[some] = np.einsum("ij,ij->j", own, own), own.sum(axis=0)
+            of_basis[:, some], of_declared[:, some] = basis.T @ own, white.T @ own
+            first = np.flatnonzero(paired[some])
+            across[first + some.start] = np.einsum("ij,ij->j", own[:, first], own[:, first + 1])
+        every = squares + np.einsum("ij,ij->j", along, 2.0 * of_declared + white.T @ white @ along)
+        about = every - (total + white.sum(axis=0) @ along) ** 2 / n
+        length = np.sqrt(np.maximum(about, CONSTANT * every))
+        first = np.flatnonzero(paired)
+        within = across[first] - np.einsum("ij,ij->j", of_basis[:, first], of_basis[:, first + 1])
+        apart = in_turn(squares - np.einsum("ij,ij->j", of_basis, of_basis), within, first, length)
+        wide = {}
+        for j in np.flatnonzero(width > 2).tolist():
+            some = slice(int(start[j]), int(start[j + 1]))
+            own = problem.noise.whiten(which, self._some(some))[0]
+            for _ in range(2):
+                own = own - basis @ (basis.T @ own)
+            wide[j] = orthonormal(own, length[some], NOTHING_LEFT).astype(np.float32)
+        return Lengths(basis, apart, wide, start)
