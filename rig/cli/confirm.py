@@ -239,7 +239,11 @@ def _chosen(
         show_proposals(asked, proposals, never, take, every=every)
     why = unlikely(proposals) if proposals else ""
     if why and not as_json:
-        err.print(f"{escape(why)}. Run {take} is for what it can settle; --take chooses another", soft_wrap=True)
+        err.print(
+            f"{escape(why)}. Run {take} is for what it can settle, and none "
+            f"longer than the first run is proposed for that; --take chooses another",
+            soft_wrap=True,
+        )
     return proposals[take - 1] if proposals else None, {**listed(first, proposals, never), "unlikely": why}
 
 

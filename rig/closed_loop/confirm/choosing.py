@@ -18,6 +18,8 @@ STEP = 0.05
 """Difference of probabilities, summed over all questions, that is no advantage; those above `SURE` are equal."""
 MORE_SIGMAS = 0.15
 """Standard errors by which a longer run has to separate more than a shorter one."""
+ABOUT = 0.05
+"""Part by which times of runs may differ that are equally long."""
 WORTH_A_FORECAST = 0.5
 """Standard errors below the limit by which a choice of points may fall short, and still be simulated."""
 
@@ -52,7 +54,7 @@ def groups_of(first: First) -> list[list[Variation]]:
 
 
 def best(first: First, group: Sequence[Variation], choice: type[Points] | None) -> Proposal:
-    """The smallest sufficient run of a group; otherwise the most informative one."""
+    """The smallest sufficient run of a group; otherwise the most informative one that is worth its time."""
     chosen, hopeful = _of_chosen_points(first, group, choice)
     tried = _bisected(first, chosen, hopeful)
     settled = [proposal.hours for proposal in tried if proposal.settles(hopeful)]
@@ -66,7 +68,19 @@ def best(first: First, group: Sequence[Variation], choice: type[Points] | None) 
                 tried.append(_proposal(first, variation))
                 if tried[-1].settles(hopeful):
                     break
-    return _cheapest([*tried, largest])
+    return _worth_its_time(first, [*tried, largest])
+
+
+def _worth_its_time(first: First, proposals: Sequence[Proposal]) -> Proposal:
+    """The most informative run. One that is unlikely to settle everything may not be longer than the first run was.
+
+    With more replications such a run excludes a few more causes, and leaves the question as it is.
+    """
+    again = Variation("", first.procedure)
+    most_h = first.confirming.hours(again, first.procedure.expand()) * (1.0 + ABOUT)
+    likely = [one for one in proposals if one.likely]
+    short = likely or [one for one in proposals if one.hours <= most_h]
+    return _cheapest(short or [min(proposals, key=lambda one: one.hours)])
 
 
 def _bisected(first: First, runs: Sequence[OfPoints], pairs: frozenset[Pair] | None) -> list[Proposal]:
