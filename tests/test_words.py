@@ -48,7 +48,12 @@ def code_files() -> list[Path]:
 
 
 def documents() -> list[Path]:
-    return [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+    return [
+        ROOT / "README.md",
+        ROOT / "CONTRIBUTING.md",
+        *sorted((ROOT / "docs").glob("*.md")),
+        *(ROOT / "docs" / "method").glob("*.md"),
+    ]
 
 
 def docstrings(path: Path) -> list[str]:
