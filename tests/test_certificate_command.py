@@ -383,7 +383,7 @@ def test_a_doubtful_name_is_refused_until_it_is_confirmed(made, monkeypatch, run
     (reason,) = reasons(run, tmp_path)
     assert "the name of effect creep is doubtful: a curve fits as well; confirm it" in reason
     outcomes, _ = with_doubt(run, (), quick=False)
-    answer = SimpleNamespace(effect="creep", verdict="confirmed")
+    answer = SimpleNamespace(effect="creep", verdict="confirmed", members=())
     assert list(doubtful(outcomes, None)) == [("cell_V", finding)]
     heads = {Path("later.sqlite"): "f0" * 32, Path("last.sqlite"): "1e" * 32}
     confirmed = SimpleNamespace(answers=(answer,), paths=tuple(heads))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from decimal import Decimal
 from pathlib import Path
@@ -9,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from fitter.budget import NEAR_95, Budgeted, Shapes
+from fitter.confirm import Confirmation
 from fitter.rounding import rounded, rounded_df, rounded_factor, rounded_to, rounded_uncertainty
 from fitter.trace.outcome import Finding, Outcome
 from procedures.column_names import stem_of
@@ -85,15 +87,46 @@ def tables(run: RunBudget, stage: Stage) -> tuple[ResultTable, ...]:
     return tuple(found)
 
 
-def notes(run: RunBudget) -> Iterator[str]:
-    """Notes on the uncertainties, as sentences."""
+def notes(run: RunBudget, confirmed: Confirmed | None = None) -> Iterator[str]:
+    """Notes on the uncertainties, as sentences; `confirmed` has the results of further runs."""
     pairs = sorted(zip(run.sensors, run.budgets, strict=True), key=lambda pair: -len(pair[1].name))
-    for note in run.notes:
+    for note in (_with_further_runs(one, confirmed) for one in run.notes):
         first = note.partition(" ")[0]
         told = f"{note[0].upper()}{note[1:]}" if first.isalpha() else note
         for column, one in pairs:  # as the tables call them
             told = told.replace(one.name, f"{sensor_of(column, run)} {label_of(one, column, run)}") if column else told
         yield told if told.endswith(".") else f"{told}."
+
+
+_OF_THE_RUN = {
+    "these data cannot separate": "the data of this run alone cannot separate",
+    "it is doubtful": "by the data of this run alone it is doubtful",
+}
+
+
+def _with_further_runs(note: str, confirmed: Confirmed | None) -> str:
+    """A note about the data of the run, with the results of further runs for the effect that it names."""
+    answers = [] if confirmed is None else confirmed.answers
+    settled = [one for one in answers if one.verdict == "confirmed" and _names(one.effect, note)]
+    if not settled or not any(said in note for said in _OF_THE_RUN):
+        return note
+    for said, instead in _OF_THE_RUN.items():
+        note = note.replace(said, instead)
+    for one in settled:
+        excluded = [name for name in _excluded(one) if _names(name, note)]
+        also = f" and excludes {', '.join(excluded)}" if excluded else ""
+        note += f"; the further run confirms {one.effect}{also}, and the budgets count the difference all the same"
+    return note
+
+
+def _names(effect: str, note: str) -> bool:
+    """Whether a note names an effect, and not only one whose name begins or ends like it."""
+    return re.search(rf"(?<!\S){re.escape(effect)}(?=[:;,.]?(\s|$))", note) is not None
+
+
+def _excluded(answer: Confirmation) -> list[str]:
+    """Other causes that further runs exclude."""
+    return [one.effect for one in answer.members if not one.holds]
 
 
 def budgets(run: RunBudget, stage: Stage, which: str) -> tuple[Budget, ...]:
@@ -232,6 +265,8 @@ def effects(
             confirms = answer is not None and answer.verdict == "confirmed"
             word = "" if answer is None or confirms else answer.verdict
             how = f"{word}{by}".strip() if answer is not None else "no further run was made"
+            if answer is not None and confirms and (excluded := [n for n in _excluded(answer) if n in one.aliases]):
+                how += f", which excludes {', '.join(excluded)}"
             if answer is not None and answer.verdict == "replaced":
                 found, cause = answer.members[0], f"what the trace of the run named {one.effect}"
                 size = found.sizes.get(outcome.sensor, "size not determined")

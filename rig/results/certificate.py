@@ -194,7 +194,7 @@ def _document(
             *dict.fromkeys(d for one in of for d in absent(one.register, one.config, asked.room)),
             *(d for one, b in with_budget for d in assembly.not_recorded(b, one.stage)),
         ),
-        notes=tuple(dict.fromkeys(n for _, b in with_budget for n in assembly.notes(b))),
+        notes=tuple(dict.fromkeys(n for one, b in with_budget for n in assembly.notes(b, one.confirmed))),
         next_due=settings.next_due,
         remarks=settings.remarks,
         paper=settings.paper,

@@ -1,0 +1,62 @@
+"""A certificate of a confirmed effect does not leave its cause open: "cannot separate" stood beside "confirmed"."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from rig.certificate.assembly import effects, notes
+
+NOTE = (
+    "cell_V: drift:elapsed_s: it is doubtful: two causes do as well; these data cannot separate it from "
+    "ageing:elapsed_s, slow-wander"
+)
+OTHER = "cell_V: creep:force_kN: these data cannot separate it from lag:force_kN"
+
+
+def member(effect, *, holds):
+    return SimpleNamespace(effect=effect, holds=holds)
+
+
+def confirmed(verdict="confirmed", effect="drift:elapsed_s"):
+    members = (
+        member(effect, holds=True),
+        member("ageing:elapsed_s", holds=False),
+        member("step:elapsed_s", holds=False),
+    )
+    answer = SimpleNamespace(effect=effect, verdict=verdict, members=members)
+    return SimpleNamespace(answers=[answer], paths=[Path("later.sqlite")])
+
+
+def run(*said):
+    return SimpleNamespace(notes=said, sensors=(), budgets=(), of=SimpleNamespace(table=SimpleNamespace(outputs={})))
+
+
+def test_a_note_says_what_the_run_alone_leaves_open_and_what_the_further_run_says():
+    first, second = notes(run(NOTE, OTHER), confirmed())
+    assert "these data cannot separate" not in first
+    assert "by the data of this run alone it is doubtful: two causes do as well" in first
+    assert "the data of this run alone cannot separate it from ageing:elapsed_s, slow-wander" in first
+    assert "the further run confirms drift:elapsed_s and excludes ageing:elapsed_s, and the budgets count the" in first
+    assert second == f"{OTHER}."
+
+
+@pytest.mark.parametrize(
+    "given",
+    [None, confirmed("undecided"), confirmed(effect="drift:elapsed_s,force_kN"), confirmed(effect="drift:elapsed")],
+    ids=["no further run", "undecided", "a longer name", "a shorter name"],
+)
+def test_without_a_confirmation_of_this_effect_it_says_what_it_said(given):
+    assert list(notes(run(NOTE), given)) == [f"{NOTE}."]
+
+
+def test_the_state_of_the_effect_says_what_was_excluded():
+    finding = SimpleNamespace(
+        kind="effect", effect="drift:elapsed_s", size="1 mV", size_95="", cause="drifts", aliases=("ageing:elapsed_s",)
+    )
+    outcome = SimpleNamespace(sensor="cell_V", findings=[finding])
+    (one,) = effects(run(), [outcome], confirmed(), "", {Path("later.sqlite"): "ab" * 16})
+    assert one.confirmed
+    assert one.how == f"by later.sqlite, head {'ab' * 8}, which excludes ageing:elapsed_s"
