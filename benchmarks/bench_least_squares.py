@@ -1,8 +1,7 @@
 """Least squares beside its peers, and a million points in constant memory; all measured in one run.
 
-    python -m benchmarks.bench_least_squares            speed and stream
+    python -m benchmarks.bench_least_squares            speed
     python -m benchmarks.bench_least_squares speed      2,886 points: ours, lmfit, numpy
-    python -m benchmarks.bench_least_squares stream     1e4, 1e5, 1e6 points a block at a time
     python -m benchmarks.bench_least_squares digits     NIST's eleven linear problems: digits that are right
     python -m benchmarks.bench_least_squares csv        a table of a million rows through `rig fit` (a minute, 135 MB)
 
@@ -16,13 +15,10 @@ import os
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # tall thin matrices: threads cost more than they bring
 
-import json
-import resource
 import statistics
 import subprocess
 import sys
 import time
-import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -37,7 +33,6 @@ from fitter.refine import refine
 from procedures.attitude.data import AttitudeData
 from procedures.attitude.fit import fit_attitude
 from procedures.attitude.model import COLUMNS, attitude_columns, attitude_parameters, fit_columns
-from procedures.attitude.stream import fit_stream
 from proving.truth.attitude import D1, Bench, simulate
 
 NIGHT = D1(180, 37, 13)
@@ -149,54 +144,6 @@ def digits_right():
         print(f"{name:10s} condition {fit.condition:7.1e}" + " ".join(f"{max(value, 0.0):13.1f}" for value in least))
 
 
-def points(count):
-    """Blocks of random attitudes and what three sensors read there, made as they are asked for."""
-    rng = np.random.default_rng(7)
-    m = 5.0 * np.array([[1, 0.01, 0.02], [-0.01, 1, 0.005], [0.02, -0.01, 1]])
-    for _ in range(count // BLOCK):
-        pitch, roll = rng.uniform(-180, 180, (2, BLOCK))
-        a, r = np.radians(pitch), np.radians(roll)
-        g = np.column_stack([np.sin(a), -np.sin(r) * np.cos(a), -np.cos(r) * np.cos(a)])
-        v = 0.01 + g @ m.T + rng.normal(0, 1e-5, (BLOCK, 3))
-        yield pitch, roll, {"x_V": v[:, 0], "y_V": v[:, 1], "z_V": v[:, 2]}
-
-
-def stream():
-    print(f"in blocks of {BLOCK:,}, three sensors; each in a process of its own")
-    for count in (10_000, 100_000, 1_000_000):
-        done = subprocess.run([sys.executable, "-m", ME, f"one:{count}"], capture_output=True, text=True, check=True)
-        one = json.loads(done.stdout)
-        print(
-            f"{count:9,} points: {count / one['s'] / 1e6:5.2f} million a second, "
-            f"{1e-6 * count / one['made_s']:.2f} without making them; "
-            f"peak {one['peak'] / 1e6:.2f} MB of arrays, {one['resident'] / 1e3:.0f} MB resident"
-        )
-    every = list(points(1_000_000))
-    columns = np.vstack([attitude_columns(p, r) for p, r, _ in every])
-    streamed = fit_stream(every)
-    for name, found in streamed.items():
-        fit = least_squares(columns, np.concatenate([v[name] for _, _, v in every]), COLUMNS)
-        away = np.abs(found.linear.coefficients - fit.coefficients).max() / np.abs(fit.coefficients).max()
-        sigma = abs(found.linear.sigma / fit.sigma - 1)
-        print(f"  {name}: coefficients differ from those of all rows at once by {away:.1e}, sigma by {sigma:.1e}")
-
-
-def one(count):
-    """In a process of its own: time without, then peak memory with, the tracer that slows it."""
-    start = time.perf_counter()
-    fit_stream(points(count))
-    took = time.perf_counter() - start
-    start = time.perf_counter()
-    for _ in points(count):
-        pass
-    making = time.perf_counter() - start
-    resident = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    tracemalloc.start()
-    fit_stream(points(count))
-    peak = tracemalloc.get_traced_memory()[1]
-    print(json.dumps({"s": took, "made_s": max(took - making, 1e-9), "peak": peak, "resident": resident}))
-
-
 def csv():
     from benchmarks.scratch import RUNS
 
@@ -230,11 +177,9 @@ def write(path):
 
 
 if __name__ == "__main__":
-    for name in sys.argv[1:] or ["speed", "stream"]:
+    for name in sys.argv[1:] or ["speed"]:
         what, _, given = name.partition(":")
-        if what == "one":
-            one(int(given))
-        elif what == "write":
+        if what == "write":
             write(given)
         else:
-            {"speed": speed, "stream": stream, "csv": csv, "digits": digits_right}[what]()
+            {"speed": speed, "csv": csv, "digits": digits_right}[what]()

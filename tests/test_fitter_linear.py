@@ -110,3 +110,15 @@ def test_a_basis_that_may_overwrite_its_columns_is_made_in_their_memory():
         tracemalloc.stop()
     assert np.abs(basis.T @ basis - np.eye(12)).max() < 1e-13
     assert peak < 0.3 * columns.nbytes
+
+
+def test_several_responses_share_a_triangle():
+    rng = np.random.default_rng(5)
+    columns, y = rng.normal(size=(20, 3)), rng.normal(size=(20, 2))
+    both = Triangle(("a", "b", "c")).add(columns[:2], y[:2]).add(columns[2:], y[2:])
+    for i in range(2):
+        fit, (c, rss, *_) = both.of(i).solve(), np.linalg.lstsq(columns, y[:, i], rcond=None)
+        np.testing.assert_allclose(fit.coefficients, c, rtol=1e-12)
+        assert fit.rss == pytest.approx(rss[0], rel=1e-12)
+    with pytest.raises(ValueError, match="2 columns were given for 3 names"):
+        both.add(columns[:, :2], y)

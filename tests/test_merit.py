@@ -11,14 +11,10 @@ from scipy import integrate, special
 
 from fitter import RankError
 from procedures.attitude.merit import (
-    T4_VARIANCE,
-    T6_VARIANCE,
     DesignPoints,
     Usage,
     compare,
     curve,
-    d1_no_roll_variance,
-    d1_variance,
     figure_of_merit,
     mean_variance,
     pad_visibility,
@@ -26,6 +22,7 @@ from procedures.attitude.merit import (
     visibility,
     worst_variance,
 )
+from proving.paper.closed_forms import T4_VARIANCE, T6_VARIANCE, d1_no_roll_variance, d1_variance
 from proving.truth.attitude import GRAVITY, Sensor, turn_pitch, turn_roll
 
 SEED = 20260419

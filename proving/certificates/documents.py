@@ -148,8 +148,8 @@ class Random:
         """A result of somebody else, with its uncertainty or without."""
         one = self.result(0, self.text(20), (), self._of.choice(UNITS))
         numbers = (one.expanded, one.k, one.probability) if self._of.random() < 0.6 else ("", "", "")
-        who = (self.text(), self.maybe(), self.text(20), self.day(), self.maybe())
-        return External(sensor, one.label, one.value, one.unit, *numbers, *who)
+        of, accreditation, number, day, used_for = self.text(), self.maybe(), self.text(20), self.day(), self.maybe()
+        return External(sensor, one.label, one.value, one.unit, *numbers, of, accreditation, number, day, used_for)
 
     def supplied(self, subject: str) -> Supplied:
         """Something that the customer states."""

@@ -7,7 +7,8 @@ import numpy as np
 from fitter.arrays import FloatArray
 from procedures.attitude.angles import sin_cos
 from procedures.attitude.designs import uniform
-from procedures.attitude.merit import T4_VARIANCE, T6_VARIANCE, DesignPoints, Usage, curve, d1_variance, figure_of_merit
+from procedures.attitude.merit import DesignPoints, Usage, curve, figure_of_merit
+from proving.paper.closed_forms import T4_VARIANCE, T6_VARIANCE, d1_variance
 from proving.paper.plots import NORMALISED, PITCH, Figure, Line, Panel
 from proving.paper.statement import SMALL, Statement, about, above, below, digits
 from proving.paper.table_1 import M, N, d1, designs, merit, no_roll

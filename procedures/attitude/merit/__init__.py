@@ -6,15 +6,12 @@ design = DesignPoints("D1 +-45", pitch_deg, roll_deg, replications=6) figure_of_
 compare([design, other], Usage.within(30.0), sigma_deg=2e-4)
 """
 
-from procedures.attitude.merit.closed_forms import T4_VARIANCE, T6_VARIANCE, d1_no_roll_variance, d1_variance
 from procedures.attitude.merit.comparison import Comparison, Curve, Recommendation, compare, curve, recommend
 from procedures.attitude.merit.design_points import DesignPoints, Usage
 from procedures.attitude.merit.merit import figure_of_merit, mean_variance, variance, worst_variance
 from procedures.attitude.merit.visibility import Visibility, pad_visibility, smallest_offset_drift, visibility
 
 __all__ = [
-    "T4_VARIANCE",
-    "T6_VARIANCE",
     "Comparison",
     "Curve",
     "DesignPoints",
@@ -23,8 +20,6 @@ __all__ = [
     "Visibility",
     "compare",
     "curve",
-    "d1_no_roll_variance",
-    "d1_variance",
     "figure_of_merit",
     "mean_variance",
     "pad_visibility",
