@@ -135,9 +135,9 @@ class Random:
         """An instrument, with a certificate or without."""
         known = self._of.random() < 0.7
         number, laboratory = (self.text(20), self.text()) if known else ("", "")
-        dates = (self.day(), self._of.choice((None, self.day()))) if known else (None, None)
+        day, due = (self.day(), self._of.choice((None, self.day()))) if known else (None, None)
         maker, model, serial, asset = (self.maybe() for _ in range(4))
-        return Equipment(self.text(20), maker, model, serial, asset, number, laboratory, *dates, self.maybe())
+        return Equipment(self.text(20), maker, model, serial, asset, number, laboratory, day, due, self.maybe())
 
     def holding(self, stage: Stage) -> Holding:
         """A condition of a certificate, recorded or not."""
